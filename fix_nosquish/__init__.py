@@ -1,0 +1,43 @@
+"""fix_nosquish: rigid bodies in LAMMPS by the NO_SQUISH integrator of Miller et al. (2002).
+
+In an input script:
+
+    fix 1 water python/move "fix_nosquish.NVE water molecule"
+
+LAMMPS looks up the attribute `NVE water molecule` of this module; it gets the class
+named by the first word, with the words bound to it.
+"""
+
+import sys
+from functools import partial
+
+from .errors import RunError
+
+INTEGRATORS = {"NVE": "nve"}  # class: module, imported when a fix line names the class
+
+
+def __getattr__(name):
+    words = name.split()
+    if not words or words[0] not in INTEGRATORS:
+        if len(words) > 1:
+            known = ", ".join(INTEGRATORS)
+            raise RunError(f"there is no integrator '{words[0]}' in fix_nosquish: expected one of {known}", everywhere=True)
+        raise AttributeError(name)
+    module = __import__(f"{__name__}.{INTEGRATORS[words[0]]}", fromlist=words[:1])
+    return partial(getattr(module, words[0]), words=name)
+
+
+class _PointInWords:
+    """Explains what happened when LAMMPS takes a number's point for the end of the module's name."""
+
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name.startswith(__name__ + ".") and " " in name:
+            raise RunError(
+                f"the words of the fix line hold a point (after '{name.removeprefix(__name__ + '.')}'), at which LAMMPS "
+                "cuts them: write real numbers without one (3e2, 25e-1) or as a variable (v_NAME)",
+                everywhere=True,
+            )
+
+
+sys.meta_path.insert(0, _PointInWords)

@@ -1,0 +1,247 @@
+"""LAMMPS as the fix sees it: views of its arrays, box, units; the only file that touches it.
+
+The C library interface is called with ctypes, through the symbols of the LAMMPS that
+runs this very process, so that the `lammps` Python module, whose version may be
+another one, is not needed.
+"""
+
+import ctypes
+from ctypes import c_char_p, c_double, c_int, c_int32, c_int64, c_void_p
+from functools import cached_property
+
+import numpy as np
+
+from .errors import RunError
+
+_IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
+
+
+def _pointer(ptr):
+    """The address in what LAMMPS hands a class: a capsule, an integer or c_void_p."""
+    if isinstance(ptr, int):
+        return ptr
+    if isinstance(ptr, c_void_p):
+        return ptr.value
+    capsule = ctypes.pythonapi.PyCapsule_GetPointer
+    capsule.restype, capsule.argtypes = c_void_p, [ctypes.py_object, c_char_p]
+    return capsule(ptr, None)
+
+
+def _library():
+    lib = ctypes.CDLL(None)
+    for name, result, arguments in (
+        ("command", c_void_p, [c_void_p, c_char_p]),
+        ("extract_atom", c_void_p, [c_void_p, c_char_p]),
+        ("extract_global", c_void_p, [c_void_p, c_char_p]),
+        ("extract_setting", c_int, [c_void_p, c_char_p]),
+        ("extract_variable", c_void_p, [c_void_p, c_char_p, c_char_p]),
+        ("free", None, [c_void_p]),
+        ("get_thermo", c_double, [c_void_p, c_char_p]),
+        ("get_mpi_comm", c_int, [c_void_p]),
+        ("has_id", c_int, [c_void_p, c_char_p, c_char_p]),
+        ("id_name", c_int, [c_void_p, c_char_p, c_int, c_char_p, c_int]),
+        ("is_running", c_int, [c_void_p]),
+        ("fix_external_set_virial_global", None, [c_void_p, c_char_p, ctypes.POINTER(c_double)]),
+        ("set_fix_external_callback", None, [c_void_p, c_char_p, c_void_p, c_void_p]),
+    ):
+        function = getattr(lib, "lammps_" + name)
+        function.restype, function.argtypes = result, arguments
+    return lib
+
+
+def _array(address, shape, dtype):
+    """A numpy view of memory that LAMMPS owns."""
+    count = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    if not address or not count:
+        return np.empty(shape, dtype)
+    return np.frombuffer((ctypes.c_byte * count).from_address(address), dtype).reshape(shape)
+
+
+class Box:
+    """The periodic box.
+
+    Attributes:
+        h: (3, 3) upper triangular matrix whose columns are the box vectors.
+        periodic: (3,) bool.
+        lo: (3,) the origin.
+    """
+
+    def __init__(self, lo, hi, tilt, periodic):
+        xy, yz, xz = tilt
+        edge = hi - lo
+        self.h = np.array([[edge[0], xy, xz], [0.0, edge[1], yz], [0.0, 0.0, edge[2]]])
+        self.inverse = np.linalg.inv(self.h)
+        self.lo, self.periodic = lo, periodic
+
+    def lattice(self, vectors):
+        """The nearest lattice vectors' integer coordinates (zero where not periodic), (n, 3)."""
+        return np.rint(vectors @ self.inverse.T) * self.periodic
+
+    def cells(self, positions):
+        """How many box vectors each position is away from the box itself, (n, 3)."""
+        return np.floor((positions - self.lo) @ self.inverse.T) * self.periodic
+
+
+class Lammps:
+    """One LAMMPS instance on this rank."""
+
+    def __init__(self, ptr):
+        self.handle = _pointer(ptr)
+        self.lib = _library()
+        if not self.setting("box_exist"):
+            raise RunError("the fix needs a simulation box: define it after read_data or create_box", everywhere=True)
+        # these three never move while LAMMPS lives
+        self._natoms = self._scalar("nlocal", c_int)
+        self._dt = self._scalar("dt", c_double)
+        self._step = self._scalar("ntimestep", c_int64)
+        self.ftm2v = self._scalar("ftm2v", c_double).value
+        self.mvv2e = self._scalar("mvv2e", c_double).value
+        tag = self.setting("tagint")
+        self.tagint = {4: np.int32, 8: np.int64}[tag]
+        self.imageint = {4: np.int32, 8: np.int64}[self.setting("imageint")]
+        self.dimension = self.setting("dimension")
+        self.ranks = self.setting("world_size")
+        self.rank = self.setting("world_rank")
+
+    def _global(self, name):
+        address = self.lib.lammps_extract_global(self.handle, name.encode())
+        if not address:
+            raise RunError(f"this LAMMPS does not give its {name}: it is too old for the fix", everywhere=True)
+        return address
+
+    def _scalar(self, name, ctype):
+        return ctype.from_address(self._global(name))
+
+    def setting(self, name):
+        """An integer of LAMMPS's lammps_extract_setting()."""
+        return self.lib.lammps_extract_setting(self.handle, name.encode())
+
+    @property
+    def dt(self):
+        """The time step."""
+        return self._dt.value
+
+    @property
+    def step(self):
+        """The number of the step."""
+        return self._step.value
+
+    @property
+    def running(self):
+        """Whether a run or minimisation is under way (or being set up)."""
+        return bool(self.lib.lammps_is_running(self.handle))
+
+    @property
+    def neighbor_builds(self):
+        """How many times the neighbour lists were built in this run."""
+        return self.lib.lammps_get_thermo(self.handle, b"nbuild")
+
+    @cached_property
+    def bounds(self):
+        """Views of the box's numbers (lo, hi, tilt) as they change."""
+        lo, hi = (_array(self._global(name), 3, float) for name in ("boxlo", "boxhi"))
+        return lo, hi, [self._scalar(name, c_double) for name in ("xy", "yz", "xz")]
+
+    @property
+    def box(self):
+        """The box as it is now, a `Box`."""
+        lo, hi, tilt = self.bounds
+        periodic = _array(self._global("periodicity"), 3, np.int32).astype(bool)
+        return Box(lo.copy(), hi.copy(), [t.value for t in tilt], periodic)
+
+    def per_atom(self, name, dtype=float, columns=0):
+        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns); None if absent."""
+        address = self.lib.lammps_extract_atom(self.handle, name.encode())
+        if not address:
+            return None
+        n = self._natoms.value
+        if columns:
+            rows = c_void_p.from_address(address).value
+            return _array(rows, (n, columns), dtype)
+        return _array(address, n, dtype)
+
+    @property
+    def tags(self):
+        """Atom IDs."""
+        return self._required(self.per_atom("id", self.tagint), "atom IDs")
+
+    def _required(self, values, what):
+        if values is None:
+            if self._natoms.value == 0:
+                return np.empty(0, int)
+            raise RunError(f"the fix needs {what}, which this atom style or script does not have")
+        return values
+
+    @property
+    def masses(self):
+        """Mass of each atom, (natoms,)."""
+        mass = self.per_atom("rmass")
+        if mass is not None:
+            return mass
+        address = self.lib.lammps_extract_atom(self.handle, b"mass")
+        table = _array(address, self.setting("ntypes") + 1, float)
+        return table[self.per_atom("type", np.int32)] if self._natoms.value else np.empty(0)
+
+    @property
+    def unwrapped(self):
+        """Positions taken out of the periodic box by the image flags, (natoms, 3)."""
+        x = self.per_atom("x", columns=3)
+        if not len(x):
+            return np.empty((0, 3))
+        packed = self.per_atom("image", self.imageint).astype(np.int64)
+        bits = _IMAGE_BITS[np.dtype(self.imageint).itemsize]
+        mask, half = (1 << bits) - 1, 1 << (bits - 1)
+        image = np.stack([(packed >> (bits * k) & mask) - half for k in range(3)], axis=1)
+        return x + image @ self.box.h.T
+
+    def has(self, category, name):
+        """Whether a group, variable, fix … of this ID is defined."""
+        return bool(self.lib.lammps_has_id(self.handle, category.encode(), name.encode()))
+
+    def group_bit(self, name):
+        """The bit of a group in the atoms' mask."""
+        buffer = ctypes.create_string_buffer(256)
+        for bit in range(32):
+            known = self.lib.lammps_id_name(self.handle, b"group", bit, buffer, 256)
+            if known and buffer.value.decode() == name:
+                return 1 << bit
+        raise RunError(f"there is no group {name}", everywhere=True)
+
+    def variable(self, name, group):
+        """Values of an atom-style variable, (natoms,); collective."""
+        address = self.lib.lammps_extract_variable(self.handle, name.encode(), group.encode())
+        if not address:
+            raise RunError(f"variable {name} is not an atom-style variable", everywhere=True)
+        values = _array(address, self._natoms.value, float).copy()
+        self.lib.lammps_free(address)
+        return values
+
+    @property
+    def communicator(self):
+        """Fortran handle of LAMMPS's own communicator."""
+        return self.lib.lammps_get_mpi_comm(self.handle)
+
+    def print(self, text):
+        """Write lines to screen and log with LAMMPS's print command; collective."""
+        for line in text.splitlines():
+            self.lib.lammps_command(self.handle, f'print "{line}"'.encode())
+
+    def call_in_post_force(self, fix, function):
+        """Have a `fix external … pf/callback` call function() once the forces are known."""
+        prototype = ctypes.CFUNCTYPE(None, c_void_p, c_int64, c_int, c_void_p, c_void_p, c_void_p)
+
+        def call(_, step, natoms, tags, x, forces):
+            if natoms:  # the fix adds its own array of forces, which holds what memory held
+                ctypes.memset(c_void_p.from_address(forces).value, 0, natoms * 3 * ctypes.sizeof(c_double))
+            function()
+
+        callback = prototype(call)
+        self.lib.lammps_set_fix_external_callback(self.handle, fix.encode(), ctypes.cast(callback, c_void_p), None)
+        return callback
+
+    def set_external_virial(self, fix, virial):
+        """Give a fix external the virial of all ranks (xx yy zz xy xz yz)."""
+        virial = np.ascontiguousarray(virial)
+        self.lib.lammps_fix_external_set_virial_global(
+            self.handle, fix.encode(), virial.ctypes.data_as(ctypes.POINTER(c_double))
+        )

@@ -1,0 +1,376 @@
+"""Rigid bodies: how they are made of LAMMPS's atoms, and how they follow them.
+
+The state of a body is its centre of mass x, velocity v, quaternion q and conjugate
+quaternion momentum p, with its mass and principal moments.  Every rank keeps the
+bodies of which it owns an atom, and of their atoms only its own.
+"""
+
+import numpy as np
+
+from . import kernels
+from .errors import RunError
+from .sharing import atoms_changed
+
+ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
+_SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
+_MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
+
+# rows of a body's state
+_MASS, _MOMENT, _X, _V, _Q, _P, _IMAGE, _NATOMS = (slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10),
+                                                   slice(10, 14), slice(14, 18), slice(18, 21), slice(21, 22))  # fmt: skip
+_ROWS = 22
+
+
+class Membership:
+    """Which body each of this rank's atoms belongs to, as the fix line says it.
+
+    Args:
+        lammps: the `Lammps`.  command: the `Command`.
+    """
+
+    def __init__(self, lammps, command):
+        self.lammps, self.command = lammps, command
+        for group in (command.group, *(command.arguments if command.style == "group" else ())):
+            if not lammps.has("group", group):
+                raise RunError(f"there is no group '{group}': define it before the fix", everywhere=True)
+        if command.style == "custom":
+            name = command.arguments[0]
+            if name[0] == "v" and not lammps.has("variable", name[2:]):
+                raise RunError(f"there is no variable '{name[2:]}' (custom {name})", everywhere=True)
+        self.bit = lammps.group_bit(command.group)
+        self.bits = [lammps.group_bit(g) for g in command.arguments] if command.style == "group" else [-1]
+
+    def atoms(self):
+        """Indices of this rank's atoms that are in bodies."""
+        mask = self.lammps.per_atom("mask", np.int32)
+        if mask is None:
+            return np.empty(0, int)
+        return np.flatnonzero((mask & self.bit != 0) & (mask & np.bitwise_or.reduce(self.bits) != 0))
+
+    def bodies(self, atoms):
+        """The body ID of each of these atoms, (n,) int64; collective for v_NAME."""
+        style, arguments = self.command.style, self.command.arguments
+        if style == "single":
+            return np.zeros(len(atoms), np.int64)
+        if style == "molecule":
+            values = self.lammps.per_atom("molecule", self.lammps.tagint)
+            what = "molecule-IDs, which this atom style does not have"
+        elif style == "custom" and arguments[0][0] == "v":
+            values = np.trunc(self.lammps.variable(arguments[0][2:], self.command.group))
+            what = "an atom-style variable"
+        elif style == "custom":
+            values = self.lammps.per_atom(arguments[0], np.int32)
+            what = f"{arguments[0]}: define it with fix property/atom before the fix"
+        else:
+            mask = self.lammps.per_atom("mask", np.int32)[atoms] if len(atoms) else np.empty(0, np.int32)
+            inside = np.array([mask & bit != 0 for bit in self.bits])
+            if (inside.sum(axis=0) > 1).any():
+                tag = self.lammps.tags[atoms[inside.sum(axis=0) > 1][0]]
+                both = [g for g, i in zip(arguments, inside[:, inside.sum(axis=0) > 1][:, 0]) if i]
+                raise RunError(f"atom {tag} is in more than one body: it is in the groups {' and '.join(both)}")
+            return np.argmax(inside, axis=0)
+        if values is None:
+            if not len(atoms):
+                return np.empty(0, np.int64)
+            raise RunError(f"body style {style} needs {what}")
+        return values[atoms].astype(np.int64)
+
+    def name(self, body):
+        """How a user would name a body."""
+        if self.command.style == "group":
+            return f"the body of group {self.command.arguments[body]}"
+        if self.command.style == "single":
+            return f"the body of group {self.command.group}"
+        if self.command.style == "molecule":
+            return f"the body of molecule {body}"
+        return f"the body of {self.command.arguments[0]} = {body}"
+
+
+class Bodies:
+    """The bodies of which this rank owns atoms, those of one kind side by side.
+
+    Attributes:
+        id: (n,) body IDs.
+        rotors, extended: bodies [0, rotors) have three moments, [rotors, extended) are
+            linear, [extended, n) are single atoms.
+        mass (n,), moment (3, n), x, v (3, n), q, p (4, n), natoms (n,): views of `state`;
+            x is kept in the box, `image` (3, n) counts the boxes.  x, v and the torque are
+            in the space frame, moments in the principal frame, I_1 >= I_2 >= I_3.
+        force, torque: (3, n), views of `load`, which is what the sharing ranks exchange.
+        first (n + 1,), index, tag, d, shift: this rank's atoms, body by body; see `kernels`.
+        sharers: the `Sharers` of these bodies.
+    """
+
+    def __init__(self, ids, state, body, tag, index, d, sharers=None):
+        # bodies by kind, then in the order of their atoms in LAMMPS's arrays; none without atoms
+        lowest = np.full(len(ids), np.iinfo(np.int64).max)
+        np.minimum.at(lowest, body, index)
+        kind = (state[_MOMENT][2] == 0).astype(int) + (state[_MOMENT][0] == 0)
+        held = np.flatnonzero(lowest < np.iinfo(np.int64).max)
+        order = held[np.lexsort((lowest[held], kind[held]))]
+        rank = np.empty(len(ids), np.int64)
+        rank[order] = np.arange(len(order))
+        body = rank[body]
+        atoms = np.lexsort((index, body))
+        self.id, self.state = ids[order], np.ascontiguousarray(state[:, order])
+        self.rotors, self.extended = np.searchsorted(kind[order], [1, 2])
+        self.body, self.tag = body[atoms], np.ascontiguousarray(tag[atoms])
+        self.index, self.d = index[atoms].astype(np.int32), np.ascontiguousarray(d[atoms])
+        self.first = np.searchsorted(self.body, np.arange(len(order) + 1)).astype(np.int32)
+        self.shift = np.zeros_like(self.d)
+        self.load = np.zeros((6, len(order)))
+        self.force, self.torque = self.load[:3], self.load[3:]
+        self.mass, self.natoms = self.state[_MASS][0], self.state[_NATOMS][0]
+        self.moment, self.image = self.state[_MOMENT], self.state[_IMAGE]
+        self.x, self.v, self.q, self.p = (self.state[rows] for rows in (_X, _V, _Q, _P))
+
+    def __len__(self):
+        return len(self.id)
+
+    def follow(self, lammps, world, membership):
+        """The same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
+
+        Returns:
+            Bodies.
+        Raises:
+            RunError: if atoms are missing or new, or stand where this fix has not put them.
+        """
+        here = membership.atoms()
+        tags = lammps.tags[here].astype(np.int64)
+        old = kernels.find(self.tag, tags)
+        stayed = old >= 0
+        lost = np.ones(len(self.tag), bool)
+        lost[old[stayed]] = False
+        gained = tags[~stayed]
+        ids, state = self.id, self.state
+        body, d = np.empty(len(here), np.int64), np.empty((len(here), 3))
+        body[stayed], d[stayed] = self.body[old[stayed]], self.d[old[stayed]]
+        if world.size == 1:
+            world.agree(atoms_changed(self.tag[lost], gained))
+        elif world.any(lost.any() or len(gained)):
+            known = np.concatenate([self.id[self.body[lost], None], self.d[lost], self.state[:, self.body[lost]].T], axis=1)
+            known = world.follow(self.tag[lost], known, gained)
+            comes = known[:, 0].astype(np.int64)
+            new, which = np.unique(comes[~np.isin(comes, ids)], return_index=True)
+            state = np.concatenate([state, known[~np.isin(comes, ids)][which, 4:].T], axis=1)
+            ids = np.concatenate([ids, new])
+            by_id = np.argsort(ids)
+            body[~stayed] = by_id[np.searchsorted(ids, comes, sorter=by_id)] if len(comes) else 0
+            d[~stayed] = known[:, 1:4]
+        result = Bodies(ids, state, body, tags, here, d)
+        result.settle(lammps, world)
+        return result
+
+    def settle(self, lammps, world):
+        """Find who shares the bodies and which periodic image of each atom LAMMPS holds; collective."""
+        self.sharers = world.sharers(self.id, np.diff(self.first) < self.natoms)
+        box = lammps.box
+        cells = box.cells(self.x.T).T
+        self.x -= box.h @ cells
+        self.image += cells
+        actual = lammps.per_atom("x", columns=3)
+        actual = actual[self.index] if len(self.index) else np.empty((0, 3))
+        expected = np.empty_like(actual)
+        self.shift[:] = 0.0
+        kernels.place(self.first, np.arange(len(self.index), dtype=np.int32), self.d, self.shift, self.x, self.q, expected)
+        self.shift[:] = box.lattice(actual - expected) @ box.h.T
+        off = np.abs(actual - expected - self.shift).max(axis=1, initial=0.0)
+        bad = ~(off <= _MOVED * np.abs(box.h).max())
+        world.agree(
+            f"atom {self.tag[bad.argmax()]} is {off[bad.argmax()]:.3g} away from where its rigid body has it: something else moved "
+            "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
+            "with 'run N pre yes' after it"
+            if bad.any()
+            else None
+        )
+
+
+def build(lammps, world, membership):
+    """Make the bodies from LAMMPS's atoms as they are; collective.
+
+    Returns:
+        (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
+        angular momentum of the atoms' velocities, and notes for the log: the number of
+        bodies `rebuilt` by the nearest image, and the kinetic energy `kinetic` of the atoms
+        and the part `removed` of it that is not rigid motion.
+    Raises:
+        RunError: on all ranks, naming the body.
+    """
+    problem = None
+    atoms = membership.atoms()
+    try:
+        ids_of_atoms = membership.bodies(atoms)
+        mass = lammps.masses[atoms]
+        tag = lammps.tags[atoms].astype(np.int64)
+    except RunError as error:
+        if error.everywhere:
+            raise
+        problem = str(error)
+    world.agree(problem)
+    if world.total(np.array([len(atoms)]))[0] == 0:
+        raise RunError(f"there is no atom to form a body of in group '{membership.command.group}'", everywhere=True)
+    bad = ~(mass >= 0)
+    world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}: masses cannot be negative" if bad.any() else None)
+    v = lammps.per_atom("v", columns=3)
+    v = v[atoms] if len(atoms) else np.empty((0, 3))
+    ids, body = np.unique(ids_of_atoms, return_inverse=True)
+    sharers = world.sharers(ids, np.ones(len(ids), bool))
+    n = len(ids)
+
+    def total(*columns):
+        """Sums over the bodies' atoms, on all ranks, (len(columns), bodies)."""
+        sums = np.array([np.bincount(body, c, minlength=n) for c in columns])
+        sharers.combine(sums)
+        return sums
+
+    def blame(wrong, text):
+        """End the run if `wrong` marks a body."""
+        k = np.argmax(wrong) if wrong.any() else None
+        world.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
+
+    natoms, body_mass = total(np.ones(len(atoms)), mass)
+    blame(~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero")
+
+    reference, delta, rebuilt = _unfold(lammps, world, sharers, membership, ids, body, tag, atoms, blame)
+    centre = total(*(mass * delta.T)) / body_mass
+    r = delta - centre[:, body].T
+    velocity = total(*(mass * v.T)) / body_mass
+    u = v - velocity[:, body].T
+    angular = total(*(mass * np.cross(r, u).T))
+    if lammps.dimension == 2:
+        angular[:2] = 0.0
+    rx, ry, rz = r.T
+    products = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
+    spread = np.sqrt(products[:3].sum(axis=0) / body_mass)
+    scale = np.abs(lammps.box.h).max()
+    blame(
+        (natoms > 1) & ~(spread > _SAME_PLACE * scale),
+        lambda k: f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, or leave them out of the group",
+    )
+    moment, axes = _principal(products, natoms)
+    state = np.zeros((_ROWS, n))
+    state[_MASS], state[_NATOMS], state[_MOMENT], state[_V] = body_mass, natoms, moment, velocity
+    state[_X], state[_Q] = reference + centre, _quaternion(axes)
+    turn = np.array(kernels.rotation_matrix.py_func(state[_Q], slice(None))).reshape(3, 3, n)
+    along = np.einsum("abn,an->bn", turn, angular) * (moment > 0)
+    q = state[_Q]
+    state[_P] = 2.0 * np.array([
+        -q[1] * along[0] - q[2] * along[1] - q[3] * along[2],
+        q[0] * along[0] - q[3] * along[1] + q[2] * along[2],
+        q[3] * along[0] + q[0] * along[1] - q[1] * along[2],
+        -q[2] * along[0] + q[1] * along[1] + q[0] * along[2],
+    ])  # fmt: skip
+    # every copy of a shared body starts from the lowest rank's numbers, to the last bit
+    state[:, ~sharers.owned] = 0.0
+    sharers.combine(state)
+    turn = np.array(kernels.rotation_matrix.py_func(state[_Q], slice(None))).reshape(3, 3, n)
+    d = np.einsum("abn,na->nb", turn[:, :, body], r)
+    rotational = np.divide(along**2, moment, out=np.zeros_like(moment), where=moment > 0).sum(axis=0)
+    rigid = body_mass * (velocity**2).sum(axis=0) + rotational
+    before, after, rebuilt = world.total(
+        np.array([(mass * (v * v).T).sum(), rigid[sharers.owned].sum(), rebuilt[sharers.owned].sum()])
+    )
+    result = Bodies(ids, state, body, tag, atoms, d)
+    result.settle(lammps, world)
+    energy = 0.5 * lammps.mvv2e
+    return result, {"kinetic": energy * before, "removed": energy * (before - after), "rebuilt": round(rebuilt)}
+
+
+def _unfold(lammps, world, sharers, membership, ids, body, tag, atoms, blame):
+    """Put each body's atoms together across the periodic faces.
+
+    Returns:
+        (reference, delta, rebuilt): a point of each body, (3, n); the place of each atom
+        from there, (atoms, 3); which bodies' image flags were not used.
+    """
+    n, box = len(ids), lammps.box
+    place = lammps.unwrapped[atoms]
+    first = np.full((1, n), np.inf)
+    np.minimum.at(first[0], body, tag)
+    sharers.combine(first, np.minimum)
+    reference = np.zeros((3, n))
+    lead = tag == first[0, body]
+    reference[:, body[lead]] = place[lead].T
+    sharers.combine(reference)
+    delta = place - reference[:, body].T
+    nearest = delta - box.lattice(delta) @ box.h.T
+
+    def width(vectors):
+        """Extent of each body along the periodic box vectors, in box lengths, (3, n)."""
+        part = vectors @ box.inverse.T * box.periodic
+        high, low = np.full((3, n), -np.inf), np.full((3, n), np.inf)
+        for k in range(3):
+            np.maximum.at(high[k], body, part[:, k])
+            np.minimum.at(low[k], body, part[:, k])
+        sharers.combine(high, np.maximum)
+        sharers.combine(low, np.minimum)
+        return high - low
+
+    flags, compact = width(delta), width(nearest)
+    wide = (flags >= 0.5).any(axis=0)
+    rebuilt = wide & (compact < 0.5).all(axis=0)
+    # a body wider than half the box must be told from one that a face cuts in two: its image
+    # flags are right if the part of the box that they leave empty is empty of its atoms at all
+    doubtful = wide & ~rebuilt
+    if world.any(doubtful.any()):
+        cells = 64
+        part = (place - box.lo) @ box.inverse.T
+        for k in np.flatnonzero(box.periodic):
+            filled = np.zeros((cells, n))
+            filled[np.floor((part[:, k] % 1.0) * cells).astype(int) % cells, body] = 1.0
+            sharers.combine(filled, np.maximum)
+            empty = _longest_gap(filled == 0.0) / cells
+            blame(
+                doubtful & (flags[k] >= 0.5) & (flags[k] > 1.0 - empty + 2.0 / cells),
+                lambda b: (
+                    f"({first[0, b]:.0f} is its first atom) is wider than half the periodic box along {'xyz'[k]}, and its image flags "
+                    f"spread it over {flags[k, b]:.2f} box lengths where {1 - empty[b]:.2f} would hold it: which image "
+                    "its atoms belong to cannot be told. Set the image flags right (set ... image, or in the data file)"
+                ),
+            )
+    delta[rebuilt[body]] = nearest[rebuilt[body]]
+    return reference, delta, rebuilt
+
+
+def _longest_gap(empty):
+    """Length of the longest run of True down each column, round the ends, (columns,)."""
+    longest = run = np.zeros(empty.shape[1], int)
+    for row in np.concatenate([empty, empty]):
+        run = np.where(row, run + 1, 0)
+        longest = np.maximum(longest, run)
+    return np.minimum(longest, len(empty))
+
+
+def _principal(products, natoms):
+    """Principal moments, largest first, and axes from the sums of m r r (xx yy zz xy xz yz).
+
+    Returns:
+        moment (3, n); axes (n, 3, 3), whose columns are a right-handed frame.
+    """
+    xx, yy, zz, xy, xz, yz = products
+    tensor = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]]).transpose(2, 0, 1)
+    values, axes = np.linalg.eigh(tensor)
+    moment, axes = values[:, ::-1].T.copy(), axes[:, :, ::-1].copy()
+    axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
+    single = natoms == 1
+    moment[:, single] = 0.0
+    axes[single] = np.eye(3)
+    linear = moment[2] < ZERO_MOMENT * moment[0]
+    moment[2, linear] = 0.0
+    moment[:2, linear] = 0.5 * (moment[0] + moment[1])[linear]
+    return moment, axes
+
+
+def _quaternion(axes):
+    """Unit quaternions (4, n) of rotation matrices (n, 3, 3) whose columns are the body axes."""
+    r = axes.transpose(1, 2, 0)
+    # four times the products q_i q_j; the row of the largest component is the quaternion, scaled
+    products = np.array([
+        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
+        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
+    ])  # fmt: skip
+    largest = np.argmax([products[k, k] for k in range(4)], axis=0)
+    q = products[largest, :, np.arange(len(axes))].T
+    return q / np.sqrt((q * q).sum(axis=0))

@@ -1,0 +1,15 @@
+"""How a class driven by ``fix python/move`` ends a run."""
+
+
+class RunError(Exception):
+    """Raised when the run must end; its text is the message that the user reads.
+
+    Args:
+        message: What is wrong, what was expected and what to do.
+        everywhere: True says that every rank raises it, so that LAMMPS can end the run in order;
+            False that this rank may be alone, so that the others have to be stopped.
+    """
+
+    def __init__(self, message, *, everywhere=False):
+        super().__init__(message)
+        self.everywhere = everywhere

@@ -1,0 +1,94 @@
+"""What calls the integrator: this package's plugin, or a LAMMPS's own fix python/move.
+
+The plugin sets `host` to an object that answers what the integrator asks of its
+surroundings.  LAMMPS's own fix knows nothing of that; `OwnFix` stands in for it.
+"""
+
+import ctypes
+import sys
+from functools import wraps
+
+EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
+
+
+def driven_by_plugin():
+    """Whether this package's plugin is there, which then is what makes and calls the integrator."""
+    return f"{__package__}.plugin.bridge" in sys.modules
+
+
+class OwnFix:
+    """LAMMPS's own fix python/move: no setup, no degrees of freedom, no virial, no news of moved atoms.
+
+    Args:
+        lammps: the `Lammps`.  world: the `World` or `Alone`.
+    """
+
+    fix_id = group = None
+    ghost_velocity = True  # not known: velocities at the half step may be read
+
+    def __init__(self, lammps, world):
+        self.lammps, self.world = lammps, world
+        self.virial_fix = self._callback = None
+        self._builds = 0.0
+
+    def log(self, text):
+        """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
+        if not self.lammps.running:
+            self.lammps.print(text)
+        elif self.world.rank == 0:
+            print(text, end="", flush=True)
+
+    def fixes(self):
+        """The other fixes; not known."""
+        return []
+
+    def atoms_moved(self):
+        """Whether LAMMPS has re-neighboured since this was last asked."""
+        before, self._builds = self._builds, self.lammps.neighbor_builds
+        return self._builds != before
+
+    def advice(self, removed):
+        """The input lines with which this LAMMPS prints the right temperature and pressure."""
+        return (
+            "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. For a right temp:\n"
+            f"    compute_modify thermo_temp extra/dof {removed + self.lammps.dimension}\n"
+            "  and for a right press, after all other fixes:\n"
+            f"    fix {EXTERNAL} all external pf/callback 1 1\n"
+        )
+
+    def begin_run(self, function):
+        """If there is a fix for it, have function() -> virial (xx yy zz xy xz yz, of all ranks) called with new forces."""
+        self._builds = 0.0  # LAMMPS counts from zero in each run
+        if not self.lammps.has("fix", EXTERNAL):
+            return
+        self.virial_fix = EXTERNAL
+        self._callback = self.lammps.call_in_post_force(
+            self.virial_fix, lambda: self.lammps.set_external_virial(self.virial_fix, function())
+        )
+
+    def end(self, error):
+        """Print the message once and end the run on all ranks; on one rank, come back."""
+        everywhere = getattr(error, "everywhere", False)
+        if self.world.rank == 0 or not everywhere:
+            print(f"ERROR: {error}" if everywhere else f"ERROR on proc {self.world.rank}: {error}", file=sys.stderr)
+        sys.stderr.flush()
+        ctypes.CDLL(None).fflush(None)
+        if everywhere:
+            self.world.any(True)  # rank 0 has printed
+        if self.world.size > 1:
+            self.world.abort()
+
+
+def hook(method):
+    """A method that LAMMPS calls: an exception in it ends the run on all ranks."""
+
+    @wraps(method)
+    def guarded(self, *arguments):
+        try:
+            return method(self, *arguments)
+        except BaseException as error:
+            if isinstance(self.host, OwnFix):
+                self.host.end(error)
+            raise
+
+    return guarded

@@ -1,0 +1,246 @@
+"""The compiled loops over bodies: one loop per pass, arrays in, arrays out.
+
+Arrays of bodies are (components, bodies); arrays of LAMMPS's atoms are (atoms, 3).
+Body b's atoms on this rank are entries first[b] to first[b + 1] of `index` (their
+index in LAMMPS's arrays) and of `d` (their place in the body's principal frame).
+Everything is in the units of the LAMMPS run; a force times `ftm2v` is a mass times
+an acceleration.
+"""
+
+import numpy as np
+from numba import njit
+
+from .rotor import free_linear_rotor, free_rotor
+
+compiled = njit(cache=True, nogil=True, error_model="numpy")
+
+
+@njit(inline="always")
+def rotation_matrix(q, b):
+    """Transpose of A(q), eq. 2.3: takes a body-frame vector to the space frame."""
+    w, x, y, z = q[0, b], q[1, b], q[2, b], q[3, b]
+    return (
+        w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z,
+    )  # fmt: skip
+
+
+@njit(inline="always")
+def to_space(r, x, y, z):
+    """The matrix r (9 numbers, row by row) times (x, y, z)."""
+    return (
+        r[0] * x + r[1] * y + r[2] * z,
+        r[3] * x + r[4] * y + r[5] * z,
+        r[6] * x + r[7] * y + r[8] * z,
+    )
+
+
+@njit(inline="always")
+def to_body(r, x, y, z):
+    """The transpose of the matrix r times (x, y, z)."""
+    return (
+        r[0] * x + r[3] * y + r[6] * z,
+        r[1] * x + r[4] * y + r[7] * z,
+        r[2] * x + r[5] * y + r[8] * z,
+    )
+
+
+@njit(inline="always")
+def body_frame_angular_velocity(q, p, moment, b):
+    """omega in the principal frame, from S(q)^T p = 2 (0, L); zero about an axis without moment."""
+    l1 = 0.5 * (-q[1, b] * p[0, b] + q[0, b] * p[1, b] + q[3, b] * p[2, b] - q[2, b] * p[3, b])
+    l2 = 0.5 * (-q[2, b] * p[0, b] - q[3, b] * p[1, b] + q[0, b] * p[2, b] + q[1, b] * p[3, b])
+    l3 = 0.5 * (-q[3, b] * p[0, b] + q[2, b] * p[1, b] - q[1, b] * p[2, b] + q[0, b] * p[3, b])
+    i1, i2, i3 = moment[0, b], moment[1, b], moment[2, b]
+    return (
+        l1 / i1 if i1 > 0.0 else 0.0,
+        l2 / i2 if i2 > 0.0 else 0.0,
+        l3 / i3 if i3 > 0.0 else 0.0,
+    )
+
+
+@compiled
+def kick(begin, end, extended, v, q, p, mass, force, torque, dtf):
+    """Half a step of momentum from force and torque, bodies begin to end (2.58).
+
+    Bodies from `extended` on are points.  The torque is in the space frame: with
+    (0, tau) the four-torque, 2 S(q) (0, A tau) (2.60) equals 2 (0, tau) q.
+    """
+    for b in range(begin, end):
+        for k in range(3):
+            v[k, b] += dtf / mass[b] * force[k, b]
+    for b in range(begin, min(end, extended)):
+        x, y, z = 2.0 * dtf * torque[0, b], 2.0 * dtf * torque[1, b], 2.0 * dtf * torque[2, b]
+        q0, q1, q2, q3 = q[0, b], q[1, b], q[2, b], q[3, b]
+        p[0, b] += -x * q1 - y * q2 - z * q3
+        p[1, b] += x * q0 + y * q3 - z * q2
+        p[2, b] += -x * q3 + y * q0 + z * q1
+        p[3, b] += x * q2 - y * q1 + z * q0
+
+
+@compiled
+def drift(bodies, x, v, dt):
+    """Move the centres of mass by a whole step."""
+    for k in range(3):
+        for b in range(bodies):
+            x[k, b] += dt * v[k, b]
+
+
+@compiled
+def rotate(begin, end, q, p, moment, dt, mrot):
+    """Free rotation of three-dimensional and planar bodies by a whole step (2.53)."""
+    for b in range(begin, end):
+        qb, pb = free_rotor(
+            (q[0, b], q[1, b], q[2, b], q[3, b]),
+            (p[0, b], p[1, b], p[2, b], p[3, b]),
+            moment[0, b], moment[1, b], moment[2, b], dt, mrot,
+        )  # fmt: skip
+        for k in range(4):
+            q[k, b] = qb[k]
+            p[k, b] = pb[k]
+
+
+@compiled
+def rotate_linear(begin, end, q, p, moment, dt):
+    """Free rotation of linear bodies by a whole step, exact."""
+    for b in range(begin, end):
+        qb, pb = free_linear_rotor(
+            (q[0, b], q[1, b], q[2, b], q[3, b]),
+            (p[0, b], p[1, b], p[2, b], p[3, b]),
+            moment[0, b], dt,
+        )  # fmt: skip
+        for k in range(4):
+            q[k, b] = qb[k]
+            p[k, b] = pb[k]
+
+
+@compiled
+def place(first, index, d, shift, x, q, atom_x):
+    """Write the positions of the bodies' atoms; `shift` takes each into LAMMPS's periodic image."""
+    for b in range(first.size - 1):
+        r = rotation_matrix(q, b)
+        for j in range(first[b], first[b + 1]):
+            i = index[j]
+            dx, dy, dz = to_space(r, d[j, 0], d[j, 1], d[j, 2])
+            atom_x[i, 0] = x[0, b] + dx + shift[j, 0]
+            atom_x[i, 1] = x[1, b] + dy + shift[j, 1]
+            atom_x[i, 2] = x[2, b] + dz + shift[j, 2]
+
+
+@compiled
+def set_velocities(first, index, d, v, q, p, moment, atom_v):
+    """Write the velocities v + omega x r of the bodies' atoms."""
+    for b in range(first.size - 1):
+        r = rotation_matrix(q, b)
+        w1, w2, w3 = body_frame_angular_velocity(q, p, moment, b)
+        for j in range(first[b], first[b + 1]):
+            i = index[j]
+            d1, d2, d3 = d[j, 0], d[j, 1], d[j, 2]
+            dx, dy, dz = to_space(r, w2 * d3 - w3 * d2, w3 * d1 - w1 * d3, w1 * d2 - w2 * d1)
+            atom_v[i, 0] = v[0, b] + dx
+            atom_v[i, 1] = v[1, b] + dy
+            atom_v[i, 2] = v[2, b] + dz
+
+
+@compiled
+def gather(first, index, d, q, atom_f, force, torque):
+    """Sum force and torque (space frame, about the centre of mass) over this rank's atoms.
+
+    Returns False when any sum is not finite.
+    """
+    check = 0.0
+    for b in range(first.size - 1):
+        r = rotation_matrix(q, b)
+        fx = fy = fz = tx = ty = tz = 0.0
+        for j in range(first[b], first[b + 1]):
+            i = index[j]
+            ax, ay, az = atom_f[i, 0], atom_f[i, 1], atom_f[i, 2]
+            dx, dy, dz = to_space(r, d[j, 0], d[j, 1], d[j, 2])
+            fx += ax
+            fy += ay
+            fz += az
+            tx += dy * az - dz * ay
+            ty += dz * ax - dx * az
+            tz += dx * ay - dy * ax
+        force[0, b], force[1, b], force[2, b] = fx, fy, fz
+        torque[0, b], torque[1, b], torque[2, b] = tx, ty, tz
+        check += 0.0 * (fx + fy + fz + tx + ty + tz)
+    return check == 0.0
+
+
+@compiled
+def constraint_virial(first, index, d, q, p, moment, torque, owned, ftm2v, atom_f, virial):
+    """Add the virial of the forces that keep the bodies rigid to virial (xx yy zz xy xz yz).
+
+    The constraint force on atom i is m_i a_i - f_i, with a_i from the rigid motion
+    itself; its virial about the centre of mass is sum m r (alpha x r + omega x (omega x r))
+    - sum r f.  The first sum follows from the principal moments and is counted by the
+    one rank that `owned` marks, the second by each rank for its own atoms.
+    """
+    for b in range(first.size - 1):
+        r = rotation_matrix(q, b)
+        if owned[b]:
+            w1, w2, w3 = body_frame_angular_velocity(q, p, moment, b)
+            t1, t2, t3 = to_body(r, torque[0, b], torque[1, b], torque[2, b])
+            i1, i2, i3 = moment[0, b], moment[1, b], moment[2, b]
+            # Euler's equations; an axis without moment does not turn
+            a1 = (t1 * ftm2v - (i3 - i2) * w2 * w3) / i1 if i1 > 0.0 else 0.0
+            a2 = (t2 * ftm2v - (i1 - i3) * w3 * w1) / i2 if i2 > 0.0 else 0.0
+            a3 = (t3 * ftm2v - (i2 - i1) * w1 * w2) / i3 if i3 > 0.0 else 0.0
+            # second moments of mass, sum m d_k^2
+            s1, s2, s3 = 0.5 * (i2 + i3 - i1), 0.5 * (i3 + i1 - i2), 0.5 * (i1 + i2 - i3)
+            # sum m d (alpha x d + omega x (omega x d)), symmetric part, body frame
+            g11 = -s1 * (w2 * w2 + w3 * w3)
+            g22 = -s2 * (w3 * w3 + w1 * w1)
+            g33 = -s3 * (w1 * w1 + w2 * w2)
+            g12 = s1 * (a3 + w1 * w2)
+            g21 = s2 * (-a3 + w1 * w2)
+            g13 = s1 * (-a2 + w1 * w3)
+            g31 = s3 * (a2 + w1 * w3)
+            g23 = s2 * (a1 + w2 * w3)
+            g32 = s3 * (-a1 + w2 * w3)
+            # rows of (matrix r) G, then times the transpose of r
+            for k in range(6):
+                m = k if k < 3 else (0 if k < 5 else 1)
+                n = k if k < 3 else (1 if k == 3 else 2)
+                u1, u2, u3 = r[3 * m], r[3 * m + 1], r[3 * m + 2]
+                y1, y2, y3 = r[3 * n], r[3 * n + 1], r[3 * n + 2]
+                virial[k] += (
+                    (u1 * g11 + u2 * g21 + u3 * g31) * y1
+                    + (u1 * g12 + u2 * g22 + u3 * g32) * y2
+                    + (u1 * g13 + u2 * g23 + u3 * g33) * y3
+                ) / ftm2v
+        for j in range(first[b], first[b + 1]):
+            i = index[j]
+            dx, dy, dz = to_space(r, d[j, 0], d[j, 1], d[j, 2])
+            virial[0] -= dx * atom_f[i, 0]
+            virial[1] -= dy * atom_f[i, 1]
+            virial[2] -= dz * atom_f[i, 2]
+            virial[3] -= dx * atom_f[i, 1]
+            virial[4] -= dx * atom_f[i, 2]
+            virial[5] -= dy * atom_f[i, 2]
+
+
+@compiled
+def find(keys, wanted):
+    """For each entry of `wanted` its place in `keys` (both unique, positive), or -1.
+
+    A hash table of the size of the rank's own data: no array grows with the system.
+    """
+    size = 4
+    while size < 2 * keys.size:
+        size *= 2
+    table = np.full(size, -1, np.int64)
+    for j in range(keys.size):
+        h = (keys[j] * 0x9E3779B1 >> 16) & (size - 1)
+        while table[h] >= 0:
+            h = (h + 1) & (size - 1)
+        table[h] = j
+    found = np.empty(wanted.size, np.int64)
+    for i in range(wanted.size):
+        h = (wanted[i] * 0x9E3779B1 >> 16) & (size - 1)
+        while table[h] >= 0 and keys[table[h]] != wanted[i]:
+            h = (h + 1) & (size - 1)
+        found[i] = table[h]
+    return found

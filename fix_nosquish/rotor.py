@@ -1,0 +1,111 @@
+"""The free rotor: eqs. 2.52-2.57 of Miller et al., J. Chem. Phys. 116, 8649 (2002).
+
+A rigid body's orientation is a unit quaternion q and its conjugate momentum p.
+The rotational Hamiltonian is a sum of h_k = [p . P_k q]^2 / (8 I_k), one for each
+principal axis k, and each h_k alone is a rotation that is known exactly:
+
+    zeta_k = (p . P_k q) / (4 I_k)
+    q <- cos(zeta_k dt) q + sin(zeta_k dt) P_k q        (2.56)
+    p <- cos(zeta_k dt) p + sin(zeta_k dt) P_k p
+
+The free rotation is the palindrome 3,2,1,2,3 of these.  Principal moments are
+numbered I_1 >= I_2 >= I_3, so the smallest moment (the fastest axis) is outermost:
+for TIP3P water at 2 fs any other order has 12 to 18 times the energy error.
+
+Quaternions are tuples (scalar part first); all functions are compiled and inlined
+into the loops of `kernels.py`, and can be called from Python as they are.
+"""
+
+from math import cos, sin, sqrt
+
+from numba import njit
+
+
+@njit(inline="always")
+def permute_1(a):
+    """P_1 a (2.18)."""
+    return -a[1], a[0], a[3], -a[2]
+
+
+@njit(inline="always")
+def permute_2(a):
+    """P_2 a (2.18)."""
+    return -a[2], -a[3], a[0], a[1]
+
+
+@njit(inline="always")
+def permute_3(a):
+    """P_3 a (2.18)."""
+    return -a[3], a[2], -a[1], a[0]
+
+
+@njit(inline="always")
+def dot(a, b):
+    """The product of two four-vectors."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+
+
+@njit(inline="always")
+def turn(c, s, a, b):
+    """c a + s b, for four-vectors."""
+    return (
+        c * a[0] + s * b[0],
+        c * a[1] + s * b[1],
+        c * a[2] + s * b[2],
+        c * a[3] + s * b[3],
+    )
+
+
+def _rotation(permute):
+    @njit(inline="always")
+    def rotate(q, p, moment, dt):
+        permuted = permute(q)
+        angle = dt * dot(p, permuted) / (4.0 * moment)
+        c, s = cos(angle), sin(angle)
+        return turn(c, s, q, permuted), turn(c, s, p, permute(p))
+
+    return rotate
+
+
+rotate_1 = _rotation(permute_1)
+rotate_2 = _rotation(permute_2)
+rotate_3 = _rotation(permute_3)
+
+
+@njit(inline="always")
+def free_rotor(q, p, moment_1, moment_2, moment_3, dt, mrot):
+    """Advance (q, p) by dt in mrot inner steps of eq. 2.53's rotor part.
+
+    Args:
+        q, p: quaternion and its conjugate momentum (tuples of 4).
+        moment_1, moment_2, moment_3: principal moments, none zero.
+        dt: the time step.  mrot: number of inner steps, at least 1.
+    """
+    inner = dt / mrot
+    half = 0.5 * inner
+    for _ in range(mrot):
+        q, p = rotate_3(q, p, moment_3, half)
+        q, p = rotate_2(q, p, moment_2, half)
+        q, p = rotate_1(q, p, moment_1, inner)
+        q, p = rotate_2(q, p, moment_2, half)
+        q, p = rotate_3(q, p, moment_3, half)
+    return q, p
+
+
+@njit(inline="always")
+def free_linear_rotor(q, p, moment, dt):
+    """Advance a linear rotor (I_1 = I_2 = moment, I_3 = 0) exactly.
+
+    Its angular velocity is perpendicular to the axis 3 and constant in the body
+    frame as well as in space, so h_1 + h_2 together are one rotation.
+    """
+    permuted_1, permuted_2 = permute_1(q), permute_2(q)
+    zeta_1 = dot(p, permuted_1) / (4.0 * moment)
+    zeta_2 = dot(p, permuted_2) / (4.0 * moment)
+    zeta = sqrt(zeta_1 * zeta_1 + zeta_2 * zeta_2)
+    c = cos(dt * zeta)
+    s = sin(dt * zeta) / zeta if zeta > 0.0 else 0.0
+    return (
+        turn(c, s, q, turn(zeta_1, zeta_2, permuted_1, permuted_2)),
+        turn(c, s, p, turn(zeta_1, zeta_2, permute_1(p), permute_2(p))),
+    )
