@@ -1,4 +1,6 @@
-"""The compiled loops over bodies: one loop per pass, arrays in, arrays out.
+"""The compiled loops over bodies and their atoms: one loop per pass, arrays in, arrays out.
+
+Only the free rotation has a file of its own, `rotor.py`.
 
 Arrays of bodies are (components, bodies); arrays of LAMMPS's atoms are (atoms, 3).
 Body b's atoms on this rank are entries first[b] to first[b + 1] of `index` (their
@@ -10,9 +12,7 @@ an acceleration.
 import numpy as np
 from numba import njit
 
-from .rotor import free_linear_rotor, free_rotor
-
-compiled = njit(cache=True, nogil=True, error_model="numpy")
+from .rotor import compiled
 
 
 @njit(inline="always")
@@ -85,34 +85,6 @@ def drift(bodies, x, v, dt):
     for k in range(3):
         for b in range(bodies):
             x[k, b] += dt * v[k, b]
-
-
-@compiled
-def rotate(begin, end, q, p, moment, dt, mrot):
-    """Free rotation of three-dimensional and planar bodies by a whole step (2.53)."""
-    for b in range(begin, end):
-        qb, pb = free_rotor(
-            (q[0, b], q[1, b], q[2, b], q[3, b]),
-            (p[0, b], p[1, b], p[2, b], p[3, b]),
-            moment[0, b], moment[1, b], moment[2, b], dt, mrot,
-        )  # fmt: skip
-        for k in range(4):
-            q[k, b] = qb[k]
-            p[k, b] = pb[k]
-
-
-@compiled
-def rotate_linear(begin, end, q, p, moment, dt):
-    """Free rotation of linear bodies by a whole step, exact."""
-    for b in range(begin, end):
-        qb, pb = free_linear_rotor(
-            (q[0, b], q[1, b], q[2, b], q[3, b]),
-            (p[0, b], p[1, b], p[2, b], p[3, b]),
-            moment[0, b], dt,
-        )  # fmt: skip
-        for k in range(4):
-            q[k, b] = qb[k]
-            p[k, b] = pb[k]
 
 
 @compiled

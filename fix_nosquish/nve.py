@@ -12,7 +12,7 @@ import weakref
 
 import numpy as np
 
-from . import kernels, thermo
+from . import kernels, rotor, thermo
 from .atoms import Lammps
 from .bodies import Membership, build
 from .command import Command
@@ -146,9 +146,9 @@ class NVE:
         self._kick()
         kernels.drift(len(bodies), bodies.x, bodies.v, self.dt)
         if bodies.rotors:
-            kernels.rotate(0, bodies.rotors, bodies.q, bodies.p, bodies.moment, self.dt, self.command.mrot)
+            rotor.rotate(0, bodies.rotors, bodies.q, bodies.p, bodies.moment, self.dt, self.command.mrot)
         if bodies.extended > bodies.rotors:
-            kernels.rotate_linear(bodies.rotors, bodies.extended, bodies.q, bodies.p, bodies.moment, self.dt)
+            rotor.rotate_linear(bodies.rotors, bodies.extended, bodies.q, bodies.p, bodies.moment, self.dt)
         kernels.place(bodies.first, bodies.index, bodies.d, bodies.shift, bodies.x, bodies.q, self._x)
         if self.half_step_velocities:
             self._set_velocities()

