@@ -19,10 +19,8 @@ INTEGRATORS = {"NVE": "nve"}  # class: module, imported when a fix line names th
 def __getattr__(name):
     words = name.split()
     if not words or words[0] not in INTEGRATORS:
-        if len(words) > 1:
-            known = ", ".join(INTEGRATORS)
-            raise RunError(f"there is no integrator '{words[0]}' in fix_nosquish: expected one of {known}", everywhere=True)
-        raise AttributeError(name)
+        problem = f"there is no integrator '{' '.join(words[:1])}' in fix_nosquish: expected one of {', '.join(INTEGRATORS)}"
+        raise RunError(problem, everywhere=True) if len(words) > 1 else AttributeError(problem)
     module = __import__(f"{__name__}.{INTEGRATORS[words[0]]}", fromlist=words[:1])
     return partial(getattr(module, words[0]), words=name)
 

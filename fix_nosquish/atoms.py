@@ -14,6 +14,7 @@ import numpy as np
 from .errors import RunError
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
+_ATOM_STYLE = 1  # of its variables
 
 
 def _pointer(ptr):
@@ -151,48 +152,40 @@ class Lammps:
 
     def per_atom(self, name, dtype=float, columns=0):
         """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns); None if absent."""
+        n = self._natoms.value
+        shape = (n, columns) if columns else (n,)
+        if n == 0:
+            return np.empty(shape, dtype)
         address = self.lib.lammps_extract_atom(self.handle, name.encode())
         if not address:
             return None
-        n = self._natoms.value
-        if columns:
-            rows = c_void_p.from_address(address).value
-            return _array(rows, (n, columns), dtype)
-        return _array(address, n, dtype)
+        return _array(c_void_p.from_address(address).value if columns else address, shape, dtype)
 
     @property
     def tags(self):
-        """Atom IDs."""
-        return self._required(self.per_atom("id", self.tagint), "atom IDs")
-
-    def _required(self, values, what):
-        if values is None:
-            if self._natoms.value == 0:
-                return np.empty(0, int)
-            raise RunError(f"the fix needs {what}, which this atom style or script does not have")
-        return values
+        """Atom IDs, (natoms,)."""
+        tags = self.per_atom("id", self.tagint)
+        if tags is None:
+            raise RunError("the fix needs atom IDs, which this script turns off (atom_modify id no)")
+        return tags
 
     @property
     def masses(self):
         """Mass of each atom, (natoms,)."""
         mass = self.per_atom("rmass")
-        if mass is not None:
-            return mass
-        address = self.lib.lammps_extract_atom(self.handle, b"mass")
-        table = _array(address, self.setting("ntypes") + 1, float)
-        return table[self.per_atom("type", np.int32)] if self._natoms.value else np.empty(0)
+        if mass is None:
+            address = self.lib.lammps_extract_atom(self.handle, b"mass")
+            mass = _array(address, self.setting("ntypes") + 1, float)[self.per_atom("type", np.int32)]
+        return mass
 
     @property
     def unwrapped(self):
         """Positions taken out of the periodic box by the image flags, (natoms, 3)."""
-        x = self.per_atom("x", columns=3)
-        if not len(x):
-            return np.empty((0, 3))
         packed = self.per_atom("image", self.imageint).astype(np.int64)
         bits = _IMAGE_BITS[np.dtype(self.imageint).itemsize]
         mask, half = (1 << bits) - 1, 1 << (bits - 1)
         image = np.stack([(packed >> (bits * k) & mask) - half for k in range(3)], axis=1)
-        return x + image @ self.box.h.T
+        return self.per_atom("x", columns=3) + image @ self.box.h.T
 
     def has(self, category, name):
         """Whether a group, variable, fix … of this ID is defined."""
@@ -209,9 +202,12 @@ class Lammps:
 
     def variable(self, name, group):
         """Values of an atom-style variable, (natoms,); collective."""
+        style = getattr(self.lib, "lammps_extract_variable_datatype", None)  # LAMMPS has it since 2022
+        if style and style(c_void_p(self.handle), name.encode()) != _ATOM_STYLE:
+            raise RunError(f"variable {name} is not an atom-style variable: define it with 'variable {name} atom ...'", everywhere=True)
         address = self.lib.lammps_extract_variable(self.handle, name.encode(), group.encode())
         if not address:
-            raise RunError(f"variable {name} is not an atom-style variable", everywhere=True)
+            raise RunError(f"variable {name} cannot be evaluated", everywhere=True)
         values = _array(address, self._natoms.value, float).copy()
         self.lib.lammps_free(address)
         return values

@@ -36,15 +36,13 @@ class Membership:
         if command.style == "custom":
             name = command.arguments[0]
             if name[0] == "v" and not lammps.has("variable", name[2:]):
-                raise RunError(f"there is no variable '{name[2:]}' (custom {name})", everywhere=True)
+                raise RunError(f"there is no variable '{name[2:]}' (custom {name}): define it before the fix", everywhere=True)
         self.bit = lammps.group_bit(command.group)
         self.bits = [lammps.group_bit(g) for g in command.arguments] if command.style == "group" else [-1]
 
     def atoms(self):
         """Indices of this rank's atoms that are in bodies."""
         mask = self.lammps.per_atom("mask", np.int32)
-        if mask is None:
-            return np.empty(0, int)
         return np.flatnonzero((mask & self.bit != 0) & (mask & np.bitwise_or.reduce(self.bits) != 0))
 
     def bodies(self, atoms):
@@ -62,7 +60,7 @@ class Membership:
             values = self.lammps.per_atom(arguments[0], np.int32)
             what = f"{arguments[0]}: define it with fix property/atom before the fix"
         else:
-            mask = self.lammps.per_atom("mask", np.int32)[atoms] if len(atoms) else np.empty(0, np.int32)
+            mask = self.lammps.per_atom("mask", np.int32)[atoms]
             inside = np.array([mask & bit != 0 for bit in self.bits])
             if (inside.sum(axis=0) > 1).any():
                 tag = self.lammps.tags[atoms[inside.sum(axis=0) > 1][0]]
@@ -70,8 +68,6 @@ class Membership:
                 raise RunError(f"atom {tag} is in more than one body: it is in the groups {' and '.join(both)}")
             return np.argmax(inside, axis=0)
         if values is None:
-            if not len(atoms):
-                return np.empty(0, np.int64)
             raise RunError(f"body style {style} needs {what}")
         return values[atoms].astype(np.int64)
 
@@ -168,8 +164,7 @@ class Bodies:
         cells = box.cells(self.x.T).T
         self.x -= box.h @ cells
         self.image += cells
-        actual = lammps.per_atom("x", columns=3)
-        actual = actual[self.index] if len(self.index) else np.empty((0, 3))
+        actual = lammps.per_atom("x", columns=3)[self.index]
         expected = np.empty_like(actual)
         self.shift[:] = 0.0
         kernels.place(self.first, np.arange(len(self.index), dtype=np.int32), self.d, self.shift, self.x, self.q, expected)
@@ -210,9 +205,8 @@ def build(lammps, world, membership):
     if world.total(np.array([len(atoms)]))[0] == 0:
         raise RunError(f"there is no atom to form a body of in group '{membership.command.group}'", everywhere=True)
     bad = ~(mass >= 0)
-    world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}: masses cannot be negative" if bad.any() else None)
-    v = lammps.per_atom("v", columns=3)
-    v = v[atoms] if len(atoms) else np.empty((0, 3))
+    world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
+    v = lammps.per_atom("v", columns=3)[atoms]
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
     sharers = world.sharers(ids, np.ones(len(ids), bool))
     n = len(ids)

@@ -92,7 +92,7 @@ class NVE:
         mask = self.lammps.per_atom("mask", np.int32)
         ours = {mate.host.fix_id for mate in self._mates}
         for fix in self.host.fixes():
-            if fix.time_integrate and fix.id not in ours and len(self.bodies.index):
+            if fix.time_integrate and fix.id not in ours:
                 both = mask[self.bodies.index] & fix.groupbit != 0
                 if both.any():
                     problem = (
@@ -239,5 +239,5 @@ class NVE:
         if self.bodies is None or not self.lammps.running:
             self._build()
         mask = self.lammps.per_atom("mask", np.int32)
-        inside = mask[self.bodies.index] & (1 << group) != 0 if len(self.bodies.index) else np.empty(0, bool)
+        inside = mask[self.bodies.index] & (1 << group) != 0
         return thermo.removed_freedom(self.bodies, self.world, inside, self.lammps.dimension)
