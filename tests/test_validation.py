@@ -1,0 +1,270 @@
+"""The comparison's measures against exact answers, and one small comparison from end to end.
+
+Statistical tests pass within five standard errors and use fixed random seeds.
+"""
+
+import csv
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
+
+for needed in ("rich", "jinja2", "matplotlib"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation import compare, figures, lammps_log, measures, report, run  # noqa: E402
+from validation.integrators import Integrator, rigid  # noqa: E402
+from validation.scenes import Scene  # noqa: E402
+
+
+def ar1(n, phi, seed):
+    """Stationary noise with unit variance and autocorrelation phi^k."""
+    noise = np.random.default_rng(seed).normal(size=n)
+    x = np.empty(n)
+    x[0] = noise[0]
+    for i in range(1, n):
+        x[i] = phi * x[i - 1] + np.sqrt(1 - phi**2) * noise[i]
+    return x
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.8])
+def test_drift_is_recovered(phi):
+    """Locks out a slope per sample instead of per unit of time, and a wrong sign."""
+    t = np.arange(4000) * 0.02
+    slope, error = measures.drift(t, 7.0 - 0.03 * t + ar1(len(t), phi, seed=1))
+    assert abs(slope + 0.03) < 5 * error
+    assert error < 0.006, "an error so large that the check above cannot fail"
+
+
+def test_drift_error_is_the_scatter_of_slopes():
+    """Locks out an error that takes correlated samples for independent ones."""
+    t = np.arange(1000) * 0.1
+    fits = np.array([measures.drift(t, ar1(len(t), 0.8, seed)) for seed in range(200)])
+    assert np.mean(fits[:, 1]) == pytest.approx(np.std(fits[:, 0]), rel=0.2)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])
+def test_error_of_mean_with_correlation(phi):
+    """Locks out sd/sqrt(n): for AR(1) noise the error is sqrt((1+phi)/(1-phi)/n)."""
+    n = 20000
+    errors = [measures.mean(ar1(n, phi, seed))[1] for seed in range(10)]
+    assert np.mean(errors) == pytest.approx(np.sqrt((1 + phi) / (1 - phi) / n), rel=0.1)
+
+
+def test_error_of_standard_deviation():
+    """Locks out an error of the variance given as that of its root: sd / sqrt(2n)."""
+    sd, error = measures.standard_deviation(3.0 * ar1(20000, 0.0, seed=4))
+    assert error == pytest.approx(3.0 / np.sqrt(2 * 20000), rel=0.1)
+    assert abs(sd - 3.0) < 5 * error
+
+
+CUBE = np.diag([10.0, 10.0, 10.0])
+SKEWED = np.array([[10.0, 0, 0], [4.0, 9.0, 0], [-3.0, 2.0, 8.0]])
+ALL = (True, True, True)
+
+
+@pytest.mark.parametrize("cell", [CUBE, SKEWED], ids=["cube", "triclinic"])
+def test_distance_ignores_periodic_images(cell):
+    """Locks out distances of a box length between images of one atom."""
+    x = np.random.default_rng(2).uniform(0, 8, size=(20, 3))
+    y = x + np.random.default_rng(3).integers(-2, 3, size=(20, 3)) @ cell
+    y[7] += [0.03, 0.0, -0.04]
+    assert measures.largest_distance(x, y, cell, ALL) == pytest.approx(0.05, abs=1e-12)
+
+
+def test_distance_counts_in_a_direction_that_is_not_periodic():
+    """Locks out folding across a wall."""
+    x, y = np.zeros((1, 3)), np.array([[0.0, 0.0, 9.0]])
+    assert measures.largest_distance(x, y, CUBE, (True, True, False)) == pytest.approx(9.0)
+
+
+def test_rigidity_error_of_a_displaced_atom():
+    """Locks out missed pairs, pairs across bodies, and a body that merely crossed a face."""
+    bodies = np.array([5, 2, 5, 2, 5, 0, 0])  # two bodies, two atoms in none
+    start = np.random.default_rng(5).uniform(4, 6, size=(7, 3))
+    pairs = measures.body_pairs(bodies)
+    assert {tuple(sorted(pair)) for pair in pairs.tolist()} == {(0, 2), (0, 4), (2, 4), (1, 3)}
+    end = start.copy()
+    end[bodies == 5] += [7.0, 0.0, 0.0]  # the body moved; one of its atoms was wrapped
+    end[2] -= [10.0, 0.0, 0.0]
+    end[5:] += 1.0  # atoms in no body may move
+    assert measures.rigidity_error(start, end, pairs, CUBE, ALL) < 1e-12
+    along = (start[3] - start[1]) / np.linalg.norm(start[3] - start[1])
+    end[3] += 2e-6 * along
+    error = measures.rigidity_error(start, end, pairs, CUBE, ALL)
+    assert error == pytest.approx(2e-6, abs=1e-12)
+
+
+LOG = """\
+run 20
+   Step          Time          TotEng
+         0              0  -8049.5
+        10             20  -8049.25
+WARNING: something happened (src/x.cpp:1)
+        20             40  -8049.75
+Loop time of 0.5 on 2 procs for 20 steps with 3000 atoms
+
+46.4% CPU use with 2 MPI tasks x 1 OpenMP threads
+
+MPI task timing breakdown:
+Section |  min time  |  avg time  |  max time  |%varavg| %total
+---------------------------------------------------------------
+Pair    | 0.3        | 0.31       | 0.32       |   2.0 | 63.75
+Modify  | 0.045      | 0.046      | 0.047      |   0.1 |  2.19
+Other   |            | 0.02792    |            |       |  1.33
+
+Nlocal:           1500 ave        1502 max        1498 min
+run 200 pre no
+   Step          Time          TotEng
+        20             40  -8049.75
+        30             60  -8050
+Loop time of 4 on 2 procs for 200 steps with 3000 atoms
+
+99.4% CPU use with 2 MPI tasks x 1 OpenMP threads
+
+Section |  min time  |  avg time  |  max time  |%varavg| %total
+Modify  | 1e-3       | 2e-3       | 3e-3       |   0.1 |  2.19
+ERROR: Lost atoms: original 3000 current 2997 (src/thermo.cpp:526)
+"""
+
+
+def test_timing_table():
+    """Locks out minimum or maximum for average, and sections of one run given to another."""
+    first, second = lammps_log.timings(LOG)
+    assert first["sections"] == {"Pair": 0.31, "Modify": 0.046, "Other": 0.02792}
+    assert second["sections"] == {"Modify": 2e-3}
+    assert (first["loop"], first["steps"], first["cpu"]) == (0.5, 20, 46.4)
+    assert (second["loop"], second["steps"], second["cpu"]) == (4.0, 200, 99.4)
+
+
+def test_thermo_table():
+    """Locks out the step printed by both of two runs counted twice, and warnings read as rows."""
+    table = lammps_log.thermo(LOG)
+    assert table["Step"].tolist() == [0, 10, 20, 30]
+    assert table["TotEng"].tolist() == [-8049.5, -8049.25, -8049.75, -8050.0]
+
+
+def test_thermo_of_a_log_cut_in_a_number():
+    """Locks out '-80' read from a log that ends in the middle of '-8049.75'."""
+    cut = LOG[: LOG.index("-8049.75") + 3]
+    assert lammps_log.thermo(cut)["TotEng"].tolist() == [-8049.5, -8049.25]
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """27 rigid bent triatomic molecules of Lennard-Jones atoms."""
+    folder = tmp_path_factory.mktemp("scene")
+    lines = ["27 molecules", "", "81 atoms", "1 atom types", ""]
+    lines += [f"0 15 {axis}lo {axis}hi" for axis in "xyz"]
+    lines += ["", "Masses", "", "1 12", "", "Atoms # molecular", ""]
+    shape = [(0, 0, 0), (1.0, 0, 0), (0, 1.2, 0)]
+    for i in range(27):
+        corner = 5.0 * np.array([i % 3, i // 3 % 3, i // 9])
+        for j, site in enumerate(shape):
+            x, y, z = corner + site
+            lines.append(f"{3 * i + j + 1} {i + 1} 1 {x} {y} {z}")
+    (folder / "data.tiny").write_text("\n".join(lines) + "\n")
+    setup = (
+        "units real",
+        "atom_style molecular",
+        "read_data data.tiny",
+        "pair_style lj/cut 6.0",
+        "pair_coeff 1 1 0.1 3.2",
+        "neigh_modify exclude molecule/intra all",
+        "velocity all create 100 1",
+        "group water type 1",
+    )
+    return Scene("tiny", "27 triatomics", folder, setup, "water", "molecule", "b 1 a 1")
+
+
+class Silent:
+    """A meter that shows nothing."""
+
+    def begin(self, label, total):
+        pass
+
+    def at(self, step):
+        pass
+
+    def end(self, error):
+        pass
+
+
+BROKEN = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",))
+SETTINGS = dict(ranks=1, dt=1.0, rounds=1, segment=20, silence=60.0, meter=Silent())
+
+
+@pytest.mark.timeout(120)
+def test_comparison_from_end_to_end(scene, tmp_path):
+    """Locks out a failed integrator that ends the run, hides its cause, or lacks its row."""
+    integrators = [BROKEN, rigid("rigid/nve"), rigid("rigid/nve/small")]
+    summary, series = compare.compare(scene, integrators, tmp_path, steps=200, **SETTINGS)
+    report.write(summary, series, figures.draw(summary, series, tmp_path), tmp_path)
+
+    broken, reference, small = json.loads((tmp_path / "summary.json").read_text())["integrators"]
+    assert "no/such/fix" in broken["error"]
+    assert broken.get("energy_sd") is None and broken.get("modify") is None
+    assert reference["error"] is None and small["error"] is None
+    assert reference["steps"] == small["steps"] == 200
+    assert reference["distance"] == 0.0
+    assert small["distance"] < 1e-6, "rigid/nve/small is the same method as rigid/nve"
+    assert small["rigidity"] < 1e-10
+    assert small["modify"]["median"] > 0 and small["modify_ratio"]["median"] > 0
+
+    rows = list(csv.DictReader((tmp_path / "table.csv").open()))
+    assert [row["integrator"] for row in rows] == ["broken", "rigid/nve", "rigid/nve/small"]
+    assert "no/such/fix" in rows[0]["status"] and rows[1]["status"] == "ok"
+    assert float(rows[1]["temperature (K)"]) == reference["temperature"]["value"]
+
+    page = (tmp_path / "report.html").read_text()
+    assert "no/such/fix" in page
+    assert page.count("data:image/png;base64,") == 2
+    assert 'src="http' not in page and "href=" not in page, "the report is one file"
+
+
+@pytest.mark.timeout(60)
+def test_a_hung_run_is_given_up_with_all_its_ranks(scene, tmp_path):
+    """Locks out a comparison that waits for ever, and ranks that live on."""
+    marker = str(tmp_path)
+    hang = Integrator("hang", "hang", ("shell sleep 47",))
+    job = run.job(scene, hang, tmp_path / "hang", [10], dt=1.0, every=10, ranks=2, silence=4.0)
+    begin = time.monotonic()
+    result = run.run(job)
+    assert "no sign of life" in result.error
+    assert time.monotonic() - begin < 40
+    time.sleep(1.0)
+    left = subprocess.run(["ps", "-eo", "args"], capture_output=True, text=True).stdout
+    assert marker not in left, "a rank outlived its run"
+
+
+@pytest.mark.timeout(60)
+def test_a_crash_is_a_result(scene, tmp_path, monkeypatch):
+    """Locks out a rank killed by the system that takes the comparison with it."""
+    killed = tmp_path / "killed.py"
+    killed.write_text("import os\nos.kill(os.getpid(), 9)\n")
+    monkeypatch.setattr(run, "WORKER", killed)
+    job = run.job(scene, rigid("rigid"), tmp_path / "crash", [10], dt=1.0, every=10)
+    result = run.run(job)
+    assert "signal 9" in result.error or "exit code 9" in result.error
+
+
+def test_help_is_instant():
+    """Locks out heavy imports before the command line is read."""
+    code = (
+        "import sys; sys.argv[1:] = ['compare', '--help']\n"
+        "from validation.__main__ import main\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'matplotlib', 'rich', 'lammps', 'mpi4py'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "--ranks" in done.stdout

@@ -1,0 +1,14 @@
+"""Comparisons of fix_nosquish with LAMMPS's own rigid and constraint fixes.
+
+Run from the checkout: ``python -m validation --help``.  Data flows one way:
+
+    scenes, integrators   what is simulated, and by which fix: data, LAMMPS's words
+    run -> worker         one LAMMPS run in processes of its own; what it left behind
+    lammps_log, measures  from log text and arrays to numbers with errors
+    compare               a verb: which runs, in which order, which measures
+    figures, report       from numbers to PNG, CSV, JSON and HTML
+    __main__, console     command line, progress and table in the terminal
+
+A new scene is an entry in ``scenes.py``, a new integrator one in
+``integrators.py``; a new verb is a module beside ``compare.py``.
+"""

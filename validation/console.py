@@ -1,0 +1,88 @@
+"""Progress and the final table in the terminal; plain lines if it is not one."""
+
+import time
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from validation.report import COLUMNS, busy, cell, status
+
+WIDE = 150  # columns, where the output is not a terminal
+
+
+def console():
+    """Standard output."""
+    found = Console(highlight=False)
+    return found if found.is_terminal else Console(width=WIDE, highlight=False)
+
+
+class Meter:
+    """One bar for the run under way and one for all; a line for each finished run.
+
+    Args:
+        console: where to.
+        total: steps of all runs together.
+    """
+
+    def __init__(self, console, total):
+        self.console = console
+        self.progress = Progress(
+            TextColumn("{task.description:<34}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("steps"),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+        self.all = self.progress.add_task("all runs", total=total)
+        self.done = 0
+
+    def __enter__(self):
+        self.progress.start()
+        return self
+
+    def __exit__(self, *_):
+        self.progress.stop()
+
+    def begin(self, label, total):
+        """A run of ``total`` steps starts."""
+        self.label, self.total, self.start = label, total, time.monotonic()
+        self.one = self.progress.add_task(label, total=total)
+
+    def at(self, step):
+        """The run has come to ``step``."""
+        self.progress.update(self.one, completed=step)
+        self.progress.update(self.all, completed=self.done + step)
+
+    def end(self, error):
+        """The run is over: well if ``error`` is None."""
+        self.at(self.total)
+        self.done += self.total
+        self.progress.remove_task(self.one)
+        seconds = time.monotonic() - self.start
+        note = f"failed: {error[:70]}" if error else f"{self.total} steps"
+        self.console.print(f"{self.label:<34} {seconds:6.1f} s  {note}", markup=False)
+
+
+def show(console, summary, out):
+    """Print the table, failures and where the files are."""
+    table = Table(title=summary["title"], title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    table.add_column("integrator", overflow="fold")
+    for column in COLUMNS:
+        table.add_column(f"{column.title}\n{column.unit}", justify="right", overflow="fold")
+    for row in summary["integrators"]:
+        style = "bold" if row["name"] == "nosquish" else None
+        cells = (cell(row, column, short=True) for column in COLUMNS)
+        table.add_row(("✗ " if row["error"] else "") + row["label"], *cells, style=style)
+    console.print(table)
+    for row in summary["integrators"]:
+        if row["error"]:
+            console.print(f"✗ {row['label']}: {status(row)}", markup=False, soft_wrap=True)
+    for line in (busy(summary), "Interrupted." if summary["interrupted"] else None):
+        if line:
+            console.print(line, soft_wrap=True)
+    console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)

@@ -1,0 +1,215 @@
+"""Start one LAMMPS run in a process group of its own, watch it, collect what it left.
+
+A crash, a hang or a bad command ends that run only: its ``Result`` says why.
+"""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from validation import lammps_log
+
+WORKER = Path(__file__).with_name("worker.py")
+THERMO = "thermo_style custom step time temp press pe ke etotal"
+GRACE = 5.0  # s that processes have to end after SIGTERM
+
+
+@dataclass(frozen=True)
+class Job:
+    """One trajectory.
+
+    Attributes:
+        directory: where its files go; what an earlier run left there is removed.
+        folder: working directory of LAMMPS.
+        commands: LAMMPS commands before the first run.
+        runs: numbers of steps; positions are kept at the start and after each.
+        body_property: per-atom integer that tells bodies apart.
+        ranks: number of MPI ranks.
+        silence: s without a word in the log after which the run counts as hung.
+    """
+
+    directory: str
+    folder: str
+    commands: list[str]
+    runs: list[int]
+    body_property: str
+    ranks: int = 1
+    silence: float = 120.0
+
+
+@dataclass
+class Result:
+    """What a run left behind, complete or not.
+
+    Attributes:
+        error: None, or in one line why the run is not complete.
+        thermo: column name to array (see ``lammps_log.thermo``).
+        timings: one dict for each completed run (see ``lammps_log.timings``).
+        positions: arrays of positions.npz, or None.
+        versions: what the worker says of itself, or {}.
+        interrupted: whether a Ctrl-C ended it.
+    """
+
+    error: str | None
+    thermo: dict
+    timings: list
+    positions: dict | None
+    versions: dict
+    interrupted: bool = False
+
+
+def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0):
+    """The job of one integrator on a scene.
+
+    Args:
+        runs: numbers of steps, done one after the other.
+        dt: time step in fs.
+        every: steps between thermo samples; 0 samples the ends of each run only.
+    """
+    commands = [
+        *scene.setup,
+        "reset_timestep 0",
+        f"timestep {dt}",
+        *integrator.commands(scene),
+        THERMO,
+        'thermo_modify norm no flush yes format float "%.15g"',
+        f"thermo {every}",
+    ]
+    return Job(
+        directory=str(directory),
+        folder=str(scene.folder),
+        commands=commands,
+        runs=list(runs),
+        body_property=scene.body_property,
+        ranks=ranks,
+        silence=silence,
+    )
+
+
+def run(job, on_step=lambda step: None):
+    """Do a job and collect its result; a Ctrl-C ends the run and is in the result.
+
+    Args:
+        job: a ``Job``.
+        on_step: called with the last step in the log, now and then.
+    """
+    directory = Path(job.directory)
+    if (directory / "job.json").exists():
+        shutil.rmtree(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    path = directory / "job.json"
+    path.write_text(json.dumps(asdict(job), indent=1))
+    why = None
+    with open(directory / "output.txt", "w") as output:
+        process = subprocess.Popen(
+            [_mpirun(), "-np", str(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            env={"OMP_NUM_THREADS": "1", **os.environ},
+        )
+        try:
+            if _watch(process, directory / "log.lammps", job.silence, on_step):
+                why = f"no sign of life for {job.silence:g} s, ended"
+        except KeyboardInterrupt:
+            why = INTERRUPTED
+        finally:
+            _end(process)
+    result = _collect(directory)
+    if result.error:
+        result.error = why or result.error
+        result.interrupted = why == INTERRUPTED
+    return result
+
+
+INTERRUPTED = "interrupted"
+
+
+def _collect(directory):
+    """The result in a job's directory, complete or not."""
+    log = _read(directory / "log.lammps")
+    output = _read(directory / "output.txt")
+    positions = None
+    if (directory / "positions.npz").exists():
+        with np.load(directory / "positions.npz") as file:
+            positions = dict(file)
+    done = _read(directory / "done.json")
+    message = (
+        _read(directory / "error.txt")
+        or lammps_log.error(log)
+        or lammps_log.error(output)
+        or f"ended without a message: {_exit(output)}, see {directory / 'output.txt'}"
+    )
+    return Result(
+        error=None if done else _one_line(message),
+        thermo=lammps_log.thermo(log),
+        timings=lammps_log.timings(log),
+        positions=positions,
+        versions=json.loads(done) if done else {},
+    )
+
+
+def _watch(process, log, silence, on_step):
+    """Wait for the end; True if it was given up as hung."""
+    size, heard = 0, time.monotonic()
+    while process.poll() is None:
+        time.sleep(0.2)
+        now = log.stat().st_size if log.exists() else 0
+        if now != size:
+            with open(log, "rb") as file:
+                file.seek(max(0, now - 400))
+                last = re.findall(rb"^ *(\d+) .*\n", file.read(), re.M)
+            size, heard = now, time.monotonic()
+            if last:
+                on_step(int(last[-1]))
+        elif time.monotonic() - heard > silence:
+            return True
+    return False
+
+
+def _end(process):
+    """End what is left of the process group."""
+    for sign, grace in ((signal.SIGTERM, GRACE), (signal.SIGKILL, GRACE)):
+        try:
+            os.killpg(process.pid, sign)
+        except ProcessLookupError:
+            break
+        try:
+            process.wait(grace)
+        except subprocess.TimeoutExpired:
+            continue
+    process.wait()
+
+
+def _mpirun():
+    """mpirun of this interpreter's environment, else the one on PATH."""
+    beside = Path(sys.executable).parent / "mpirun"
+    found = str(beside) if beside.exists() else shutil.which("mpirun")
+    if not found:
+        raise SystemExit("no mpirun beside this Python and none on PATH: pip install mpich")
+    return found
+
+
+def _exit(output):
+    """How mpirun says that a rank ended."""
+    found = re.search(r"EXIT STRING: (.+?) *$|EXIT CODE: (\d+)", output, re.M)
+    return (found.group(1) or f"exit code {found.group(2)}") if found else "cause unknown"
+
+
+def _read(path):
+    return path.read_text(errors="replace") if path.exists() else ""
+
+
+def _one_line(message):
+    """A message without line breaks and without LAMMPS's row of ^^^^ under a word."""
+    return " ".join(word for word in message.split() if set(word) != {"^"})

