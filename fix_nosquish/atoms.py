@@ -103,6 +103,7 @@ class Lammps:
         self.dimension = self.setting("dimension")
         self.ranks = self.setting("world_size")
         self.rank = self.setting("world_rank")
+        self._box_then = None
 
     def _global(self, name):
         address = self.lib.lammps_extract_global(self.handle, name.encode())
@@ -139,16 +140,19 @@ class Lammps:
 
     @cached_property
     def bounds(self):
-        """Views of the box's numbers (lo, hi, tilt) as they change."""
+        """Views of the box's numbers (lo, hi, tilt, periodic) as they change."""
         lo, hi = (_array(self._global(name), 3, float) for name in ("boxlo", "boxhi"))
-        return lo, hi, [self._scalar(name, c_double) for name in ("xy", "yz", "xz")]
+        tilt = [self._scalar(name, c_double) for name in ("xy", "yz", "xz")]
+        return lo, hi, tilt, _array(self._global("periodicity"), 3, np.int32)
 
     @property
     def box(self):
-        """The box as it is now, a `Box`."""
-        lo, hi, tilt = self.bounds
-        periodic = _array(self._global("periodicity"), 3, np.int32).astype(bool)
-        return Box(lo.copy(), hi.copy(), [t.value for t in tilt], periodic)
+        """The box as it is now; the same `Box` as before if nothing has changed."""
+        lo, hi, tilt, periodic = self.bounds
+        now = lo.tobytes(), hi.tobytes(), periodic.tobytes(), *[t.value for t in tilt]
+        if now != self._box_then:
+            self._box_then, self._box = now, Box(lo.copy(), hi.copy(), [t.value for t in tilt], periodic.astype(bool))
+        return self._box
 
     def per_atom(self, name, dtype=float, columns=0):
         """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns); None if absent."""

@@ -5,11 +5,12 @@ quaternion momentum p, with its mass and principal moments.  Every rank keeps th
 bodies of which it owns an atom, and of their atoms only its own.
 """
 
+from functools import partial
+
 import numpy as np
 
 from . import kernels
 from .errors import RunError
-from .sharing import atoms_changed
 
 ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
@@ -52,7 +53,7 @@ class Membership:
             return np.zeros(len(atoms), np.int64)
         if style == "molecule":
             values = self.lammps.per_atom("molecule", self.lammps.tagint)
-            what = "molecule-IDs, which this atom style does not have"
+            what = "molecule-IDs, which this atom style does not have: use atom_style molecular or full, or another body style"
         elif style == "custom" and arguments[0][0] == "v":
             values = np.trunc(self.lammps.variable(arguments[0][2:], self.command.group))
             what = "an atom-style variable"
@@ -65,7 +66,7 @@ class Membership:
             if (inside.sum(axis=0) > 1).any():
                 tag = self.lammps.tags[atoms[inside.sum(axis=0) > 1][0]]
                 both = [g for g, i in zip(arguments, inside[:, inside.sum(axis=0) > 1][:, 0]) if i]
-                raise RunError(f"atom {tag} is in more than one body: it is in the groups {' and '.join(both)}")
+                raise RunError(f"atom {tag} is in more than one body: it is in the groups {' and '.join(both)}; use groups without common atoms")
             return np.argmax(inside, axis=0)
         if values is None:
             raise RunError(f"body style {style} needs {what}")
@@ -141,11 +142,9 @@ class Bodies:
         ids, state = self.id, self.state
         body, d = np.empty(len(here), np.int64), np.empty((len(here), 3))
         body[stayed], d[stayed] = self.body[old[stayed]], self.d[old[stayed]]
-        if world.size == 1:
-            world.agree(atoms_changed(self.tag[lost], gained))
-        elif world.any(lost.any() or len(gained)):
+        if world.any(lost.any() or len(gained)):
             known = np.concatenate([self.id[self.body[lost], None], self.d[lost], self.state[:, self.body[lost]].T], axis=1)
-            known = world.follow(self.tag[lost], known, gained)
+            known = world.follow(self.tag[lost], known, gained, partial(_atoms_changed, lammps, membership))
             comes = known[:, 0].astype(np.int64)
             new, which = np.unique(comes[~np.isin(comes, ids)], return_index=True)
             state = np.concatenate([state, known[~np.isin(comes, ids)][which, 4:].T], axis=1)
@@ -180,14 +179,33 @@ class Bodies:
         )
 
 
+def _atoms_changed(lammps, membership, gone, known, come):
+    """The message for atoms (by their tags) that bodies lost or that came in between two steps, None if neither."""
+    if len(gone):
+        moved = np.linalg.norm(known[0, 4:][_V]) * lammps.dt
+        return (
+            f"atom {gone[0]} of {membership.name(int(known[0, 0]))} is gone by step {lammps.step}: it left the box, or was deleted "
+            f"or taken out of the group. The body was moving by {moved:.3g} a step: if that is too far, the run is unstable and "
+            "needs a shorter time step or a better start; if not, check the boundary, thermo_modify lost, and fixes that "
+            "delete atoms, because bodies keep their atoms during a run"
+        )
+    if len(come):
+        return (
+            f"atom {come[0]} came into the fix's group by step {lammps.step}, but bodies are made when a run starts: "
+            "use a static group, and insert atoms between runs"
+        )
+    return None
+
+
 def build(lammps, world, membership):
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Returns:
         (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
         angular momentum of the atoms' velocities, and notes for the log: the number of
-        bodies `rebuilt` by the nearest image, and the kinetic energy `kinetic` of the atoms
-        and the part `removed` of it that is not rigid motion.
+        bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
+        puts in a body, and the kinetic energy `kinetic` of the atoms and the part `removed` of
+        it that is not rigid motion.
     Raises:
         RunError: on all ranks, naming the body.
     """
@@ -203,7 +221,7 @@ def build(lammps, world, membership):
         problem = str(error)
     world.agree(problem)
     if world.total(np.array([len(atoms)]))[0] == 0:
-        raise RunError(f"there is no atom to form a body of in group '{membership.command.group}'", everywhere=True)
+        raise RunError(f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run", everywhere=True)
     bad = ~(mass >= 0)
     world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
     v = lammps.per_atom("v", columns=3)[atoms]
@@ -241,7 +259,7 @@ def build(lammps, world, membership):
         (natoms > 1) & ~(spread > _SAME_PLACE * scale),
         lambda k: f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, or leave them out of the group",
     )
-    moment, axes = _principal(products, natoms)
+    moment, axes = _principal(products, natoms, membership.command.order)
     state = np.zeros((_ROWS, n))
     state[_MASS], state[_NATOMS], state[_MOMENT], state[_V] = body_mass, natoms, moment, velocity
     state[_X], state[_Q] = reference + centre, _quaternion(axes)
@@ -261,13 +279,16 @@ def build(lammps, world, membership):
     d = np.einsum("abn,na->nb", turn[:, :, body], r)
     rotational = np.divide(along**2, moment, out=np.zeros_like(moment), where=moment > 0).sum(axis=0)
     rigid = body_mass * (velocity**2).sum(axis=0) + rotational
-    before, after, rebuilt = world.total(
-        np.array([(mass * (v * v).T).sum(), rigid[sharers.owned].sum(), rebuilt[sharers.owned].sum()])
+    zero = sharers.owned & (ids == 0) & (membership.command.style == "molecule")
+    before, after, rebuilt, stray = world.total(
+        np.array([(mass * (v * v).T).sum(), rigid[sharers.owned].sum(), rebuilt[sharers.owned].sum(), natoms[zero].sum()])
     )
     result = Bodies(ids, state, body, tag, atoms, d)
     result.settle(lammps, world)
     energy = 0.5 * lammps.mvv2e
-    return result, {"kinetic": energy * before, "removed": energy * (before - after), "rebuilt": round(rebuilt)}
+    return result, {
+        "kinetic": energy * before, "removed": energy * (before - after), "rebuilt": round(rebuilt), "stray": round(stray),
+    }  # fmt: skip
 
 
 def _unfold(lammps, world, sharers, membership, ids, body, tag, atoms, blame):
@@ -335,9 +356,12 @@ def _longest_gap(empty):
     return np.minimum(longest, len(empty))
 
 
-def _principal(products, natoms):
-    """Principal moments, largest first, and axes from the sums of m r r (xx yy zz xy xz yz).
+def _principal(products, natoms, order):
+    """Principal moments and axes from the sums of m r r (xx yy zz xy xz yz).
 
+    Args:
+        order: 321 numbers the moments from the largest to the smallest, 123 the other way
+            round (the rotor turns axis 3 outermost); an axis without moment is the third.
     Returns:
         moment (3, n); axes (n, 3, 3), whose columns are a right-handed frame.
     """
@@ -345,13 +369,16 @@ def _principal(products, natoms):
     tensor = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]]).transpose(2, 0, 1)
     values, axes = np.linalg.eigh(tensor)
     moment, axes = values[:, ::-1].T.copy(), axes[:, :, ::-1].copy()
-    axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
     single = natoms == 1
     moment[:, single] = 0.0
     axes[single] = np.eye(3)
-    linear = moment[2] < ZERO_MOMENT * moment[0]
+    linear = moment[2] <= ZERO_MOMENT * moment[0]
     moment[2, linear] = 0.0
     moment[:2, linear] = 0.5 * (moment[0] + moment[1])[linear]
+    if order == 123:
+        moment[:, ~linear] = moment[::-1, ~linear]
+        axes[~linear] = axes[~linear, :, ::-1]
+    axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
     return moment, axes
 
 

@@ -5,7 +5,10 @@ from dataclasses import dataclass
 from .errors import RunError
 
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
-KEYWORDS = {"mrot": "the number of inner rotor steps, a whole number of at least 1"}
+KEYWORDS = {
+    "mrot": "the number of inner rotor steps, a whole number of at least 1",
+    "order": "321 (the axis of the smallest moment turns outermost) or 123 (of the largest)",
+}
 
 
 @dataclass(frozen=True)
@@ -18,6 +21,7 @@ class Command:
         style: single, molecule, custom or group, as in LAMMPS's fix rigid.
         arguments: those of the style: () or (i_NAME or v_NAME,) or the groups' IDs.
         mrot: inner rotor steps per time step (m_rot of eq. 2.53).
+        order: 321 or 123, the order of the axes in a rotor step, outermost first, with I_1 >= I_2 >= I_3.
     """
 
     text: str
@@ -25,6 +29,7 @@ class Command:
     style: str
     arguments: tuple = ()
     mrot: int = 1
+    order: int = 321
 
     @classmethod
     def parse(cls, text):
@@ -73,5 +78,8 @@ class Command:
                 raise wrong(f"unknown keyword '{keyword}': expected " + " or ".join(KEYWORDS))
             if keyword in values:
                 raise wrong(f"keyword {keyword} stands twice")
-            values[keyword] = whole(take(KEYWORDS[keyword]), KEYWORDS[keyword])
+            word = take(KEYWORDS[keyword])
+            values[keyword] = whole(word, KEYWORDS[keyword])
+            if keyword == "order" and word not in ("321", "123"):
+                raise wrong(f"'{word}' was given where {KEYWORDS[keyword]} is expected")
         return cls(text, group, style, arguments, **values)

@@ -6,9 +6,13 @@ surroundings.  LAMMPS's own fix knows nothing of that; `OwnFix` stands in for it
 
 import ctypes
 import sys
+import weakref
 from functools import wraps
 
+import numpy as np
+
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
+_callbacks = {}  # LAMMPS's address -> what its fix external calls
 
 
 def driven_by_plugin():
@@ -28,7 +32,7 @@ class OwnFix:
 
     def __init__(self, lammps, world):
         self.lammps, self.world = lammps, world
-        self.virial_fix = self._callback = None
+        self.virial_fix = self._problem = self._said = None
         self._builds = 0.0
 
     def log(self, text):
@@ -44,6 +48,8 @@ class OwnFix:
 
     def atoms_moved(self):
         """Whether LAMMPS has re-neighboured since this was last asked."""
+        if self._problem:
+            raise self._problem
         before, self._builds = self._builds, self.lammps.neighbor_builds
         return self._builds != before
 
@@ -62,12 +68,21 @@ class OwnFix:
         if not self.lammps.has("fix", EXTERNAL):
             return
         self.virial_fix = EXTERNAL
-        self._callback = self.lammps.call_in_post_force(
-            self.virial_fix, lambda: self.lammps.set_external_virial(self.virial_fix, function())
-        )
+        method = weakref.WeakMethod(function)  # the fix external may outlive the integrator
+
+        def report():
+            try:
+                self.lammps.set_external_virial(EXTERNAL, method()() if method() else np.zeros(6))
+            except BaseException as error:  # LAMMPS cannot be told from here: the next hook raises it
+                self._problem = error
+
+        _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)
 
     def end(self, error):
         """Print the message once and end the run on all ranks; on one rank, come back."""
+        if self._said is error:
+            return
+        self._said = error
         everywhere = getattr(error, "everywhere", False)
         if self.world.rank == 0 or not everywhere:
             print(f"ERROR: {error}" if everywhere else f"ERROR on proc {self.world.rank}: {error}", file=sys.stderr)

@@ -44,29 +44,29 @@ class NVE:
     _all = weakref.WeakSet()
 
     def __init__(self, ptr, words):
-        self.command = Command.parse(words)
         self.lammps = Lammps(ptr)
         self.world = World(self.lammps.communicator) if self.lammps.ranks > 1 else Alone()
-        self.membership = Membership(self.lammps, self.command)
         self.bodies = None
         self._notes = self._said = None
         self._settled = self._half = False
         self.half_step_velocities = True
-        self._all.add(self)
         if not driven_by_plugin():
-            self._begin_in_own_fix()
+            self.host = OwnFix(self.lammps, self.world)
+        self._begin(words)
 
     @hook
-    def _begin_in_own_fix(self):
-        # such a LAMMPS takes commands, and so text for its log, only while nothing runs
-        self.host = OwnFix(self.lammps, self.world)
-        self._build()
-        self._say(False)
+    def _begin(self, words):
+        self.command = Command.parse(words)
+        self.membership = Membership(self.lammps, self.command)
+        self._all.add(self)
+        if self.host:  # LAMMPS's own fix: it takes commands, and so text for its log, only while nothing runs
+            self._build()
+            self._say(False)
 
     @property
     def _mates(self):
         """All integrators of this LAMMPS, this one among them."""
-        return [other for other in self._all if other.lammps.handle == self.lammps.handle and other.bodies is not None]
+        return [other for other in self._all if other.lammps.handle == self.lammps.handle]
 
     # ------------------------------------------------------------- before the first step
 
@@ -100,10 +100,10 @@ class NVE:
                         f"is also integrated by fix {fix.id} (style {fix.style}): give that fix a group without the bodies' atoms"
                     )
         for mate in self._mates:
-            both = np.intersect1d(mate.bodies.tag, self.bodies.tag) if mate is not self else ()
+            both = np.intersect1d(mate.membership.atoms(), self.bodies.index) if mate is not self else ()
             if len(both):
                 problem = (
-                    f"atom {both[0]} is claimed by two fixes: \"{mate.command.text}\" and \"{self.command.text}\". "
+                    f"atom {self.lammps.tags[both[0]]} is claimed by two fixes: \"{mate.command.text}\" and \"{self.command.text}\". "
                     "An atom can be in one body only: use groups without common atoms"
                 )
         self.world.agree(problem)
@@ -157,14 +157,7 @@ class NVE:
     @hook
     def post_neighbor(self):
         """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
-        box = self.lammps.box
-        changed = (box.h != self._box.h) & (box.periodic & box.periodic[:, None])
-        self.world.agree(
-            "the periodic box has changed during the run: this fix keeps bodies at constant volume, so use it "
-            "without fixes that change the box (fix deform, npt, nph, box/relax), or change the box between runs"
-            if changed.any()
-            else None
-        )
+        self._refuse_new_box()
         self.bodies = self.bodies.follow(self.lammps, self.world, self.membership)
         self._x, self._v, self._f = (self.lammps.per_atom(name, columns=3) for name in "xvf")
 
@@ -173,12 +166,25 @@ class NVE:
         """The new forces, the second half kick, new velocities."""
         if isinstance(self.host, OwnFix) and self.host.atoms_moved():
             self.post_neighbor()
+        self._refuse_new_box()
         self._gather()
         self._kick()
         self._set_velocities()
         self._half = False
         if self.virial is not None and self._vflag:
             self._constraint_virial(self.virial, self.bodies.p)
+
+    def _refuse_new_box(self):
+        box = self.lammps.box
+        if box is self._box:
+            return
+        if ((box.h != self._box.h) & (box.periodic & box.periodic[:, None])).any():
+            raise RunError(
+                f"the periodic box has changed by step {self.lammps.step}: this fix keeps bodies at constant volume, so use it "
+                "without fixes that change the box (fix deform, npt, nph, box/relax), or change the box between runs",
+                everywhere=True,
+            )
+        self._box = box  # a face that is not periodic may follow the atoms
 
     def _kick(self):
         bodies = self.bodies

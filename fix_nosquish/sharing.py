@@ -34,6 +34,10 @@ class Alone:
         """Whether `flag` is true on any rank."""
         return flag
 
+    def follow(self, lost_tags, lost_rows, gained_tags, problem):
+        """As `World.follow`; here no atom can have gone or come."""
+        self.agree(problem(lost_tags, lost_rows, gained_tags))
+
     def sharers(self, ids, partial):
         """Who else holds the bodies `ids`; here nobody."""
         return Sharers.none(len(ids))
@@ -127,7 +131,7 @@ class World:
             partners.append((int(partner), place[mine][np.argsort(body[mine])]))
         return Sharers(self, len(ids), partners)
 
-    def follow(self, lost_tags, lost_rows, gained_tags):
+    def follow(self, lost_tags, lost_rows, gained_tags, problem):
         """Bring each gained atom what the rank that lost it knew of it.
 
         Lost and gained atoms meet at a rank that their tag determines.
@@ -136,10 +140,10 @@ class World:
             lost_tags: (n,) tags of atoms that this rank no longer owns.
             lost_rows: (n, width) float64, what goes with each.
             gained_tags: (m,) tags of atoms that this rank now owns, and did not before.
+            problem: a function of the tags and rows of atoms that no rank gained and of the tags of
+                atoms that no rank lost, whose message (None for none) ends the run.
         Returns:
             (m, width) rows, in the order of gained_tags.
-        Raises:
-            RunError: on all ranks, if an atom was lost by no rank or gained by none.
         """
         _, rows = self.route(
             lost_tags % self.size, np.concatenate([lost_tags[:, None].astype(float), lost_rows], axis=1)
@@ -148,29 +152,13 @@ class World:
         tags = rows[:, 0].astype(np.int64)
         rows, tags = rows[np.argsort(tags)], np.sort(tags)
         asked = asked[:, 0]
-        missing, extra = np.setdiff1d(tags, asked), np.setdiff1d(asked, tags)
-        self.agree(atoms_changed(missing, extra))
+        missing = ~np.isin(tags, asked)
+        self.agree(problem(tags[missing], rows[missing, 1:], np.setdiff1d(asked, tags)))
         _, rows = self.route(source, rows[np.searchsorted(tags, asked)])
         order = np.argsort(rows[:, 0])
         back = np.empty(len(gained_tags), np.int64)
         back[np.argsort(gained_tags)] = order
         return rows[back, 1:]
-
-
-def atoms_changed(missing, extra):
-    """The message for atoms that bodies lost, or that came in, between two steps (None if neither)."""
-    if len(missing):
-        return (
-            f"{len(missing)} atoms of the rigid bodies are gone, the first has ID {missing[0]}: they left the "
-            "box or were deleted or taken out of the group while the fix was in use. Bodies keep their atoms "
-            "during a run: check the boundary, thermo_modify lost, and fixes that delete atoms"
-        )
-    if len(extra):
-        return (
-            f"{len(extra)} atoms came into the fix's group, the first has ID {extra[0]}, while the run was "
-            "going on. Bodies are made when a run starts: use a static group, and insert atoms between runs"
-        )
-    return None
 
 
 class Sharers:

@@ -38,14 +38,14 @@ def summary(nve, notes, virial):
     owned = bodies.sharers.owned
     n, r, e = len(bodies), bodies.rotors, bodies.extended
     # a planar body's two smaller moments add up to its largest
-    flat = bodies.moment[1, :r] + bodies.moment[2, :r] <= bodies.moment[0, :r] * (1 + 1e-7)
+    flat = bodies.moment[:, :r].sum(axis=0) <= bodies.moment[:, :r].max(axis=0) * (2 + 1e-7)
     counts = [owned.sum(), (owned[:r] & ~flat).sum(), (owned[:r] & flat).sum(), owned[r:e].sum(), owned[e:n].sum(),
               bodies.natoms[owned].sum(), len(bodies.sharers.bodies[owned[bodies.sharers.bodies]])]  # fmt: skip
     total, solid, planar, linear, points, atoms, shared = world.total(np.array(counts, float)).astype(int)
     removed = removed_freedom(bodies, world, np.ones(len(bodies.tag), bool), nve.lammps.dimension)
     kinds = [f"{k} {what}" for k, what in ((solid, "three-dimensional"), (planar, "planar"), (linear, "linear"),
                                            (points, "single atoms")) if k]  # fmt: skip
-    done = [f"rotation of {what}" for k, what in ((solid + planar, f"rotors (mrot {command.mrot})"), (linear, "linear bodies")) if k]
+    done = [f"rotation of {what}" for k, what in ((solid + planar, f"rotors (mrot {command.mrot}, order {command.order})"), (linear, "linear bodies")) if k]
     left = [what for k, what in ((solid + planar, "no rotors"), (linear, "no linear bodies"), (points, "no single atoms")) if not k]
     for needed, pass_, without in (
         (shared, f"exchange of {shared} bodies shared between ranks", "no body shared between ranks"),
@@ -63,4 +63,9 @@ def summary(nve, notes, virial):
     ]
     if notes["rebuilt"]:
         lines.append(f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the nearest image")
+    if notes["stray"] > 1:
+        lines.append(
+            f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: give every body a molecule-ID of its own, "
+            "or leave these atoms out of the group"
+        )
     return "".join(line + "\n" for line in lines), removed

@@ -178,6 +178,8 @@ def _release(address):
         host._bridge = None
     if bridge.wants_virial:
         instance.virial = instance.virial.copy()
+    for name, signature in HOOKS.items():
+        setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
 
 
 @atexit.register
@@ -186,6 +188,4 @@ def _release_all():
     for address in list(_live):
         bridge = _live[address][0]
         _release(address)
-        for name in (*HOOKS, "release"):
-            field = getattr(Bridge, name)
-            memset(address + field.offset, 0, field.size)
+        memset(address + Bridge.release.offset, 0, Bridge.release.size)

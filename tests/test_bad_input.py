@@ -1,0 +1,254 @@
+"""Bad input ends the run on all ranks within seconds, with one message that says what is wrong and what to do."""
+
+import os
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+SECONDS = 30  # a run that ends on its first steps; longer is a hang
+
+# 27 bodies of three atoms; what a case adds goes before the fix, and after it
+SCRIPT = """
+units         lj
+atom_style    {atom_style}
+atom_modify   map yes
+boundary      {boundary}
+lattice       sc 0.04
+region        box block 0 3 0 3 0 3
+region        inner block 0.5 2.5 0.5 2.5 0.5 2.5
+create_box    1 box
+molecule      bent mol.bent
+create_atoms  {create}
+mass          * 1.0
+velocity      all create 1.0 4928
+pair_style    lj/cut 2.5
+pair_coeff    * * 1.0 0.4
+neigh_modify  delay 0 every 1 check yes
+timestep      0.001
+thermo        5
+{before}
+fix           1 all python/move "{target}"
+{after}
+run           {steps}
+"""
+BENT = """an L of three atoms
+
+3 atoms
+
+Coords
+
+1 0.0 0.0 0.0
+2 0.6 0.0 0.0
+3 0.0 0.4 0.0
+
+Types
+
+1 1
+2 1
+3 1
+"""
+
+# Classes that do, when LAMMPS calls them, what no input script can.
+SPOIL = """
+from ctypes import c_double
+from fix_nosquish.atoms import Lammps
+from fix_nosquish.hosts import hook
+from fix_nosquish.nve import NVE
+
+class NoMass:
+    mass = 0.0
+    def __init__(self, ptr):
+        lammps = Lammps(ptr)
+        table = lammps.lib.lammps_extract_atom(lammps.handle, b"mass")
+        (c_double * 2).from_address(table)[1] = self.mass
+    def initial_integrate(self, vflag): pass
+    def final_integrate(self): pass
+
+class NegativeMass(NoMass):
+    mass = -1.0
+
+class BreaksOnOneRank(NVE):
+    def __init__(self, ptr):
+        super().__init__(ptr, "NVE all molecule")
+    @hook
+    def final_integrate(self):
+        super().final_integrate()
+        if self.lammps.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
+            raise ValueError("no such luck")
+"""
+
+
+class Case(NamedTuple):
+    """One wrong input: the words of the fix line, lines before and after it, what the message must say."""
+
+    words: str = "all molecule"
+    expected: tuple = ()
+    before: str = ""
+    after: str = ""
+    module: str = "fix_nosquish.NVE"
+    atom_style: str = "molecular"
+    create: str = "0 box mol bent 4928"
+    boundary: str = "p p p"
+    steps: int = 100
+
+    @property
+    def script(self):
+        target = f"{self.module} {self.words}".strip()
+        return SCRIPT.format(target=target, **{k: v for k, v in self._asdict().items() if k not in ("words", "module")})
+
+
+SPLIT = "group one molecule 1\ngroup rest subtract all one\n"
+
+CASES = {
+    # the words of the fix line
+    "group that is not defined": Case("nowhere molecule", ("group 'nowhere'", "define it before the fix")),
+    "body style that does not exist": Case("all molecules", ("unknown body style 'molecules'", "single, molecule, custom")),
+    "keyword that does not exist": Case("all molecule langevin 1", ("unknown keyword 'langevin'", "expected mrot")),
+    "no words at all": Case("", ("ends where", "ID of a group", "body style", "fix_nosquish.NVE")),
+    "no body style": Case("all", ("body style", "ends where", "fix_nosquish.NVE all")),
+    "value missing": Case("all molecule mrot", ("ends where", "number of inner rotor steps")),
+    "value with a point": Case("all molecule mrot 2.5", ("point", "25e-1", "v_NAME")),
+    "value not a number": Case("all molecule mrot two", ("'two'", "whole number of at least 1")),
+    "value of zero": Case("all molecule mrot 0", ("'0'", "whole number of at least 1")),
+    "keyword given twice": Case("all molecule mrot 2 mrot 3", ("mrot", "twice")),
+    "number of groups missing": Case("all group all", ("'all'", "number of groups")),
+    "fewer groups than announced": Case("all group 2 all", ("ID of group 2 of 2",)),
+    "body group that is not defined": Case("all group 1 nowhere", ("group 'nowhere'", "define it")),
+    "one group as two bodies": Case("all group 2 all all", ("named twice",)),
+    "custom of neither kind": Case("all custom d_mass", ("'d_mass'", "i_NAME", "v_NAME")),
+    "property that is not defined": Case("all custom i_body", ("i_body", "fix property/atom")),
+    "variable that is not defined": Case("all custom v_body", ("variable 'body'", "define it before the fix")),
+    "variable that is not atom-style": Case("all custom v_body", ("variable body", "not an atom-style", "variable body atom"), before="variable body equal 1"),
+    "integrator that does not exist": Case("water molecule", ("integrator 'NVTT'", "expected one of NVE"), module="fix_nosquish.NVTT"),
+    "integrator without words": Case("", ("integrator 'NVTT'", "expected one of NVE"), module="fix_nosquish.NVTT"),
+    # the atoms
+    "group without atoms": Case("none molecule", ("no atom", "group 'none'", "fill the group"), before="group none empty"),
+    "atom style without molecules": Case("all molecule", ("molecule-ID", "atom_style molecular or full"), atom_style="atomic", create="1 box"),
+    "atom in two bodies": Case(
+        "all group 2 a b", ("atom 5", "groups a and b", "without common atoms"), before="group a id 1:5\ngroup b id 5:9"),
+    "body without mass": Case("all molecule", ("body of molecule 1 ", "mass 0", "above zero"),
+                              before='fix 0 all python/move "spoil.NoMass"'),
+    "negative mass": Case("all molecule", ("atom 1 ", "mass -1", "above zero"), before='fix 0 all python/move "spoil.NegativeMass"'),
+    "atoms at one point": Case("all molecule", ("body of molecule 2 ", "3 atoms at one point", "move them apart"),
+                               before="set atom 4*6 x 1.0 y 1.0 z 1.0"),
+    "image flags that tear a body": Case(
+        "all single", ("body of group all", "wider than half", "set ... image"), before="set atom 1 image 1 0 0"),
+    # other fixes
+    "two fixes claim an atom": Case(
+        "all molecule", ("atom 1 ", "two fixes", "mrot 2", "without common atoms"),
+        after='fix 2 all python/move "fix_nosquish.NVE all molecule mrot 2"'),
+    "fix nve before ours": Case("all molecule", ("atom", "molecule", "fix other", "nve", "without the bodies' atoms"),
+                                before="fix other all nve"),
+    "fix nve after ours": Case("all molecule", ("atom", "molecule", "fix other", "nve", "without the bodies' atoms"),
+                               after="fix other all nve"),
+    "box changed by a barostat": Case("one molecule", ("box has changed by step 1", "npt", "constant volume", "between runs"),
+                                      before=SPLIT, after="fix 2 rest npt temp 1 1 1 iso 1 1 1"),
+    "box deformed": Case("all molecule", ("box has changed by step 2", "deform", "constant volume", "between runs"), after="fix 2 all deform 1 x erate 0.01"),
+    "run_style respa": Case("all molecule", ("respa",), before="run_style respa 2 2 pair 1"),
+    # in mid-run
+    "force not finite from the start": Case(
+        "all molecule", ("force on the body of molecule 2 ", "not finite at step 0", "overlap"),
+        before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.0 y 1.0 z 1.0\nset atom 5 x 1.6 y 1.0 z 1.0\n"
+        "set atom 6 x 1.0 y 1.4 z 1.0\nset atom 9 x 1.0 y 1.0 z 1.0\ngroup two molecule 2 3"),
+    "force that becomes infinite": Case(
+        "all molecule", ("force on the body of molecule 3 ", "not finite at step 4", "shorter time step"),
+        before="variable f equal exp(800*(step>3))-1\ngroup g id 7", after="fix 2 g addforce v_f 0 0"),
+    "force that becomes NaN": Case(
+        "all molecule", ("force on the body of molecule 3 ", "not finite at step 4"),
+        before="variable f equal exp(200*step)-exp(200*step)\ngroup g id 7", after="fix 2 g addforce v_f 0 0"),
+    "run that explodes": Case("all molecule", ("of the body of molecule 1 ", "by step 1", "run is unstable", "shorter time step"), before="timestep 10\nvelocity all scale 100"),
+    "atoms lost": Case("all molecule", ("of the body of molecule ", "is gone by step", "thermo_modify lost"), boundary="f f f",
+                       create="0 region inner mol bent 4928",
+                       before="thermo_modify lost ignore\nvelocity all scale 5000", steps=1000),
+    "atoms deleted by a fix": Case("all molecule", ("of the body of molecule ", "is gone by step 5", "fixes that delete"),
+                                   after="fix 2 all evaporate 5 1 box 4928"),
+    "atoms added by a fix": Case("all molecule", ("atom 82 came into the fix's group by step 1", "insert atoms between runs"),
+                                 after="fix 2 all deposit 1 1 5 4928 region box near 0.5"),
+    "exception of its own": Case("", ("ValueError: no such luck",), module="spoil.BreaksOnOneRank"),
+}  # fmt: skip
+
+
+def left_behind(folder):
+    """Processes that still work in a folder."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if Path(os.readlink(process / "cwd")) == folder:
+                found.append((process / "cmdline").read_text().replace("\0", " "))
+        except OSError:
+            pass  # ended meanwhile, or another user's
+    return found
+
+
+def assert_ended(run, expected, folder):
+    """The run failed with one LAMMPS error that says all this, and nothing of it still runs."""
+    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    assert run.code != 0, f"the run went on:\n{run.screen}"
+    assert len(errors) == 1, f"{len(errors)} messages:\n{run.screen}"
+    missing = [words for words in expected if words not in errors[0]]
+    assert not missing, f"no {missing} in the message:\n{errors[0]}"
+    for _ in range(20):
+        if not left_behind(folder):
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"still running: {left_behind(folder)}")
+
+
+@pytest.fixture
+def run_case(run_lammps):
+    """Run a case's script; it may fail."""
+
+    def run(case, **how):
+        files = {"mol.bent": BENT, "spoil.py": SPOIL}
+        return run_lammps(case.script, files=files, **{"check": False, "timeout": SECONDS, **how})
+
+    return run
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_ends_on_two_ranks(run_case, tmp_path, name):
+    """Locks out a hang, a message per rank, a bare traceback and a silently wrong run, for each wrong input."""
+    assert_ended(run_case(CASES[name], ranks=2), CASES[name].expected, tmp_path)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["value with a point", "keyword that does not exist", "atoms at one point", "fix nve after ours", "image flags that tear a body",
+     "force not finite from the start", "atoms deleted by a fix", "box deformed", "exception of its own"],
+)  # fmt: skip
+@pytest.mark.parametrize("launcher", ["lmp", "library"])
+def test_ends_on_one_rank(run_case, tmp_path, launcher, name):
+    """Locks out a check that works only where ranks agree on it, and a Python session that gets no exception."""
+    run = run_case(CASES[name], launcher=launcher)
+    assert_ended(run, CASES[name].expected, tmp_path)
+    if launcher == "library":
+        raised = [line for line in run.screen.splitlines() if line.startswith("Exception: ")]
+        assert len(raised) == 1 and all(words in raised[0] for words in CASES[name].expected), run.screen
+
+
+def test_before_the_box(run_lammps, tmp_path):
+    """Locks out a crash where the fix line stands above read_data."""
+    run = run_lammps('fix 1 all python/move "fix_nosquish.NVE all single"\n', ranks=2, check=False, timeout=SECONDS)
+    assert run.code != 0 and run.screen.count("ERROR") == 1 and "box" in run.screen, run.screen
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    "between",
+    ["delete_atoms group odd", "create_atoms 1 single 0.5 0.5 0.5 units lattice\nset atom 82 mol 28", "displace_atoms odd move 0.1 0.1 0.1",
+     "change_box all x scale 1.1 remap", 'unfix 1\nfix 1 odd python/move "fix_nosquish.NVE odd single"', "velocity all create 2.0 87287"],
+)  # fmt: skip
+def test_change_between_runs(run_case, ranks, between):
+    """Locks out the refusal between runs of what is refused in mid-run, and bodies of a fix that is gone."""
+    run = run_case(Case(steps=20, before="group odd molecule 1", after=f"run 20\n{between}"), ranks=ranks, check=True)
+    assert run.screen.count("Loop time") == 2
+
+
+def test_molecule_zero(run_case):
+    """Locks out silence where atoms without a molecule become one body, as in LAMMPS's fix rigid."""
+    warning = "WARNING: the 6 atoms with molecule-ID 0 are one rigid body"
+    run = run_case(Case(before="set atom 4*9 mol 0", steps=5), ranks=2, check=True)
+    assert run.log.count(warning) == run.screen.count(warning) == 1
+    assert "WARNING" not in run_case(Case(steps=5), ranks=2, check=True).log

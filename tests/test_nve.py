@@ -1,0 +1,512 @@
+"""The integrator in LAMMPS against LAMMPS's own rigid fixes, plain formulas and conservation laws.
+
+Systems: the water of inputs/, and small boxes of Lennard-Jones bodies of chosen kinds in chosen units.
+
+Order of axes: since 2024 LAMMPS's fix rigid/nve turns a body about the axis of its largest moment
+outermost, NVE about that of the smallest.  Where a test asks for the very trajectory of rigid/nve, it
+runs NVE with `order 123`; in its own order the two differ by terms of dt^2, which has tests of its own.
+"""
+
+import itertools
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+INPUTS = Path(__file__).resolve().parent.parent / "inputs" / "water"
+
+OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
+LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
+RIGID = "fix 1 {group} rigid/nve {words}"
+SMALL = "fix 1 {group} rigid/nve/small {words}"
+
+
+# ---- systems
+
+
+class System(NamedTuple):
+    """The first part of an input script, its files, and what is known of the atoms.
+
+    `group` holds all bodies that LAMMPS's fix rigid takes, `singles` are there if it does not take all.
+    """
+
+    setup: str
+    files: dict
+    h: np.ndarray
+    dt: float
+    group: str = "bodies"
+    singles: bool = False
+    mass: np.ndarray = None
+    molecule: np.ndarray = None
+
+
+class Units(NamedTuple):
+    """A Lennard-Jones system's length, mass and energy in LAMMPS's units, and mass v^2 / energy there."""
+
+    length: float = 1.0
+    mass: float = 1.0
+    energy: float = 1.0
+    mvv2e: float = 1.0
+
+    @property
+    def time(self):
+        return self.length * np.sqrt(self.mass * self.mvv2e / self.energy)
+
+
+UNITS = {
+    "lj": Units(),
+    "real": Units(3.4, 12.0, 0.24, 48.88821291**2),
+    "metal": Units(3.4, 12.0, 0.0104, 1.0364269e-4),
+    "si": Units(3.4e-10, 2e-26, 1.66e-21, 1.0),
+}
+
+# shapes in units of the Lennard-Jones diameter, with the type of each atom
+SHAPES = {
+    "solid": ([[0, 0, 0], [0.9, 0.1, 0], [-0.2, 0.7, 0.1], [0.1, -0.3, 0.8], [-0.6, -0.4, -0.2]], [1, 2, 3, 1, 2]),
+    "planar": ([[0, 0, 0], [0.9, 0.1, 0], [-0.3, 0.6, 0], [0.2, -0.5, 0]], [2, 1, 3, 1]),
+    "pair": ([[-0.5, 0, 0], [0.5, 0, 0]], [1, 2]),
+    "row": ([[-0.8, 0, 0], [0, 0, 0], [0.6, 0, 0]], [3, 1, 2]),
+    "single": ([[0, 0, 0]], [2]),
+}
+MASSES = np.array([1.0, 1.6, 0.4])
+
+
+def assemble(bodies, h, *, units="lj", dimension=3, flags=True, temperature=1.0, dt=0.002, seed=1, setup=""):
+    """A System of Lennard-Jones atoms with random velocities, which are not rigid motion.
+
+    Args:
+        bodies: A list of (kind, positions, types).
+        h: The box, columns are its vectors; positions may be outside.
+        flags: Whether the data file has the image flags, or says 0 0 0.
+    """
+    u, rng = UNITS[units], np.random.default_rng(seed)
+    molecule = np.concatenate([[k + 1] * len(x) for k, (_, x, _) in enumerate(bodies)])
+    x = np.concatenate([x for _, x, _ in bodies])
+    kind = np.concatenate([types for *_, types in bodies])
+    mass = MASSES[kind - 1]
+    image = np.floor(x @ np.linalg.inv(h).T + 1e-12).astype(int)
+    if dimension == 2:
+        image[:, 2] = 0
+    x = x - image @ h.T
+    v = rng.normal(size=x.shape) * np.sqrt(temperature / mass)[:, None]
+    v[:, dimension:] = 0
+    v -= mass @ v / mass.sum()
+    low = -0.5 * h[2, 2] if dimension == 2 else 0.0
+    tilt = [h[0, 1], h[0, 2], h[1, 2]]
+    lines = ["bodies", "", f"{len(x)} atoms", f"{len(MASSES)} atom types", ""]
+    lines += [f"0 {h[0, 0] * u.length:.17g} xlo xhi", f"0 {h[1, 1] * u.length:.17g} ylo yhi"]
+    lines += [f"{low * u.length:.17g} {(low + h[2, 2]) * u.length:.17g} zlo zhi"]
+    lines += ["{:.17g} {:.17g} {:.17g} xy xz yz".format(*np.multiply(tilt, u.length))] if any(tilt) else []
+    lines += ["", "Masses", "", *(f"{k + 1} {m * u.mass:.17g}" for k, m in enumerate(MASSES))]
+    lines += ["", "Atoms # molecular", ""]
+    for k in range(len(x)):
+        place = " ".join(f"{c:.17g}" for c in x[k] * u.length)
+        lines += [f"{k + 1} {molecule[k]} {kind[k]} {place} " + "{} {} {}".format(*image[k] * flags)]
+    lines += ["", "Velocities", ""]
+    lines += [f"{k + 1} " + " ".join(f"{c:.17g}" for c in v[k] * (u.length / u.time)) for k in range(len(x))]
+    names = [name for name, *_ in bodies]
+    groups = {name: [k + 1 for k, other in enumerate(names) if other == name] for name in sorted(set(names))}
+    text = [
+        f"units {units}", f"dimension {dimension}", "atom_style molecular", "atom_modify map array", setup,
+        "read_data data.bodies",
+        f"pair_style lj/cut {2.5 * u.length:.17g}", f"pair_coeff * * {u.energy:.17g} {u.length:.17g}",
+        f"neighbor {0.4 * u.length:.17g} bin", "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
+        *(f"group {name} molecule " + " ".join(map(str, ids)) for name, ids in groups.items()),
+        "group bodies " + ("subtract all single" if "single" in groups else "union all"),
+    ]  # fmt: skip
+    return System("\n".join(text), {"data.bodies": "\n".join(lines) + "\n"}, h * u.length, dt * u.time,
+                  singles="single" in groups, mass=mass * u.mass, molecule=molecule)  # fmt: skip
+
+
+def mixture(kinds="solid planar pair row single", *, side=3, tilt=0.0, spacing=3.3, dimension=3, seed=1, **more):
+    """Bodies of these kinds in turn, each turned at random, on a lattice that the box's faces cut."""
+    rng = np.random.default_rng(seed)
+    h = spacing * side * np.array([[1, tilt, -tilt / 2], [0, 1, tilt / 3], [0, 0, 1.0]])
+    if dimension == 2:
+        h[:, 2] = 0, 0, 1
+    sites = itertools.product(range(side), range(side), range(side if dimension == 3 else 1))
+    turns = itertools.cycle(kinds.split())
+    bodies = []
+    for site in sites:
+        kind = next(turns)
+        shape, types = SHAPES[kind]
+        if dimension == 2:
+            turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)])
+        else:
+            turn = Rotation.random(random_state=int(rng.integers(1 << 30)))
+        place = h @ (np.array(site) / [side, side, side if dimension == 3 else 1])
+        bodies.append((kind, turn.apply(shape) + place, np.array(types)))
+    bodies.sort(key=lambda body: list(SHAPES).index(body[0]))
+    return assemble(bodies, h, dimension=dimension, seed=seed, **more)
+
+
+def water():
+    """inputs/water as it is."""
+    files = {name: (INPUTS / name).read_text() for name in ("data.water", "forcefield.water")}
+    setup = "units real\natom_style full\nread_data data.water\ninclude forcefield.water\ngroup bodies type 1 2"
+    box = re.search(r"(\S+) xlo", files["data.water"].replace("0.0 ", "", 1))[1]
+    return System(setup, files, float(box) * np.eye(3), 1.0)
+
+
+# ---- runs
+
+
+class Result(NamedTuple):
+    """Atoms in order of ID at the end of a run, the thermo table, and the log."""
+
+    x: np.ndarray
+    v: np.ndarray
+    thermo: np.ndarray
+    log: str
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Results of runs that several tests compare with, by their input."""
+    return {}
+
+
+@pytest.fixture
+def simulate(run_lammps, tmp_path, known):
+    """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
+
+    def run(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, ranks=1, before="", columns="",
+            after="", **how):  # fmt: skip
+        """Args: dt is in units of the system's own time step; LAMMPS's fixes leave single atoms to fix nve."""
+        ours = "python/move" in fix
+        group = group or ("all" if ours else system.group)
+        script = "\n".join([
+            system.setup, before, fix.format(group=group, words=words),
+            "" if ours or not system.singles else "fix 2 single nve",
+            f"thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}",
+            "thermo_modify format float %.16g norm no", f"thermo {every}",
+            f"timestep {dt * system.dt:.17g}", f"run {steps}", after,
+            "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g", "",
+        ])  # fmt: skip
+        key = script, ranks, *system.files.values()
+        if key not in known:
+            done = run_lammps(script, files=system.files, ranks=ranks, **how)
+            if done.code:
+                return done
+            atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+            known[key] = Result(atoms[:, 1:4], atoms[:, 4:], done.thermo, done.log)
+        return known[key]
+
+    return run
+
+
+def apart(a, b, h):
+    """The largest distance between atoms of two Results, nearest images."""
+    delta = a.x - b.x
+    delta -= np.rint(delta @ np.linalg.inv(h).T) @ h.T
+    return np.linalg.norm(delta, axis=1).max()
+
+
+def tensor(result):
+    """The six pressure components of all printed steps, (steps, 6)."""
+    return np.stack([result.thermo[name] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")], axis=1)
+
+
+# ---- trajectories
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4, 8])
+def test_water_moves_as_with_rigid_nve(simulate, ranks):
+    """Locks out force, torque, exchange between ranks or migration that are off by more than round-off,
+    and a temperature or energy with the wrong degrees of freedom or of velocities from another time."""
+    system = water()
+    theirs = simulate(system, RIGID, 100)
+    ours = simulate(system, LIKE_LAMMPS, 100, ranks=ranks)
+    assert apart(ours, theirs, system.h) < 1e-8
+    assert len(ours.thermo) == 11
+    np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=1e-10)
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+@pytest.mark.parametrize("shape", ["cube", "triclinic", "plane"])
+def test_bodies_move_as_with_rigid_nve(simulate, shape, ranks):
+    """Locks out bodies put together wrongly across tilted faces, wrong moments or torques of planar and
+    three-dimensional bodies, and in two dimensions of any body, rotation out of the plane included."""
+    system = {
+        "cube": lambda: mixture("solid planar"),
+        "triclinic": lambda: mixture("solid planar", tilt=0.3),
+        "plane": lambda: mixture("planar pair row single", side=5, dimension=2),
+    }[shape]()
+    flat = "fix 9 all enforce2d" if shape == "plane" else ""
+    theirs = simulate(system, RIGID, 50, before=flat)
+    ours = simulate(system, LIKE_LAMMPS, 50, before=flat, ranks=ranks)
+    scale = np.abs(theirs.x).max()
+    assert apart(ours, theirs, system.h) < 1e-9 * scale
+    np.testing.assert_allclose(ours.v, theirs.v, atol=1e-9 * np.abs(theirs.v).max())
+    np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=1e-10)
+
+
+@pytest.mark.parametrize("kinds", ["solid planar pair row single", "solid", "pair row"])
+def test_difference_from_rigid_nve_is_of_second_order(simulate, kinds):
+    """Locks out a splitting with the class's own order of axes, or a linear rotor, that solves other
+    equations: after the same time the distance falls with dt^2.  (LAMMPS splits linear rotors.)"""
+    system = mixture(kinds)
+    coarse, fine = (
+        apart(simulate(system, OURS, n, dt=20 / n), simulate(system, RIGID, n, dt=20 / n), system.h) for n in (40, 80)
+    )
+    assert coarse / fine == pytest.approx(4.0, rel=0.1)
+    assert fine < 1e-4
+
+
+@pytest.mark.parametrize("order, turns", [("", (0, 1, 2, 1, 0)), ("order 123", (2, 1, 0, 1, 2))])
+def test_order_of_axes(simulate, order, turns):
+    """Locks out moments numbered otherwise than I_1 >= I_2 >= I_3, and another order of turns than 3,2,1,2,3,
+    or 1,2,3,2,1 where that is asked for: one free step in plain numpy."""
+    system = mixture("solid planar")
+    free = "pair_style zero 2.5\npair_coeff * *\n"
+    start, got = (simulate(system, OURS, n, dt=20, before=free, words="molecule " + order) for n in (0, 1))
+    x, time, parts = start.x, 20 * system.dt, (0.5, 0.5, 1.0, 0.5, 0.5)
+    for body in np.unique(system.molecule):
+        mine = system.molecule == body
+        mass = system.mass[mine]
+        r = x[mine] - x[mine][0]
+        r -= np.rint(r @ np.linalg.inv(system.h).T) @ system.h.T
+        centre = mass @ r / mass.sum()
+        r, velocity = r - centre, mass @ start.v[mine] / mass.sum()
+        L = mass @ np.cross(r, start.v[mine] - velocity)
+        inertia = sum(m * (d @ d * np.eye(3) - np.outer(d, d)) for m, d in zip(mass, r))
+        moments, axes = np.linalg.eigh(inertia)  # the smallest first
+        frame = axes.copy()
+        for k, part in zip(turns, parts):
+            about = frame[:, k]
+            frame = Rotation.from_rotvec(L @ about / moments[k] * part * time * about).apply(frame.T).T
+        want = x[mine][0] + centre + velocity * time + r @ axes @ frame.T
+        delta = got.x[mine] - want
+        delta -= np.rint(delta @ np.linalg.inv(system.h).T) @ system.h.T
+        assert np.abs(delta).max() < 1e-12, f"body {body}"
+
+
+@pytest.mark.parametrize("units", ["real", "metal", "si"])
+def test_units_do_not_matter(simulate, units):
+    """Locks out absolute thresholds, which stop small bodies in SI units, and constants of one unit style:
+    the same system must move in the same way as in LJ units, where rigid/nve agrees."""
+    plain, scaled = mixture(), mixture(units=units)
+    u = UNITS[units]
+    reference, ours = simulate(plain, OURS, 50), simulate(scaled, OURS, 50)
+    delta = Result(ours.x / u.length, None, None, "")
+    assert apart(delta, reference, plain.h) < 1e-9 * np.abs(reference.x).max()
+    speed = u.length / u.time
+    np.testing.assert_allclose(ours.v / speed, reference.v, atol=1e-9 * np.abs(reference.v).max())
+    # pressure is energy by volume, times a constant of the unit style
+    ratio = tensor(ours) / tensor(reference)
+    np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    "words, group, before",
+    [
+        ("single", "one", "group one molecule 5"),
+        ("molecule", "some", "group some molecule 2 7:11"),
+        ("custom i_body", "all", "variable b atom mol*2\nfix 3 all property/atom i_body\nset group all i_body v_b"),
+        ("custom v_b", "all", "variable b atom mol*2+0.25"),
+        ("group 3 a b c", "all", "group a molecule 1\ngroup b molecule 8 9\ngroup c molecule 20"),
+    ],
+    ids=lambda text: text.split("\n")[0] if " " in text else text,
+)
+def test_body_styles(simulate, words, group, before):
+    """Locks out a body style that groups other atoms than the same words do with fix rigid/nve.
+    (Two molecules are one body in the group style; atoms in no body stay at rest.)"""
+    system = mixture("solid planar")
+    how = dict(words=words, group=group, before=before, ranks=2)
+    theirs, ours = simulate(system, RIGID, 50, **how), simulate(system, LIKE_LAMMPS, 50, **how)
+    assert apart(ours, theirs, system.h) < 1e-9 * np.abs(theirs.x).max()
+    np.testing.assert_allclose(ours.v, theirs.v, atol=1e-9 * np.abs(theirs.v).max())
+
+
+def test_mrot(simulate):
+    """Locks out an mrot that is read but not used: free rotors' error falls as 1 / mrot^2."""
+    system = mixture("solid")
+    free = "pair_style zero 2.5\npair_coeff * *\n"
+    runs = [simulate(system, OURS, 50, dt=20, words=f"molecule mrot {m}", before=free) for m in (1, 2, 4, 64)]
+    errors = [apart(run, runs[-1], system.h) for run in runs[:-1]]
+    assert errors[0] < 0.1
+    np.testing.assert_allclose(np.array(errors[:-1]) / errors[1:], 4.0, rtol=0.1)
+
+
+# ---- start
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_start_velocities(simulate, ranks):
+    """Locks out a projection that changes a body's linear or angular momentum, leaves motion that is
+    not rigid, or logs another loss of kinetic energy than there is."""
+    system = mixture()
+    before, after = (simulate(system, fix, 0, ranks=n) for fix, n in (("", 1), (OURS, ranks)))
+    inverse, lost = np.linalg.inv(system.h).T, 0.0
+    for body in np.unique(system.molecule):
+        mine = system.molecule == body
+        mass, r = system.mass[mine], before.x[mine] - before.x[mine][0]
+        r -= np.rint(r @ inverse) @ system.h.T
+        old, new = before.v[mine], after.v[mine]
+        np.testing.assert_allclose(mass @ new, mass @ old, atol=1e-13)
+        np.testing.assert_allclose(mass @ np.cross(r, new), mass @ np.cross(r, old), atol=1e-13)
+        # rigid: no pair of atoms comes nearer or goes away
+        for i, j in itertools.combinations(range(len(mass)), 2):
+            assert abs((r[i] - r[j]) @ (new[i] - new[j])) < 1e-13
+        lost += 0.5 * mass @ (old**2 - new**2).sum(axis=1)
+    kinetic = 0.5 * system.mass @ (before.v**2).sum(axis=1)
+    said = re.search(r"start velocities: (\S+) of the kinetic energy (\S+)", after.log)
+    np.testing.assert_allclose([float(said[1]), float(said[2])], [lost, kinetic], rtol=1e-6)
+    assert lost > 0.1 * kinetic
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_bodies_cut_by_a_face(simulate, ranks):
+    """Locks out molecules torn apart by a data file without image flags."""
+    right, none = mixture("solid planar pair"), mixture("solid planar pair", flags=False)
+    assert right.files != none.files
+    cut = simulate(none, OURS, 50, ranks=ranks)
+    assert apart(cut, simulate(right, OURS, 50), right.h) < 1e-9 * np.abs(cut.x).max()
+    assert re.search(r"\b\d+ bodies were cut by a periodic face", cut.log)
+    assert "cut by a periodic face" not in simulate(right, OURS, 50).log
+
+
+def wide(flags):
+    """A bent rod over 0.7 of a periodic box, across its face, among pairs of atoms."""
+    system = mixture("pair", side=4, spacing=2.8, temperature=2.0)
+    h, n = system.h, 12
+    rod = np.stack([np.linspace(0.6, 1.3, n) * h[0, 0], 1.4 + 0.1 * np.cos(np.arange(n)), 1.4 + 0.1 * np.sin(np.arange(n))])
+    rng = np.random.default_rng(3)
+    pairs = [("pair", Rotation.random(random_state=int(rng.integers(1 << 30))).apply(SHAPES["pair"][0]) + place,
+              np.array(SHAPES["pair"][1])) for place in 2.8 * np.array(list(itertools.product(range(4), range(4), range(4))))]  # fmt: skip
+    return assemble([("rod", rod.T, np.ones(n, int)), *pairs], h, flags=flags)
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_body_wider_than_half_the_box(simulate, ranks):
+    """Locks out the nearest image where the image flags are right and the body is too wide for it."""
+    system = wide(True)
+    theirs, ours = (simulate(system, fix, 50, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks)))
+    # tiny steps, in which LAMMPS's splitting of the pairs' rotation makes no difference
+    assert apart(ours, theirs, system.h) < 1e-7
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_wide_body_with_wrong_flags_is_refused(simulate, ranks):
+    """Locks out a silently wrong shape where a body's image flags do not fit and it is too wide to guess."""
+    run = simulate(wide(False), OURS, 1, ranks=ranks, check=False, timeout=60)
+    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    assert run.code != 0 and len(errors) == 1
+    assert "the body of molecule 1 " in errors[0] and "mage flags" in errors[0]
+
+
+# ---- what LAMMPS reports
+
+
+KINDS = "solid planar pair row single"
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_temperature_of_a_mixture(simulate, dimension, ranks):
+    """Locks out wrong degrees of freedom of one kind of body, of bodies on several ranks, in a group of
+    atoms, or of bodies of which a group has a part; at every printed step, 0 included."""
+    kinds = KINDS if dimension == 3 else KINDS.replace("solid ", "")
+    system = mixture(kinds, side=3 if dimension == 3 else 5, dimension=dimension)
+    names = [*kinds.split(), "part"]
+    before = "group part type 1 3\n" + "\n".join(f"compute {name} {name} temp" for name in names)
+    before += "\nfix 9 all enforce2d" * (dimension == 2)
+    how = dict(before=before, columns=" ".join(f"c_{name}" for name in names), every=2, dt=1e-4)
+    theirs, ours = simulate(system, RIGID, 10, **how), simulate(system, OURS, 10, ranks=ranks, **how)
+    for name in ["Temp", *(f"c_{name}" for name in names)]:
+        assert (theirs.thermo[name] > 0).all() or name == "c_part"
+        np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=1e-10, err_msg=name)
+
+
+@pytest.mark.parametrize("kinds", [KINDS, "solid", "planar", "pair", "row"])
+def test_pressure_in_the_limit_of_small_steps(simulate, kinds):
+    """Locks out a wrong term of the constraint virial for one kind of body: the six components differ from
+    rigid/nve/small's in proportion to dt (LAMMPS averages two half steps)."""
+    system = mixture(kinds)
+    size = []
+    for n in 40, 80, 160:
+        ours, theirs = (tensor(simulate(system, fix, n, dt=40 / n, every=n))[-1] for fix in (OURS, SMALL))
+        size.append(np.linalg.norm(ours - theirs) / np.linalg.norm(ours))
+    np.testing.assert_allclose(np.array(size[:-1]) / size[1:], 2.0, rtol=0.15)
+    assert size[-1] < 0.02
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_pressure_at_step_0(simulate, dimension, ranks):
+    """Locks out the impulse that makes random start velocities rigid, or forces not yet gathered, in the
+    first pressure: it equals that of a vanishing step later, by this fix and by rigid/nve/small."""
+    kinds = KINDS if dimension == 3 else KINDS.replace("solid ", "")
+    system = mixture(kinds, side=3 if dimension == 3 else 5, dimension=dimension)
+    before = "fix 9 all enforce2d" * (dimension == 2)
+    ours, theirs = (simulate(system, fix, 4, dt=1e-6, every=1, before=before, ranks=n)
+                    for fix, n in ((OURS, ranks), (SMALL, 1)))  # fmt: skip
+    scale = np.abs(tensor(ours)).max()
+    np.testing.assert_allclose(tensor(ours)[1:], tensor(ours)[:1].repeat(4, axis=0), atol=1e-6 * scale)
+    np.testing.assert_allclose(tensor(ours)[2:], tensor(theirs)[2:], atol=1e-5 * scale)
+
+
+def test_pressure_of_water_at_step_0(simulate):
+    """Locks out a virial that misses the force of PPPM within molecules."""
+    ours, theirs = (simulate(water(), fix, 3, dt=1e-5, every=1) for fix in (OURS, SMALL))
+    scale = np.abs(tensor(ours)).max()
+    np.testing.assert_allclose(tensor(ours)[0], tensor(theirs)[-1], atol=1e-4 * scale)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
+    """Locks out a virial with absolute positions in it, or of an atom in the wrong periodic image."""
+    system, rng = mixture(tilt=tilt, flags=False), np.random.default_rng(2)
+    offsets = [(0.3, 0, 0), *(system.h @ rng.uniform(-1.5, 1.5, 3) for _ in range(5))]
+    after = "\n".join("displace_atoms all move {:.15g} {:.15g} {:.15g} units box\nrun 0".format(*d) for d in offsets)
+    table = tensor(simulate(system, OURS, 0, after=after, ranks=ranks))
+    assert len(table) == 7
+    np.testing.assert_allclose(table, table[:1].repeat(7, axis=0), atol=1e-9 * np.abs(table).max())
+
+
+def test_energy_of_water(simulate):
+    """Locks out a worse conservation of energy than rigid/nve/small's at 2 fs, and a drift."""
+    sd = [simulate(water(), fix, 500, dt=2, every=5, ranks=2).thermo["TotEng"].std() for fix in (OURS, SMALL)]
+    assert sd[0] == pytest.approx(sd[1], rel=0.05)
+
+
+# ---- migration
+
+
+def hot_rods():
+    """Three coiled rods of 40 atoms over nearly the whole length of the box, and a hot bath of other bodies."""
+    h = np.diag([27.0, 9.0, 9.0])
+    s = np.arange(40)
+    coil = np.stack([0.62 * s, 0.4 * np.cos(0.9 * s), 0.4 * np.sin(0.9 * s)]).T
+    types = 1 + s % 3
+    rods = {(1.5, 1.5): 0.0, (4.5, 4.5): 9.0, (7.5, 1.5): 20.0}
+    bodies = [("rod", coil + [x, y, z], types) for (y, z), x in rods.items()]
+    rng, kinds = np.random.default_rng(4), itertools.cycle(["pair", "solid", "single", "row"])
+    for x, y, z in itertools.product(np.arange(9) * 3.0, (1.5, 4.5, 7.5), (1.5, 4.5, 7.5)):
+        if (y, z) in rods:
+            continue
+        kind = next(kinds)
+        turn = Rotation.random(random_state=int(rng.integers(1 << 30)))
+        bodies.append((kind, turn.apply(SHAPES[kind][0]) + [x, y, z], np.array(SHAPES[kind][1])))
+    return assemble(bodies, h, temperature=8.0, dt=0.001)
+
+
+@pytest.mark.parametrize("grid", [(8, 1, 1), (2, 2, 1), (2, 1, 1)], ids=str)
+def test_migration(simulate, grid):
+    """Locks out state that does not follow atoms, copies of a body that come apart, and a limit on how many
+    ranks share a body: a hot system that re-neighbours at every step moves as on one rank."""
+    system = hot_rods()
+    cut = "processors {} {} {}\nread_data".format(*grid)
+    split = system._replace(setup=system.setup.replace("read_data", cut))
+    how = dict(before="neigh_modify every 1 delay 0 check no", every=50)
+    start, alone = simulate(system, OURS, 0, **how), simulate(system, OURS, 300, **how)
+    many = simulate(split, OURS, 300, ranks=int(np.prod(grid)), **how)
+    cells = [np.floor(run.x / np.diag(system.h) * grid) for run in (start, many)]
+    assert (cells[0] != cells[1]).any(axis=1).sum() > 10, "hardly an atom has changed its rank"
+    assert apart(many, alone, system.h) < 1e-8
+    np.testing.assert_allclose(system.mass @ many.v, 0, atol=1e-10)
+    np.testing.assert_allclose(many.thermo["TotEng"], alone.thermo["TotEng"], rtol=1e-9)

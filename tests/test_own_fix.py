@@ -1,0 +1,165 @@
+"""The same class and fix line in a LAMMPS that has its own fix python/move, here that of Debian's lammps package.
+
+It is another version (29 Sep 2021), with Open MPI and the system's Python.  DEBIAN_LAMMPS names it
+if it is not /usr/bin/lmp.
+"""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_bad_input import BENT, CASES, SECONDS, SPOIL, left_behind
+
+import fix_nosquish
+
+LMP = Path(os.environ.get("DEBIAN_LAMMPS", "/usr/bin/lmp"))
+ROOT = Path(__file__).parents[1]
+
+
+def obstacle():
+    """Why these tests cannot run here, or nothing."""
+    if not LMP.exists():
+        return f"Debian's lammps package is not installed: no {LMP}"
+    libraries = subprocess.run(["ldd", LMP], capture_output=True, text=True).stdout
+    version = re.search(r"libpython(\d+\.\d+)", libraries)
+    here = "{}.{}".format(*sys.version_info)
+    if not version or version[1] != here:
+        return f"{LMP} holds Python {version and version[1]}, which cannot use the compiled packages of this Python {here}"
+    return None
+
+
+pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "")
+
+SCRIPT = """
+units         real
+atom_style    full
+read_data     data.ice
+include       {forcefield}
+group         water type 1 2
+velocity      all create 295 4928
+{fix}
+thermo_style  custom step temp pxx pyy pzz pxy pxz pyz
+thermo_modify format float %.16g
+thermo        10
+timestep      1.0
+{runs}
+write_dump    all custom dump.end id xu yu zu modify sort id format float %.16g
+"""
+OURS = 'fix 1 water python/move "fix_nosquish.NVE water molecule"'
+RIGID = "fix 1 water rigid/nve molecule"
+
+
+def ice(side=5, spacing=3.1):
+    """A data file of water molecules on a cubic lattice, turned at random."""
+    rng = np.random.default_rng(295)
+    n = side**3
+    half = np.radians(104.52 / 2)
+    x, y = 0.9572 * np.cos(half), 0.9572 * np.sin(half)
+    molecule = np.array([[0, 0, 0], [x, y, 0], [x, -y, 0]])
+    turn = np.linalg.qr(rng.normal(size=(n, 3, 3)))[0]
+    centres = spacing * (np.stack(np.meshgrid(*[np.arange(side)] * 3), -1).reshape(n, 1, 3) + 0.5)
+    place = (centres + np.einsum("nij,aj->nai", turn, molecule)).reshape(-1, 3)
+    lines = ["ice", f"{3 * n} atoms", f"{2 * n} bonds", f"{n} angles", "2 atom types", "1 bond types", "1 angle types"]
+    lines += [f"0 {side * spacing} {k}lo {k}hi" for k in "xyz"]
+    lines += ["", "Masses", "", "1 15.9994", "2 1.008", "", "Atoms # full", ""]
+    for i, r in enumerate(place):
+        kind, charge = (2, 0.417) if i % 3 else (1, -0.834)
+        lines.append(f"{i + 1} {i // 3 + 1} {kind} {charge} {r[0]:.16g} {r[1]:.16g} {r[2]:.16g}")
+    lines += ["", "Bonds", ""] + [f"{2 * m + h} 1 {3 * m + 1} {3 * m + 1 + h}" for m in range(n) for h in (1, 2)]
+    lines += ["", "Angles", ""] + [f"{m + 1} 1 {3 * m + 2} {3 * m + 1} {3 * m + 3}" for m in range(n)]
+    return "\n".join(lines) + "\n"
+
+
+def debian(ranks):
+    """The command that starts Debian's LAMMPS, up to the name of the input script."""
+    packages = dict.fromkeys(str(Path(module.__file__).parents[1]) for module in (fix_nosquish, np))
+    return [
+        "env", "OMPI_ALLOW_RUN_AS_ROOT=1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1", f"PYTHONPATH={':'.join(packages)}",
+        *([str(LMP.parent / "mpirun"), "--oversubscribe", "-np", str(ranks)] if ranks > 1 else []), str(LMP), "-in",
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def run_water(run_lammps, tmp_path):
+    """Run a small box of water; return its Run and the positions at its end."""
+
+    def run(fix, runs="run 20", *, launcher=None, ranks=1, own_ranks=1):
+        script = SCRIPT.format(fix=fix, runs=runs, forcefield=ROOT / "inputs/water/forcefield.water")
+        result = run_lammps(script, files={"data.ice": ice()}, launcher=launcher or debian(ranks), ranks=own_ranks)
+        return result, np.loadtxt(tmp_path / "dump.end", skiprows=9)[:, 1:]
+
+    return run
+
+
+def advised(run):
+    """The input lines that the log of a run names."""
+    return "\n".join(re.findall(r"^    ((?:compute_modify|fix) .*)$", run.log, re.M))
+
+
+def test_trajectory(run_water):
+    """Locks out a class that works only with the plugin, and copies of a body that drift apart between ranks."""
+    _, expected = run_water(RIGID, "run 100")
+    for ranks in 1, 2, 4, 8:
+        _, ours = run_water(OURS, "run 100", ranks=ranks)
+        assert np.abs(ours - expected).max() < 1e-8, f"on {ranks} ranks"
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_temperature_and_pressure(run_water, ranks):
+    """Locks out advice that is wrong, incomplete or not found in the log."""
+    lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
+    assert lines == "compute_modify thermo_temp extra/dof 378\nfix nosquish_virial all external pf/callback 1 1"
+    own = run_water(f"{OURS}\n{lines}", ranks=ranks)[0].thermo
+    rigid = run_water(RIGID)[0].thermo
+    plugin = run_water(OURS, launcher="lmp", own_ranks=2)[0].thermo
+    assert len(own) == 3
+    np.testing.assert_allclose(own["Temp"], rigid["Temp"], rtol=1e-10)
+    components = ["Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz"]
+    scale = max(np.abs(plugin[name]).max() for name in components)
+    for name in components:  # the two versions' PPPM differs a little
+        np.testing.assert_allclose(own[name], plugin[name], rtol=0, atol=1e-5 * scale, err_msg=name)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_runs_in_a_row(run_water, ranks):
+    """Locks out a second run that starts from the first one's velocities, forces or indices."""
+    runs = "run 20\nrun 10\nvelocity all create 400 87287 temp thermo_temp\nrun 20"
+    lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
+    ours, theirs = run_water(f"{OURS}\n{lines}", runs, ranks=ranks), run_water(RIGID, runs)
+    np.testing.assert_allclose(ours[1], theirs[1], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(ours[0].thermo["Temp"], theirs[0].thermo["Temp"], rtol=1e-10)
+
+
+def test_fix_redefined(run_water):
+    """Locks out a virial asked of an integrator that unfix has taken away."""
+    lines = advised(run_water(OURS, "run 0")[0])
+    again = f"run 10\nunfix 1\n{OURS}\nrun 10\nunfix 1\nrun 1\n{OURS}\nrun 10"
+    thermo = run_water(f"{OURS}\n{lines}", again)[0].thermo
+    plugin = run_water(OURS, again, launcher="lmp")[0].thermo
+    np.testing.assert_allclose(thermo["Pxx"][:4], plugin["Pxx"][:4], rtol=1e-4)
+
+
+IN_IMPORT = "value with a point", "integrator that does not exist"  # the message comes with Python's traceback
+# LAMMPS's own fix python/move speaks for itself in these, or its class cannot see them at the start
+OTHER = ("variable that is not atom-style", "fix nve before ours", "fix nve after ours", "run_style respa",
+         "integrator without words", "force not finite from the start")  # fmt: skip
+SEEN = [name for name in CASES if name not in OTHER]
+
+
+@pytest.mark.parametrize("name", SEEN)
+def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
+    """Locks out the hang of LAMMPS's own fix, where one rank fails and waits for the others, and a lost message."""
+    files = {"mol.bent": BENT, "spoil.py": SPOIL}
+    case = CASES[name]
+    run = run_lammps(case.script, files=files, launcher=debian(2), check=False, timeout=SECONDS)
+    assert run.code != 0, run.screen
+    said = [line for line in run.screen.splitlines() if all(words in line for words in case.expected)]
+    if name in IN_IMPORT:
+        assert said, run.screen
+    else:
+        assert len([line for line in said if line.startswith("ERROR")]) == 1, run.screen
+    assert not left_behind(tmp_path)
