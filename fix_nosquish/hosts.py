@@ -56,10 +56,10 @@ class OwnFix:
     def advice(self, removed):
         """The input lines with which this LAMMPS prints the right temperature and pressure."""
         return (
-            "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. For a right temp:\n"
-            f"    compute_modify thermo_temp extra/dof {removed + self.lammps.dimension}\n"
-            "  and for a right press, after all other fixes:\n"
-            f"    fix {EXTERNAL} all external pf/callback 1 1\n"
+            "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. For a right temp:",
+            f"    compute_modify thermo_temp extra/dof {removed + self.lammps.dimension}",
+            "  and for a right press, after all other fixes:",
+            f"    fix {EXTERNAL} all external pf/callback 1 1",
         )
 
     def begin_run(self, function):

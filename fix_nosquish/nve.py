@@ -119,13 +119,14 @@ class NVE:
             self._say(bool(vflag))
 
     def _say(self, virial):
-        """Log what the bodies are, if it was not said before."""
-        text, removed = thermo.summary(self, self._notes, virial)
-        if isinstance(self.host, OwnFix):
-            text += self.host.advice(removed)
-        if text != self._said:
-            self.host.log(text)
-        self._said = text
+        """Log what the bodies are, if that has changed, and what was taken from the atoms' velocities."""
+        lines, removed = thermo.summary(self, self._notes, virial)
+        known, self._said = self._said == lines[:3], lines[:3]
+        if not known:
+            advice = self.host.advice(removed) if isinstance(self.host, OwnFix) else ()
+            self.host.log("\n".join([*lines, *advice, ""]))
+        elif self._notes["removed"] > 1e-9 * self._notes["kinetic"]:
+            self.host.log(thermo.start_velocities(self._notes) + "\n")
 
     @hook
     def reset_dt(self):

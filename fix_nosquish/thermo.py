@@ -29,7 +29,7 @@ def removed_freedom(bodies, world, inside, dimension):
 
 
 def summary(nve, notes, virial):
-    """The lines for the log at the start of a run; collective.
+    """The lines for the log at the start of a run, and the degrees of freedom removed; collective.
 
     Args:
         nve: the integrator.  notes: what `build` says.  virial: whether LAMMPS asks for it.
@@ -59,7 +59,7 @@ def summary(nve, notes, virial):
         f"  {removed} degrees of freedom removed, {round(world.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0])} left to the bodies",
         f"  passes in use: {', '.join(done) if done else 'translation'}",
         f"  passes left out: {', '.join(left) if left else 'none'}",
-        f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed",
+        start_velocities(notes),
     ]
     if notes["rebuilt"]:
         lines.append(f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the nearest image")
@@ -68,4 +68,12 @@ def summary(nve, notes, virial):
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: give every body a molecule-ID of its own, "
             "or leave these atoms out of the group"
         )
-    return "".join(line + "\n" for line in lines), removed
+    return lines, removed
+
+
+def start_velocities(notes):
+    """The line for the log on what `build` found of the atoms' velocities."""
+    return (
+        f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} "
+        "was not rigid motion and was removed"
+    )
