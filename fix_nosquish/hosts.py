@@ -6,10 +6,13 @@ surroundings.  LAMMPS's own fix knows nothing of that; `OwnFix` stands in for it
 
 import ctypes
 import sys
+import traceback
 import weakref
 from functools import wraps
 
 import numpy as np
+
+from .errors import RunError
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
 _callbacks = {}  # LAMMPS's address -> what its fix external calls
@@ -83,9 +86,14 @@ class OwnFix:
         if self._said is error:
             return
         self._said = error
-        everywhere = getattr(error, "everywhere", False)
+        text, everywhere = str(error), getattr(error, "everywhere", False)
+        if not isinstance(error, RunError):
+            text = f"{type(error).__name__}: {text}"
+            if self.world.size > 1:  # on one rank LAMMPS prints it
+                traceback.print_exception(error)
         if self.world.rank == 0 or not everywhere:
-            print(f"ERROR: {error}" if everywhere else f"ERROR on proc {self.world.rank}: {error}", file=sys.stderr)
+            where = "" if everywhere or self.world.size == 1 else f" on proc {self.world.rank}"
+            print(f"ERROR{where}: {text}", file=sys.stderr)
         sys.stderr.flush()
         ctypes.CDLL(None).fflush(None)
         if everywhere:

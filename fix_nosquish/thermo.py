@@ -57,9 +57,9 @@ def summary(nve, notes, virial):
         f"Rigid bodies by NO_SQUISH: {command.text}",
         f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",
         f"  {removed} degrees of freedom removed, {round(world.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0])} left to the bodies",
-        f"  passes in use: {', '.join(done) if done else 'translation'}",
-        f"  passes left out: {', '.join(left) if left else 'none'}",
         start_velocities(notes),
+        "\n    ".join(["  passes in use:", *(done or ["translation"])]),
+        "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
     if notes["rebuilt"]:
         lines.append(f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the nearest image")

@@ -2,7 +2,7 @@
 
 Systems: the water of inputs/, and small boxes of Lennard-Jones bodies of chosen kinds in chosen units.
 
-Order of axes: since 2024 LAMMPS's fix rigid/nve turns a body about the axis of its largest moment
+Order of axes: in 22 Jul 2025 LAMMPS's fix rigid/nve turns a body about the axis of its largest moment
 outermost, NVE about that of the smallest.  Where a test asks for the very trajectory of rigid/nve, it
 runs NVE with `order 123`; in its own order the two differ by terms of dt^2, which has tests of its own.
 """
@@ -121,24 +121,35 @@ def assemble(bodies, h, *, units="lj", dimension=3, flags=True, temperature=1.0,
                   singles="single" in groups, mass=mass * u.mass, molecule=molecule)  # fmt: skip
 
 
-def mixture(kinds="solid planar pair row single", *, side=3, tilt=0.0, spacing=3.3, dimension=3, seed=1, **more):
-    """Bodies of these kinds in turn, each turned at random, on a lattice that the box's faces cut."""
+def turned(kind, place, others, h, rng):
+    """A body (kind, positions, types) of a shape at a place, turned at random so that it overlaps with no other."""
+    shape, types = SHAPES[kind]
+    for _ in range(1000):
+        flat = h[2, 2] == 1  # two dimensions
+        turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)]) if flat else Rotation.from_quat(rng.normal(size=4))
+        x = turn.apply(shape) + place
+        gap = np.inf
+        for _, y, _ in others:
+            delta = x[:, None] - y
+            delta -= np.rint(delta @ np.linalg.inv(h).T) @ h.T
+            gap = min(gap, np.linalg.norm(delta, axis=2).min())
+        if gap > 0.9:
+            return kind, x, np.array(types)
+    raise RuntimeError("no room")
+
+
+def mixture(kinds="solid planar pair row single", *, side=3, tilt=0.0, spacing=2.55, dimension=3, seed=1, **more):
+    """Bodies of these kinds in turn, each turned at random, on a lattice that the box's faces cut.
+
+    No distance in the lattice is the cutoff, at which the potential energy jumps."""
     rng = np.random.default_rng(seed)
+    count = np.array([side, side, side if dimension == 3 else 1])
     h = spacing * side * np.array([[1, tilt, -tilt / 2], [0, 1, tilt / 3], [0, 0, 1.0]])
     if dimension == 2:
         h[:, 2] = 0, 0, 1
-    sites = itertools.product(range(side), range(side), range(side if dimension == 3 else 1))
-    turns = itertools.cycle(kinds.split())
     bodies = []
-    for site in sites:
-        kind = next(turns)
-        shape, types = SHAPES[kind]
-        if dimension == 2:
-            turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 2 * np.pi)])
-        else:
-            turn = Rotation.random(random_state=int(rng.integers(1 << 30)))
-        place = h @ (np.array(site) / [side, side, side if dimension == 3 else 1])
-        bodies.append((kind, turn.apply(shape) + place, np.array(types)))
+    for kind, site in zip(itertools.cycle(kinds.split()), itertools.product(*map(range, count))):
+        bodies.append(turned(kind, h @ (site / count), bodies, h, rng))
     bodies.sort(key=lambda body: list(SHAPES).index(body[0]))
     return assemble(bodies, h, dimension=dimension, seed=seed, **more)
 
@@ -240,7 +251,7 @@ def test_bodies_move_as_with_rigid_nve(simulate, shape, ranks):
     ours = simulate(system, LIKE_LAMMPS, 50, before=flat, ranks=ranks)
     scale = np.abs(theirs.x).max()
     assert apart(ours, theirs, system.h) < 1e-9 * scale
-    np.testing.assert_allclose(ours.v, theirs.v, atol=1e-9 * np.abs(theirs.v).max())
+    np.testing.assert_allclose(ours.v, theirs.v, rtol=0, atol=1e-9 * np.abs(theirs.v).max())
     np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=1e-10)
 
 
@@ -294,7 +305,7 @@ def test_units_do_not_matter(simulate, units):
     delta = Result(ours.x / u.length, None, None, "")
     assert apart(delta, reference, plain.h) < 1e-9 * np.abs(reference.x).max()
     speed = u.length / u.time
-    np.testing.assert_allclose(ours.v / speed, reference.v, atol=1e-9 * np.abs(reference.v).max())
+    np.testing.assert_allclose(ours.v / speed, reference.v, rtol=0, atol=1e-9 * np.abs(reference.v).max())
     # pressure is energy by volume, times a constant of the unit style
     ratio = tensor(ours) / tensor(reference)
     np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-7)
@@ -318,7 +329,7 @@ def test_body_styles(simulate, words, group, before):
     how = dict(words=words, group=group, before=before, ranks=2)
     theirs, ours = simulate(system, RIGID, 50, **how), simulate(system, LIKE_LAMMPS, 50, **how)
     assert apart(ours, theirs, system.h) < 1e-9 * np.abs(theirs.x).max()
-    np.testing.assert_allclose(ours.v, theirs.v, atol=1e-9 * np.abs(theirs.v).max())
+    np.testing.assert_allclose(ours.v, theirs.v, rtol=0, atol=1e-9 * np.abs(theirs.v).max())
 
 
 def test_mrot(simulate):
@@ -346,8 +357,8 @@ def test_start_velocities(simulate, ranks):
         mass, r = system.mass[mine], before.x[mine] - before.x[mine][0]
         r -= np.rint(r @ inverse) @ system.h.T
         old, new = before.v[mine], after.v[mine]
-        np.testing.assert_allclose(mass @ new, mass @ old, atol=1e-13)
-        np.testing.assert_allclose(mass @ np.cross(r, new), mass @ np.cross(r, old), atol=1e-13)
+        np.testing.assert_allclose(mass @ new, mass @ old, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(mass @ np.cross(r, new), mass @ np.cross(r, old), rtol=0, atol=1e-13)
         # rigid: no pair of atoms comes nearer or goes away
         for i, j in itertools.combinations(range(len(mass)), 2):
             assert abs((r[i] - r[j]) @ (new[i] - new[j])) < 1e-13
@@ -371,13 +382,13 @@ def test_bodies_cut_by_a_face(simulate, ranks):
 
 def wide(flags):
     """A bent rod over 0.7 of a periodic box, across its face, among pairs of atoms."""
-    system = mixture("pair", side=4, spacing=2.8, temperature=2.0)
-    h, n = system.h, 12
-    rod = np.stack([np.linspace(0.6, 1.3, n) * h[0, 0], 1.4 + 0.1 * np.cos(np.arange(n)), 1.4 + 0.1 * np.sin(np.arange(n))])
-    rng = np.random.default_rng(3)
-    pairs = [("pair", Rotation.random(random_state=int(rng.integers(1 << 30))).apply(SHAPES["pair"][0]) + place,
-              np.array(SHAPES["pair"][1])) for place in 2.8 * np.array(list(itertools.product(range(4), range(4), range(4))))]  # fmt: skip
-    return assemble([("rod", rod.T, np.ones(n, int)), *pairs], h, flags=flags)
+    h, k, rng = 10.0 * np.eye(3), np.arange(12), np.random.default_rng(3)
+    rod = np.stack([6.0 + 7.0 / 11 * k, 1.4 + 0.1 * np.cos(k), 1.4 + 0.1 * np.sin(k)]).T
+    bodies = [("rod", rod, np.ones(12, int))]
+    for site in itertools.product(range(4), range(4), range(4)):
+        if site[1:] not in ((0, 0), (0, 1), (1, 0), (1, 1)):
+            bodies.append(turned("pair", 2.5 * np.array(site), bodies, h, rng))
+    return assemble(bodies, h, flags=flags)
 
 
 @pytest.mark.parametrize("ranks", [1, 4])
@@ -445,15 +456,15 @@ def test_pressure_at_step_0(simulate, dimension, ranks):
     ours, theirs = (simulate(system, fix, 4, dt=1e-6, every=1, before=before, ranks=n)
                     for fix, n in ((OURS, ranks), (SMALL, 1)))  # fmt: skip
     scale = np.abs(tensor(ours)).max()
-    np.testing.assert_allclose(tensor(ours)[1:], tensor(ours)[:1].repeat(4, axis=0), atol=1e-6 * scale)
-    np.testing.assert_allclose(tensor(ours)[2:], tensor(theirs)[2:], atol=1e-5 * scale)
+    np.testing.assert_allclose(tensor(ours)[1:], tensor(ours)[:1].repeat(4, axis=0), rtol=0, atol=1e-6 * scale)
+    np.testing.assert_allclose(tensor(ours)[2:], tensor(theirs)[2:], rtol=0, atol=1e-5 * scale)
 
 
 def test_pressure_of_water_at_step_0(simulate):
     """Locks out a virial that misses the force of PPPM within molecules."""
     ours, theirs = (simulate(water(), fix, 3, dt=1e-5, every=1) for fix in (OURS, SMALL))
     scale = np.abs(tensor(ours)).max()
-    np.testing.assert_allclose(tensor(ours)[0], tensor(theirs)[-1], atol=1e-4 * scale)
+    np.testing.assert_allclose(tensor(ours)[0], tensor(theirs)[-1], rtol=0, atol=1e-4 * scale)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -465,11 +476,11 @@ def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
     after = "\n".join("displace_atoms all move {:.15g} {:.15g} {:.15g} units box\nrun 0".format(*d) for d in offsets)
     table = tensor(simulate(system, OURS, 0, after=after, ranks=ranks))
     assert len(table) == 7
-    np.testing.assert_allclose(table, table[:1].repeat(7, axis=0), atol=1e-9 * np.abs(table).max())
+    np.testing.assert_allclose(table, table[:1].repeat(7, axis=0), rtol=0, atol=1e-9 * np.abs(table).max())
 
 
 def test_energy_of_water(simulate):
-    """Locks out a worse conservation of energy than rigid/nve/small's at 2 fs, and a drift."""
+    """Locks out a worse conservation of energy than rigid/nve/small's at 2 fs."""
     sd = [simulate(water(), fix, 500, dt=2, every=5, ranks=2).thermo["TotEng"].std() for fix in (OURS, SMALL)]
     assert sd[0] == pytest.approx(sd[1], rel=0.05)
 
@@ -479,23 +490,18 @@ def test_energy_of_water(simulate):
 
 def hot_rods():
     """Three coiled rods of 40 atoms over nearly the whole length of the box, and a hot bath of other bodies."""
-    h = np.diag([27.0, 9.0, 9.0])
-    s = np.arange(40)
+    h, s, rng = np.diag([27.0, 9.0, 9.0]), np.arange(40), np.random.default_rng(4)
     coil = np.stack([0.62 * s, 0.4 * np.cos(0.9 * s), 0.4 * np.sin(0.9 * s)]).T
-    types = 1 + s % 3
     rods = {(1.5, 1.5): 0.0, (4.5, 4.5): 9.0, (7.5, 1.5): 20.0}
-    bodies = [("rod", coil + [x, y, z], types) for (y, z), x in rods.items()]
-    rng, kinds = np.random.default_rng(4), itertools.cycle(["pair", "solid", "single", "row"])
+    bodies = [("rod", coil + [x, y, z], 1 + s % 3) for (y, z), x in rods.items()]
+    kinds = itertools.cycle(["pair", "solid", "single", "row"])
     for x, y, z in itertools.product(np.arange(9) * 3.0, (1.5, 4.5, 7.5), (1.5, 4.5, 7.5)):
-        if (y, z) in rods:
-            continue
-        kind = next(kinds)
-        turn = Rotation.random(random_state=int(rng.integers(1 << 30)))
-        bodies.append((kind, turn.apply(SHAPES[kind][0]) + [x, y, z], np.array(SHAPES[kind][1])))
-    return assemble(bodies, h, temperature=8.0, dt=0.001)
+        if (y, z) not in rods:
+            bodies.append(turned(next(kinds), [x, y, z], bodies, h, rng))
+    return assemble(bodies, h, temperature=8.0)
 
 
-@pytest.mark.parametrize("grid", [(8, 1, 1), (2, 2, 1), (2, 1, 1)], ids=str)
+@pytest.mark.parametrize("grid", [(8, 1, 1), (2, 2, 1), (1, 2, 1)], ids=str)
 def test_migration(simulate, grid):
     """Locks out state that does not follow atoms, copies of a body that come apart, and a limit on how many
     ranks share a body: a hot system that re-neighbours at every step moves as on one rank."""
@@ -503,10 +509,10 @@ def test_migration(simulate, grid):
     cut = "processors {} {} {}\nread_data".format(*grid)
     split = system._replace(setup=system.setup.replace("read_data", cut))
     how = dict(before="neigh_modify every 1 delay 0 check no", every=50)
-    start, alone = simulate(system, OURS, 0, **how), simulate(system, OURS, 300, **how)
-    many = simulate(split, OURS, 300, ranks=int(np.prod(grid)), **how)
+    start, alone = simulate(system, OURS, 0, **how), simulate(system, OURS, 150, **how)
+    many = simulate(split, OURS, 150, ranks=int(np.prod(grid)), **how)
     cells = [np.floor(run.x / np.diag(system.h) * grid) for run in (start, many)]
-    assert (cells[0] != cells[1]).any(axis=1).sum() > 10, "hardly an atom has changed its rank"
+    assert (cells[0] != cells[1]).any(axis=1).sum() > 5, "hardly an atom has changed its rank"
     assert apart(many, alone, system.h) < 1e-8
     np.testing.assert_allclose(system.mass @ many.v, 0, atol=1e-10)
     np.testing.assert_allclose(many.thermo["TotEng"], alone.thermo["TotEng"], rtol=1e-9)
