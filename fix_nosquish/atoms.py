@@ -183,13 +183,17 @@ class Lammps:
         return mass
 
     @property
-    def unwrapped(self):
-        """Positions taken out of the periodic box by the image flags, (natoms, 3)."""
+    def groups(self):
+        """The bits of the groups that each atom is in, (natoms,)."""
+        return self.per_atom("mask", np.uint32)
+
+    @property
+    def images(self):
+        """Image flags: how many box vectors each atom is away from its place in the box, (natoms, 3)."""
         packed = self.per_atom("image", self.imageint).astype(np.int64)
         bits = _IMAGE_BITS[np.dtype(self.imageint).itemsize]
         mask, half = (1 << bits) - 1, 1 << (bits - 1)
-        image = np.stack([(packed >> (bits * k) & mask) - half for k in range(3)], axis=1)
-        return self.per_atom("x", columns=3) + image @ self.box.h.T
+        return np.stack([(packed >> (bits * k) & mask) - half for k in range(3)], axis=1)
 
     def has(self, category, name):
         """Whether a group, variable, fix … of this ID is defined."""

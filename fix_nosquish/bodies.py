@@ -17,9 +17,9 @@ _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 _MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
 
 # rows of a body's state
-_MASS, _MOMENT, _X, _V, _Q, _P, _IMAGE, _NATOMS = (slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10),
-                                                   slice(10, 14), slice(14, 18), slice(18, 21), slice(21, 22))  # fmt: skip
-_ROWS = 22
+_MASS, _MOMENT, _X, _V, _Q, _P, _NATOMS = (slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10),
+                                           slice(10, 14), slice(14, 18), slice(18, 19))  # fmt: skip
+_ROWS = 19
 
 
 class Membership:
@@ -39,12 +39,12 @@ class Membership:
             if name[0] == "v" and not lammps.has("variable", name[2:]):
                 raise RunError(f"there is no variable '{name[2:]}' (custom {name}): define it before the fix", everywhere=True)
         self.bit = lammps.group_bit(command.group)
-        self.bits = [lammps.group_bit(g) for g in command.arguments] if command.style == "group" else [-1]
+        self.bits = [lammps.group_bit(g) for g in command.arguments] if command.style == "group" else [self.bit]
 
     def atoms(self):
         """Indices of this rank's atoms that are in bodies."""
-        mask = self.lammps.per_atom("mask", np.int32)
-        return np.flatnonzero((mask & self.bit != 0) & (mask & np.bitwise_or.reduce(self.bits) != 0))
+        groups = self.lammps.groups
+        return np.flatnonzero((groups & self.bit != 0) & (groups & np.bitwise_or.reduce(self.bits) != 0))
 
     def bodies(self, atoms):
         """The body ID of each of these atoms, (n,) int64; collective for v_NAME."""
@@ -56,13 +56,15 @@ class Membership:
             what = "molecule-IDs, which this atom style does not have: use atom_style molecular or full, or another body style"
         elif style == "custom" and arguments[0][0] == "v":
             values = np.trunc(self.lammps.variable(arguments[0][2:], self.command.group))
+            if not np.isfinite(values[atoms]).all():
+                raise RunError(f"variable {arguments[0][2:]} is not finite for every atom of the group, so it cannot tell bodies apart")
             what = "an atom-style variable"
         elif style == "custom":
             values = self.lammps.per_atom(arguments[0], np.int32)
             what = f"{arguments[0]}: define it with fix property/atom before the fix"
         else:
-            mask = self.lammps.per_atom("mask", np.int32)[atoms]
-            inside = np.array([mask & bit != 0 for bit in self.bits])
+            groups = self.lammps.groups[atoms]
+            inside = np.array([groups & bit != 0 for bit in self.bits])
             if (inside.sum(axis=0) > 1).any():
                 tag = self.lammps.tags[atoms[inside.sum(axis=0) > 1][0]]
                 both = [g for g, i in zip(arguments, inside[:, inside.sum(axis=0) > 1][:, 0]) if i]
@@ -91,8 +93,7 @@ class Bodies:
         rotors, extended: bodies [0, rotors) have three moments, [rotors, extended) are
             linear, [extended, n) are single atoms.
         mass (n,), moment (3, n), x, v (3, n), q, p (4, n), natoms (n,): views of `state`;
-            x is kept in the box, `image` (3, n) counts the boxes.  x, v and the torque are
-            in the space frame, moments in the principal frame, I_1 >= I_2 >= I_3.
+            x is kept in the box.  x, v and the torque are in the space frame, moments in the principal frame, I_1 >= I_2 >= I_3.
         force, torque: (3, n), views of `load`, which is what the sharing ranks exchange.
         first (n + 1,), index, tag, d, shift: this rank's atoms, body by body; see `kernels`.
         sharers: the `Sharers` of these bodies.
@@ -118,7 +119,7 @@ class Bodies:
         self.load = np.zeros((6, len(order)))
         self.force, self.torque = self.load[:3], self.load[3:]
         self.mass, self.natoms = self.state[_MASS][0], self.state[_NATOMS][0]
-        self.moment, self.image = self.state[_MOMENT], self.state[_IMAGE]
+        self.moment = self.state[_MOMENT]
         self.x, self.v, self.q, self.p = (self.state[rows] for rows in (_X, _V, _Q, _P))
 
     def __len__(self):
@@ -160,9 +161,7 @@ class Bodies:
         """Find who shares the bodies and which periodic image of each atom LAMMPS holds; collective."""
         self.sharers = world.sharers(self.id, np.diff(self.first) < self.natoms)
         box = lammps.box
-        cells = box.cells(self.x.T).T
-        self.x -= box.h @ cells
-        self.image += cells
+        self.x -= box.h @ box.cells(self.x.T).T
         actual = lammps.per_atom("x", columns=3)[self.index]
         expected = np.empty_like(actual)
         self.shift[:] = 0.0
@@ -222,6 +221,12 @@ def build(lammps, world, membership):
     world.agree(problem)
     if world.total(np.array([len(atoms)]))[0] == 0:
         raise RunError(f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run", everywhere=True)
+    sized = _sized(lammps, atoms)
+    world.agree(
+        f"atom {tag[sized][0]} has a size or a dipole of its own, whose torque and inertia this fix does not know: use an atom style of points"
+        if sized.any()
+        else None
+    )
     bad = ~(mass >= 0)
     world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
     v = lammps.per_atom("v", columns=3)[atoms]
@@ -243,14 +248,14 @@ def build(lammps, world, membership):
     natoms, body_mass = total(np.ones(len(atoms)), mass)
     blame(~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero")
 
-    reference, delta, rebuilt = _unfold(lammps, world, sharers, membership, ids, body, tag, atoms, blame)
+    reference, delta, rebuilt = _unfold(lammps, world, sharers, ids, body, tag, atoms, blame)
     centre = total(*(mass * delta.T)) / body_mass
     r = delta - centre[:, body].T
     velocity = total(*(mass * v.T)) / body_mass
     u = v - velocity[:, body].T
     angular = total(*(mass * np.cross(r, u).T))
     if lammps.dimension == 2:
-        angular[:2] = 0.0
+        angular[:2] = velocity[2] = 0.0
     rx, ry, rz = r.T
     products = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
     spread = np.sqrt(products[:3].sum(axis=0) / body_mass)
@@ -291,69 +296,94 @@ def build(lammps, world, membership):
     }  # fmt: skip
 
 
-def _unfold(lammps, world, sharers, membership, ids, body, tag, atoms, blame):
+def _sized(lammps, atoms):
+    """Which of these atoms are more than points, and have a torque of their own, (n,) bool."""
+    if lammps.setting("torque_flag") <= 0:
+        return np.zeros(len(atoms), bool)
+    radius = lammps.per_atom("radius")
+    if radius is None or lammps.setting("mu_flag") > 0:
+        return np.ones(len(atoms), bool)
+    return radius[atoms] > 0
+
+
+def _unfold(lammps, world, sharers, ids, body, tag, atoms, blame):
     """Put each body's atoms together across the periodic faces.
+
+    Along each box vector the image flags hold where they make the body narrower than half the
+    box. Otherwise a body that the nearest images make narrower than a quarter of the box is one
+    that a face cuts, and put together by them: flags that were wrong at the start stay so while
+    LAMMPS keeps count, so that they differ proves nothing. A body that is wide both ways is left
+    as its flags have it if they differ among its atoms and make it narrower than the box, or if
+    nothing suggests a cut: no gap inside it is wider than a tenth of the box and than half of
+    the gap outside (a substrate that spans the box has small gaps only).
 
     Returns:
         (reference, delta, rebuilt): a point of each body, (3, n); the place of each atom
-        from there, (atoms, 3); which bodies' image flags were not used.
+        from there, (atoms, 3); the bodies that were put together by the nearest images.
     """
     n, box = len(ids), lammps.box
-    place = lammps.unwrapped[atoms]
+    x, image = lammps.per_atom("x", columns=3)[atoms], lammps.images[atoms]
     first = np.full((1, n), np.inf)
     np.minimum.at(first[0], body, tag)
     sharers.combine(first, np.minimum)
-    reference = np.zeros((3, n))
     lead = tag == first[0, body]
-    reference[:, body[lead]] = place[lead].T
+    reference = np.zeros((6, n))
+    reference[:, body[lead]] = np.concatenate([x[lead], image[lead]], axis=1).T
     sharers.combine(reference)
-    delta = place - reference[:, body].T
+    place = reference[:3] + box.h @ reference[3:]
+    # differences of the images are whole numbers: far from the origin nothing is lost
+    image = image - reference[3:, body].T
+    delta = x - reference[:3, body].T
     nearest = delta - box.lattice(delta) @ box.h.T
+    delta = delta + image @ box.h.T
 
-    def width(vectors):
-        """Extent of each body along the periodic box vectors, in box lengths, (3, n)."""
-        part = vectors @ box.inverse.T * box.periodic
-        high, low = np.full((3, n), -np.inf), np.full((3, n), np.inf)
+    def ends(values):
+        """Lowest and highest value over each body's atoms, on all ranks, (3, n) each."""
+        low, high = np.full((3, n), np.inf), np.full((3, n), -np.inf)
         for k in range(3):
-            np.maximum.at(high[k], body, part[:, k])
-            np.minimum.at(low[k], body, part[:, k])
-        sharers.combine(high, np.maximum)
+            np.minimum.at(low[k], body, values[:, k])
+            np.maximum.at(high[k], body, values[:, k])
         sharers.combine(low, np.minimum)
-        return high - low
+        sharers.combine(high, np.maximum)
+        return low, high
 
-    flags, compact = width(delta), width(nearest)
-    wide = (flags >= 0.5).any(axis=0)
-    rebuilt = wide & (compact < 0.5).all(axis=0)
-    # a body wider than half the box must be told from one that a face cuts in two: its image
-    # flags are right if the part of the box that they leave empty is empty of its atoms at all
-    doubtful = wide & ~rebuilt
-    if world.any(doubtful.any()):
-        cells = 64
-        part = (place - box.lo) @ box.inverse.T
-        for k in np.flatnonzero(box.periodic):
-            filled = np.zeros((cells, n))
-            filled[np.floor((part[:, k] % 1.0) * cells).astype(int) % cells, body] = 1.0
-            sharers.combine(filled, np.maximum)
-            empty = _longest_gap(filled == 0.0) / cells
-            blame(
-                doubtful & (flags[k] >= 0.5) & (flags[k] > 1.0 - empty + 2.0 / cells),
-                lambda b: (
-                    f"({first[0, b]:.0f} is its first atom) is wider than half the periodic box along {'xyz'[k]}, and its image flags "
-                    f"spread it over {flags[k, b]:.2f} box lengths where {1 - empty[b]:.2f} would hold it: which image "
-                    "its atoms belong to cannot be told. Set the image flags right (set ... image, or in the data file)"
-                ),
-            )
-    delta[rebuilt[body]] = nearest[rebuilt[body]]
-    return reference, delta, rebuilt
+    parts = delta @ box.inverse.T * box.periodic
+    low, high = ends(parts)
+    width = high - low
+    wide = width >= 0.5
+    if not world.any(wide.any()):
+        return place, delta, np.zeros(n, bool)
+    compact = np.ptp(ends(nearest @ box.inverse.T * box.periodic), axis=0)
+    cut = wide & (compact < 0.25)
+    unsure = wide & ~cut & ~(np.not_equal(*ends(image)) & (width < 1))
+    for k in np.flatnonzero(box.periodic):
+        gap = _widest_gap(parts[:, k] - low[k, body], body, n, sharers)
+        blame(
+            unsure[k] & (gap > np.maximum(0.5 * (1.0 - width[k]), 0.1)),
+            lambda b: (
+                f"(its first atom is {first[0, b]:.0f}) is wider than half the periodic box along {'xyz'[k]}: {width[k, b]:.2f} box lengths by "
+                f"its image flags, with a gap of {gap[b]:.2f} inside. A periodic face may cut it, and which images belong together cannot "
+                "be told: set the image flags of its atoms (set ... image, or in the data file)"
+            ),
+        )
+    fold = np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T
+    return place, delta - fold @ box.h.T, cut.any(axis=0)
 
 
-def _longest_gap(empty):
-    """Length of the longest run of True down each column, round the ends, (columns,)."""
-    longest = run = np.zeros(empty.shape[1], int)
-    for row in np.concatenate([empty, empty]):
-        run = np.where(row, run + 1, 0)
-        longest = np.maximum(longest, run)
-    return np.minimum(longest, len(empty))
+def _widest_gap(parts, body, n, sharers, cells=64):
+    """Widest stretch inside each body without atoms, (n,).
+
+    Args:
+        parts: (atoms,) the atoms' distances from the end of their body, 0 to 1 (further ones count as at 1).
+    """
+    filled = np.zeros((cells, n))
+    filled[np.clip((parts * cells).astype(int), 0, cells - 1), body] = 1.0
+    sharers.combine(filled, np.maximum)
+    widest = run = np.zeros(n)
+    for row in filled > 0:
+        widest = np.where(row, np.maximum(widest, run), widest)
+        run = np.where(row, 0.0, run + 1.0)
+    return widest / cells
 
 
 def _principal(products, natoms, order):

@@ -73,12 +73,12 @@ class NVE:
     @hook
     def init(self):
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
+        self._settled = self._half = False
         self._build()
         self._refuse_second_integrator()
         self.half_step_velocities = self.host.ghost_velocity or any(fix.between for fix in self.host.fixes())
         self.reset_dt()
         self._set_velocities()
-        self._settled = self._half = False
         if isinstance(self.host, OwnFix):
             self.host.begin_run(self._virial_of_all)
             self._say(self.host.virial_fix is not None)
@@ -89,11 +89,11 @@ class NVE:
 
     def _refuse_second_integrator(self):
         problem = None
-        mask = self.lammps.per_atom("mask", np.int32)
+        groups = self.lammps.groups
         ours = {mate.host.fix_id for mate in self._mates}
         for fix in self.host.fixes():
             if fix.time_integrate and fix.id not in ours:
-                both = mask[self.bodies.index] & fix.groupbit != 0
+                both = groups[self.bodies.index] & (fix.groupbit & 0xFFFFFFFF) != 0
                 if both.any():
                     problem = (
                         f"atom {self.bodies.tag[both.argmax()]} of {self.membership.name(self.bodies.id[self.bodies.body[both.argmax()]])} "
@@ -121,12 +121,20 @@ class NVE:
     def _say(self, virial):
         """Log what the bodies are, if that has changed, and what was taken from the atoms' velocities."""
         lines, removed = thermo.summary(self, self._notes, virial)
-        known, self._said = self._said == lines[:3], lines[:3]
-        if not known:
+        said, self._said = self._said, lines[:4]
+        if not said or said[:3] != lines[:3]:
             advice = self.host.advice(removed) if isinstance(self.host, OwnFix) else ()
             self.host.log("\n".join([*lines, *advice, ""]))
-        elif self._notes["removed"] > 1e-9 * self._notes["kinetic"]:
-            self.host.log(thermo.start_velocities(self._notes) + "\n")
+        elif said[3] != lines[3] and self._notes["removed"] > 1e-9 * self._notes["kinetic"]:
+            self.host.log(lines[3] + "\n")
+
+    @hook
+    def min_setup(self, vflag):
+        """A minimisation begins: it would move the atoms one by one."""
+        raise RunError(
+            "a minimisation would tear the rigid bodies apart: minimise before the fix is defined, or unfix it first",
+            everywhere=True,
+        )
 
     @hook
     def reset_dt(self):
@@ -243,8 +251,7 @@ class NVE:
         Args:
             group: LAMMPS's number of the group.
         """
-        if self.bodies is None or not self.lammps.running:
-            self._build()
-        mask = self.lammps.per_atom("mask", np.int32)
-        inside = mask[self.bodies.index] & (1 << group) != 0
-        return thermo.removed_freedom(self.bodies, self.world, inside, self.lammps.dimension)
+        # outside of runs atoms may be other ones and elsewhere; the bodies of the last run stay as they are
+        bodies = self.bodies if self.lammps.running and self.bodies is not None else build(self.lammps, self.world, self.membership)[0]
+        inside = self.lammps.groups[bodies.index] & (1 << group) != 0
+        return thermo.removed_freedom(bodies, self.world, inside, self.lammps.dimension)

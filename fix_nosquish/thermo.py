@@ -57,23 +57,20 @@ def summary(nve, notes, virial):
         f"Rigid bodies by NO_SQUISH: {command.text}",
         f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",
         f"  {removed} degrees of freedom removed, {round(world.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0])} left to the bodies",
-        start_velocities(notes),
+        f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed",
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
     if notes["rebuilt"]:
         lines.append(f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the nearest image")
+    if nve.host.group not in (None, command.group):
+        lines.append(
+            f"WARNING: the fix line names group {nve.host.group}, the class group {command.group}: the bodies are of {command.group}, "
+            "so give the fix the same group"
+        )
     if notes["stray"] > 1:
         lines.append(
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: give every body a molecule-ID of its own, "
             "or leave these atoms out of the group"
         )
     return lines, removed
-
-
-def start_velocities(notes):
-    """The line for the log on what `build` found of the atoms' velocities."""
-    return (
-        f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} "
-        "was not rigid motion and was removed"
-    )

@@ -146,12 +146,13 @@ CASES = {
     "box changed by a barostat": Case("one molecule", ("box has changed by step 1", "npt", "constant volume", "between runs"),
                                       before=SPLIT, after="fix 2 rest npt temp 1 1 1 iso 1 1 1"),
     "box deformed": Case("all molecule", ("box has changed by step 2", "deform", "constant volume", "between runs"), after="fix 2 all deform 1 x erate 0.01"),
+    "minimisation": Case("all molecule", ("tear the rigid bodies", "minimise before", "unfix"), after="minimize 0 0 10 10"),
     "run_style respa": Case("all molecule", ("respa",), before="run_style respa 2 2 pair 1"),
     # in mid-run
     "force not finite from the start": Case(
         "all molecule", ("force on the body of molecule 2 ", "not finite at step 0", "overlap"),
         before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.0 y 1.0 z 1.0\nset atom 5 x 1.6 y 1.0 z 1.0\n"
-        "set atom 6 x 1.0 y 1.4 z 1.0\nset atom 9 x 1.0 y 1.0 z 1.0\ngroup two molecule 2 3"),
+        "set atom 6 x 1.0 y 1.4 z 1.0\nset atom 7 x 1.0 y 0.6 z 1.0\nset atom 8 x 1.6 y 0.6 z 1.0\nset atom 9 x 1.0 y 1.0 z 1.0"),
     "force that becomes infinite": Case(
         "all molecule", ("force on the body of molecule 3 ", "not finite at step 4", "shorter time step"),
         before="variable f equal exp(800*(step>3))-1\ngroup g id 7", after="fix 2 g addforce v_f 0 0"),
@@ -226,6 +227,28 @@ def test_ends_on_one_rank(run_case, tmp_path, launcher, name):
     if launcher == "library":
         raised = [line for line in run.screen.splitlines() if line.startswith("Exception: ")]
         assert len(raised) == 1 and all(words in raised[0] for words in CASES[name].expected), run.screen
+
+
+def test_particles_of_finite_size(run_lammps, tmp_path):
+    """Locks out bodies of spheres whose own inertia and torque are silently left out."""
+    script = """
+units lj
+atom_style sphere
+region box block 0 4 0 4 0 4
+create_box 1 box
+create_atoms 1 random 10 4928 box
+pair_style none
+fix 1 all python/move "fix_nosquish.NVE all single"
+run 1
+"""
+    run = run_lammps(script, ranks=2, check=False, timeout=SECONDS)
+    assert_ended(run, ("has a size", "inertia", "atom style of points"), tmp_path)
+
+
+def test_group_of_the_fix(run_case):
+    """Locks out silence where the fix line's two groups differ, and one of them does not do what it seems to."""
+    run = run_case(Case("bodies molecule", before="group bodies molecule <= 20", steps=5), ranks=2, check=True)
+    assert run.log.count("WARNING: the fix line names group all, the class group bodies") == 1
 
 
 def test_before_the_box(run_lammps, tmp_path):

@@ -24,6 +24,7 @@ REQUIRED = "initial_integrate", "final_integrate"
 HOOKS = {
     "init": CFUNCTYPE(c_int),
     "setup": CFUNCTYPE(c_int, c_int),
+    "min_setup": CFUNCTYPE(c_int, c_int),
     "post_neighbor": CFUNCTYPE(c_int),
     "initial_integrate": CFUNCTYPE(c_int, c_int),
     "final_integrate": CFUNCTYPE(c_int),

@@ -117,6 +117,7 @@ struct Bridge {
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);
+  int (*min_setup)(int vflag);
   int (*post_neighbor)();
   int (*initial_integrate)(int vflag);
   int (*final_integrate)();
@@ -140,6 +141,7 @@ class FixPythonMove : public Fix {
   int setmask() override;
   void init() override;
   void setup(int) override;
+  void min_setup(int) override;
   void setup_post_neighbor() override { post_neighbor(); }
   void post_neighbor() override;
   void initial_integrate(int) override;
@@ -232,6 +234,11 @@ void FixPythonMove::setup(int vflag)
 {
   v_init(vflag);
   call(bridge.setup, vflag);
+}
+
+void FixPythonMove::min_setup(int vflag)
+{
+  call(bridge.min_setup, vflag);
 }
 
 void FixPythonMove::post_neighbor()
