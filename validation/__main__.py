@@ -35,7 +35,7 @@ def _add_compare(verbs):
     parser.add_argument("scene", choices=SCENES, help="what is simulated: %(choices)s")
     parser.add_argument("--ranks", type=_whole, default=2, metavar="N",
                         help="MPI ranks of each run (default %(default)s)")
-    parser.add_argument("--steps", type=_whole, default=2000, metavar="N",
+    parser.add_argument("--steps", type=_whole, default=1500, metavar="N",
                         help="length of each trajectory (default %(default)s)")
     parser.add_argument("--dt", type=_positive, default=2.0, metavar="FS",
                         help="time step in fs (default %(default)s)")
