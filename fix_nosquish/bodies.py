@@ -99,7 +99,7 @@ class Bodies:
         sharers: the `Sharers` of these bodies.
     """
 
-    def __init__(self, ids, state, body, tag, index, d, sharers=None):
+    def __init__(self, ids, state, body, tag, index, d):
         # bodies by kind, then in the order of their atoms in LAMMPS's arrays; none without atoms
         lowest = np.full(len(ids), np.iinfo(np.int64).max)
         np.minimum.at(lowest, body, index)

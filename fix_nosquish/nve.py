@@ -152,7 +152,7 @@ class NVE:
             self.setup(0)
         self._vflag = vflag
         bodies = self.bodies
-        self._kick()
+        self._kick(bodies.v, bodies.p)
         kernels.drift(len(bodies), bodies.x, bodies.v, self.dt)
         if bodies.rotors:
             rotor.rotate(0, bodies.rotors, bodies.q, bodies.p, bodies.moment, self.dt, self.command.mrot)
@@ -177,7 +177,7 @@ class NVE:
             self.post_neighbor()
         self._refuse_new_box()
         self._gather()
-        self._kick()
+        self._kick(self.bodies.v, self.bodies.p)
         self._set_velocities()
         self._half = False
         if self.virial is not None and self._vflag:
@@ -195,9 +195,9 @@ class NVE:
             )
         self._box = box  # a face that is not periodic may follow the atoms
 
-    def _kick(self):
+    def _kick(self, v, p):
         bodies = self.bodies
-        kernels.kick(0, len(bodies), bodies.extended, bodies.v, bodies.q, bodies.p, bodies.mass,
+        kernels.kick(0, len(bodies), bodies.extended, v, bodies.q, p, bodies.mass,
                      bodies.force, bodies.torque, self._dtf)  # fmt: skip
 
     def _gather(self):
@@ -240,8 +240,7 @@ class NVE:
         bodies = self.bodies
         p = bodies.p.copy()
         if self._half:
-            kernels.kick(0, len(bodies), bodies.extended, bodies.v.copy(), bodies.q, p, bodies.mass,
-                         bodies.force, bodies.torque, self._dtf)  # fmt: skip
+            self._kick(bodies.v.copy(), p)
         self._constraint_virial(virial, p)
 
     @hook
