@@ -25,6 +25,23 @@ def __getattr__(name):
     return partial(getattr(module, words[0]), words=name)
 
 
+def body_table(lmp, fix_id):
+    """The rigid bodies of a fix as they are now, in a run or between runs, as a numpy array.
+
+    Args:
+        lmp: the `lammps` object, or the pointer that LAMMPS hands to Python.
+        fix_id: the ID of the fix, a string.
+    Returns:
+        structured array (n,) of the bodies that are counted on this rank, each body being on one rank;
+        `output.table` says what is in it, in which frames and units.
+    Raises:
+        RunError: if there is no such fix of this package, or no run yet.
+    """
+    from .nve import NVE
+
+    return NVE.of_fix(lmp, fix_id).table()
+
+
 class _PointInWords:
     """Explains what happened when LAMMPS takes a number's point for the end of the module's name."""
 

@@ -23,7 +23,8 @@ def input_file(options):
 
 def main(options):
     """Return the exit code of the run; LAMMPS prints its own messages."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)  # as in lmp: at once, not at the next hook
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # as in lmp: at once, not at the next hook
     try:
         lmp = lammps(cmdargs=options)
     except RuntimeError:  # "Failed to initialize LAMMPS object", after LAMMPS's own message

@@ -14,10 +14,10 @@ import numpy as np
 from .errors import RunError
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
-_ATOM_STYLE = 1  # of its variables
+_ATOM_STYLE, _STRING = 1, 3  # of its variables
 
 
-def _pointer(ptr):
+def pointer(ptr):
     """The address in what LAMMPS hands a class: a capsule, an integer or c_void_p."""
     if isinstance(ptr, int):
         return ptr
@@ -87,7 +87,7 @@ class Lammps:
     """One LAMMPS instance on this rank."""
 
     def __init__(self, ptr):
-        self.handle = _pointer(ptr)
+        self.handle = pointer(ptr)
         self.lib = _library()
         if not self.setting("box_exist"):
             raise RunError("the fix needs a simulation box: define it after read_data or create_box", everywhere=True)
@@ -97,9 +97,12 @@ class Lammps:
         self._step = self._scalar("ntimestep", c_int64)
         self.ftm2v = self._scalar("ftm2v", c_double).value
         self.mvv2e = self._scalar("mvv2e", c_double).value
+        self.boltz = self._scalar("boltz", c_double).value
+        self.units = ctypes.string_at(self._global("units")).decode()
         tag = self.setting("tagint")
         self.tagint = {4: np.int32, 8: np.int64}[tag]
         self.imageint = {4: np.int32, 8: np.int64}[self.setting("imageint")]
+        self._image_bits = _IMAGE_BITS[self.setting("imageint")]
         self.dimension = self.setting("dimension")
         self.ranks = self.setting("world_size")
         self.rank = self.setting("world_rank")
@@ -127,6 +130,18 @@ class Lammps:
     def step(self):
         """The number of the step."""
         return self._step.value
+
+    @property
+    def time(self):
+        """The simulated time."""
+        return self.lib.lammps_get_thermo(self.handle, b"time")
+
+    @property
+    def respa_dt(self):
+        """The time steps of run_style respa's levels, innermost first; None with another run style."""
+        levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
+        count = c_int.from_address(levels).value if levels else 0
+        return _array(self._global("respa_dt"), count, float).copy() if count else None
 
     @property
     def running(self):
@@ -191,9 +206,33 @@ class Lammps:
     def images(self):
         """Image flags: how many box vectors each atom is away from its place in the box, (natoms, 3)."""
         packed = self.per_atom("image", self.imageint).astype(np.int64)
-        bits = _IMAGE_BITS[np.dtype(self.imageint).itemsize]
-        mask, half = (1 << bits) - 1, 1 << (bits - 1)
-        return np.stack([(packed >> (bits * k) & mask) - half for k in range(3)], axis=1)
+        mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
+        return np.stack([(packed >> (self._image_bits * k) & mask) - half for k in range(3)], axis=1)
+
+    def image_difference(self, difference):
+        """What a difference of image flags means: their counters start again at the other end."""
+        half = 1 << (self._image_bits - 1)
+        return (difference + half) % (2 * half) - half
+
+    def finite(self):
+        """What the atoms are that are more than points.
+
+        Returns:
+            (radius, problem): (natoms,) the spheres' radii, 0 for a point, None where the atom style has
+            no spheres; (natoms,) the name of what an atom is, '' for a point or a sphere, None if none is more.
+        """
+        kinds = {}
+        for name, what in ("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"), ("body", "a body particle"):
+            index = self.per_atom(name, np.int32)
+            if index is not None:
+                kinds[what] = index >= 0
+        dipole = self.per_atom("mu", columns=4)
+        if dipole is not None:
+            kinds["a dipole"] = dipole[:, 3] > 0
+        radius = self.per_atom("radius")
+        if radius is not None and (self.per_atom("omega", columns=3) is None or self.per_atom("torque", columns=3) is None):
+            radius = None
+        return radius, (np.select(list(kinds.values()), list(kinds), "") if kinds else None)
 
     def has(self, category, name):
         """Whether a group, variable, fix … of this ID is defined."""
@@ -219,6 +258,25 @@ class Lammps:
         values = _array(address, self._natoms.value, float).copy()
         self.lib.lammps_free(address)
         return values
+
+    def text(self, word):
+        """A word of the fix line: as it stands, or the value of the variable that v_NAME names; collective.
+
+        Raises:
+            RunError: if there is no such variable, or it is not a string-style one.
+        """
+        if word[:2] != "v_":
+            return word
+        name = word[2:]
+        if not self.has("variable", name):
+            raise RunError(f"there is no variable '{name}' ({word}): define it before the fix", everywhere=True)
+        style = getattr(self.lib, "lammps_extract_variable_datatype", None)
+        if style and style(c_void_p(self.handle), name.encode()) != _STRING:
+            raise RunError(f"variable {name} is not a string-style variable: define it with 'variable {name} string ...'", everywhere=True)
+        address = self.lib.lammps_extract_variable(self.handle, name.encode(), None)
+        if not address:
+            raise RunError(f"variable {name} cannot be evaluated", everywhere=True)
+        return ctypes.string_at(address).decode()
 
     @property
     def communicator(self):

@@ -1,8 +1,8 @@
-"""Rigid bodies: how they are made of LAMMPS's atoms, and how they follow them.
+"""Rigid bodies: their state, and how they follow LAMMPS's atoms.
 
 The state of a body is its centre of mass x, velocity v, quaternion q and conjugate
 quaternion momentum p, with its mass and principal moments.  Every rank keeps the
-bodies of which it owns an atom, and of their atoms only its own.
+bodies of which it owns an atom, and of their atoms only its own.  `build` makes them.
 """
 
 from functools import partial
@@ -12,77 +12,13 @@ import numpy as np
 from . import kernels
 from .errors import RunError
 
-ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
-_SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
+SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
 _MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
 
 # rows of a body's state
-_MASS, _MOMENT, _X, _V, _Q, _P, _NATOMS = (slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10),
-                                           slice(10, 14), slice(14, 18), slice(18, 19))  # fmt: skip
-_ROWS = 19
-
-
-class Membership:
-    """Which body each of this rank's atoms belongs to, as the fix line says it.
-
-    Args:
-        lammps: the `Lammps`.  command: the `Command`.
-    """
-
-    def __init__(self, lammps, command):
-        self.lammps, self.command = lammps, command
-        for group in (command.group, *(command.arguments if command.style == "group" else ())):
-            if not lammps.has("group", group):
-                raise RunError(f"there is no group '{group}': define it before the fix", everywhere=True)
-        if command.style == "custom":
-            name = command.arguments[0]
-            if name[0] == "v" and not lammps.has("variable", name[2:]):
-                raise RunError(f"there is no variable '{name[2:]}' (custom {name}): define it before the fix", everywhere=True)
-        self.bit = lammps.group_bit(command.group)
-        self.bits = [lammps.group_bit(g) for g in command.arguments] if command.style == "group" else [self.bit]
-
-    def atoms(self):
-        """Indices of this rank's atoms that are in bodies."""
-        groups = self.lammps.groups
-        return np.flatnonzero((groups & self.bit != 0) & (groups & np.bitwise_or.reduce(self.bits) != 0))
-
-    def bodies(self, atoms):
-        """The body ID of each of these atoms, (n,) int64; collective for v_NAME."""
-        style, arguments = self.command.style, self.command.arguments
-        if style == "single":
-            return np.zeros(len(atoms), np.int64)
-        if style == "molecule":
-            values = self.lammps.per_atom("molecule", self.lammps.tagint)
-            what = "molecule-IDs, which this atom style does not have: use atom_style molecular or full, or another body style"
-        elif style == "custom" and arguments[0][0] == "v":
-            values = np.trunc(self.lammps.variable(arguments[0][2:], self.command.group))
-            if not np.isfinite(values[atoms]).all():
-                raise RunError(f"variable {arguments[0][2:]} is not finite for every atom of the group, so it cannot tell bodies apart")
-            what = "an atom-style variable"
-        elif style == "custom":
-            values = self.lammps.per_atom(arguments[0], np.int32)
-            what = f"{arguments[0]}: define it with fix property/atom before the fix"
-        else:
-            groups = self.lammps.groups[atoms]
-            inside = np.array([groups & bit != 0 for bit in self.bits])
-            if (inside.sum(axis=0) > 1).any():
-                tag = self.lammps.tags[atoms[inside.sum(axis=0) > 1][0]]
-                both = [g for g, i in zip(arguments, inside[:, inside.sum(axis=0) > 1][:, 0]) if i]
-                raise RunError(f"atom {tag} is in more than one body: it is in the groups {' and '.join(both)}; use groups without common atoms")
-            return np.argmax(inside, axis=0)
-        if values is None:
-            raise RunError(f"body style {style} needs {what}")
-        return values[atoms].astype(np.int64)
-
-    def name(self, body):
-        """How a user would name a body."""
-        if self.command.style == "group":
-            return f"the body of group {self.command.arguments[body]}"
-        if self.command.style == "single":
-            return f"the body of group {self.command.group}"
-        if self.command.style == "molecule":
-            return f"the body of molecule {body}"
-        return f"the body of {self.command.arguments[0]} = {body}"
+MASS, MOMENT, X, V, Q, P, NATOMS = (slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10),
+                                    slice(10, 14), slice(14, 18), slice(18, 19))  # fmt: skip
+ROWS = 19
 
 
 class Bodies:
@@ -90,20 +26,23 @@ class Bodies:
 
     Attributes:
         id: (n,) body IDs.
-        rotors, extended: bodies [0, rotors) have three moments, [rotors, extended) are
-            linear, [extended, n) are single atoms.
+        rotors, extended: bodies [0, rotors) have three moments (in a plane: a moment about axis 3),
+            [rotors, extended) are linear, [extended, n) are points.
         mass (n,), moment (3, n), x, v (3, n), q, p (4, n), natoms (n,): views of `state`;
             x is kept in the box.  x, v and the torque are in the space frame, moments in the principal frame, I_1 >= I_2 >= I_3.
         force, torque: (3, n), views of `load`, which is what the sharing ranks exchange.
         first (n + 1,), index, tag, d, shift: this rank's atoms, body by body; see `kernels`.
         sharers: the `Sharers` of these bodies.
+        plane: whether they turn in the xy plane only, about their axis 3.
+        spheres: whether some atom of a body, on any rank, is a sphere, with a torque of its own.
     """
 
-    def __init__(self, ids, state, body, tag, index, d):
+    def __init__(self, ids, state, body, tag, index, d, plane, spheres):
         # bodies by kind, then in the order of their atoms in LAMMPS's arrays; none without atoms
         lowest = np.full(len(ids), np.iinfo(np.int64).max)
         np.minimum.at(lowest, body, index)
-        kind = (state[_MOMENT][2] == 0).astype(int) + (state[_MOMENT][0] == 0)
+        moment = state[MOMENT]
+        kind = np.where(moment[2] > 0, 0, np.where(moment[0] > 0, 1, 2))
         held = np.flatnonzero(lowest < np.iinfo(np.int64).max)
         order = held[np.lexsort((lowest[held], kind[held]))]
         rank = np.empty(len(ids), np.int64)
@@ -118,9 +57,9 @@ class Bodies:
         self.shift = np.zeros_like(self.d)
         self.load = np.zeros((6, len(order)))
         self.force, self.torque = self.load[:3], self.load[3:]
-        self.mass, self.natoms = self.state[_MASS][0], self.state[_NATOMS][0]
-        self.moment = self.state[_MOMENT]
-        self.x, self.v, self.q, self.p = (self.state[rows] for rows in (_X, _V, _Q, _P))
+        self.mass, self.natoms = self.state[MASS][0], self.state[NATOMS][0]
+        self.moment, self.plane, self.spheres = self.state[MOMENT], plane, spheres
+        self.x, self.v, self.q, self.p = (self.state[rows] for rows in (X, V, Q, P))
 
     def __len__(self):
         return len(self.id)
@@ -153,7 +92,7 @@ class Bodies:
             by_id = np.argsort(ids)
             body[~stayed] = by_id[np.searchsorted(ids, comes, sorter=by_id)] if len(comes) else 0
             d[~stayed] = known[:, 1:4]
-        result = Bodies(ids, state, body, tags, here, d)
+        result = Bodies(ids, state, body, tags, here, d, self.plane, self.spheres)
         result.settle(lammps, world)
         return result
 
@@ -177,11 +116,64 @@ class Bodies:
             else None
         )
 
+    def take_velocities(self, lammps, given=None):
+        """Set v and p to the rigid motion with the linear and angular momentum of the atoms' velocities; collective.
+
+        Args:
+            given: (bodies, momenta): places of bodies whose momenta (6, m), linear and angular, are known otherwise.
+        """
+        mass = lammps.masses
+        momentum = np.empty_like(self.load)
+        kernels.gather(self.first, self.index, self.d, self.q, mass[:, None] * lammps.per_atom("v", columns=3), momentum[:3], momentum[3:])
+        if self.spheres:
+            spin = SPHERE * mass * lammps.per_atom("radius") ** 2
+            kernels.add_torques(self.first, self.index, spin[:, None] * lammps.per_atom("omega", columns=3), momentum[3:])
+        self.sharers.combine(momentum)
+        if given is not None:
+            momentum[:, given[0]] = given[1]
+        if self.plane:
+            momentum[2:5] = 0.0
+        self.v[:] = self.p[:] = 0.0
+        # a blow of this strength starts the motion
+        kernels.kick(len(self), self.extended, self.v, self.q, self.p, self.mass, momentum[:3], momentum[3:], 1.0)
+        if self.extended > self.rotors:  # nothing turns about the axis of a linear body
+            linear = slice(self.rotors, self.extended)
+            q, about = self.q[:, linear], self.angular_momentum()[2, linear]
+            self.p[:, linear] -= 2.0 * about * np.array([-q[3], q[2], -q[1], q[0]])
+
+    def angular_momentum(self):
+        """Angular momentum in the principal frame, (3, n): half of S(q)^T p (2.16)."""
+        q, p = self.q, self.p
+        return 0.5 * np.array([
+            -q[1] * p[0] + q[0] * p[1] + q[3] * p[2] - q[2] * p[3],
+            -q[2] * p[0] - q[3] * p[1] + q[0] * p[2] + q[1] * p[3],
+            -q[3] * p[0] + q[2] * p[1] - q[1] * p[2] + q[0] * p[3],
+        ])  # fmt: skip
+
+    def angular_velocity(self):
+        """Angular velocity in the principal frame, (3, n); zero about an axis without moment."""
+        return np.divide(self.angular_momentum(), self.moment, out=np.zeros_like(self.moment), where=self.moment > 0)
+
+    def matrices(self):
+        """Rotations from the principal to the space frame, (3, 3, n)."""
+        return np.array(kernels.rotation_matrix.py_func(self.q, slice(None))).reshape(3, 3, -1)
+
+    def kinetic(self):
+        """Kinetic energy of translation and of rotation, mass times velocity squared, (2, n)."""
+        turning = (self.angular_momentum() * self.angular_velocity()).sum(axis=0)
+        return 0.5 * np.array([self.mass * (self.v**2).sum(axis=0), turning])
+
+    def images(self, lammps):
+        """Image flags of the centres of mass, (3, n): those of each body's first atom here, if that is moved to the centre."""
+        first = self.first[:-1]
+        flags = lammps.images[self.index[first]] + np.rint(self.shift[first] @ lammps.box.inverse.T)
+        return lammps.image_difference(flags.astype(np.int64)).T
+
 
 def _atoms_changed(lammps, membership, gone, known, come):
     """The message for atoms (by their tags) that bodies lost or that came in between two steps, None if neither."""
     if len(gone):
-        moved = np.linalg.norm(known[0, 4:][_V]) * lammps.dt
+        moved = np.linalg.norm(known[0, 4:][V]) * lammps.dt
         return (
             f"atom {gone[0]} of {membership.name(int(known[0, 0]))} is gone by step {lammps.step}: it left the box, or was deleted "
             f"or taken out of the group. The body was moving by {moved:.3g} a step: if that is too far, the run is unstable and "
@@ -194,234 +186,3 @@ def _atoms_changed(lammps, membership, gone, known, come):
             "use a static group, and insert atoms between runs"
         )
     return None
-
-
-def build(lammps, world, membership):
-    """Make the bodies from LAMMPS's atoms as they are; collective.
-
-    Returns:
-        (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
-        angular momentum of the atoms' velocities, and notes for the log: the number of
-        bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
-        puts in a body, and the kinetic energy `kinetic` of the atoms and the part `removed` of
-        it that is not rigid motion.
-    Raises:
-        RunError: on all ranks, naming the body.
-    """
-    problem = None
-    atoms = membership.atoms()
-    try:
-        ids_of_atoms = membership.bodies(atoms)
-        mass = lammps.masses[atoms]
-        tag = lammps.tags[atoms].astype(np.int64)
-    except RunError as error:
-        if error.everywhere:
-            raise
-        problem = str(error)
-    world.agree(problem)
-    if world.total(np.array([len(atoms)]))[0] == 0:
-        raise RunError(f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run", everywhere=True)
-    sized = _sized(lammps, atoms)
-    world.agree(
-        f"atom {tag[sized][0]} has a size or a dipole of its own, whose torque and inertia this fix does not know: use an atom style of points"
-        if sized.any()
-        else None
-    )
-    bad = ~(mass >= 0)
-    world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
-    v = lammps.per_atom("v", columns=3)[atoms]
-    ids, body = np.unique(ids_of_atoms, return_inverse=True)
-    sharers = world.sharers(ids, np.ones(len(ids), bool))
-    n = len(ids)
-
-    def total(*columns):
-        """Sums over the bodies' atoms, on all ranks, (len(columns), bodies)."""
-        sums = np.array([np.bincount(body, c, minlength=n) for c in columns])
-        sharers.combine(sums)
-        return sums
-
-    def blame(wrong, text):
-        """End the run if `wrong` marks a body."""
-        k = np.argmax(wrong) if wrong.any() else None
-        world.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
-
-    natoms, body_mass = total(np.ones(len(atoms)), mass)
-    blame(~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero")
-
-    reference, delta, rebuilt = _unfold(lammps, world, sharers, ids, body, tag, atoms, blame)
-    centre = total(*(mass * delta.T)) / body_mass
-    r = delta - centre[:, body].T
-    velocity = total(*(mass * v.T)) / body_mass
-    u = v - velocity[:, body].T
-    angular = total(*(mass * np.cross(r, u).T))
-    if lammps.dimension == 2:
-        angular[:2] = velocity[2] = 0.0
-    rx, ry, rz = r.T
-    products = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
-    spread = np.sqrt(products[:3].sum(axis=0) / body_mass)
-    scale = np.abs(lammps.box.h).max()
-    blame(
-        (natoms > 1) & ~(spread > _SAME_PLACE * scale),
-        lambda k: f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, or leave them out of the group",
-    )
-    moment, axes = _principal(products, natoms, membership.command.order)
-    state = np.zeros((_ROWS, n))
-    state[_MASS], state[_NATOMS], state[_MOMENT], state[_V] = body_mass, natoms, moment, velocity
-    state[_X], state[_Q] = reference + centre, _quaternion(axes)
-    turn = np.array(kernels.rotation_matrix.py_func(state[_Q], slice(None))).reshape(3, 3, n)
-    along = np.einsum("abn,an->bn", turn, angular) * (moment > 0)
-    q = state[_Q]
-    state[_P] = 2.0 * np.array([
-        -q[1] * along[0] - q[2] * along[1] - q[3] * along[2],
-        q[0] * along[0] - q[3] * along[1] + q[2] * along[2],
-        q[3] * along[0] + q[0] * along[1] - q[1] * along[2],
-        -q[2] * along[0] + q[1] * along[1] + q[0] * along[2],
-    ])  # fmt: skip
-    # every copy of a shared body starts from the lowest rank's numbers, to the last bit
-    state[:, ~sharers.owned] = 0.0
-    sharers.combine(state)
-    turn = np.array(kernels.rotation_matrix.py_func(state[_Q], slice(None))).reshape(3, 3, n)
-    d = np.einsum("abn,na->nb", turn[:, :, body], r)
-    rotational = np.divide(along**2, moment, out=np.zeros_like(moment), where=moment > 0).sum(axis=0)
-    rigid = body_mass * (velocity**2).sum(axis=0) + rotational
-    zero = sharers.owned & (ids == 0) & (membership.command.style == "molecule")
-    before, after, rebuilt, stray = world.total(
-        np.array([(mass * (v * v).T).sum(), rigid[sharers.owned].sum(), rebuilt[sharers.owned].sum(), natoms[zero].sum()])
-    )
-    result = Bodies(ids, state, body, tag, atoms, d)
-    result.settle(lammps, world)
-    energy = 0.5 * lammps.mvv2e
-    return result, {
-        "kinetic": energy * before, "removed": energy * (before - after), "rebuilt": round(rebuilt), "stray": round(stray),
-    }  # fmt: skip
-
-
-def _sized(lammps, atoms):
-    """Which of these atoms are more than points, and have a torque of their own, (n,) bool."""
-    if lammps.setting("torque_flag") <= 0:
-        return np.zeros(len(atoms), bool)
-    radius = lammps.per_atom("radius")
-    if radius is None or lammps.setting("mu_flag") > 0:
-        return np.ones(len(atoms), bool)
-    return radius[atoms] > 0
-
-
-def _unfold(lammps, world, sharers, ids, body, tag, atoms, blame):
-    """Put each body's atoms together across the periodic faces.
-
-    Along each box vector the image flags hold where they make the body narrower than half the
-    box. Otherwise a body that the nearest images make narrower than a quarter of the box is one
-    that a face cuts, and put together by them: flags that were wrong at the start stay so while
-    LAMMPS keeps count, so that they differ proves nothing. A body that is wide both ways is left
-    as its flags have it if they differ among its atoms and make it narrower than the box, or if
-    nothing suggests a cut: no gap inside it is wider than a tenth of the box and than half of
-    the gap outside (a substrate that spans the box has small gaps only).
-
-    Returns:
-        (reference, delta, rebuilt): a point of each body, (3, n); the place of each atom
-        from there, (atoms, 3); the bodies that were put together by the nearest images.
-    """
-    n, box = len(ids), lammps.box
-    x, image = lammps.per_atom("x", columns=3)[atoms], lammps.images[atoms]
-    first = np.full((1, n), np.inf)
-    np.minimum.at(first[0], body, tag)
-    sharers.combine(first, np.minimum)
-    lead = tag == first[0, body]
-    reference = np.zeros((6, n))
-    reference[:, body[lead]] = np.concatenate([x[lead], image[lead]], axis=1).T
-    sharers.combine(reference)
-    place = reference[:3] + box.h @ reference[3:]
-    # differences of the images are whole numbers: far from the origin nothing is lost
-    image = image - reference[3:, body].T
-    delta = x - reference[:3, body].T
-    nearest = delta - box.lattice(delta) @ box.h.T
-    delta = delta + image @ box.h.T
-
-    def ends(values):
-        """Lowest and highest value over each body's atoms, on all ranks, (3, n) each."""
-        low, high = np.full((3, n), np.inf), np.full((3, n), -np.inf)
-        for k in range(3):
-            np.minimum.at(low[k], body, values[:, k])
-            np.maximum.at(high[k], body, values[:, k])
-        sharers.combine(low, np.minimum)
-        sharers.combine(high, np.maximum)
-        return low, high
-
-    parts = delta @ box.inverse.T * box.periodic
-    low, high = ends(parts)
-    width = high - low
-    wide = width >= 0.5
-    if not world.any(wide.any()):
-        return place, delta, np.zeros(n, bool)
-    compact = np.ptp(ends(nearest @ box.inverse.T * box.periodic), axis=0)
-    cut = wide & (compact < 0.25)
-    unsure = wide & ~cut & ~(np.not_equal(*ends(image)) & (width < 1))
-    for k in np.flatnonzero(box.periodic):
-        gap = _widest_gap(parts[:, k] - low[k, body], body, n, sharers)
-        blame(
-            unsure[k] & (gap > np.maximum(0.5 * (1.0 - width[k]), 0.1)),
-            lambda b: (
-                f"(its first atom is {first[0, b]:.0f}) is wider than half the periodic box along {'xyz'[k]}: {width[k, b]:.2f} box lengths by "
-                f"its image flags, with a gap of {gap[b]:.2f} inside. A periodic face may cut it, and which images belong together cannot "
-                "be told: set the image flags of its atoms (set ... image, or in the data file)"
-            ),
-        )
-    fold = np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T
-    return place, delta - fold @ box.h.T, cut.any(axis=0)
-
-
-def _widest_gap(parts, body, n, sharers, cells=64):
-    """Widest stretch inside each body without atoms, (n,).
-
-    Args:
-        parts: (atoms,) the atoms' distances from the end of their body, 0 to 1 (further ones count as at 1).
-    """
-    filled = np.zeros((cells, n))
-    filled[np.clip((parts * cells).astype(int), 0, cells - 1), body] = 1.0
-    sharers.combine(filled, np.maximum)
-    widest = run = np.zeros(n)
-    for row in filled > 0:
-        widest = np.where(row, np.maximum(widest, run), widest)
-        run = np.where(row, 0.0, run + 1.0)
-    return widest / cells
-
-
-def _principal(products, natoms, order):
-    """Principal moments and axes from the sums of m r r (xx yy zz xy xz yz).
-
-    Args:
-        order: 321 numbers the moments from the largest to the smallest, 123 the other way
-            round (the rotor turns axis 3 outermost); an axis without moment is the third.
-    Returns:
-        moment (3, n); axes (n, 3, 3), whose columns are a right-handed frame.
-    """
-    xx, yy, zz, xy, xz, yz = products
-    tensor = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]]).transpose(2, 0, 1)
-    values, axes = np.linalg.eigh(tensor)
-    moment, axes = values[:, ::-1].T.copy(), axes[:, :, ::-1].copy()
-    single = natoms == 1
-    moment[:, single] = 0.0
-    axes[single] = np.eye(3)
-    linear = moment[2] <= ZERO_MOMENT * moment[0]
-    moment[2, linear] = 0.0
-    moment[:2, linear] = 0.5 * (moment[0] + moment[1])[linear]
-    if order == 123:
-        moment[:, ~linear] = moment[::-1, ~linear]
-        axes[~linear] = axes[~linear, :, ::-1]
-    axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
-    return moment, axes
-
-
-def _quaternion(axes):
-    """Unit quaternions (4, n) of rotation matrices (n, 3, 3) whose columns are the body axes."""
-    r = axes.transpose(1, 2, 0)
-    # four times the products q_i q_j; the row of the largest component is the quaternion, scaled
-    products = np.array([
-        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
-        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
-    ])  # fmt: skip
-    largest = np.argmax([products[k, k] for k in range(4)], axis=0)
-    q = products[largest, :, np.arange(len(axes))].T
-    return q / np.sqrt((q * q).sum(axis=0))

@@ -1,13 +1,28 @@
 """The quoted words of the fix line, checked: GROUP BODYSTYLE [args] [keyword value ...]."""
 
+import re
 from dataclasses import dataclass
 
 from .errors import RunError
 
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
+_FILE = "a file: v_NAME of a string-style variable, or a name without a point"
 KEYWORDS = {
     "mrot": "the number of inner rotor steps, a whole number of at least 1",
     "order": "321 (the axis of the smallest moment turns outermost) or 123 (of the largest)",
+    "force": "M xflag yflag zflag (bodies n, m*n or *, and three times on or off)",
+    "torque": "M xflag yflag zflag (bodies n, m*n or *, and three times on or off)",
+    "reinit": "yes or no",
+    "infile": _FILE,
+    "output": "N, a whole number of at least 1, and " + _FILE,
+}
+# keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
+_ELSEWHERE = {
+    "langevin": "use fix langevin on the bodies' atoms",
+    "gravity": "use fix gravity before this fix",
+    "mol": "insert bodies between runs",
+    **dict.fromkeys(("temp", "tparam"), "this fix keeps the energy; use a thermostat fix on the bodies' atoms"),
+    **dict.fromkeys(("iso", "aniso", "x", "y", "z", "couple", "pchain", "dilate"), "this fix keeps the volume"),
 }
 
 
@@ -22,6 +37,11 @@ class Command:
         arguments: those of the style: () or (i_NAME or v_NAME,) or the groups' IDs.
         mrot: inner rotor steps per time step (m_rot of eq. 2.53).
         order: 321 or 123, the order of the axes in a rotor step, outermost first, with I_1 >= I_2 >= I_3.
+        force, torque: what each of these keywords says, in their order: (first body, last body, (x, y, z));
+            bodies count from 1, 0 stands for the open end of a range, x y z are True for on.
+        reinit: whether the bodies are made anew when a run starts.
+        infile: the file with the bodies' properties, None for none.
+        output: (N, file) for the table of bodies every N steps, None for none.
     """
 
     text: str
@@ -30,6 +50,11 @@ class Command:
     arguments: tuple = ()
     mrot: int = 1
     order: int = 321
+    force: tuple = ()
+    torque: tuple = ()
+    reinit: bool = True
+    infile: str | None = None
+    output: tuple | None = None
 
     @classmethod
     def parse(cls, text):
@@ -38,48 +63,85 @@ class Command:
         Raises:
             RunError: naming the word, what was expected, and what to do.
         """
-        words = text.split()
-
-        def wrong(what):
-            return RunError(f'{what} (in "fix_nosquish.{text}")', everywhere=True)
-
-        def take(expected):
-            if not words:
-                raise wrong(f"the fix line ends where {expected} is expected")
-            return words.pop(0)
-
-        def whole(word, what):
-            if not word.isdigit() or int(word) < 1:
-                raise wrong(f"'{word}' was given where {what} is expected")
-            return int(word)
-
-        take("a class")
-        group = take("the ID of a group and a body style (" + STYLES + ")")
-        style = take("a body style (" + STYLES + ")")
+        words = _Words(text)
+        words.take("a class")
+        group = words.take("the ID of a group and a body style (" + STYLES + ")")
+        style = words.take("a body style (" + STYLES + ")")
         arguments = ()
         if style == "custom":
-            arguments = (take("i_NAME or v_NAME"),)
+            arguments = (words.take("i_NAME or v_NAME"),)
             if arguments[0][:2] not in ("i_", "v_") or len(arguments[0]) < 3:
-                raise wrong(
+                raise words.wrong(
                     f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per atom, "
                     "of fix property/atom) or v_NAME (an atom-style variable)"
                 )
         elif style == "group":
-            count = whole(take("the number of groups"), "the number of groups")
-            arguments = tuple(take(f"the ID of group {k + 1} of {count}") for k in range(count))
+            count = words.whole("the number of groups")
+            arguments = tuple(words.take(f"the ID of group {k + 1} of {count}") for k in range(count))
             if len(set(arguments)) < count:
-                raise wrong("one group is named twice: each is one body")
+                raise words.wrong("one group is named twice: each is one body")
         elif style not in ("single", "molecule"):
-            raise wrong(f"unknown body style '{style}': expected {STYLES}")
-        values = {}
-        while words:
-            keyword = words.pop(0)
-            if keyword not in KEYWORDS:
-                raise wrong(f"unknown keyword '{keyword}': expected " + " or ".join(KEYWORDS))
-            if keyword in values:
-                raise wrong(f"keyword {keyword} stands twice")
-            word = take(KEYWORDS[keyword])
-            values[keyword] = whole(word, KEYWORDS[keyword])
-            if keyword == "order" and word not in ("321", "123"):
-                raise wrong(f"'{word}' was given where {KEYWORDS[keyword]} is expected")
+            raise words.wrong(f"unknown body style '{style}': expected {STYLES}")
+        values = {"force": (), "torque": ()}
+        while words.left:
+            keyword = words.take("a keyword")
+            expected = KEYWORDS.get(keyword)
+            if expected is None:
+                raise words.wrong(f"unknown keyword '{keyword}': " + _ELSEWHERE.get(keyword, "expected " + ", ".join(KEYWORDS)))
+            if keyword in values and keyword not in ("force", "torque"):
+                raise words.wrong(f"keyword {keyword} stands twice")
+            if keyword in ("force", "torque"):
+                values[keyword] += ((*words.bodies(expected), tuple(words.choice(("off", "on"), expected) for _ in "xyz")),)
+            elif keyword == "mrot":
+                values["mrot"] = words.whole(expected)
+            elif keyword == "order":
+                values["order"] = (321, 123)[words.choice(("321", "123"), expected)]
+            elif keyword == "reinit":
+                values["reinit"] = words.choice(("no", "yes"), expected)
+            elif keyword == "infile":
+                values["infile"] = words.take(expected)
+            elif keyword == "output":
+                values["output"] = (words.whole(expected), words.take(expected))
+        if "infile" in values:
+            values["reinit"] = False  # as in fix rigid: the file is the start, not the state of later runs
         return cls(text, group, style, arguments, **values)
+
+
+class _Words:
+    """The words of a fix line, taken one after the other."""
+
+    def __init__(self, text):
+        self.text, self.left = text, text.split()
+
+    def wrong(self, what):
+        """A `RunError` that shows the line."""
+        return RunError(f'{what} (in "fix_nosquish.{self.text}")', everywhere=True)
+
+    def take(self, expected):
+        """The next word."""
+        if not self.left:
+            raise self.wrong(f"the fix line ends where {expected} is expected")
+        return self.left.pop(0)
+
+    def whole(self, expected):
+        """The next word as a whole number of at least 1."""
+        word = self.take(expected)
+        if not word.isdigit() or int(word) < 1:
+            raise self.wrong(f"'{word}' was given where {expected} is expected")
+        return int(word)
+
+    def choice(self, allowed, expected):
+        """Which of two words comes next, as a bool."""
+        word = self.take(expected)
+        if word not in allowed:
+            raise self.wrong(f"'{word}' was given where {expected} is expected")
+        return word == allowed[1]
+
+    def bodies(self, expected):
+        """The next word as a range of numbers, (first, last), 0 for an open end."""
+        word = self.take(expected)
+        match = re.fullmatch(r"([1-9]\d*)|([1-9]\d*)?\*([1-9]\d*)?", word)
+        if not match:
+            raise self.wrong(f"'{word}' was given where {expected} is expected")
+        one, low, high = (int(part or 0) for part in match.groups())
+        return (one, one) if one else (low, high)

@@ -61,16 +61,16 @@ def body_frame_angular_velocity(q, p, moment, b):
 
 
 @compiled
-def kick(begin, end, extended, v, q, p, mass, force, torque, dtf):
-    """Half a step of momentum from force and torque, bodies begin to end (2.58).
+def kick(bodies, extended, v, q, p, mass, force, torque, dtf):
+    """Half a step of momentum from force and torque (2.58).
 
     Bodies from `extended` on are points.  The torque is in the space frame: with
     (0, tau) the four-torque, 2 S(q) (0, A tau) (2.60) equals 2 (0, tau) q.
     """
-    for b in range(begin, end):
+    for b in range(bodies):
         for k in range(3):
             v[k, b] += dtf / mass[b] * force[k, b]
-    for b in range(begin, min(end, extended)):
+    for b in range(extended):
         x, y, z = 2.0 * dtf * torque[0, b], 2.0 * dtf * torque[1, b], 2.0 * dtf * torque[2, b]
         q0, q1, q2, q3 = q[0, b], q[1, b], q[2, b], q[3, b]
         p[0, b] += -x * q1 - y * q2 - z * q3
@@ -142,56 +142,63 @@ def gather(first, index, d, q, atom_f, force, torque):
 
 
 @compiled
-def constraint_virial(first, index, d, q, p, moment, torque, owned, ftm2v, atom_f, virial):
+def add_torques(first, index, atom_torque, torque):
+    """Add the torques that act on the atoms themselves (spheres) to those on their bodies."""
+    for b in range(first.size - 1):
+        for j in range(first[b], first[b + 1]):
+            for k in range(3):
+                torque[k, b] += atom_torque[index[j], k]
+
+
+@compiled
+def set_spins(first, index, q, p, moment, atom_omega):
+    """Write the bodies' angular velocity, space frame, as that of their atoms."""
+    for b in range(first.size - 1):
+        w1, w2, w3 = body_frame_angular_velocity(q, p, moment, b)
+        w = to_space(rotation_matrix(q, b), w1, w2, w3)
+        for j in range(first[b], first[b + 1]):
+            for k in range(3):
+                atom_omega[index[j], k] = w[k]
+
+
+@compiled
+def constraint_virial(first, index, d, atom_mass, q, p, mass, moment, force, torque, ftm2v, atom_f, virial, atom_virial):
     """Add the virial of the forces that keep the bodies rigid to virial (xx yy zz xy xz yz).
 
-    The constraint force on atom i is m_i a_i - f_i, with a_i from the rigid motion
-    itself; its virial about the centre of mass is sum m r (alpha x r + omega x (omega x r))
-    - sum r f.  The first sum follows from the principal moments and is counted by the
-    one rank that `owned` marks, the second by each rank for its own atoms.
+    The constraint force on atom i is m_i a_i - f_i, with the acceleration a_i of the rigid
+    motion itself; its virial is taken about the centre of mass.  atom_mass has an entry for
+    each of `index`; atom_virial is (atoms, 6), or (0, 6) if the atoms' parts are not wanted.
     """
     for b in range(first.size - 1):
         r = rotation_matrix(q, b)
-        if owned[b]:
-            w1, w2, w3 = body_frame_angular_velocity(q, p, moment, b)
-            t1, t2, t3 = to_body(r, torque[0, b], torque[1, b], torque[2, b])
-            i1, i2, i3 = moment[0, b], moment[1, b], moment[2, b]
-            # Euler's equations; an axis without moment does not turn
-            a1 = (t1 * ftm2v - (i3 - i2) * w2 * w3) / i1 if i1 > 0.0 else 0.0
-            a2 = (t2 * ftm2v - (i1 - i3) * w3 * w1) / i2 if i2 > 0.0 else 0.0
-            a3 = (t3 * ftm2v - (i2 - i1) * w1 * w2) / i3 if i3 > 0.0 else 0.0
-            # second moments of mass, sum m d_k^2
-            s1, s2, s3 = 0.5 * (i2 + i3 - i1), 0.5 * (i3 + i1 - i2), 0.5 * (i1 + i2 - i3)
-            # sum m d (alpha x d + omega x (omega x d)), symmetric part, body frame
-            g11 = -s1 * (w2 * w2 + w3 * w3)
-            g22 = -s2 * (w3 * w3 + w1 * w1)
-            g33 = -s3 * (w1 * w1 + w2 * w2)
-            g12 = s1 * (a3 + w1 * w2)
-            g21 = s2 * (-a3 + w1 * w2)
-            g13 = s1 * (-a2 + w1 * w3)
-            g31 = s3 * (a2 + w1 * w3)
-            g23 = s2 * (a1 + w2 * w3)
-            g32 = s3 * (-a1 + w2 * w3)
-            # rows of (matrix r) G, then times the transpose of r
-            for k in range(6):
-                m = k if k < 3 else (0 if k < 5 else 1)
-                n = k if k < 3 else (1 if k == 3 else 2)
-                u1, u2, u3 = r[3 * m], r[3 * m + 1], r[3 * m + 2]
-                y1, y2, y3 = r[3 * n], r[3 * n + 1], r[3 * n + 2]
-                virial[k] += (
-                    (u1 * g11 + u2 * g21 + u3 * g31) * y1
-                    + (u1 * g12 + u2 * g22 + u3 * g32) * y2
-                    + (u1 * g13 + u2 * g23 + u3 * g33) * y3
-                ) / ftm2v
+        w1, w2, w3 = body_frame_angular_velocity(q, p, moment, b)
+        t1, t2, t3 = to_body(r, torque[0, b], torque[1, b], torque[2, b])
+        i1, i2, i3 = moment[0, b], moment[1, b], moment[2, b]
+        # Euler's equations; an axis without moment does not turn
+        a1 = (t1 * ftm2v - (i3 - i2) * w2 * w3) / i1 if i1 > 0.0 else 0.0
+        a2 = (t2 * ftm2v - (i1 - i3) * w3 * w1) / i2 if i2 > 0.0 else 0.0
+        a3 = (t3 * ftm2v - (i2 - i1) * w1 * w2) / i3 if i3 > 0.0 else 0.0
+        ww = w1 * w1 + w2 * w2 + w3 * w3
         for j in range(first[b], first[b + 1]):
-            i = index[j]
-            dx, dy, dz = to_space(r, d[j, 0], d[j, 1], d[j, 2])
-            virial[0] -= dx * atom_f[i, 0]
-            virial[1] -= dy * atom_f[i, 1]
-            virial[2] -= dz * atom_f[i, 2]
-            virial[3] -= dx * atom_f[i, 1]
-            virial[4] -= dx * atom_f[i, 2]
-            virial[5] -= dy * atom_f[i, 2]
+            d1, d2, d3 = d[j, 0], d[j, 1], d[j, 2]
+            wd = w1 * d1 + w2 * d2 + w3 * d3
+            # alpha x d + omega x (omega x d)
+            ax, ay, az = to_space(
+                r,
+                a2 * d3 - a3 * d2 + wd * w1 - ww * d1,
+                a3 * d1 - a1 * d3 + wd * w2 - ww * d2,
+                a1 * d2 - a2 * d1 + wd * w3 - ww * d3,
+            )
+            i, m = index[j], atom_mass[j]
+            cx = m * (ax / ftm2v + force[0, b] / mass[b]) - atom_f[i, 0]
+            cy = m * (ay / ftm2v + force[1, b] / mass[b]) - atom_f[i, 1]
+            cz = m * (az / ftm2v + force[2, b] / mass[b]) - atom_f[i, 2]
+            dx, dy, dz = to_space(r, d1, d2, d3)
+            parts = dx * cx, dy * cy, dz * cz, dx * cy, dx * cz, dy * cz
+            for k in range(6):
+                virial[k] += parts[k]
+                if atom_virial.size:
+                    atom_virial[i, k] += parts[k]
 
 
 @compiled

@@ -6,19 +6,24 @@ One step of eq. 2.53, with velocity Verlet for the centres of mass:
     (LAMMPS)            moves atoms between ranks if it is time to, computes forces
     post_neighbor       follow the atoms, if they were moved
     final_integrate     gather force and torque (shared bodies: one exchange), kick, set velocities
+
+With run_style respa the kicks of each level have that level's forces and time step; the
+innermost level moves the bodies.
 """
 
 import weakref
 
 import numpy as np
 
-from . import kernels, rotor, thermo
-from .atoms import Lammps
-from .bodies import Membership, build
+from . import infile, kernels, output, rotor, thermo
+from .atoms import Lammps, pointer
+from .build import build, count
 from .command import Command
 from .errors import RunError
 from .hosts import OwnFix, driven_by_plugin, hook
+from .membership import Membership
 from .sharing import Alone, World
+from .switches import Switches
 
 
 class NVE:
@@ -37,10 +42,16 @@ class NVE:
         host: what calls this object; set by the plugin, see `hosts`.
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix; None with LAMMPS's own fix python/move.
+        virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
+        late: other fixes that act at the end of a step, and so may change velocities.
+        vector_extensive, array_columns, array_rows: what the plugin announces of `compute_vector` and `compute_array`.
+        restart_file: whether LAMMPS is to call `write_restart_file`.
     """
 
     host = None
-    virial = None
+    virial = virial_per_atom = None
+    vector_extensive = (True, True, False, False)
+    array_columns = 15
     _all = weakref.WeakSet()
 
     def __init__(self, ptr, words):
@@ -48,7 +59,9 @@ class NVE:
         self.world = World(self.lammps.communicator) if self.lammps.ranks > 1 else Alone()
         self.bodies = None
         self._notes = self._said = None
-        self._settled = self._half = False
+        self._settled = self._half = self._ran = self._heard = False
+        self._mask = self._file = None
+        self._known, self.late = {}, []
         self.half_step_velocities = True
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.world)
@@ -58,10 +71,23 @@ class NVE:
     def _begin(self, words):
         self.command = Command.parse(words)
         self.membership = Membership(self.lammps, self.command)
+        self._infile = self.command.infile and self.lammps.text(self.command.infile)
+        self.restart_file = self._infile is not None
         self._all.add(self)
         if self.host:  # LAMMPS's own fix: it takes commands, and so text for its log, only while nothing runs
             self._build()
             self._say(False)
+        else:
+            self.array_rows = count(self.lammps, self.world, self.membership)
+
+    @classmethod
+    def of_fix(cls, lmp, fix_id):
+        """The integrator of a LAMMPS that the fix of this ID drives."""
+        handle = pointer(getattr(lmp, "lmp", lmp))
+        for other in cls._all:
+            if other.lammps.handle == handle and other.host.fix_id in (fix_id, None):  # LAMMPS's own fix tells no ID
+                return other
+        raise RunError(f"there is no fix {fix_id} of fix_nosquish", everywhere=True)
 
     @property
     def _mates(self):
@@ -73,34 +99,44 @@ class NVE:
     @hook
     def init(self):
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
-        self._settled = self._half = False
-        self._build()
-        self._refuse_second_integrator()
-        self.half_step_velocities = self.host.ghost_velocity or any(fix.between for fix in self.host.fixes())
+        self._settled = self._half = self._heard = False
+        self._known = {}
+        self.respa_dt = self.lammps.respa_dt
+        fixes = self.host.fixes()
+        self.late = [fix for fix in fixes if fix.end_of_step]
+        self.half_step_velocities = self.host.ghost_velocity or any(fix.between for fix in fixes)
+        if self.command.reinit or not self._ran:
+            self._build()
+            self._set_velocities()
+        self._refuse_second_integrator(fixes)
         self.reset_dt()
-        self._set_velocities()
+        if self.command.output and not self._file:
+            self._file = output.BodyFile(self.lammps.text(self.command.output[1]), self.lammps.units, self.world)
         if isinstance(self.host, OwnFix):
             self.host.begin_run(self._virial_of_all)
             self._say(self.host.virial_fix is not None)
+        else:
+            self.host.set_array_rows(round(self.world.total(np.array([self.bodies.sharers.owned.sum()]))[0]))
 
     def _build(self):
-        self.bodies, self._notes = build(self.lammps, self.world, self.membership)
+        self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile)
+        self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
 
-    def _refuse_second_integrator(self):
+    def _refuse_second_integrator(self, fixes):
         problem = None
-        groups = self.lammps.groups
+        atoms, groups = self.membership.atoms(), self.lammps.groups
         ours = {mate.host.fix_id for mate in self._mates}
-        for fix in self.host.fixes():
+        for fix in fixes:
             if fix.time_integrate and fix.id not in ours:
-                both = groups[self.bodies.index] & (fix.groupbit & 0xFFFFFFFF) != 0
-                if both.any():
+                both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
+                if len(both):
                     problem = (
-                        f"atom {self.bodies.tag[both.argmax()]} of {self.membership.name(self.bodies.id[self.bodies.body[both.argmax()]])} "
-                        f"is also integrated by fix {fix.id} (style {fix.style}): give that fix a group without the bodies' atoms"
+                        f'atom {self.lammps.tags[both[0]]} of the rigid bodies ("{self.command.text}") is also integrated by '
+                        f"fix {fix.id} (style {fix.style}): give that fix a group without the bodies' atoms"
                     )
         for mate in self._mates:
-            both = np.intersect1d(mate.membership.atoms(), self.bodies.index) if mate is not self else ()
+            both = np.intersect1d(mate.membership.atoms(), atoms) if mate is not self else ()
             if len(both):
                 problem = (
                     f"atom {self.lammps.tags[both[0]]} is claimed by two fixes: \"{mate.command.text}\" and \"{self.command.text}\". "
@@ -112,11 +148,14 @@ class NVE:
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
         self._gather()
-        if self.virial is not None and vflag:
-            self._constraint_virial(self.virial, self.bodies.p)
-        self._settled = True
+        if not self.command.reinit:
+            self._set_velocities()
+        if vflag:
+            self._constraint_virial()
+        self._settled = self._ran = True
         if not isinstance(self.host, OwnFix):
             self._say(bool(vflag))
+        self._write()
 
     def _say(self, virial):
         """Log what the bodies are, if that has changed, and what was taken from the atoms' velocities."""
@@ -140,48 +179,67 @@ class NVE:
     def reset_dt(self):
         """The time step may have changed."""
         self.dt = self.lammps.dt
-        self._dtf = 0.5 * self.dt * self.lammps.ftm2v
 
     # ------------------------------------------------------------- one step
 
     @hook
     def initial_integrate(self, vflag):
         """Half a kick, a whole step of free motion, new positions."""
-        if not self._settled:
-            self.post_neighbor()
-            self.setup(0)
-        self._vflag = vflag
-        bodies = self.bodies
-        self._kick(bodies.v, bodies.p)
-        kernels.drift(len(bodies), bodies.x, bodies.v, self.dt)
-        if bodies.rotors:
-            rotor.rotate(0, bodies.rotors, bodies.q, bodies.p, bodies.moment, self.dt, self.command.mrot)
-        if bodies.extended > bodies.rotors:
-            rotor.rotate_linear(bodies.rotors, bodies.extended, bodies.q, bodies.p, bodies.moment, self.dt)
-        kernels.place(bodies.first, bodies.index, bodies.d, bodies.shift, bodies.x, bodies.q, self._x)
-        if self.half_step_velocities:
-            self._set_velocities()
-        self._half = True
+        self._begin_step(vflag)
+        self._kick(self.dt)
+        self._move(self.dt)
 
     @hook
     def post_neighbor(self):
         """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
         self._refuse_new_box()
         self.bodies = self.bodies.follow(self.lammps, self.world, self.membership)
+        self._mask = self._switches.mask(self.bodies.id)
         self._x, self._v, self._f = (self.lammps.per_atom(name, columns=3) for name in "xvf")
 
     @hook
     def final_integrate(self):
         """The new forces, the second half kick, new velocities."""
+        self._new_forces()
+        self._kick(self.dt)
+        self._set_velocities()
+        self._half = False
+        if self._vflag:
+            self._constraint_virial()
+        self._write()
+
+    def _begin_step(self, vflag):
+        if not self._settled:
+            self.post_neighbor()
+            self.setup(0)
+        elif any((self.lammps.step - 1) % fix.nevery == 0 for fix in self.late):
+            self._take_changed_velocities()
+        self._vflag, self._known = vflag, {}
+
+    def _kick(self, dt):
+        bodies = self.bodies
+        kernels.kick(len(bodies), bodies.extended, bodies.v, bodies.q, bodies.p, bodies.mass,
+                     bodies.force, bodies.torque, 0.5 * dt * self.lammps.ftm2v)  # fmt: skip
+
+    def _move(self, dt):
+        bodies = self.bodies
+        kernels.drift(len(bodies), bodies.x, bodies.v, dt)
+        if bodies.plane:
+            rotor.rotate_in_plane(0, bodies.rotors, bodies.q, bodies.p, bodies.moment, dt)
+        elif bodies.rotors:
+            rotor.rotate(0, bodies.rotors, bodies.q, bodies.p, bodies.moment, dt, self.command.mrot)
+        if bodies.extended > bodies.rotors:
+            rotor.rotate_linear(bodies.rotors, bodies.extended, bodies.q, bodies.p, bodies.moment, dt)
+        kernels.place(bodies.first, bodies.index, bodies.d, bodies.shift, bodies.x, bodies.q, self._x)
+        if self.half_step_velocities:
+            self._set_velocities()
+        self._half = True
+
+    def _new_forces(self):
         if isinstance(self.host, OwnFix) and self.host.atoms_moved():
             self.post_neighbor()
         self._refuse_new_box()
         self._gather()
-        self._kick(self.bodies.v, self.bodies.p)
-        self._set_velocities()
-        self._half = False
-        if self.virial is not None and self._vflag:
-            self._constraint_virial(self.virial, self.bodies.p)
 
     def _refuse_new_box(self):
         box = self.lammps.box
@@ -195,14 +253,11 @@ class NVE:
             )
         self._box = box  # a face that is not periodic may follow the atoms
 
-    def _kick(self, v, p):
-        bodies = self.bodies
-        kernels.kick(0, len(bodies), bodies.extended, v, bodies.q, p, bodies.mass,
-                     bodies.force, bodies.torque, self._dtf)  # fmt: skip
-
     def _gather(self):
         bodies = self.bodies
         finite = kernels.gather(bodies.first, bodies.index, bodies.d, bodies.q, self._f, bodies.force, bodies.torque)
+        if bodies.spheres:
+            kernels.add_torques(bodies.first, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.torque)
         if not finite:
             bad = ~np.isfinite(bodies.load).all(axis=0)
             name = self.membership.name(bodies.id[bad.argmax()])
@@ -211,18 +266,81 @@ class NVE:
                 "Minimise or push the start apart, or use a shorter time step"
             )
         bodies.sharers.combine(bodies.load)
+        if self._mask is not None:
+            bodies.load *= self._mask
 
     def _set_velocities(self):
         bodies = self.bodies
         v = self._v if self._settled else self.lammps.per_atom("v", columns=3)
         kernels.set_velocities(bodies.first, bodies.index, bodies.d, bodies.v, bodies.q, bodies.p, bodies.moment, v)
+        if bodies.spheres:
+            kernels.set_spins(bodies.first, bodies.index, bodies.q, bodies.p, bodies.moment, self.lammps.per_atom("omega", columns=3))
 
-    # ------------------------------------------------------------- what LAMMPS reports
-
-    def _constraint_virial(self, virial, p):
+    def _take_changed_velocities(self):
+        """If a fix has changed the atoms' velocities since they were set, have the bodies move with them; collective."""
         bodies = self.bodies
-        kernels.constraint_virial(bodies.first, bodies.index, bodies.d, bodies.q, p, bodies.moment, bodies.torque,
-                                  bodies.sharers.owned, self.lammps.ftm2v, self._f, virial)  # fmt: skip
+        expected = np.empty_like(bodies.d)
+        kernels.set_velocities(bodies.first, np.arange(len(expected), dtype=np.int32), bodies.d, bodies.v, bodies.q, bodies.p,
+                               bodies.moment, expected)  # fmt: skip
+        if not self.world.any(not np.array_equal(expected, self._v[bodies.index])):
+            return
+        if not self._infile:
+            bodies.take_velocities(self.lammps)
+        if not self._heard:
+            self._heard = True
+            self.host.log(
+                f"The velocities of the bodies' atoms were changed at the end of step {self.lammps.step - 1} (by one of the fixes "
+                f"{' '.join(fix.id for fix in self.late)}): "
+                + ("without effect on bodies of an infile\n" if self._infile else "the bodies take them over, as rigid motion\n")
+            )
+
+    # ------------------------------------------------------------- one step of run_style respa
+
+    @hook
+    def initial_integrate_respa(self, vflag, ilevel, iloop):
+        """Half a kick of a level; the innermost one moves the bodies."""
+        if ilevel == len(self.respa_dt) - 1:
+            self._begin_step(vflag)
+        self._gather()
+        self._kick(self.respa_dt[ilevel])
+        if ilevel == 0:
+            self._move(self.respa_dt[0])
+
+    @hook
+    def final_integrate_respa(self, ilevel, iloop):
+        """A level's new forces, its second half kick, new velocities."""
+        self._new_forces()
+        self._kick(self.respa_dt[ilevel])
+        if ilevel == len(self.respa_dt) - 1 or self.half_step_velocities:
+            self._set_velocities()
+
+    @hook
+    def end_of_step(self):
+        """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
+        self._half = False
+        if self._vflag or self._due():
+            self._gather()
+        if self._vflag:
+            self._constraint_virial()
+        self._write()
+
+    # ------------------------------------------------------------- what LAMMPS and the user are told
+
+    def _due(self):
+        return self._file and self.lammps.step % self.command.output[0] == 0 and self._file.last != self.lammps.step
+
+    def _write(self):
+        if self._due():
+            self._file.write(self.lammps.step, output.table(self.bodies, self.lammps))
+
+    def _constraint_virial(self, virial=None):
+        virial = self.virial if virial is None else virial
+        if virial is None:
+            return
+        bodies, of_atoms = self.bodies, self.virial_per_atom
+        kernels.constraint_virial(bodies.first, bodies.index, bodies.d, self.lammps.masses[bodies.index], bodies.q, bodies.p,
+                                  bodies.mass, bodies.moment, bodies.force, bodies.torque, self.lammps.ftm2v, self._f,
+                                  virial, np.empty((0, 6)) if of_atoms is None else of_atoms)  # fmt: skip
 
     def _virial_of_all(self):
         """The virial of all bodies on all ranks, while LAMMPS is between its forces and final_integrate."""
@@ -238,10 +356,11 @@ class NVE:
             self.post_neighbor()
         self._gather()
         bodies = self.bodies
-        p = bodies.p.copy()
+        p, v = bodies.p.copy(), bodies.v.copy()
         if self._half:
-            self._kick(bodies.v.copy(), p)
-        self._constraint_virial(virial, p)
+            self._kick(self.dt)
+        self._constraint_virial(virial)
+        bodies.p[:], bodies.v[:] = p, v
 
     @hook
     def dof(self, group):
@@ -253,4 +372,41 @@ class NVE:
         # outside of runs atoms may be other ones and elsewhere; the bodies of the last run stay as they are
         bodies = self.bodies if self.lammps.running and self.bodies is not None else build(self.lammps, self.world, self.membership)[0]
         inside = self.lammps.groups[bodies.index] & (1 << group) != 0
-        return thermo.removed_freedom(bodies, self.world, inside, self.lammps.dimension)
+        return thermo.removed_freedom(bodies, self.world, inside, self.lammps)
+
+    def _energies(self):
+        if "energies" not in self._known:
+            self._known["energies"] = thermo.energies(self._after_a_run(), self.world, self.lammps)
+        return self._known["energies"]
+
+    @hook
+    def compute_scalar(self):
+        """Temperature of the bodies, as fix rigid's; collective."""
+        return self._energies()[4]
+
+    @hook
+    def compute_vector(self, i):
+        """Kinetic energy of translation and of rotation, temperature of translation and of rotation; collective."""
+        return self._energies()[i]
+
+    @hook
+    def compute_array(self, i, j):
+        """Value j of body i: see `output.global_array`; collective."""
+        if "array" not in self._known:
+            rows = output.table(self._after_a_run(), self.lammps)
+            self._known["array"] = output.global_array(self.world.gather_to_all(rows))
+        return self._known["array"][i, j]
+
+    @hook
+    def write_restart_file(self, name):
+        """LAMMPS writes a restart file: keep the bodies of an infile beside it, to be read as infile; collective."""
+        infile.write(name + ".rigid", self._after_a_run(), self.lammps, self.world)
+
+    def table(self):
+        """The bodies that are counted on this rank as they are now: see `output.table`."""
+        return output.table(self._after_a_run(), self.lammps)
+
+    def _after_a_run(self):
+        if not self._ran:
+            raise RunError("there is nothing to tell of the bodies before the first run: 'run 0' makes them", everywhere=True)
+        return self.bodies

@@ -13,7 +13,7 @@ numbered I_1 >= I_2 >= I_3, so the smallest moment (the fastest axis) is outermo
 for TIP3P water the reverse order has about ten times the energy error.
 
 Quaternions are tuples (scalar part first).  All functions are compiled, and inlined
-into the two loops over bodies at the end, whose arrays are (components, bodies).
+into the loops over bodies at the end, whose arrays are (components, bodies).
 (numba's cache notices a change in the file of a loop only: what a loop inlines
 stands in the same file.)
 """
@@ -123,6 +123,20 @@ def rotate(begin, end, q, p, moment, dt, mrot):
             (q[0, b], q[1, b], q[2, b], q[3, b]),
             (p[0, b], p[1, b], p[2, b], p[3, b]),
             moment[0, b], moment[1, b], moment[2, b], dt, mrot,
+        )  # fmt: skip
+        for k in range(4):
+            q[k, b] = qb[k]
+            p[k, b] = pb[k]
+
+
+@compiled
+def rotate_in_plane(begin, end, q, p, moment, dt):
+    """Rotation of bodies that turn about their axis 3 only, as all do in two dimensions: h_3 alone, exact."""
+    for b in range(begin, end):
+        qb, pb = rotate_3(
+            (q[0, b], q[1, b], q[2, b], q[3, b]),
+            (p[0, b], p[1, b], p[2, b], p[3, b]),
+            moment[2, b], dt,
         )  # fmt: skip
         for k in range(4):
             q[k, b] = qb[k]

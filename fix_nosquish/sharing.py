@@ -27,12 +27,18 @@ class Alone:
             raise RunError(problem, everywhere=True)
 
     def total(self, values):
-        """Sum of an array over all ranks."""
-        return values
+        """Sum of an array over all ranks, as float64."""
+        return np.asarray(values, float)
 
     def any(self, flag):
         """Whether `flag` is true on any rank."""
         return flag
+
+    def gather(self, rows):
+        """All ranks' rows."""
+        return rows
+
+    gather_to_all = share = gather
 
     def follow(self, lost_tags, lost_rows, gained_tags, problem):
         """As `World.follow`; here no atom can have gone or come."""
@@ -64,14 +70,27 @@ class World:
             raise RunError(self.comm.bcast(problem, root=first), everywhere=True)
 
     def total(self, values):
-        """Sum of an array over all ranks."""
-        result = np.empty_like(values)
-        self.comm.Allreduce(values, result)
+        """Sum of an array over all ranks, as float64."""
+        result = np.array(values, float)
+        self.comm.Allreduce(self.mpi.IN_PLACE, result)
         return result
 
     def any(self, flag):
         """Whether `flag` is true on any rank."""
         return self.comm.allreduce(bool(flag), op=self.mpi.LOR)
+
+    def share(self, rows):
+        """Rank 0's rows, for all ranks."""
+        return self.comm.bcast(rows)
+
+    def gather(self, rows):
+        """All ranks' rows, in the order of the ranks, on rank 0; elsewhere None."""
+        parts = self.comm.gather(rows)
+        return None if parts is None else np.concatenate(parts)
+
+    def gather_to_all(self, rows):
+        """All ranks' rows, in the order of the ranks, on every rank."""
+        return np.concatenate(self.comm.allgather(rows))
 
     def abort(self):
         """End the run on all ranks, now."""

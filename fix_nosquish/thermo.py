@@ -11,21 +11,41 @@ def freedom(bodies, dimension):
     return result
 
 
-def removed_freedom(bodies, world, inside, dimension):
+def removed_freedom(bodies, world, inside, lammps):
     """Degrees of freedom that rigidity takes from a group of atoms; collective.
 
     Args:
         bodies: the `Bodies`.  world: the `World` or `Alone`.
         inside: (m,) bool, which of the bodies' atoms on this rank are in the group.
+        lammps: the `Lammps`.
     Returns:
-        int: the sum, over the bodies that are wholly in the group, of dimension times the
-        number of their atoms, less their own degrees of freedom (as LAMMPS's fix rigid counts).
+        int: the sum, over the bodies that are wholly in the group, of the degrees of freedom of their
+        atoms (3, of a sphere 6; in two dimensions 2 and 3), less their own (as LAMMPS's fix rigid counts).
     """
-    count = np.bincount(bodies.body, inside, minlength=len(bodies))[None, :]
-    bodies.sharers.combine(count)
-    whole = (count[0] == bodies.natoms) & bodies.sharers.owned
-    removed = dimension * bodies.natoms[whole].sum() - freedom(bodies, dimension)[whole].sum()
+    degrees = np.full(len(inside), lammps.dimension)
+    if bodies.spheres:
+        degrees[lammps.per_atom("radius")[bodies.index] > 0] = 6 if lammps.dimension == 3 else 3
+    sums = np.array([np.bincount(bodies.body, weights, minlength=len(bodies)) for weights in (inside, degrees)])
+    bodies.sharers.combine(sums)
+    whole = (sums[0] == bodies.natoms) & bodies.sharers.owned
+    removed = sums[1, whole].sum() - freedom(bodies, lammps.dimension)[whole].sum()
     return round(world.total(np.array([removed]))[0])
+
+
+def energies(bodies, world, lammps):
+    """Kinetic energies and temperatures of the bodies; collective.
+
+    Returns:
+        (5,): kinetic energy of translation and of rotation, their temperatures, the temperature of both
+        together, in LAMMPS's units; a temperature is 0 where there is no such degree of freedom.
+    """
+    owned = bodies.sharers.owned
+    translation = np.full(len(bodies), lammps.dimension)
+    rotation = freedom(bodies, lammps.dimension) - translation
+    sums = world.total(np.array([*bodies.kinetic()[:, owned].sum(axis=1), translation[owned].sum(), rotation[owned].sum()]))
+    energy, degrees = lammps.mvv2e * sums[:2], sums[2:]
+    energy, degrees = np.append(energy, energy.sum()), np.append(degrees, degrees.sum())
+    return np.append(energy[:2], np.divide(2 * energy, degrees * lammps.boltz, out=np.zeros(3), where=degrees > 0))
 
 
 def summary(nve, notes, virial):
@@ -42,17 +62,28 @@ def summary(nve, notes, virial):
     counts = [owned.sum(), (owned[:r] & ~flat).sum(), (owned[:r] & flat).sum(), owned[r:e].sum(), owned[e:n].sum(),
               bodies.natoms[owned].sum(), len(bodies.sharers.bodies[owned[bodies.sharers.bodies]])]  # fmt: skip
     total, solid, planar, linear, points, atoms, shared = world.total(np.array(counts, float)).astype(int)
-    removed = removed_freedom(bodies, world, np.ones(len(bodies.tag), bool), nve.lammps.dimension)
-    kinds = [f"{k} {what}" for k, what in ((solid, "three-dimensional"), (planar, "planar"), (linear, "linear"),
-                                           (points, "single atoms")) if k]  # fmt: skip
-    done = [f"rotation of {what}" for k, what in ((solid + planar, f"rotors (mrot {command.mrot}, order {command.order})"), (linear, "linear bodies")) if k]
-    left = [what for k, what in ((solid + planar, "no rotors"), (linear, "no linear bodies"), (points, "no single atoms")) if not k]
+    removed = removed_freedom(bodies, world, np.ones(len(bodies.tag), bool), nve.lammps)
+    if bodies.plane:
+        kinds, turning = ((solid + planar, "in the plane"),), ((solid + planar, "rotation in the plane", "no rotation"),)
+    else:
+        kinds = (solid, "three-dimensional"), (planar, "planar"), (linear, "linear")
+        turning = ((solid + planar, f"rotation of rotors (mrot {command.mrot}, order {command.order})", "no rotors"),
+                   (linear, "rotation of linear bodies", "no linear bodies"))  # fmt: skip
+    kinds = [f"{k} {what}" for k, what in (*kinds, (points, "single atoms")) if k]
+    done, left = [], []
     for needed, pass_, without in (
+        *turning,
+        (points, "", "no single atoms"),
+        (bodies.spheres, "torque and spin of spheres", ""),
+        (command.force or command.torque, "forces and torques that are switched off", ""),
+        (nve.late, f"velocities that {' '.join(fix.id for fix in nve.late)} may change, at the end of a step", ""),
+        (command.output, f"table of the bodies every {command.output and command.output[0]} steps", ""),
         (shared, f"exchange of {shared} bodies shared between ranks", "no body shared between ranks"),
         (nve.half_step_velocities, "velocities at the half step", "no reader of velocities at the half step"),
         (virial, "constraint virial on steps that need it", "no virial requested"),
     ):
-        (done if needed else left).append(pass_ if needed else without)
+        if pass_ and needed or without and not needed:
+            (done if needed else left).append(pass_ if needed else without)
     lines = [
         f"Rigid bodies by NO_SQUISH: {command.text}",
         f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",

@@ -105,7 +105,7 @@ CASES = {
     # the words of the fix line
     "group that is not defined": Case("nowhere molecule", ("group 'nowhere'", "define it before the fix")),
     "body style that does not exist": Case("all molecules", ("unknown body style 'molecules'", "single, molecule, custom")),
-    "keyword that does not exist": Case("all molecule langevin 1", ("unknown keyword 'langevin'", "expected mrot")),
+    "keyword that does not exist": Case("all molecule mrots 1", ("unknown keyword 'mrots'", "expected mrot")),
     "no words at all": Case("", ("ends where", "ID of a group", "body style", "fix_nosquish.NVE")),
     "no body style": Case("all", ("body style", "ends where", "fix_nosquish.NVE all")),
     "value missing": Case("all molecule mrot", ("ends where", "number of inner rotor steps")),

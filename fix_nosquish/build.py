@@ -1,0 +1,323 @@
+"""How rigid bodies are made of LAMMPS's atoms: periodic image, mass, centre of mass, inertia, principal frame."""
+
+import numpy as np
+
+from . import infile, kernels
+from .bodies import MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies
+from .errors import RunError
+
+ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
+_EQUAL_MOMENTS = 1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
+_SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
+
+
+def build(lammps, world, membership, path=None):
+    """Make the bodies from LAMMPS's atoms as they are; collective.
+
+    Args:
+        lammps: the `Lammps`.  world: the `World` or `Alone`.  membership: the `Membership`.
+        path: the file of keyword infile, None for none.
+    Returns:
+        (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
+        angular momentum of the atoms' velocities, and notes for the log: the number of
+        bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
+        puts in a body, and the kinetic energy `kinetic` of the atoms and the part `removed` of
+        it that is not rigid motion.
+    Raises:
+        RunError: on all ranks, naming the body.
+    """
+    atoms, ids, body, mass, tag, radius = _members(lammps, world, membership)
+    plane = lammps.dimension == 2
+    sharers = world.sharers(ids, np.ones(len(ids), bool))
+    n = len(ids)
+
+    def total(*columns):
+        """Sums over the bodies' atoms, on all ranks, (len(columns), bodies)."""
+        sums = np.array([np.bincount(body, c, minlength=n) for c in columns])
+        sharers.combine(sums)
+        return sums
+
+    def blame(wrong, text):
+        """End the run if `wrong` marks a body."""
+        k = np.argmax(wrong) if wrong.any() else None
+        world.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
+
+    natoms, body_mass = total(np.ones(len(atoms)), mass)
+    given = infile.read(path, lammps, world, ids, sharers.owned) if path else None
+    if given:
+        body_mass[given.bodies] = given.mass
+    blame(~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero")
+
+    reference, delta, rebuilt = _unfold(lammps, world, sharers, body, tag, atoms, blame)
+    centre = total(*(mass * delta.T)) / body_mass
+    if given:
+        centre[:, given.bodies] = given.centre - reference[:, given.bodies]
+    r = delta - centre[:, body].T
+    rx, ry, rz = r.T
+    xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
+    own = SPHERE * total(mass * radius**2)[0] if radius is not None else 0.0
+    size = np.sqrt((xx + yy + zz + own) / body_mass)
+    blame(
+        (natoms > 1) & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max()) & (given.absent if given else True),
+        lambda k: f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, or leave them out of the group",
+    )
+    inertia = np.array([[yy + zz + own, -xy, -xz], [-xy, xx + zz + own, -yz], [-xz, -yz, xx + yy + own]]).transpose(2, 0, 1)
+    if given:
+        inertia[given.bodies] = given.inertia
+    if plane:
+        moment, axes = _principal_in_plane(inertia)
+    else:
+        moment, axes, equal = _principal(inertia)
+        if world.any(equal.any()):
+            sums = total(*(w * c for w in _weights(tag) for c in r.T)).reshape(2, 3, n)
+            _choose_axes(axes, equal, sums.transpose(2, 0, 1))
+        if membership.command.order == 123:
+            solid = moment[2] > 0
+            moment[:, solid] = moment[::-1, solid]
+            axes[solid] = axes[solid, :, ::-1]
+        axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
+
+    state = np.zeros((ROWS, n))
+    state[MASS], state[NATOMS], state[MOMENT] = body_mass, natoms, moment
+    state[X], state[Q] = reference + centre, _quaternion(axes)
+    # every copy of a shared body starts from the lowest rank's numbers, to the last bit
+    state[:, ~sharers.owned] = 0.0
+    sharers.combine(state)
+    turn = np.array(kernels.rotation_matrix.py_func(state[Q], slice(None))).reshape(3, 3, n)
+    d = np.einsum("abn,na->nb", turn[:, :, body], r)
+    result = Bodies(ids, state, body, tag, atoms, d, plane, world.any(radius is not None and radius.any()))
+    result.settle(lammps, world)
+    result.take_velocities(lammps, given and given.momenta(result.id))
+    return result, _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
+
+
+def count(lammps, world, membership):
+    """How many bodies there are, None if their atoms are not as they should be (yet); collective."""
+    try:
+        atoms, ids, problem = membership.atoms(), np.empty(0, np.int64), False
+        try:
+            ids = np.unique(membership.bodies(atoms))
+        except RunError as error:
+            if error.everywhere:
+                raise
+            problem = True
+        if world.any(problem):
+            return None
+    except RunError:
+        return None
+    return round(world.total(np.array([world.sharers(ids, np.ones(len(ids), bool)).owned.sum()]))[0]) or None
+
+
+def _notes(bodies, lammps, world, membership, rebuilt):
+    """What `build` has to say for the log; collective."""
+    v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
+    before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum()
+    if bodies.spheres:
+        radius, omega = lammps.per_atom("radius")[bodies.index], lammps.per_atom("omega", columns=3)[bodies.index]
+        before += 0.5 * SPHERE * (mass[bodies.index] * radius**2 * (omega**2).T).sum()
+    zero = owned & (bodies.id == 0) & (membership.command.style == "molecule")
+    before, after, rebuilt, stray = world.total(
+        np.array([before, bodies.kinetic()[:, owned].sum(), rebuilt, bodies.natoms[zero].sum()])
+    )
+    return {
+        "kinetic": lammps.mvv2e * before, "removed": lammps.mvv2e * (before - after),
+        "rebuilt": round(rebuilt), "stray": round(stray),
+    }  # fmt: skip
+
+
+def _members(lammps, world, membership):
+    """This rank's atoms of bodies: their index, the bodies' IDs, the place of each atom's body there, mass, tag, radius."""
+    problem = None
+    atoms = membership.atoms()
+    try:
+        ids_of_atoms = membership.bodies(atoms)
+        mass = lammps.masses[atoms]
+        tag = lammps.tags[atoms].astype(np.int64)
+    except RunError as error:
+        if error.everywhere:
+            raise
+        problem = str(error)
+    world.agree(problem)
+    if world.total(np.array([len(atoms)]))[0] == 0:
+        raise RunError(f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run", everywhere=True)
+    radius, more = lammps.finite()
+    more = more[atoms] if more is not None else np.zeros(len(atoms), "U1")
+    odd = more != ""
+    world.agree(
+        f"atom {tag[odd][0]} is {more[odd][0]}, whose torque and inertia this fix does not know: use points or spheres (atom_style sphere)"
+        if odd.any()
+        else None
+    )
+    bad = ~(mass >= 0)
+    world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
+    ids, body = np.unique(ids_of_atoms, return_inverse=True)
+    return atoms, ids, body, mass, tag, None if radius is None else radius[atoms]
+
+
+def _unfold(lammps, world, sharers, body, tag, atoms, blame):
+    """Put each body's atoms together across the periodic faces.
+
+    Along each box vector the image flags hold where they make the body narrower than half the
+    box. Otherwise a body that the nearest images make narrower than a quarter of the box is one
+    that a face cuts, and put together by them: flags that were wrong at the start stay so while
+    LAMMPS keeps count, so that they differ proves nothing. A body that is wide both ways is left
+    as its flags have it if they differ among its atoms and make it narrower than the box, or if
+    nothing suggests a cut: no gap inside it is wider than a tenth of the box and than half of
+    the gap outside (a substrate that spans the box has small gaps only).
+
+    Returns:
+        (reference, delta, rebuilt): a point of each body, (3, n); the place of each atom
+        from there, (atoms, 3); the bodies that were put together by the nearest images.
+    """
+    n, box = len(sharers.owned), lammps.box
+    x, image = lammps.per_atom("x", columns=3)[atoms], lammps.images[atoms]
+    first = np.full((1, n), np.inf)
+    np.minimum.at(first[0], body, tag)
+    sharers.combine(first, np.minimum)
+    lead = tag == first[0, body]
+    reference = np.zeros((6, n))
+    reference[:, body[lead]] = np.concatenate([x[lead], image[lead]], axis=1).T
+    sharers.combine(reference)
+    place = reference[:3] + box.h @ reference[3:]
+    # differences of the images are whole numbers: far from the origin nothing is lost
+    image = lammps.image_difference(image - reference[3:, body].T.astype(np.int64))
+    delta = x - reference[:3, body].T
+    nearest = delta - box.lattice(delta) @ box.h.T
+    delta = delta + image @ box.h.T
+
+    def ends(values):
+        """Lowest and highest value over each body's atoms, on all ranks, (3, n) each."""
+        low, high = np.full((3, n), np.inf), np.full((3, n), -np.inf)
+        for k in range(3):
+            np.minimum.at(low[k], body, values[:, k])
+            np.maximum.at(high[k], body, values[:, k])
+        sharers.combine(low, np.minimum)
+        sharers.combine(high, np.maximum)
+        return low, high
+
+    parts = delta @ box.inverse.T * box.periodic
+    low, high = ends(parts)
+    width = high - low
+    wide = width >= 0.5
+    if not world.any(wide.any()):
+        return place, delta, np.zeros(n, bool)
+    compact = np.ptp(ends(nearest @ box.inverse.T * box.periodic), axis=0)
+    cut = wide & (compact < 0.25)
+    unsure = wide & ~cut & ~(np.not_equal(*ends(image)) & (width < 1))
+    for k in np.flatnonzero(box.periodic):
+        gap = _widest_gap(parts[:, k] - low[k, body], body, n, sharers)
+        blame(
+            unsure[k] & (gap > np.maximum(0.5 * (1.0 - width[k]), 0.1)),
+            lambda b: (
+                f"(its first atom is {first[0, b]:.0f}) is wider than half the periodic box along {'xyz'[k]}: {width[k, b]:.2f} box lengths by "
+                f"its image flags, with a gap of {gap[b]:.2f} inside. A periodic face may cut it, and which images belong together cannot "
+                "be told: set the image flags of its atoms (set ... image, or in the data file)"
+            ),
+        )
+    fold = np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T
+    return place, delta - fold @ box.h.T, cut.any(axis=0)
+
+
+def _widest_gap(parts, body, n, sharers, cells=64):
+    """Widest stretch inside each body without atoms, (n,).
+
+    Args:
+        parts: (atoms,) the atoms' distances from the end of their body, 0 to 1 (further ones count as at 1).
+    """
+    filled = np.zeros((cells, n))
+    filled[np.clip((parts * cells).astype(int), 0, cells - 1), body] = 1.0
+    sharers.combine(filled, np.maximum)
+    widest = run = np.zeros(n)
+    for row in filled > 0:
+        widest = np.where(row, np.maximum(widest, run), widest)
+        run = np.where(row, 0.0, run + 1.0)
+    return widest / cells
+
+
+def _principal(inertia):
+    """Principal moments and axes in three dimensions.
+
+    Args:
+        inertia: (n, 3, 3) tensors of inertia.
+    Returns:
+        moment (3, n), from the largest to the smallest; axes (n, 3, 3), in columns; and (2, n) bool,
+        whether moments 1 and 2, and 2 and 3, are equal, so that their axes are arbitrary.
+    """
+    values, axes = np.linalg.eigh(inertia)
+    moment, axes = values[:, ::-1].T.copy(), axes[:, :, ::-1].copy()
+    point = moment[0] <= 0
+    moment[:, point] = 0.0
+    axes[point] = np.eye(3)
+    linear = moment[2] <= ZERO_MOMENT * moment[0]
+    moment[2, linear] = 0.0
+    moment[:2, linear] = 0.5 * (moment[0] + moment[1])[linear]
+    equal = (moment[:2] - moment[1:] < _EQUAL_MOMENTS * moment[0]) & ~linear
+    both = equal.all(axis=0)
+    moment[:, both] = moment[:, both].mean(axis=0)
+    for k in range(2):
+        pair = equal[k] & ~both
+        moment[k : k + 2, pair] = moment[k : k + 2, pair].mean(axis=0)
+    return moment, axes, equal
+
+
+def _principal_in_plane(inertia):
+    """Principal moments and axes of bodies that turn about z, which is axis 3; as `_principal`."""
+    values, turned = np.linalg.eigh(inertia[:, :2, :2])
+    axes = np.zeros_like(inertia)
+    axes[:, 2, 2] = 1.0
+    axes[:, :2, 0] = turned[:, :, 1]
+    axes[:, 0, 1], axes[:, 1, 1] = -turned[:, 1, 1], turned[:, 0, 1]
+    return np.maximum([values[:, 1], values[:, 0], inertia[:, 2, 2]], 0.0), axes
+
+
+def _weights(tag):
+    """Two numbers for each atom that follow from its tag and are unlike those of its neighbours, (2, n)."""
+    return np.modf(np.multiply.outer([0.6180339887498949, 0.7548776662466927], tag))[0]
+
+
+def _choose_axes(axes, equal, sums):
+    """Where moments are equal, turn the axes to weighted sums of the atoms' places, in place.
+
+    A frame that follows from the atoms alone is found again, whenever and on however many ranks
+    the bodies are made: the splitting into rotations about axes, and so the trajectory, depends on it.
+
+    Args:
+        axes: (n, 3, 3), in columns.  equal: (2, n), see `_principal`.  sums: (n, 2, 3), two vectors of each body.
+    """
+    chosen = np.flatnonzero(equal.any(axis=0))
+    equal, frames = equal[:, chosen], axes[chosen]
+    both, last = equal.all(axis=0), equal[0] & ~equal[1]  # all moments are equal; the third one is alone
+    one, two = sums[chosen, 0], sums[chosen, 1]
+    alone = np.where(last[:, None], frames[:, :, 2], frames[:, :, 0])
+
+    def dot(a, b):
+        return (a * b).sum(axis=1, keepdims=True)
+
+    def without(a, b):
+        """The part of a that is perpendicular to b."""
+        return a - np.divide(dot(a, b), dot(b, b), out=np.zeros((len(a), 1)), where=dot(b, b) > 0) * b
+
+    first = np.where(both[:, None], one, alone)
+    one, two = without(one, alone), without(two, first)
+    second = np.where(both[:, None] | (dot(one, one) < 1e-6 * dot(two, two)), two, one)
+    # a sphere has no direction
+    found = (dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))) & (dot(first, first)[:, 0] > 0)
+    first, second = (a[found] / np.sqrt(dot(a, a)[found]) for a in (first, second))
+    third = np.cross(first, second)
+    last = last[found, None, None]
+    axes[chosen[found]] = np.where(last, np.stack([second, third, first], axis=2), np.stack([first, second, third], axis=2))
+
+
+def _quaternion(axes):
+    """Unit quaternions (4, n) of rotation matrices (n, 3, 3) whose columns are the body axes."""
+    r = axes.transpose(1, 2, 0)
+    # four times the products q_i q_j; the row of the largest component is the quaternion, scaled
+    products = np.array([
+        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
+        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
+    ])  # fmt: skip
+    largest = np.argmax([products[k, k] for k in range(4)], axis=0)
+    q = products[largest, :, np.arange(len(axes))].T
+    return q / np.sqrt((q * q).sum(axis=0))

@@ -1,0 +1,113 @@
+"""Keyword infile of fix rigid: a file with the bodies' mass, centre of mass, inertia and velocities.
+
+The first line that is not empty and no comment holds the number of lines that follow, one for each body:
+
+    ID mass x y z ixx iyy izz ixy ixz iyz vx vy vz lx ly lz ix iy iz
+
+with the ID as in fix rigid (1 for single, 1 to N for groups, else the molecule-ID or the custom value), the
+tensor of inertia and the angular momentum l in the space frame, and the image flags of the centre of mass.
+"""
+
+import numpy as np
+
+from .errors import RunError
+
+_COLUMNS = 20
+
+
+class Given:
+    """What the file says of this rank's bodies.
+
+    Attributes:
+        bodies: (m,) their places in this rank's list of bodies.  absent: (n,) bool, the other ones of the list.
+        mass: (m,).  centre: (3, m), unwrapped.  inertia: (m, 3, 3), space frame.
+    """
+
+    def __init__(self, ids, bodies, rows, box):
+        self.bodies, self.absent = bodies, np.ones(len(ids), bool)
+        self.absent[bodies] = False
+        self._ids = ids[bodies]
+        self.mass, self.centre = rows[:, 1], rows[:, 2:5].T + box.h @ rows[:, 17:20].T
+        xx, yy, zz, xy, xz, yz = rows[:, 5:11].T
+        self.inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+        self._momenta = np.concatenate([self.mass * rows[:, 11:14].T, rows[:, 14:17].T])
+
+    def momenta(self, ids):
+        """The bodies' places in a list of IDs, and their linear and angular momenta, (6, m)."""
+        order = np.argsort(ids)
+        return order[np.searchsorted(ids, self._ids, sorter=order)], self._momenta
+
+
+def read(path, lammps, world, ids, owned):
+    """Read the file; collective.
+
+    Args:
+        ids: (n,) IDs of this rank's bodies.  owned: (n,) bool, each body on one rank only.
+    Returns:
+        Given.
+    Raises:
+        RunError: if the file cannot be read, or names a body that is not there, or one twice.
+    """
+    rows, problem = None, None
+    if world.rank == 0:
+        try:
+            rows = _parse(path)
+        except (OSError, ValueError) as error:
+            problem = f"cannot read the infile {path}: {error.strerror if isinstance(error, OSError) else error}"
+    world.agree(problem)
+    rows = world.share(rows)
+    named = rows[:, 0].astype(np.int64)
+    here = np.isin(named, ids)
+    order = np.argsort(ids)
+    bodies = order[np.searchsorted(ids, named[here], sorter=order)]
+    count = np.zeros(len(rows))
+    count[here] = owned[bodies]
+    missing = world.total(count) == 0
+    if missing.any():
+        raise RunError(f"the infile {path} names body {named[missing][0]}, which is not there", everywhere=True)
+    return Given(ids, bodies, rows[here], lammps.box)
+
+
+def _parse(path):
+    """The rows of a file, (bodies, 20)."""
+    with open(path) as file:
+        lines = [line for line in (line.partition("#")[0].split() for line in file) if line]
+    if not lines or len(lines[0]) != 1 or not lines[0][0].isdigit():
+        raise ValueError("its first line must be the number of bodies in it")
+    count = int(lines.pop(0)[0])
+    if len(lines) < count:
+        raise ValueError(f"it announces {count} bodies and has lines for {len(lines)}")
+    for line in lines[:count]:
+        if len(line) != _COLUMNS:
+            raise ValueError(f"the line of body {line[0]} has {len(line)} values, where {_COLUMNS} are expected")
+    rows = np.array(lines[:count], float).reshape(count, _COLUMNS)
+    ids, times = np.unique(rows[:, 0], return_counts=True)
+    if (times > 1).any():
+        raise ValueError(f"body {ids[times > 1][0]:.0f} stands in it twice")
+    return rows
+
+
+def write(path, bodies, lammps, world):
+    """Write the bodies as they are; collective.
+
+    Raises:
+        RunError: if the file cannot be written.
+    """
+    owned = bodies.sharers.owned
+    turn = bodies.matrices()
+    inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moment, turn)
+    momentum = np.einsum("abn,bn->an", turn, bodies.angular_momentum())
+    rows = np.concatenate([
+        bodies.id[None, :], bodies.mass[None, :], bodies.x,
+        [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]],
+        bodies.v, momentum, bodies.images(lammps),
+    ])[:, owned].T  # fmt: skip
+    rows, problem = world.gather(rows), None
+    if world.rank == 0:
+        try:
+            with open(path, "w") as file:
+                file.write(f"# fix_nosquish: mass, centre of mass, inertia, velocities of the bodies on timestep {lammps.step}\n\n{len(rows)}\n")
+                np.savetxt(file, rows[np.argsort(rows[:, 0])], fmt=["%d"] + ["%.17g"] * 16 + ["%d"] * 3)
+        except OSError as error:
+            problem = f"cannot write the bodies to {path}: {error.strerror}"
+    world.agree(problem)

@@ -1,0 +1,60 @@
+"""Keywords force and torque: which components of force and torque act on a body."""
+
+import numpy as np
+
+from .errors import RunError
+
+
+class Switches:
+    """The components that are switched off, for bodies chosen by number as in fix rigid; collective.
+
+    Bodies are numbered from 1 in the order of their IDs. No rank holds all IDs: the ID that has
+    a number is found by bisection.
+
+    Args:
+        command: the `Command`.  dimension: 2 or 3.  world: the `World` or `Alone`.
+        ids: (n,) IDs of this rank's bodies.  owned: (n,) bool, each body on one rank only.
+    Raises:
+        RunError: for numbers without a body, and in two dimensions for what cannot be on.
+    """
+
+    def __init__(self, command, dimension, world, ids, owned):
+        self._plane = dimension == 2
+        self._choices = []  # (lowest ID, highest ID, rows of the load, 0 or 1 for each)
+        asked = [(choice, rows) for choices, rows in ((command.force, slice(0, 3)), (command.torque, slice(3, 6))) for choice in choices]
+        if not asked:
+            return
+        count = int(world.total(np.array([owned.sum()]))[0])
+        ends = []
+        for (low, high, flags), rows in asked:
+            low, high = low or 1, high or count
+            text = f"keyword {'torque' if rows.start else 'force'}: "
+            if not 1 <= low <= high <= count:
+                raise RunError(text + f"bodies {low} to {high} were asked for, and there are bodies 1 to {count}", everywhere=True)
+            if self._plane and (any(flags[:2]) if rows.start else flags[2]):
+                raise RunError(text + ("x and y are" if rows.start else "z is") + " off in two dimensions: say off", everywhere=True)
+            ends += [low, high]
+        ends = _id_of_number(np.array(ends), world, np.sort(ids[owned]))
+        for ((_, _, flags), rows), low, high in zip(asked, ends[::2], ends[1::2]):
+            self._choices.append((low, high, rows, flags))
+
+    def mask(self, ids):
+        """What to multiply the load of the bodies by, (6, n) or (6, 1); None if all of it acts."""
+        if not self._choices:
+            return np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]]) if self._plane else None
+        mask = np.ones((6, len(ids)))
+        for low, high, rows, flags in self._choices:
+            mask[rows, (low <= ids) & (ids <= high)] = np.array(flags, float)[:, None]
+        if self._plane:
+            mask[2:5] = 0.0
+        return mask
+
+
+def _id_of_number(numbers, world, ids):
+    """The ID that stands at each of these numbers when all ranks' IDs are in order; `ids` are this rank's, in order."""
+    low, high = np.full(len(numbers), -(2**62)), np.full(len(numbers), 2**62)
+    while (low < high).any():
+        middle = (low + high) // 2
+        enough = world.total(np.searchsorted(ids, middle, "right")) >= numbers
+        low, high = np.where(enough, low, middle + 1), np.where(enough, middle, high)
+    return low
