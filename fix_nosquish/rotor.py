@@ -50,7 +50,7 @@ def dot(a, b):
 
 
 @njit(inline="always")
-def turn(c, s, a, b):
+def mix(c, s, a, b):
     """c a + s b, for four-vectors."""
     return (
         c * a[0] + s * b[0],
@@ -60,13 +60,34 @@ def turn(c, s, a, b):
     )
 
 
+@njit(inline="always")
+def sine_and_lost_cosine(angle):
+    """sin(angle) and 1 - cos(angle).
+
+    A rounded cosine and sine are together longer or shorter than 1, for one angle always in the same way:
+    multiplied 10^7 times, lengths would change by up to 1e-9. Added as a change, they do not.
+    """
+    s, c = sin(0.5 * angle), cos(0.5 * angle)
+    return 2.0 * s * c, 2.0 * s * s
+
+
+@njit(inline="always")
+def turn(s, lost, a, b):
+    """cos a + sin b, with lost = 1 - cos, for four-vectors."""
+    return (
+        a[0] + (s * b[0] - lost * a[0]),
+        a[1] + (s * b[1] - lost * a[1]),
+        a[2] + (s * b[2] - lost * a[2]),
+        a[3] + (s * b[3] - lost * a[3]),
+    )
+
+
 def _rotation(permute):
     @njit(inline="always")
     def rotate(q, p, moment, dt):
         permuted = permute(q)
-        angle = dt * dot(p, permuted) / (4.0 * moment)
-        c, s = cos(angle), sin(angle)
-        return turn(c, s, q, permuted), turn(c, s, p, permute(p))
+        s, lost = sine_and_lost_cosine(dt * dot(p, permuted) / (4.0 * moment))
+        return turn(s, lost, q, permuted), turn(s, lost, p, permute(p))
 
     return rotate
 
@@ -107,12 +128,14 @@ def free_linear_rotor(q, p, moment, dt):
     zeta_1 = dot(p, permuted_1) / (4.0 * moment)
     zeta_2 = dot(p, permuted_2) / (4.0 * moment)
     zeta = sqrt(zeta_1 * zeta_1 + zeta_2 * zeta_2)
-    c = cos(dt * zeta)
-    s = sin(dt * zeta) / zeta if zeta > 0.0 else 0.0
-    return (
-        turn(c, s, q, turn(zeta_1, zeta_2, permuted_1, permuted_2)),
-        turn(c, s, p, turn(zeta_1, zeta_2, permute_1(p), permute_2(p))),
-    )
+    if zeta > 0.0:
+        s, lost = sine_and_lost_cosine(dt * zeta)
+        s_1, s_2 = zeta_1 / zeta, zeta_2 / zeta
+        q, p = (
+            turn(s, lost, q, mix(s_1, s_2, permuted_1, permuted_2)),
+            turn(s, lost, p, mix(s_1, s_2, permute_1(p), permute_2(p))),
+        )
+    return q, p
 
 
 @compiled

@@ -17,6 +17,7 @@ def main(words=None):
     )
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     _add_compare(verbs)
+    _add_long(verbs)
     arguments = parser.parse_args(words)
     return arguments.function(arguments)
 
@@ -73,6 +74,36 @@ def _compare(arguments):
     if summary["interrupted"]:
         return 130
     return int(any(row["error"] for row in summary["integrators"]))
+
+
+def _add_long(verbs):
+    parser = verbs.add_parser(
+        "long",
+        help="a free body for 10^7 steps: energy, momenta, shape",
+        description="Run one body without forces for very many steps with fix_nosquish.NVE, rigid/nve and rigid, at a short "
+        "and at a practical time step, and draw what becomes of energy, momenta and shape. A run that is complete "
+        "in the output folder is not done again.",
+    )
+    parser.add_argument("--steps", type=_whole, default=10_000_000, metavar="N", help="of each run (default %(default)s)")
+    parser.add_argument("--only", nargs="+", choices=("nosquish", "rigid/nve", "rigid"), metavar="NAME",
+                        default=["nosquish", "rigid/nve", "rigid"], help="integrators, of: %(choices)s")
+    parser.add_argument("--silence", type=_positive, default=120.0, metavar="S",
+                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/long-run"), help="output folder (default %(default)s)")
+    parser.set_defaults(function=_long)
+
+
+def _long(arguments):
+    from validation import console, longrun  # heavy: not for --help
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    screen = console.console()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    with console.Meter(screen, 2 * len(arguments.only) * arguments.steps) as meter:
+        rows, series = longrun.long_run(arguments.out, arguments.steps, arguments.only, meter, arguments.silence)
+    longrun.show(screen, rows)
+    screen.print(f"figure: {longrun.draw(rows, series, arguments.out)}")
+    return 130 if any(row["error"] == "interrupted" for row in rows) else int(any(row["error"] for row in rows))
 
 
 def _whole(word):
