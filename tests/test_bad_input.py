@@ -147,7 +147,6 @@ CASES = {
                                       before=SPLIT, after="fix 2 rest npt temp 1 1 1 iso 1 1 1"),
     "box deformed": Case("all molecule", ("box has changed by step 2", "deform", "constant volume", "between runs"), after="fix 2 all deform 1 x erate 0.01"),
     "minimisation": Case("all molecule", ("tear the rigid bodies", "minimise before", "unfix"), after="minimize 0 0 10 10"),
-    "run_style respa": Case("all molecule", ("respa",), before="run_style respa 2 2 pair 1"),
     # in mid-run
     "force not finite from the start": Case(
         "all molecule", ("force on the body of molecule 2 ", "not finite at step 0", "overlap"),

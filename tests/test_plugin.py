@@ -1,11 +1,17 @@
 """The plugin's fix python/move drives any class that is written for LAMMPS's own fix of that name."""
 
+import os
+import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
+
+from conftest import BIN, LAUNCHERS, read_thermo
+from test_bad_input import left_behind
 
 MELT = """
 units         lj
@@ -332,13 +338,14 @@ def test_host(run_lammps):
         "class Curious(NVE):\n    host = None\n"
         "    def init(self):\n        super().init()\n"
         "        h = self.host\n"
-        "        h.log(f'HOST {h.fix_id} {h.group} {h.ghost_velocity} {h.box_change}\\n')\n"
+        "        h.log(f'HOST {h.fix_id} {h.group} {h.ghost_velocity}\\n')\n"
         "        for f in h.fixes():\n"
-        "            h.log(f'OTHER {f.id} {f.style} {f.groupbit} {f.time_integrate} {f.between}\\n')\n"
+        "            h.log(f'OTHER {f.id} {f.style} {f.groupbit} {f.time_integrate} {f.between} '\n"
+        "                  f'{f.end_of_step} {f.nevery}\\n')\n"
     )
     others = (
         "group some id 1:20\ncomm_modify vel yes\n"
-        "fix a some nve\nfix b all langevin 1 1 1 48279\nfix c all ave/time 1 1 1 c_thermo_temp\n"
+        "fix a some nve\nfix b all langevin 1 1 1 48279\nfix c all ave/time 2 2 4 c_thermo_temp\n"
         'fix me all python/move "mover.Curious"\nfix d all deform 1 x erate 0.01'
     )
     script = MELT.format(fix=others, steps=0)
@@ -346,11 +353,11 @@ def test_host(run_lammps):
         log = run_lammps(script, files={"mover.py": MOVER + more}, ranks=ranks).log
         lines = [line for line in log.splitlines() if line.startswith(("HOST", "OTHER"))]
         assert lines == [
-            "HOST me all True True",
-            "OTHER a nve 2 True False",
-            "OTHER b langevin 1 False True",
-            "OTHER c ave/time 1 False False",
-            "OTHER d deform 1 False False",
+            "HOST me all True",
+            "OTHER a nve 2 True False False 1",
+            "OTHER b langevin 1 False True False 1",
+            "OTHER c ave/time 1 False False True 2",
+            "OTHER d deform 1 False False True 1",
         ]
 
 
@@ -361,3 +368,298 @@ def test_post_neighbor(run_mover):
         "    def post_neighbor(self):\n        self.n += 1\n        self.host.log(f'LIST {self.n}\\n')\n"
     )
     assert run_mover("Counting", more, steps=20).log.count("LIST") == 1 + 4
+
+
+def tagged(log, tag):
+    """The lines of a log that start with a word, without it."""
+    return [line.removeprefix(tag).strip() for line in log.splitlines() if line.startswith(tag + " ")]
+
+
+# Counts the atoms of all ranks: a method that LAMMPS does not call on all of them hangs.
+COUNTING = """
+class Counting(NVE):
+    host = None
+    def __init__(self, ptr):
+        super().__init__(ptr)
+        self.world = self.lmp.get_mpi_comm()
+    def count(self):
+        return self.world.allreduce(self.lmp.extract_global("nlocal"))
+    @property
+    def step(self):
+        return self.lmp.extract_global("ntimestep")
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_respa(run_lammps, ranks):
+    """Locks out respa hooks that are called at the wrong level or moment, and an end_of_step that misses the
+    total force, is not called on each step, or costs a Verlet run a call."""
+    more = COUNTING + (
+        "class Levels(Counting):\n"
+        "    def kick(self, ilevel):\n"
+        "        x, v, a = self.views()\n"
+        "        v += 0.5 * self.dt * (0.5, 1.0)[ilevel] * a\n"
+        "    def initial_integrate_respa(self, vflag, ilevel, iloop):\n"
+        "        self.kick(ilevel)\n"
+        "        if ilevel == 0:\n"
+        "            x, v, a = self.views()\n            x += 0.5 * self.dt * v\n"
+        "    def final_integrate_respa(self, ilevel, iloop):\n        self.kick(ilevel)\n"
+        "    def end_of_step(self):\n"
+        "        n, f = self.lmp.extract_global('nlocal'), self.lmp.numpy.extract_atom('f')\n"
+        "        self.host.log(f'END {self.step} {self.world.allreduce((f[:n] ** 2).sum()):.10g}\\n')\n"
+    )
+    respa = "run_style respa 2 2 inner 1 1.2 1.4 outer 2\ntimestep"
+    squares = "compute ff all reduce sumsq fx fy fz\nvariable ff equal c_ff[1]+c_ff[2]+c_ff[3]\nthermo_style  custom step v_ff "
+    script = MELT.replace("timestep", respa).replace("thermo_style  custom step ", squares)
+    fix = 'fix 1 all python/move "mover.Levels"'
+    files = {"mover.py": MOVER + more}
+    nve = run_lammps(script.format(fix="fix 1 all nve", steps=20), ranks=ranks).thermo
+    ours = run_lammps(script.format(fix=fix, steps=20), files=files, ranks=ranks)
+    for name in "PotEng", "Temp", "v_ff":
+        np.testing.assert_allclose(ours.thermo[name], nve[name], rtol=1e-9, err_msg=name)
+    ends = np.array([line.split() for line in tagged(ours.log, "END")], float)
+    np.testing.assert_array_equal(ends[:, 0], np.arange(1, 21))
+    np.testing.assert_allclose(ends[9::10, 1], nve["v_ff"][1:], rtol=1e-8)
+    verlet = run_lammps(melt("mover.Levels", 5), files=files, ranks=ranks)
+    assert not tagged(verlet.log, "END")
+
+
+def test_post_run(run_lammps):
+    """Locks out a post_run that comes before the last step's output, or for some runs or ranks only."""
+    more = COUNTING + (
+        "class Last(Counting):\n"
+        "    def post_run(self):\n        self.host.log(f'LAST {self.step} {self.count()}\\n')\n"
+    )
+    script = melt("mover.Last", 5) + "run 3\nrun 2 post no\n"
+    log = run_lammps(script, files={"mover.py": MOVER + more}, ranks=2).log
+    assert tagged(log, "LAST") == ["5 256", "8 256", "10 256"]
+    assert read_thermo(log[: log.index("LAST")])["Step"][-1] == 5
+
+
+VALUES = COUNTING + """
+class Values(Counting):
+    vector_extensive = True, False
+    array_columns, array_rows = 3, 2
+    def compute_scalar(self):
+        return self.count() + self.step
+    def compute_vector(self, i):
+        return self.count() * (i + 1)
+    def compute_array(self, i, j):
+        assert i < self.rows(), "no such row"
+        return self.count() + 100 * self.step + 10 * i + j
+    def rows(self):
+        return 2
+class Growing(Values):
+    array_rows = None
+    def init(self):
+        super().init()
+        self.host.set_array_rows(self.rows())
+    def final_integrate(self):
+        super().final_integrate()
+        self.host.set_array_rows(self.rows())
+    def rows(self):
+        return 1 + self.step // 10
+class Bounded(Growing):
+    array_rows = 3
+"""
+
+
+def with_columns(script, columns, before=""):
+    """The script with other thermo columns, extensive ones divided by the number of atoms."""
+    head, tail = script.split("thermo_style")
+    rest = tail.split("\n", 2)[2].replace("run  ", f"{before}thermo_style custom step {columns}\nthermo_modify norm yes\nrun  ")
+    return head + rest
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_values_for_thermo(run_lammps, tmp_path, ranks):
+    """Locks out a scalar, vector or array that LAMMPS mistakes in index, size or extensivity, or asks of one rank only."""
+    script = with_columns(
+        melt("mover.Values", 20), "f_1 f_1[1] f_1[2] f_1[1][1] f_1[2][3] v_both",
+        "variable both equal f_1+f_1[2][3]\nfix 2 all ave/time 5 2 10 f_1[*] mode vector file ave.txt\n",
+    )  # fmt: skip
+    thermo = run_lammps(script, files={"mover.py": MOVER + VALUES}, ranks=ranks).thermo
+    step = np.array([0, 10, 20])
+    for name, value in {
+        "f_1": 256 + step, "f_1[1]": 1, "f_1[2]": 512, "f_1[1][1]": 256 + 100 * step, "f_1[2][3]": 268 + 100 * step,
+        "v_both": 524 + 101 * step,
+    }.items():  # fmt: skip
+        np.testing.assert_array_equal(thermo[name], np.broadcast_to(value, 3), err_msg=name)
+    last = (tmp_path / "ave.txt").read_text().splitlines()[-2:]
+    assert last == ["1 2006 2007 2008", "2 2016 2017 2018"]  # the mean of steps 15 and 20
+
+
+@pytest.mark.parametrize("name, column", [("Growing", "f_1[4][1]"), ("Bounded", "f_1[1][2]")])
+def test_array_that_grows(run_lammps, name, column):
+    """Locks out a number of rows that stays what it was, and a class that is asked for rows that it has not."""
+    script = with_columns(melt(f"mover.{name}", 20), f"f_1[1][1] f_1[2][3] f_1[3][2] {column}")
+    thermo = run_lammps(script, files={"mover.py": MOVER + VALUES}, ranks=2).thermo
+    assert [tuple(row)[:4] for row in thermo] == [(0, 256, 0, 0), (10, 1256, 1268, 0), (20, 2256, 2268, 2277)]
+    np.testing.assert_array_equal(thermo[column], 0 if name == "Growing" else thermo["f_1[1][1]"] + 1)
+
+
+@pytest.mark.parametrize(
+    "name, columns, text",
+    [("Values", "f_1[3]", "out-of-range"), ("Values", "f_1[3][1]", "out-of-range"), ("Values", "f_1[1][4]", "out-of-range"),
+     ("Counting", "f_1", "not compute a scalar"), ("Counting", "f_1[1]", "not compute a vector"),
+     ("Counting", "f_1[1][1]", "not compute an array"),
+     ("Bad", "f_1[2]", "ZeroDivisionError"), ("Worse", "f_1[1]", "no attribute 'vector_extensive'")],
+)  # fmt: skip
+def test_values_that_are_not_there(run_lammps, name, columns, text):
+    """Locks out values announced that the class has not, and a failing method whose column is a zero."""
+    more = (
+        "class Bad(Values):\n    def compute_vector(self, i):\n        return 1 / 0\n"
+        "class Worse(Counting):\n    def compute_vector(self, i):\n        return 1.0\n"
+    )
+    script = with_columns(melt(f"mover.{name}", 0), columns)
+    ranks = 2 if name == "Bad" else 1
+    run = run_lammps(script, files={"mover.py": MOVER + VALUES + more}, ranks=ranks, check=False, timeout=60)
+    assert_stopped(run, text)
+
+
+def test_restart_file(run_lammps):
+    """Locks out a restart file of the fix that is written on one rank only, before LAMMPS's own, under another
+    name, or by a class that does not want one."""
+    more = COUNTING + (
+        "import os\n"
+        "class Writer(Counting):\n"
+        "    restart_file = True\n"
+        "    def write_restart_file(self, name):\n"
+        "        self.host.log(f'FILE {self.step} {name} {self.count()} {os.path.exists(name)}\\n')\n"
+        "class Silent(Writer):\n    restart_file = False\n"
+    )
+    script = melt("mover.Writer", 20).replace("run  ", "restart 10 a.*\nrun  ") + "write_restart b.*.end\n"
+    log = run_lammps(script, files={"mover.py": MOVER + more}, ranks=2).log
+    assert tagged(log, "FILE") == ["10 a.10 256 True", "20 a.20 256 True", "20 b.20.end 256 True"]
+    assert not tagged(run_lammps(script.replace("Writer", "Silent"), ranks=2).log, "FILE")
+
+
+# Atoms without forces, all in one half of the box at first, fly into the other half and back into the first.
+FLIGHT = """
+units         lj
+atom_modify   map yes
+processors    * 1 1
+region        box block 0 LENGTH 0 4 0 4
+region        half block 0 3.9 0 4 0 4
+create_box    1 box
+lattice       sc 1
+create_atoms  1 region half
+mass          1 1.0
+velocity      all set 5.0 1.0 0.5
+pair_style    none
+comm_modify   cutoff 1.0
+neigh_modify  delay 0 every 1 check no
+timestep      0.02
+fix           1 all python/move "mover.Weighted"
+compute       s all stress/atom NULL virial
+compute       sum all reduce sum c_s[*]
+compute       p all pressure NULL virial
+variable      wrong atom abs(c_s[1]+id)+abs(c_s[2]+2*id)+abs(c_s[3]+3*id)+abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)
+compute       wrong all reduce max v_wrong
+thermo_style  custom step c_wrong c_sum[*] c_p[*] vol
+thermo_modify format float %.15g norm no
+thermo        2
+run           60
+"""
+
+
+# They come to the empty rank on an even step for a length of 8.3; leave on odd and return on even ones for 8.54.
+@pytest.mark.parametrize("ranks, length", [(1, 8.54), (2, 8.3), (2, 8.54)])
+def test_virial_of_each_atom(run_lammps, ranks, length):
+    """Locks out per-atom virials in rows of before a re-neighbouring, not zeroed, in too small an array (here on a
+    rank that had no atom), or filled in when LAMMPS does not ask; two virials that differ."""
+    more = COUNTING + (
+        "import numpy as np\n"
+        "class Weighted(Counting):\n"
+        "    virial = virial_per_atom = None\n"
+        "    def fill(self):\n"
+        "        if self.step % 2:\n"
+        "            assert self.virial_per_atom is None, 'not asked for'\n            return\n"
+        "        n = self.lmp.extract_global('nlocal')\n"
+        "        own = np.outer(self.lmp.numpy.extract_atom('id')[:n], np.arange(1.0, 7.0)) if n else np.empty((0, 6))\n"
+        "        assert self.virial_per_atom.shape == own.shape and not self.virial_per_atom.any()\n"
+        "        self.virial_per_atom += own\n        self.virial += own.sum(axis=0)\n"
+        "    def views(self):\n"
+        "        return super().views() if self.lmp.extract_global('nlocal') else np.zeros((3, 0, 3))\n"
+        "    def setup(self, vflag):\n        self.fill()\n"
+        "    def initial_integrate(self, vflag):\n"
+        "        assert self.virial_per_atom is None, 'too early'\n        super().initial_integrate(vflag)\n"
+        "    def final_integrate(self):\n        super().final_integrate()\n        self.fill()\n"
+    )
+    thermo = run_lammps(FLIGHT.replace("LENGTH", str(length)), files={"mover.py": MOVER + more}, ranks=ranks).thermo
+    assert len(thermo) == 31
+    np.testing.assert_allclose(thermo["c_wrong"], 0.0, atol=1e-9)
+    for k in range(1, 7):
+        np.testing.assert_allclose(thermo[f"c_sum[{k}]"], -k * 64 * 65 / 2, rtol=1e-12)
+        np.testing.assert_allclose(thermo[f"c_p[{k}]"] * thermo["Volume"], -thermo[f"c_sum[{k}]"], rtol=1e-9)
+
+
+# ---- signals
+
+
+def parents(folder):
+    """Process number -> that of its parent, of all processes that work in a folder."""
+    found = {}
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            if Path(os.readlink(process / "cwd")) == folder:
+                found[int(process.name)] = int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+        except OSError:
+            pass  # ended meanwhile, or another user's
+    return found
+
+
+@pytest.mark.parametrize(
+    "launcher, ranks, target, number",
+    [
+        ("lmp", 1, "command", signal.SIGTERM),
+        ("lmp", 1, "command", signal.SIGINT),
+        ("lmp", 1, "all", signal.SIGINT),
+        ("lmp", 2, "command", signal.SIGINT),
+        ("lmp", 2, "rank", signal.SIGINT),
+        ("lmp", 2, "parent of a rank", signal.SIGTERM),
+        ("module", 1, "command", signal.SIGINT),
+        ("module", 2, "command", signal.SIGINT),
+        ("module", 4, "rank", signal.SIGTERM),
+    ],
+)
+def test_signal_ends_all(tmp_path, launcher, ranks, target, number):
+    """Locks out ranks that go on for ever when a signal has ended the command that started them, and a log that
+    lacks what LAMMPS had printed into it."""
+    more = (
+        "class Telling(NVE):\n    n = 0\n"
+        "    def final_integrate(self):\n        super().final_integrate()\n        self.n += 1\n"
+        "        if self.n == 15:\n            open('reached', 'w')\n"
+    )
+    (tmp_path / "mover.py").write_text(MOVER + more)
+    few = "variable rows equal stride(5,10,5)\nthermo v_rows\nrun  "
+    (tmp_path / "in.test").write_text(melt("mover.Telling", 10**9).replace("run  ", few))
+    mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
+    command = subprocess.Popen(
+        [*mpirun, *LAUNCHERS[launcher], "in.test"], cwd=tmp_path, start_new_session=True,
+        env=dict(os.environ, OMP_NUM_THREADS="1"), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )  # fmt: skip
+    try:
+        wait_for((tmp_path / "reached").exists, 60)
+        tree = parents(tmp_path)
+        rank = min(tree.keys() - set(tree.values()))
+        if target == "all":
+            os.killpg(command.pid, number)
+        else:
+            os.kill({"command": command.pid, "rank": rank, "parent of a rank": tree[rank]}[target], number)
+        assert command.wait(10) != 0
+        wait_for(lambda: not left_behind(tmp_path), 10)
+        assert list(read_thermo((tmp_path / "log.lammps").read_text())["Step"]) == [0, 5, 10]
+    finally:
+        for process in parents(tmp_path):
+            os.kill(process, signal.SIGKILL)
+        command.wait(10)
+
+
+def wait_for(condition, seconds):
+    """Return once the condition holds; fail if it takes longer."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(0.05)

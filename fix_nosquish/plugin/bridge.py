@@ -6,6 +6,7 @@ callback for each method that the instance has.
 
 import atexit
 import importlib
+import os
 import sys
 import traceback
 from ctypes import (
@@ -31,8 +32,17 @@ HOOKS = {
     "initial_integrate_respa": CFUNCTYPE(c_int, c_int, c_int, c_int),
     "final_integrate_respa": CFUNCTYPE(c_int, c_int, c_int),
     "reset_dt": CFUNCTYPE(c_int),
+    "end_of_step": CFUNCTYPE(c_int),  # with run_style respa only
+    "post_run": CFUNCTYPE(c_int),
+    "write_restart_file": CFUNCTYPE(c_int, c_char_p),
+    # these return a number through their last argument
     "dof": CFUNCTYPE(c_int, c_int, POINTER(c_int64)),
+    "compute_scalar": CFUNCTYPE(c_int, POINTER(c_double)),
+    "compute_vector": CFUNCTYPE(c_int, c_int, POINTER(c_double)),
+    "compute_array": CFUNCTYPE(c_int, c_int, c_int, POINTER(c_double)),
 }
+NUMBERS = {"dof": int, "compute_scalar": float, "compute_vector": float, "compute_array": float}
+WITH_VIRIAL = "setup", "final_integrate", "end_of_step"  # in which virial_per_atom can be filled in
 
 new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
 
@@ -46,6 +56,8 @@ class FixFacts(Structure):
         ("groupbit", c_int32),
         ("time_integrate", c_int32),
         ("between", c_int32),
+        ("end_of_step", c_int32),
+        ("nevery", c_int32),
     ]
 
 
@@ -56,28 +68,37 @@ class Bridge(Structure):
         ("size", c_int32),
         ("outcome", c_int32),  # of attach, later of the last hook
         ("wants_virial", c_int32),
+        ("wants_virial_per_atom", c_int32),
+        ("writes_restart_file", c_int32),
+        ("vector_size", c_int32),
+        ("array_columns", c_int32),
+        ("array_rows", c_int32),  # -1: not known from the start
+        ("vector_extensive", POINTER(c_int32)),
         ("fix", c_void_p),
         ("lammps", c_void_p),
         ("fix_id", c_char_p),
         ("group", c_char_p),
         ("target", c_char_p),  # module.class, as on the fix line
         ("virial", POINTER(c_double)),
+        ("virial_per_atom", POINTER(c_double)),
+        ("natoms", c_int32),  # -1 while LAMMPS asks for no virial per atom
         ("log", CFUNCTYPE(None, c_void_p, c_char_p)),
         ("nth_fix", CFUNCTYPE(c_int, c_void_p, c_int, POINTER(FixFacts))),
         ("ghost_velocity", CFUNCTYPE(c_int, c_void_p)),
-        ("box_change", CFUNCTYPE(c_int, c_void_p)),
+        ("set_array_rows", CFUNCTYPE(None, c_void_p, c_int)),
         *HOOKS.items(),
         ("release", CFUNCTYPE(None, c_void_p)),
         ("message", c_char * 4096),
     ]
 
     def other_fixes(self):
-        """Yield id, style, groupbit, time_integrate and between of each other fix."""
+        """Yield the facts of each other fix, in the order of OtherFix."""
         facts, n = FixFacts(), 0
         while self.nth_fix(self.fix, n, byref(facts)):
             if facts.id is not None:  # not this fix itself
                 yield (facts.id.decode(), facts.style.decode(), facts.groupbit,
-                       bool(facts.time_integrate), bool(facts.between))  # fmt: skip
+                       bool(facts.time_integrate), bool(facts.between),
+                       bool(facts.end_of_step), facts.nevery)  # fmt: skip
             n += 1
 
     def failed(self, problem):
@@ -114,6 +135,8 @@ def attach(address):
 
             bridge.wants_virial = 1
             instance.virial = numpy.ctypeslib.as_array(bridge.virial, shape=(6,))
+        bridge.wants_virial_per_atom = hasattr(instance, "virial_per_atom")
+        _announce(bridge, instance)
         for name, signature in HOOKS.items():
             if callable(getattr(instance, name, None)):
                 setattr(bridge, name, signature(_hook(bridge, instance, name)))
@@ -151,6 +174,24 @@ def _construct(bridge):
     return instance
 
 
+def _announce(bridge, instance):
+    """Note what LAMMPS must know of the instance from the start: its restart file, vector and array."""
+
+    def has(method):
+        return callable(getattr(instance, method, None))
+
+    if has("write_restart_file"):
+        bridge.writes_restart_file = bool(getattr(instance, "restart_file", False))
+    if has("compute_vector"):
+        extensive = tuple(map(bool, instance.vector_extensive))
+        bridge.vector_size = len(extensive)
+        bridge.vector_extensive = (c_int32 * len(extensive))(*extensive)
+    if has("compute_array"):
+        rows = getattr(instance, "array_rows", None)
+        bridge.array_rows = -1 if rows is None else int(rows)
+        bridge.array_columns = int(instance.array_columns)
+
+
 def _hook(bridge, instance, name):
     """A callback that calls the method of that name, and lets no exception into C++."""
 
@@ -161,14 +202,39 @@ def _hook(bridge, instance, name):
         except BaseException as problem:
             return bridge.failed(problem)
 
-    def count(igroup, result):
+    def call_with_name(path):
+        return call(os.fsdecode(path))
+
+    def call_with_virial(*arguments):
+        instance.virial_per_atom = _virial_per_atom(bridge)
+        outcome = call(*arguments)
+        instance.virial_per_atom = None
+        return outcome
+
+    def call_for_number(*arguments):
+        *arguments, result = arguments
         try:
-            result[0] = int(instance.dof(igroup))
+            result[0] = NUMBERS[name](getattr(instance, name)(*arguments))
             return DONE
         except BaseException as problem:
             return bridge.failed(problem)
 
-    return count if name == "dof" else call
+    if name in NUMBERS:
+        return call_for_number
+    if name == "write_restart_file":
+        return call_with_name
+    return call_with_virial if bridge.wants_virial_per_atom and name in WITH_VIRIAL else call
+
+
+def _virial_per_atom(bridge):
+    """A view (natoms, 6) of the fix's virial of each atom, zeroed; None if LAMMPS does not ask for it now."""
+    if bridge.natoms < 0:
+        return None
+    import numpy
+
+    if bridge.natoms == 0:
+        return numpy.empty((0, 6))
+    return numpy.ctypeslib.as_array(bridge.virial_per_atom, shape=(bridge.natoms, 6))
 
 
 @CFUNCTYPE(None, c_void_p)

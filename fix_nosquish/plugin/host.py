@@ -11,6 +11,8 @@ class OtherFix(NamedTuple):
     groupbit: int
     time_integrate: bool  # it moves the atoms of its group
     between: bool  # it is called between initial_integrate and final_integrate
+    end_of_step: bool  # it is called at the end of every nevery-th step
+    nevery: int
 
 
 class Host:
@@ -39,7 +41,10 @@ class Host:
         """Whether ghost atoms carry velocities (``comm_modify vel yes``)."""
         return bool(self._bridge.ghost_velocity(self._bridge.fix))
 
-    @property
-    def box_change(self):
-        """Whether some fix changes the box; known from the start of a run, in ``init``."""
-        return bool(self._bridge.box_change(self._bridge.fix))
+    def set_array_rows(self, n):
+        """Tell LAMMPS how many rows ``compute_array`` gives now; of further rows LAMMPS reads zeros.
+
+        Until the first call it is the attribute ``array_rows`` that the instance has when it is made.
+        Without that attribute the number counts as variable, which fix ave/time does not accept.
+        """
+        self._bridge.set_array_rows(self._bridge.fix, int(n))

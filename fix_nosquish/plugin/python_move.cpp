@@ -8,16 +8,18 @@
    the two sides share the plain C struct Bridge. From Python itself a few functions are called, looked
    up by name at run time, so that one compiled plugin serves every Python version. */
 
+#include "atom.h"
 #include "comm.h"
-#include "domain.h"
 #include "error.h"
 #include "fix.h"
 #include "group.h"
 #include "library.h"
+#include "memory.h"
 #include "modify.h"
 #include "universe.h"
 #include "update.h"
 
+#include <algorithm>
 #include <chrono>
 #include <cstdint>
 #include <cstdlib>
@@ -25,6 +27,12 @@
 #include <dlfcn.h>
 #include <string>
 #include <thread>
+#include <unistd.h>
+#include <vector>
+#ifdef __linux__
+#include <csignal>
+#include <sys/prctl.h>
+#endif
 
 using namespace LAMMPS_NS;
 using namespace FixConst;
@@ -38,6 +46,23 @@ namespace {
 template <typename Function> Function *symbol(const char *name)
 {
   return reinterpret_cast<Function *>(dlsym(RTLD_DEFAULT, name));
+}
+
+// The lmp command that started this native lmp only waits for it, and leaves it behind if a signal ends
+// the command alone. Linux can tell the child of its parent's end.
+
+void end_with_parent(const std::string &executable)
+{
+#ifdef __linux__
+  const auto parents = "/proc/" + std::to_string(getppid()) + "/exe";
+  char *of_parent = realpath(parents.c_str(), nullptr);
+  char *of_python = realpath(executable.c_str(), nullptr);
+  if (of_parent && of_python && strcmp(of_parent, of_python) == 0) prctl(PR_SET_PDEATHSIG, SIGTERM);
+  free(of_parent);
+  free(of_python);
+#else
+  (void) executable;
+#endif
 }
 
 // Make sure that Python runs in this process; return what prevents it, or nothing. In a native lmp
@@ -57,6 +82,7 @@ std::string start_python()
   const std::string library = both.substr(executable.size() + 1);
   const std::string instead = ": use instead python -m fix_nosquish -in FILE";
 
+  end_with_parent(executable);
   if (!is_initialized) {
     if (library.empty()) return "the Python " + executable + " has no shared libpython" + instead;
     if (!dlopen(library.c_str(), RTLD_NOW | RTLD_GLOBAL)) return dlerror() + instead;
@@ -70,7 +96,12 @@ std::string start_python()
     return "cannot start Python from " + library + instead;
 
   set_program_name(decode(executable.c_str(), nullptr));    // finds the packages of its venv
-  initialize(0);                                            // 0: Ctrl-C stays LAMMPS's
+  initialize(0);
+  // Ctrl-C ends LAMMPS at once, as it does without Python: module signal would change that when a class
+  // imports it
+  run("import signal as s\n"
+      "if s.getsignal(s.SIGINT) is s.default_int_handler: s.signal(s.SIGINT, s.SIG_DFL)\n"
+      "del s");
   // this interpreter is never taken down, so nothing may wait in its buffers
   run("__import__('sys').stdout.reconfigure(line_buffering=True)");
   let_go();
@@ -98,22 +129,34 @@ struct FixFacts {
   int32_t groupbit;
   int32_t time_integrate;
   int32_t between;    // called between initial_integrate and final_integrate
+  int32_t end_of_step;
+  int32_t nevery;
 };
 
 struct Bridge {
   // facts
   int32_t size;
   int32_t outcome;         // set by Python: how making the instance went
-  int32_t wants_virial;    // set by Python: the instance fills in virial
+  // set by Python: what the instance has besides its methods
+  int32_t wants_virial;             // it fills in virial
+  int32_t wants_virial_per_atom;    // it fills in virial_per_atom
+  int32_t writes_restart_file;
+  int32_t vector_size;
+  int32_t array_columns;
+  int32_t array_rows;    // -1: not known from the start
+  const int32_t *vector_extensive;
+  // of the fix
   void *fix;               // first argument of the functions below
   void *lammps;
   const char *fix_id, *group, *target;
   double *virial;
+  double *virial_per_atom;    // (natoms, 6)
+  int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
   // functions of the fix
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, FixFacts *);    // 0 past the last; id is null for this fix
   int (*ghost_velocity)(void *fix);
-  int (*box_change)(void *fix);
+  void (*set_array_rows)(void *fix, int n);
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);
@@ -124,7 +167,13 @@ struct Bridge {
   int (*initial_integrate_respa)(int vflag, int ilevel, int iloop);
   int (*final_integrate_respa)(int ilevel, int iloop);
   int (*reset_dt)();
+  int (*end_of_step)();
+  int (*post_run)();
+  int (*write_restart_file)(const char *name);
   int (*dof)(int igroup, int64_t *count);
+  int (*compute_scalar)(double *value);
+  int (*compute_vector)(int i, double *value);
+  int (*compute_array)(int i, int j, double *value);
   void (*release)(void *bridge);
   // set by a hook that fails
   char message[4096];
@@ -148,12 +197,20 @@ class FixPythonMove : public Fix {
   void final_integrate() override;
   void initial_integrate_respa(int, int, int) override;
   void final_integrate_respa(int, int) override;
+  void end_of_step() override;
+  void post_run() override;
+  void write_restart_file(const char *) override;
   void reset_dt() override;
   bigint dof(int) override;
+  double compute_scalar() override;
+  double compute_vector(int) override;
+  double compute_array(int, int) override;
 
  private:
   Bridge bridge;
   MPI_Comm failing;    // for ranks whose Python failed
+  bool respa = false;
+  std::vector<int> extensive;
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   int describe(int, FixFacts *) const;
@@ -162,8 +219,11 @@ class FixPythonMove : public Fix {
     return "Fix " + std::string(id) + " python/move: " + text;
   }
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
+  void flush_log() const;
   template <typename... Types, typename... Values>
   void call(int (*hook)(Types...), Values... arguments);
+  template <typename... Types, typename... Values>
+  void call_with_virial(int (*hook)(Types...), Values... arguments);
 };
 
 FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
@@ -196,7 +256,8 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   };
   bridge.nth_fix = [](void *fix, int n, FixFacts *facts) { return self(fix)->describe(n, facts); };
   bridge.ghost_velocity = [](void *fix) { return self(fix)->comm->ghost_velocity; };
-  bridge.box_change = [](void *fix) { return self(fix)->domain->box_change; };
+  bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
+  bridge.natoms = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
@@ -206,6 +267,25 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
 
   if (bridge.dof) dof_flag = 1;
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
+  if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
+  restart_file = bridge.writes_restart_file;
+
+  scalar_flag = bridge.compute_scalar != nullptr;
+  extscalar = extarray = 0;
+  if (bridge.vector_size > 0) {
+    extensive.assign(bridge.vector_extensive, bridge.vector_extensive + bridge.vector_size);
+    vector_flag = 1;
+    size_vector = bridge.vector_size;
+    extvector = -1;
+    extlist = extensive.data();
+  }
+  if (bridge.array_columns > 0) {
+    array_flag = 1;
+    size_array_cols = bridge.array_columns;
+    size_array_rows = std::max(0, bridge.array_rows);
+    size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time accepts no variable number
+  }
+  global_freq = 1;
 }
 
 FixPythonMove::~FixPythonMove()
@@ -219,13 +299,14 @@ FixPythonMove::~FixPythonMove()
 int FixPythonMove::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA |
-      (bridge.post_neighbor ? POST_NEIGHBOR : 0);
+      (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
+      (bridge.post_run ? POST_RUN : 0);
 }
 
 void FixPythonMove::init()
 {
-  if (utils::strmatch(update->integrate_style, "^respa") &&
-      !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
+  respa = utils::strmatch(update->integrate_style, "^respa");
+  if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     error->all(FLERR, problem("its class has no methods for run_style respa"));
   call(bridge.init);
 }
@@ -233,7 +314,7 @@ void FixPythonMove::init()
 void FixPythonMove::setup(int vflag)
 {
   v_init(vflag);
-  call(bridge.setup, vflag);
+  call_with_virial(bridge.setup, vflag);
 }
 
 void FixPythonMove::min_setup(int vflag)
@@ -249,17 +330,19 @@ void FixPythonMove::post_neighbor()
 void FixPythonMove::initial_integrate(int vflag)
 {
   if (!bridge.initial_integrate) end_run("the Python that holds its class has shut down");
+  flush_log();
   v_init(vflag);
   call(bridge.initial_integrate, vflag);
 }
 
 void FixPythonMove::final_integrate()
 {
-  call(bridge.final_integrate);
+  call_with_virial(bridge.final_integrate);
 }
 
 void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
 {
+  flush_log();
   if (ilevel == 0) v_init(vflag);
   call(bridge.initial_integrate_respa, vflag, ilevel, iloop);
 }
@@ -267,6 +350,23 @@ void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
 void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
 {
   call(bridge.final_integrate_respa, ilevel, iloop);
+}
+
+// Verlet needs no such call: its final_integrate is as late.
+
+void FixPythonMove::end_of_step()
+{
+  if (respa) call_with_virial(bridge.end_of_step);
+}
+
+void FixPythonMove::post_run()
+{
+  call(bridge.post_run);
+}
+
+void FixPythonMove::write_restart_file(const char *name)
+{
+  call(bridge.write_restart_file, name);
 }
 
 void FixPythonMove::reset_dt()
@@ -281,6 +381,27 @@ bigint FixPythonMove::dof(int igroup)
   return count;
 }
 
+double FixPythonMove::compute_scalar()
+{
+  double value = 0.0;
+  call(bridge.compute_scalar, &value);
+  return value;
+}
+
+double FixPythonMove::compute_vector(int i)
+{
+  double value = 0.0;
+  call(bridge.compute_vector, i, &value);
+  return value;
+}
+
+double FixPythonMove::compute_array(int i, int j)
+{
+  double value = 0.0;
+  if (i < size_array_rows) call(bridge.compute_array, i, j, &value);    // LAMMPS asks for other rows too
+  return value;
+}
+
 int FixPythonMove::describe(int n, FixFacts *facts) const
 {
   if (n >= modify->nfix) return 0;
@@ -291,8 +412,34 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
     *facts = FixFacts();
   else
     *facts = {other->id, other->style, other->groupbit, other->time_integrate,
-              (modify->fmask[n] & between) != 0};
+              (modify->fmask[n] & between) != 0, (modify->fmask[n] & END_OF_STEP) != 0, other->nevery};
   return 1;
+}
+
+// What LAMMPS has logged must not wait in a buffer when a signal ends the run.
+
+void FixPythonMove::flush_log() const
+{
+  if (logfile) fflush(logfile);
+}
+
+// Call a hook that may fill in the virial of each atom. The step may have brought new atoms since v_init.
+
+template <typename... Types, typename... Values>
+void FixPythonMove::call_with_virial(int (*hook)(Types...), Values... arguments)
+{
+  if (bridge.wants_virial_per_atom && vflag_atom) {
+    if (atom->nlocal > maxvatom) {
+      maxvatom = atom->nmax;
+      memory->destroy(vatom);
+      memory->create(vatom, maxvatom, 6, "fix:vatom");
+    }
+    bridge.natoms = atom->nlocal;
+    bridge.virial_per_atom = vatom ? vatom[0] : nullptr;
+    std::fill_n(bridge.virial_per_atom, 6 * bridge.natoms, 0.0);
+  }
+  call(hook, arguments...);
+  bridge.natoms = -1;
 }
 
 // ----------------------------------------------------------------------
