@@ -13,7 +13,7 @@ _UNITS = {
     "metal": ("g/mol", "Angstrom", "ps", "Angstrom/ps", "eV/Angstrom", "eV"),
     "si": ("kg", "m", "s", "m/s", "N", "J"),
     "cgs": ("g", "cm", "s", "cm/s", "dyne", "erg"),
-    "electron": ("amu", "Bohr", "fs", "Bohr/atu", "Hartree/Bohr", "Hartree"),
+    "electron": ("amu", "Bohr", "fs", "Bohr/fs", "Hartree/Bohr", "Hartree"),
     "micro": ("pg", "um", "us", "um/us", "pg um/us^2", "pg um^2/us^2"),
     "nano": ("ag", "nm", "ns", "nm/ns", "ag nm/ns^2", "ag nm^2/ns^2"),
 }
@@ -30,7 +30,7 @@ _FIELDS = (
     ("v", ("vx", "vy", "vz"), "space frame", "{velocity}"),
     ("q", ("q0", "q1", "q2", "q3"), "principal to space frame", ""),
     ("angmom", ("angmomx", "angmomy", "angmomz"), "space frame", "{mass} {length} {velocity}"),
-    ("omega", ("omegax", "omegay", "omegaz"), "space frame", "rad/{clock}"),
+    ("omega", ("omegax", "omegay", "omegaz"), "space frame", "rad/{time}"),
     ("force", ("fx", "fy", "fz"), "space frame", "{force}"),
     ("torque", ("tqx", "tqy", "tqz"), "space frame", "{energy}"),
 )
@@ -117,7 +117,6 @@ class BodyFile:
 def header(units):
     """The line of column names, as bytes: each says its frame and unit."""
     symbols = dict(zip(("mass", "length", "time", "velocity", "force", "energy"), _UNITS[units]))
-    symbols["clock"] = symbols["velocity"].rpartition("/")[2]  # not always the unit of time
     names = []
     for _, parts, frame, unit in _FIELDS:
         says = "; ".join(word for word in (frame, unit.format(**symbols)) if word)
