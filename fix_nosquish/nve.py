@@ -119,6 +119,7 @@ class NVE:
             self.host.set_array_rows(round(self.world.total(np.array([self.bodies.sharers.owned.sum()]))[0]))
 
     def _build(self):
+        self.bodies = None  # there may be no room for both
         self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile)
         self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
