@@ -74,6 +74,8 @@ class NVE:
         self._infile = self.command.infile and self.lammps.text(self.command.infile)
         self.restart_file = self._infile is not None
         self._all.add(self)
+        self.respa_dt = None
+        self.reset_dt()
         if self.host:  # LAMMPS's own fix: it takes commands, and so text for its log, only while nothing runs
             self._build()
             self._say(False)

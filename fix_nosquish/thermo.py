@@ -2,6 +2,8 @@
 
 import numpy as np
 
+_FAST = 1.0  # radians in a time step that call for a warning
+
 
 def freedom(bodies, dimension):
     """Degrees of freedom of each body, (n,): 6, 5 or 3; in two dimensions 3 or 2."""
@@ -104,4 +106,18 @@ def summary(nve, notes, virial):
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: give every body a molecule-ID of its own, "
             "or leave these atoms out of the group"
         )
+    turn, body = _fastest(bodies, world, nve.dt if nve.respa_dt is None else nve.respa_dt[0])
+    if turn > _FAST:
+        lines.append(
+            f"WARNING: {nve.membership.name(body)} turns by {turn:.2g} rad in a step, which no time step of this length can follow "
+            f"well: use one of about {0.2 * nve.dt / turn:.2g}, or a better start; a body that is almost linear can be made linear"
+        )
     return lines, removed
+
+
+def _fastest(bodies, world, dt):
+    """The angle by which the fastest body turns in a step, and its ID; collective."""
+    turns = dt * np.sqrt((bodies.angular_velocity() ** 2).sum(axis=0))
+    k = [turns.argmax()] if len(turns) else []
+    angles, ids = world.gather_to_all(np.array([turns[k], bodies.id[k]]).T).T
+    return angles.max(), int(ids[angles.argmax()])
