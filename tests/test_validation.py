@@ -268,3 +268,29 @@ def test_help_is_instant():
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "--ranks" in done.stdout
+
+
+def test_long_run(tmp_path):
+    """Locks out a run that is done again although it is complete, and a measure that calls a changed body unchanged:
+    in the dump one velocity is multiplied by 1 + 1e-9."""
+    command = [sys.executable, "-m", "validation", "long", "--steps", "3000", "--only", "nosquish", "--out", str(tmp_path)]
+    first = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
+    assert first.returncode == 0, first.stdout + first.stderr
+    rows = json.loads((tmp_path / "summary.json").read_text())["runs"]
+    assert [row["steps"] for row in rows] == [3000, 3000]
+    for row in rows:
+        assert 0 < max(row["angular_momentum"], row["momentum"], row["shape"]) < 1e-12
+    assert rows[0]["energy"] < 1e-12 < rows[1]["energy"] < 1e-3
+    assert (tmp_path / "long-run.png").stat().st_size > 10000
+
+    dump = tmp_path / "runs" / "nosquish-short" / "atoms.dump"
+    lines = dump.read_text().splitlines()
+    words = lines[-1].split()
+    words[5] = repr(float(words[5]) * (1 + 1e-9))
+    dump.write_text("\n".join([*lines[:-1], " ".join(words)]) + "\n")
+    again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
+    assert again.returncode == 0, again.stdout + again.stderr
+    changed = json.loads((tmp_path / "summary.json").read_text())["runs"][0]
+    assert changed["shape"] == rows[0]["shape"]
+    for key in "energy", "angular_momentum", "momentum":
+        assert 1e-12 < changed[key] < 1e-8, key
