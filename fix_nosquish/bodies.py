@@ -16,9 +16,9 @@ SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
 _MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
 
 # rows of a body's state
-MASS, MOMENT, X, V, Q, P, NATOMS = (slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10),
-                                    slice(10, 14), slice(14, 18), slice(18, 19))  # fmt: skip
-ROWS = 19
+MASS, MOMENT, X, V, Q, P, NATOMS, IMAGE = (slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10),
+                                           slice(10, 14), slice(14, 18), slice(18, 19), slice(19, 22))  # fmt: skip
+ROWS = 22
 
 
 class Bodies:
@@ -28,8 +28,8 @@ class Bodies:
         id: (n,) body IDs.
         rotors, extended: bodies [0, rotors) have three moments (in a plane: a moment about axis 3),
             [rotors, extended) are linear, [extended, n) are points.
-        mass (n,), moment (3, n), x, v (3, n), q, p (4, n), natoms (n,): views of `state`;
-            x is kept in the box.  x, v and the torque are in the space frame, moments in the principal frame, I_1 >= I_2 >= I_3.
+        mass (n,), moment (3, n), x, v, image (3, n), q, p (4, n), natoms (n,): views of `state`;
+            x is kept in the box, which image counts.  x, v and the torque are in the space frame, moments in the principal frame, I_1 >= I_2 >= I_3.
         force, torque: (3, n), views of `load`, which is what the sharing ranks exchange.
         first (n + 1,), index, tag, d, shift: this rank's atoms, body by body; see `kernels`.
         sharers: the `Sharers` of these bodies.
@@ -55,11 +55,11 @@ class Bodies:
         self.index, self.d = index[atoms].astype(np.int32), np.ascontiguousarray(d[atoms])
         self.first = np.searchsorted(self.body, np.arange(len(order) + 1)).astype(np.int32)
         self.shift = np.zeros_like(self.d)
-        self.load = np.zeros((6, len(order)))
+        self.load = np.full((6, len(order)), np.nan)  # no force is known yet
         self.force, self.torque = self.load[:3], self.load[3:]
         self.mass, self.natoms = self.state[MASS][0], self.state[NATOMS][0]
         self.moment, self.plane, self.spheres = self.state[MOMENT], plane, spheres
-        self.x, self.v, self.q, self.p = (self.state[rows] for rows in (X, V, Q, P))
+        self.x, self.v, self.q, self.p, self.image = (self.state[rows] for rows in (X, V, Q, P, IMAGE))
 
     def __len__(self):
         return len(self.id)
@@ -100,7 +100,9 @@ class Bodies:
         """Find who shares the bodies and which periodic image of each atom LAMMPS holds; collective."""
         self.sharers = world.sharers(self.id, np.diff(self.first) < self.natoms)
         box = lammps.box
-        self.x -= box.h @ box.cells(self.x.T).T
+        cells = box.cells(self.x.T).T
+        self.x -= box.h @ cells
+        self.image += cells
         actual = lammps.per_atom("x", columns=3)[self.index]
         expected = np.empty_like(actual)
         self.shift[:] = 0.0
@@ -162,12 +164,6 @@ class Bodies:
         """Kinetic energy of translation and of rotation, mass times velocity squared, (2, n)."""
         turning = (self.angular_momentum() * self.angular_velocity()).sum(axis=0)
         return 0.5 * np.array([self.mass * (self.v**2).sum(axis=0), turning])
-
-    def images(self, lammps):
-        """Image flags of the centres of mass, (3, n): those of each body's first atom here, if that is moved to the centre."""
-        first = self.first[:-1]
-        flags = lammps.images[self.index[first]] + np.rint(self.shift[first] @ lammps.box.inverse.T)
-        return lammps.image_difference(flags.astype(np.int64)).T
 
 
 def _atoms_changed(lammps, membership, gone, known, come):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from . import infile, kernels
-from .bodies import MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies
+from .bodies import IMAGE, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies
 from .errors import RunError
 
 ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
@@ -43,15 +43,17 @@ def build(lammps, world, membership, path=None):
         world.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
 
     natoms, body_mass = total(np.ones(len(atoms)), mass)
-    given = infile.read(path, lammps, world, ids, sharers.owned) if path else None
+    given = infile.read(path, world, ids, sharers.owned) if path else None
     if given:
         body_mass[given.bodies] = given.mass
     blame(~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero")
 
-    reference, delta, rebuilt = _unfold(lammps, world, sharers, body, tag, atoms, blame)
+    place, image, delta, rebuilt = _unfold(lammps, world, sharers, body, tag, atoms, blame)
     centre = total(*(mass * delta.T)) / body_mass
     if given:
-        centre[:, given.bodies] = given.centre - reference[:, given.bodies]
+        # the file's centre, as the place of the body's first atom sees it
+        here = given.bodies
+        centre[:, here] = given.x - place[:, here] + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
     r = delta - centre[:, body].T
     rx, ry, rz = r.T
     xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
@@ -79,7 +81,7 @@ def build(lammps, world, membership, path=None):
 
     state = np.zeros((ROWS, n))
     state[MASS], state[NATOMS], state[MOMENT] = body_mass, natoms, moment
-    state[X], state[Q] = reference + centre, _quaternion(axes)
+    state[X], state[IMAGE], state[Q] = place + centre, image, _quaternion(axes)
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
@@ -166,8 +168,9 @@ def _unfold(lammps, world, sharers, body, tag, atoms, blame):
     the gap outside (a substrate that spans the box has small gaps only).
 
     Returns:
-        (reference, delta, rebuilt): a point of each body, (3, n); the place of each atom
-        from there, (atoms, 3); the bodies that were put together by the nearest images.
+        (place, image, delta, rebuilt): of each body's first atom its place in the box and image flags,
+        (3, n) each; the place of each atom from there, (atoms, 3); the bodies that were put together
+        by the nearest images.
     """
     n, box = len(sharers.owned), lammps.box
     x, image = lammps.per_atom("x", columns=3)[atoms], lammps.images[atoms]
@@ -178,10 +181,10 @@ def _unfold(lammps, world, sharers, body, tag, atoms, blame):
     reference = np.zeros((6, n))
     reference[:, body[lead]] = np.concatenate([x[lead], image[lead]], axis=1).T
     sharers.combine(reference)
-    place = reference[:3] + box.h @ reference[3:]
+    place, flags = reference[:3], reference[3:]
     # differences of the images are whole numbers: far from the origin nothing is lost
-    image = lammps.image_difference(image - reference[3:, body].T.astype(np.int64))
-    delta = x - reference[:3, body].T
+    image = lammps.image_difference(image - flags[:, body].T.astype(np.int64))
+    delta = x - place[:, body].T
     nearest = delta - box.lattice(delta) @ box.h.T
     delta = delta + image @ box.h.T
 
@@ -200,7 +203,7 @@ def _unfold(lammps, world, sharers, body, tag, atoms, blame):
     width = high - low
     wide = width >= 0.5
     if not world.any(wide.any()):
-        return place, delta, np.zeros(n, bool)
+        return place, flags, delta, np.zeros(n, bool)
     compact = np.ptp(ends(nearest @ box.inverse.T * box.periodic), axis=0)
     cut = wide & (compact < 0.25)
     unsure = wide & ~cut & ~(np.not_equal(*ends(image)) & (width < 1))
@@ -215,7 +218,7 @@ def _unfold(lammps, world, sharers, body, tag, atoms, blame):
             ),
         )
     fold = np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T
-    return place, delta - fold @ box.h.T, cut.any(axis=0)
+    return place, flags, delta - fold @ box.h.T, cut.any(axis=0)
 
 
 def _widest_gap(parts, body, n, sharers, cells=64):
@@ -251,6 +254,7 @@ def _principal(inertia):
     linear = moment[2] <= ZERO_MOMENT * moment[0]
     moment[2, linear] = 0.0
     moment[:2, linear] = 0.5 * (moment[0] + moment[1])[linear]
+    axes[linear] = _frames_along(axes[linear, :, 2])
     equal = (moment[:2] - moment[1:] < _EQUAL_MOMENTS * moment[0]) & ~linear
     both = equal.all(axis=0)
     moment[:, both] = moment[:, both].mean(axis=0)
@@ -258,6 +262,17 @@ def _principal(inertia):
         pair = equal[k] & ~both
         moment[k : k + 2, pair] = moment[k : k + 2, pair].mean(axis=0)
     return moment, axes, equal
+
+
+def _frames_along(axis):
+    """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3); the rest follows from the vector alone."""
+    n = np.arange(len(axis))
+    axis = axis * np.sign(axis[n, np.abs(axis).argmax(axis=1)])[:, None]
+    other = np.zeros_like(axis)
+    other[n, np.abs(axis).argmin(axis=1)] = 1.0
+    first = np.cross(axis, other)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(axis, first), axis], axis=2)
 
 
 def _principal_in_plane(inertia):

@@ -20,14 +20,14 @@ class Given:
 
     Attributes:
         bodies: (m,) their places in this rank's list of bodies.  absent: (n,) bool, the other ones of the list.
-        mass: (m,).  centre: (3, m), unwrapped.  inertia: (m, 3, 3), space frame.
+        mass: (m,).  x, image: (3, m), centre of mass and its image flags.  inertia: (m, 3, 3), space frame.
     """
 
-    def __init__(self, ids, bodies, rows, box):
+    def __init__(self, ids, bodies, rows):
         self.bodies, self.absent = bodies, np.ones(len(ids), bool)
         self.absent[bodies] = False
         self._ids = ids[bodies]
-        self.mass, self.centre = rows[:, 1], rows[:, 2:5].T + box.h @ rows[:, 17:20].T
+        self.mass, self.x, self.image = rows[:, 1], rows[:, 2:5].T, rows[:, 17:20].T.astype(np.int64)
         xx, yy, zz, xy, xz, yz = rows[:, 5:11].T
         self.inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
         self._momenta = np.concatenate([self.mass * rows[:, 11:14].T, rows[:, 14:17].T])
@@ -38,7 +38,7 @@ class Given:
         return order[np.searchsorted(ids, self._ids, sorter=order)], self._momenta
 
 
-def read(path, lammps, world, ids, owned):
+def read(path, world, ids, owned):
     """Read the file; collective.
 
     Args:
@@ -65,7 +65,7 @@ def read(path, lammps, world, ids, owned):
     missing = world.total(count) == 0
     if missing.any():
         raise RunError(f"the infile {path} names body {named[missing][0]}, which is not there", everywhere=True)
-    return Given(ids, bodies, rows[here], lammps.box)
+    return Given(ids, bodies, rows[here])
 
 
 def _parse(path):
@@ -81,6 +81,13 @@ def _parse(path):
         if len(line) != _COLUMNS:
             raise ValueError(f"the line of body {line[0]} has {len(line)} values, where {_COLUMNS} are expected")
     rows = np.array(lines[:count], float).reshape(count, _COLUMNS)
+    for line, row in zip(lines, rows):
+        if not np.isfinite(row).all():
+            raise ValueError(f"the line of body {line[0]} has a value that is not finite")
+        xx, yy, zz, xy, xz, yz = row[5:11]
+        moment = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        if moment[0] < -1e-7 * abs(moment[2]):
+            raise ValueError(f"the inertia of body {line[0]} has a negative principal moment, {moment[0]:g}")
     ids, times = np.unique(rows[:, 0], return_counts=True)
     if (times > 1).any():
         raise ValueError(f"body {ids[times > 1][0]:.0f} stands in it twice")
@@ -100,7 +107,7 @@ def write(path, bodies, lammps, world):
     rows = np.concatenate([
         bodies.id[None, :], bodies.mass[None, :], bodies.x,
         [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]],
-        bodies.v, momentum, bodies.images(lammps),
+        bodies.v, momentum, bodies.image,
     ])[:, owned].T  # fmt: skip
     rows, problem = world.gather(rows), None
     if world.rank == 0:

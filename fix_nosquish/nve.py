@@ -46,6 +46,7 @@ class NVE:
         late: other fixes that act at the end of a step, and so may change velocities.
         vector_extensive, array_columns, array_rows: what the plugin announces of `compute_vector` and `compute_array`.
         restart_file: whether LAMMPS is to call `write_restart_file`.
+        rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
     """
 
     host = None
@@ -81,6 +82,7 @@ class NVE:
             self._say(False)
         else:
             self.array_rows = count(self.lammps, self.world, self.membership)
+            self.rigid_flag = self.lammps.finite()[0] is not None
 
     @classmethod
     def of_fix(cls, lmp, fix_id):
@@ -103,6 +105,8 @@ class NVE:
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
         self._settled = self._half = self._heard = False
         self._known = {}
+        if not isinstance(self.host, OwnFix):
+            self.host.set_bodies(None, None)  # the atoms are not those of the last run
         self.respa_dt = self.lammps.respa_dt
         fixes = self.host.fixes()
         self.late = [fix for fix in fixes if fix.end_of_step]
@@ -199,6 +203,10 @@ class NVE:
         self.bodies = self.bodies.follow(self.lammps, self.world, self.membership)
         self._mask = self._switches.mask(self.bodies.id)
         self._x, self._v, self._f = (self.lammps.per_atom(name, columns=3) for name in "xvf")
+        if self.bodies.spheres and not isinstance(self.host, OwnFix):
+            body = np.full(len(self._x), -1, np.int32)
+            body[self.bodies.index] = self.bodies.body
+            self.host.set_bodies(body, self.bodies.mass)
 
     @hook
     def final_integrate(self):
@@ -215,8 +223,8 @@ class NVE:
         if not self._settled:
             self.post_neighbor()
             self.setup(0)
-        elif any((self.lammps.step - 1) % fix.nevery == 0 for fix in self.late):
-            self._take_changed_velocities()
+        else:
+            self._take_changed_velocities(self.lammps.step - 1)
         self._vflag, self._known = vflag, {}
 
     def _kick(self, dt):
@@ -279,8 +287,10 @@ class NVE:
         if bodies.spheres:
             kernels.set_spins(bodies.first, bodies.index, bodies.q, bodies.p, bodies.moment, self.lammps.per_atom("omega", columns=3))
 
-    def _take_changed_velocities(self):
-        """If a fix has changed the atoms' velocities since they were set, have the bodies move with them; collective."""
+    def _take_changed_velocities(self, step):
+        """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with them; collective."""
+        if not any(step % fix.nevery == 0 for fix in self.late):
+            return
         bodies = self.bodies
         expected = np.empty_like(bodies.d)
         kernels.set_velocities(bodies.first, np.arange(len(expected), dtype=np.int32), bodies.d, bodies.v, bodies.q, bodies.p,
@@ -289,13 +299,21 @@ class NVE:
             return
         if not self._infile:
             bodies.take_velocities(self.lammps)
+        self._set_velocities()
         if not self._heard:
             self._heard = True
             self.host.log(
-                f"The velocities of the bodies' atoms were changed at the end of step {self.lammps.step - 1} (by one of the fixes "
+                f"The velocities of the bodies' atoms were changed at the end of step {step} (by one of the fixes "
                 f"{' '.join(fix.id for fix in self.late)}): "
                 + ("without effect on bodies of an infile\n" if self._infile else "the bodies take them over, as rigid motion\n")
             )
+
+    @hook
+    def post_run(self):
+        """A run is over; what comes now, from a script's commands to another run, finds the bodies as their atoms are."""
+        if self._settled:
+            self._take_changed_velocities(self.lammps.step)
+            self._known = {}
 
     # ------------------------------------------------------------- one step of run_style respa
 
@@ -379,12 +397,17 @@ class NVE:
 
     def _energies(self):
         if "energies" not in self._known:
+            self._see_changed_velocities()
             self._known["energies"] = thermo.energies(self._after_a_run(), self.world, self.lammps)
         return self._known["energies"]
 
+    def _see_changed_velocities(self):
+        if self.lammps.running and self._settled:
+            self._take_changed_velocities(self.lammps.step)
+
     @hook
     def compute_scalar(self):
-        """Temperature of the bodies, as fix rigid's; collective."""
+        """Temperature of the bodies; as fix rigid's, but of all components, whether force and torque act on them or not; collective."""
         return self._energies()[4]
 
     @hook
@@ -396,6 +419,7 @@ class NVE:
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
         if "array" not in self._known:
+            self._see_changed_velocities()
             rows = output.table(self._after_a_run(), self.lammps)
             self._known["array"] = output.global_array(self.world.gather_to_all(rows))
         return self._known["array"][i, j]

@@ -1,5 +1,6 @@
 """The table of bodies: as numpy array, as a file of keyword output, as LAMMPS's global array of the fix."""
 
+import contextlib
 import io
 
 import numpy as np
@@ -51,7 +52,7 @@ def table(bodies, lammps):
     rows = np.empty(len(bodies), DTYPE)
     rows["step"], rows["time"] = lammps.step, lammps.time
     rows["body"], rows["natoms"], rows["mass"] = bodies.id, bodies.natoms, bodies.mass
-    rows["x"], rows["image"], rows["v"], rows["q"] = bodies.x.T, bodies.images(lammps).T, bodies.v.T, bodies.q.T
+    rows["x"], rows["image"], rows["v"], rows["q"] = bodies.x.T, bodies.image.T, bodies.v.T, bodies.q.T
     rows["angmom"] = np.einsum("abn,bn->na", turn, bodies.angular_momentum())
     rows["omega"] = np.einsum("abn,bn->na", turn, bodies.angular_velocity())
     rows["force"], rows["torque"] = bodies.force.T, bodies.torque.T
@@ -108,7 +109,7 @@ class BodyFile:
             while rest:
                 rest = rest[self._file.write(rest) :]
         except OSError:
-            if self._file.seekable():
+            with contextlib.suppress(OSError):  # what is no ordinary file cannot be cut
                 self._file.truncate(self._size)
             raise
         self._size += len(text)

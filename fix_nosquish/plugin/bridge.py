@@ -70,10 +70,13 @@ class Bridge(Structure):
         ("wants_virial", c_int32),
         ("wants_virial_per_atom", c_int32),
         ("writes_restart_file", c_int32),
+        ("rigid", c_int32),
         ("vector_size", c_int32),
         ("array_columns", c_int32),
         ("array_rows", c_int32),  # -1: not known from the start
         ("vector_extensive", POINTER(c_int32)),
+        ("body", c_void_p),  # of each local atom
+        ("masstotal", c_void_p),
         ("fix", c_void_p),
         ("lammps", c_void_p),
         ("fix_id", c_char_p),
@@ -182,6 +185,7 @@ def _announce(bridge, instance):
 
     if has("write_restart_file"):
         bridge.writes_restart_file = bool(getattr(instance, "restart_file", False))
+    bridge.rigid = bool(getattr(instance, "rigid_flag", False))
     if has("compute_vector"):
         extensive = tuple(map(bool, instance.vector_extensive))
         bridge.vector_size = len(extensive)

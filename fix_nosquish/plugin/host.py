@@ -41,6 +41,16 @@ class Host:
         """Whether ghost atoms carry velocities (``comm_modify vel yes``)."""
         return bool(self._bridge.ghost_velocity(self._bridge.fix))
 
+    def set_bodies(self, body, mass):
+        """Lend LAMMPS the bodies of this rank, which it looks up if the class has ``rigid_flag``; None, None takes them back.
+
+        Args:
+            body: (natoms,) int32, contiguous, the body of each atom here, -1 for none.
+            mass: float64, contiguous, of each body.
+        """
+        self._lent = body, mass
+        self._bridge.body, self._bridge.masstotal = (None if array is None else array.ctypes.data for array in (body, mass))
+
     def set_array_rows(self, n):
         """Tell LAMMPS how many rows ``compute_array`` gives now; of further rows LAMMPS reads zeros.
 

@@ -141,10 +141,13 @@ struct Bridge {
   int32_t wants_virial;             // it fills in virial
   int32_t wants_virial_per_atom;    // it fills in virial_per_atom
   int32_t writes_restart_file;
+  int32_t rigid;                    // it is a rigid fix to those that ask for the bodies
   int32_t vector_size;
   int32_t array_columns;
   int32_t array_rows;    // -1: not known from the start
   const int32_t *vector_extensive;
+  int32_t *body;        // of each local atom, -1 for none; null while not known
+  double *masstotal;    // of each body
   // of the fix
   void *fix;               // first argument of the functions below
   void *lammps;
@@ -205,6 +208,7 @@ class FixPythonMove : public Fix {
   double compute_scalar() override;
   double compute_vector(int) override;
   double compute_array(int, int) override;
+  void *extract(const char *, int &) override;
 
  private:
   Bridge bridge;
@@ -269,6 +273,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
   restart_file = bridge.writes_restart_file;
+  rigid_flag = bridge.rigid;
 
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = extarray = 0;
@@ -350,6 +355,16 @@ void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
 void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
 {
   call(bridge.final_integrate_respa, ilevel, iloop);
+}
+
+// Granular pair styles look up the mass of the body of each atom here.
+
+void *FixPythonMove::extract(const char *name, int &dim)
+{
+  dim = 1;
+  if (strcmp(name, "body") == 0) return bridge.body;
+  if (strcmp(name, "masstotal") == 0) return bridge.masstotal;
+  return nullptr;
 }
 
 // Verlet needs no such call: its final_integrate is as late.

@@ -1,0 +1,208 @@
+"""Other fixes on the atoms of the bodies: those that add forces, those that change velocities, those that only look.
+
+Each test runs several systems in one process, one after the other with `clear` between them.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from conftest import read_thermo
+from systems import LIKE_LAMMPS, OURS, RIGID, Result, apart, mixture
+
+TOOK = "The velocities of the bodies' atoms were changed at the end of step"
+COLUMNS = "thermo_style custom step temp press pe etotal {}\nthermo_modify format float %.16g norm no\nthermo {}\ntimestep {}"
+
+
+@pytest.fixture
+def run_all(run_lammps, tmp_path):
+    """A function that runs the same atoms with different input, all in one process, and gives a Result of each."""
+
+    def run(system, scripts, **how):
+        """Args: scripts is a dictionary from a name to what follows the system's setup."""
+        parts = [
+            f'clear\nprint "PART {k}"\n{system.setup}\n{text}\n'
+            f"write_dump all custom end.{k} id x y z vx vy vz modify sort id format float %.16g\n"
+            for k, (name, text) in enumerate(scripts.items())
+        ]
+        run = run_lammps("\n".join(parts), files=system.files, **how)
+        logs = re.split(r"^PART .*\n", run.log, flags=re.M)[1:]
+        assert len(logs) == len(scripts)
+        results = {}
+        for k, (name, log) in enumerate(zip(scripts, logs)):
+            atoms = np.loadtxt(tmp_path / f"end.{k}", skiprows=9)
+            results[name] = Result(atoms[:, 1:4], atoms[:, 4:], read_thermo(log), log)
+        return results
+
+    return run
+
+
+def lines(system, fix, *more, columns="", every=20, group="bodies", words="molecule"):
+    """Input with a rigid fix, in place of RIGID, and what follows it."""
+    table, first = COLUMNS.format(columns, every, f"{system.dt:.17g}"), next(k for k, line in enumerate(more) if line.startswith("run"))
+    return "\n".join([*more[:first], table, *more[first:]]).replace("RIGID", fix.format(group=group, words=words))
+
+
+def differ(ours, theirs, h):
+    """How far two Results lie apart, in units of the largest coordinate and of the highest velocity."""
+    return max(apart(ours, theirs, h) / np.abs(theirs.x).max(), np.abs(ours.v - theirs.v).max() / np.abs(theirs.v).max())
+
+
+# ---- forces
+
+FORCES = {
+    "langevin": "fix 5 bodies langevin 1.5 1.5 0.5 4928",
+    "langevin zero": "fix 5 bodies langevin 1.5 1.5 0.5 4928 zero yes tally yes",
+    "spring tether": "fix 5 one spring tether 5.0 1.0 2.0 NULL 0.5",
+    "spring self": "fix 5 one spring/self 5.0",
+    "efield": "set type 1 charge 0.5\nset type 2 charge -0.7\nfix 5 bodies efield 1.0 -0.5 0.3",
+    "addforce": "fix 5 one addforce 1.0 v_f -0.5 every 2",
+    "setforce": "fix 5 one setforce 0.0 NULL 0.3",
+    "viscous": "fix 5 bodies viscous 0.8",
+    "gravity": "fix 5 bodies gravity 2.0 vector 1 -1 0.5",
+    "aveforce": "fix 5 bodies aveforce 0.2 NULL 0.0",
+}
+# both start from rigid velocities, which LAMMPS's fixes see only after their first setup
+START = "thermo_style custom step temp press pe etotal\ngroup one molecule 2 3 4\nvariable f equal 2.0*cos(step/5)\nfix 0 bodies rigid/nve molecule\nrun 0\nunfix 0"
+
+
+def charged(system):
+    """The same atoms, with atom_style full."""
+    text, done = [], False
+    for line in system.files["data.bodies"].splitlines():
+        words = line.split()
+        done = done or line == "Velocities"
+        text.append(" ".join([*words[:3], "0.0", *words[3:]]) if len(words) == 9 and not done else line)
+    files = {"data.bodies": "\n".join(text).replace("# molecular", "# full") + "\n"}
+    return system._replace(setup=system.setup.replace("atom_style molecular", "atom_style full"), files=files)
+
+
+def test_forces(run_all):
+    """Locks out the force of another fix that the bodies do not get, or get at another time than with rigid/nve:
+    from the first half step if the fix stands before this one, else from the second."""
+    system = charged(mixture("solid planar"))
+    scripts = {("none", "", None): lines(system, RIGID, START, "RIGID", "run 20")}
+    for name, force in FORCES.items():
+        for place, both in (("before", (force, "RIGID")), ("after", ("RIGID", force))):
+            for fix in RIGID, LIKE_LAMMPS:
+                scripts[name, place, fix] = lines(system, fix, START, *both, "run 20")
+    results = run_all(system, scripts)
+    free, off, idle = results["none", "", None], {}, []
+    for name in FORCES:
+        for place in "before", "after":
+            theirs, ours = (results[name, place, fix] for fix in (RIGID, LIKE_LAMMPS))
+            off[name, place] = differ(ours, theirs, system.h)
+            idle += [name] if differ(free, theirs, system.h) < 1e-6 else []
+        order = differ(*(results[name, place, LIKE_LAMMPS] for place in ("before", "after")), system.h)
+        assert order > 1e-7 or name == "spring self", name  # which has no force at the start
+    assert not idle
+    assert max(off.values()) < 1e-9, off
+
+
+# ---- fixes that change velocities at the end of a step
+
+DRIFTING = "velocity all set 0.5 0.3 -0.2 sum yes"
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_velocities_changed_by_fixes(run_all, ranks):
+    """Locks out bodies that go on as before when a fix has changed their atoms' velocities (LAMMPS's rigid fixes
+    do): it must be as with rigid/nve and the command velocity at the same step, between two runs."""
+    system = mixture("solid planar")
+    cases = {
+        "linear": ("momentum 10 linear 1 1 1", "velocity all zero linear"),
+        "one direction": ("momentum 10 linear 0 1 0", "variable w atom vy-vcm(all,y)\nvelocity all set NULL v_w NULL"),
+        "angular": ("momentum 10 angular", "velocity all zero angular"),
+        "rescale": ("temp/rescale 10 3.0 3.0 0.0 1.0", "velocity all scale 3.0 temp thermo_temp"),
+    }
+    scripts = {("", "none"): lines(system, RIGID, DRIFTING, "RIGID", "run 15")}
+    for name, (fix, command) in cases.items():
+        scripts[name, "ours"] = lines(system, LIKE_LAMMPS, DRIFTING, "RIGID", f"fix 5 all {fix}", "run 15")
+        scripts[name, "theirs"] = lines(system, RIGID, DRIFTING, "RIGID", "run 10", command, "run 5")
+        scripts[name, "ignored"] = lines(system, RIGID, DRIFTING, "RIGID", f"fix 5 all {fix}", "run 15")
+    if ranks > 1:
+        scripts = {(name, who): text for (name, who), text in scripts.items() if who in ("ours", "theirs")}
+    results = run_all(system, scripts, ranks=ranks)
+    for name in cases:
+        ours, theirs = (results[name, who] for who in ("ours", "theirs"))
+        assert differ(ours, theirs, system.h) < 1e-9, name
+        if ranks == 1:
+            ignored, none = results[name, "ignored"], results["", "none"]
+            assert differ(ignored, theirs, system.h) > 1e-4, name
+            assert differ(ignored, none, system.h) == 0, f"rigid/nve no longer ignores {name}: say so in the README"
+
+
+def test_momentum_stays_removed(run_all):
+    """Locks out atoms whose momentum fix momentum removes for one step only, until the bodies set it again."""
+    system = mixture("solid planar")
+    momenta = [f"variable {name} equal {name[0]}cm(all,{name[1]})" for name in ("vx", "vy", "vz")]
+    momenta += [f"variable {name} equal angmom(all,{name[1]})" for name in ("lx", "ly", "lz")]
+    spin = "variable w atom 0.1*y\nvelocity all set v_w 0.3 -0.2 sum yes"
+    columns = "v_vx v_vy v_vz v_lx v_ly v_lz"
+    # without forces between bodies angular momentum is conserved, too
+    free = "\n".join(["pair_style zero 2.5\npair_coeff * *", spin, *momenta])
+    fixes = "fix 5 all momentum 10 linear 1 1 1 angular"
+    results = run_all(system, {fix: lines(system, fix, free, "RIGID", fixes, "run 19", columns=columns, every=1) for fix in (RIGID, OURS)})
+    table = {fix: np.stack([results[fix].thermo[c] for c in columns.split()], axis=1) for fix in results}
+    mass = system.mass.sum()
+    for fix in table:
+        assert (np.abs(table[fix][:10]) > 1e-3 * np.array([1, 1, 1, mass, mass, mass])).all()
+    assert np.abs(table[OURS][10:]).max() < 1e-10
+    assert np.abs(table[RIGID][11:, :3]).min() > 1e-3
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_thermostats_at_the_end_of_a_step(run_all, ranks):
+    """Locks out thermostats that do not act on bodies, as on LAMMPS's rigid fixes, and a temperature of the bodies
+    (f_1) that is not that of their atoms."""
+    system = mixture()
+    thermostats = {
+        "rescale": "temp/rescale 1 3.0 3.0 0.0 1.0",
+        "berendsen": f"temp/berendsen 3.0 3.0 {5 * system.dt}",
+        "csvr": f"temp/csvr 3.0 3.0 {5 * system.dt} 4928",
+    }
+    scripts = {name: lines(system, OURS, "RIGID", f"fix 5 all {fix}", "run 60", columns="f_1", every=4, group="all") for name, fix in thermostats.items()}
+    scripts["none"] = lines(system, OURS, "RIGID", "run 60", columns="f_1", every=4, group="all")
+    results = run_all(system, scripts, ranks=ranks)
+    off = []
+    for name, result in results.items():
+        temp = result.thermo["Temp"]
+        late = temp[5:].mean()
+        assert (late < 1.5) if name == "none" else abs(late - 3.0) < {"rescale": 1e-6, "berendsen": 0.1, "csvr": 0.5}[name], name
+        # the bodies' own temperature does not count the motion of the centre of mass out
+        ratio = result.thermo["f_1"] / temp
+        off += [name] if np.abs(ratio / ratio[0] - 1).max() > 1e-9 else []
+    assert not off, f"f_1 is of another time than temp with {off}"
+
+
+def test_log_of_changed_velocities(run_all):
+    """Locks out a log without the line, or with one for each step, or one that names no fix, and the line where no
+    fix has changed anything."""
+    system = mixture("solid planar pair")
+    table = "fix 7 all ave/time 2 3 6 c_thermo_temp\nfix 8 all print 4 'now' screen no"
+    cases = {
+        "momentum": (f"fix drag all momentum 5 linear 1 1 1\n{DRIFTING}", 1),
+        "two": (f"fix drag all momentum 5 linear 1 1 1\nfix heat all temp/rescale 5 3 3 0 1\n{table}", 1),
+        "looking": (table, 0),
+        "within the window": ("fix heat all temp/rescale 5 1 1 100 1", 0),
+        "others": ("group few molecule 1\nfix drag few momentum 5 linear 1 1 1", 1),
+        "none": ("", 0),
+    }
+    results = run_all(system, {name: lines(system, OURS, more, "RIGID", "run 20", "run 20") for name, (more, _) in cases.items()})
+    for name, (more, count) in cases.items():
+        said = [line for line in results[name].log.splitlines() if line.startswith(TOOK)]
+        assert len(said) == 2 * count, (name, said)
+        for fix in re.findall(r"fix (\w+) ", more) if count else ():
+            assert fix in said[0], said
+    for name in "looking", "within the window":
+        assert np.array_equal(results[name].x, results["none"].x) and np.array_equal(results[name].v, results["none"].v), name
+
+
+@pytest.mark.parametrize("how", ["run 10\nrun 10", "run 10\nrun 10 pre no"])
+@pytest.mark.parametrize("words", ["molecule", "molecule reinit no"])
+def test_change_at_the_last_step(run_all, how, words):
+    """Locks out a change of the last step of a run that is lost before the next: two runs are one run."""
+    system = mixture("solid planar")
+    more = [DRIFTING, "RIGID", "fix 5 all momentum 10 linear 1 1 1"]
+    results = run_all(system, {run: lines(system, OURS, *more, run, words=words) for run in ("run 20", how)})
+    assert differ(results[how], results["run 20"], system.h) < 1e-9
