@@ -50,7 +50,7 @@ class _PointInWords:
         if name.startswith(__name__ + ".") and " " in name:
             raise RunError(
                 f"the words of the fix line hold a point (after '{name.removeprefix(__name__ + '.')}'), at which LAMMPS "
-                "cuts them: write real numbers without one (3e2, 25e-1) or as a variable (v_NAME)",
+                "cuts them: write real numbers without one (3e2, 25e-1) or as a variable (v_NAME), files as a string-style variable (v_NAME)",
                 everywhere=True,
             )
 

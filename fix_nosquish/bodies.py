@@ -29,7 +29,8 @@ class Bodies:
         rotors, extended: bodies [0, rotors) have three moments (in a plane: a moment about axis 3),
             [rotors, extended) are linear, [extended, n) are points.
         mass (n,), moment (3, n), x, v, image (3, n), q, p (4, n), natoms (n,): views of `state`;
-            x is kept in the box, which image counts.  x, v and the torque are in the space frame, moments in the principal frame, I_1 >= I_2 >= I_3.
+            x is kept in the box, which image counts.  x, v and the torque are in the space frame, moments in the principal frame, from the
+            largest to the smallest (with order 123 the other way round; in a plane the third is about z).
         force, torque: (3, n), views of `load`, which is what the sharing ranks exchange.
         first (n + 1,), index, tag, d, shift: this rank's atoms, body by body; see `kernels`.
         sharers: the `Sharers` of these bodies.
@@ -113,7 +114,7 @@ class Bodies:
         world.agree(
             f"atom {self.tag[bad.argmax()]} is {off[bad.argmax()]:.3g} away from where its rigid body has it: something else moved "
             "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
-            "with 'run N pre yes' after it"
+            "with 'run N pre yes' after it, and not with reinit no or infile, which keep the bodies of the last run"
             if bad.any()
             else None
         )
@@ -156,6 +157,10 @@ class Bodies:
         """Angular velocity in the principal frame, (3, n); zero about an axis without moment."""
         return np.divide(self.angular_momentum(), self.moment, out=np.zeros_like(self.moment), where=self.moment > 0)
 
+    def momenta(self):
+        """Linear and angular momentum in the space frame, (6, n)."""
+        return np.concatenate([self.mass * self.v, np.einsum("abn,bn->an", self.matrices(), self.angular_momentum())])
+
     def matrices(self):
         """Rotations from the principal to the space frame, (3, 3, n)."""
         return np.array(kernels.rotation_matrix.py_func(self.q, slice(None))).reshape(3, 3, -1)
@@ -174,7 +179,7 @@ def _atoms_changed(lammps, membership, gone, known, come):
             f"atom {gone[0]} of {membership.name(int(known[0, 0]))} is gone by step {lammps.step}: it left the box, or was deleted "
             f"or taken out of the group. The body was moving by {moved:.3g} a step: if that is too far, the run is unstable and "
             "needs a shorter time step or a better start; if not, check the boundary, thermo_modify lost, and fixes that "
-            "delete atoms, because bodies keep their atoms during a run"
+            "delete atoms, because bodies keep their atoms during a run (and with reinit no or infile, from run to run)"
         )
     if len(come):
         return (

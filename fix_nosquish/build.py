@@ -21,8 +21,8 @@ def build(lammps, world, membership, path=None):
         (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
         angular momentum of the atoms' velocities, and notes for the log: the number of
         bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
-        puts in a body, and the kinetic energy `kinetic` of the atoms and the part `removed` of
-        it that is not rigid motion.
+        puts in a body, the kinetic energy `kinetic` of the atoms and the part `removed` of
+        it that is not rigid motion, and the IDs `given` that the file names.
     Raises:
         RunError: on all ranks, naming the body.
     """
@@ -52,8 +52,10 @@ def build(lammps, world, membership, path=None):
     centre = total(*(mass * delta.T)) / body_mass
     if given:
         # the file's centre, as the place of the body's first atom sees it
-        here = given.bodies
+        here, of_atoms = given.bodies, centre.copy()
         centre[:, here] = given.x - place[:, here] + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
+        far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
+        blame(far.any(axis=0), lambda k: "has its centre in the infile more than half the box from its atoms: check the image flags there")
     r = delta - centre[:, body].T
     rx, ry, rz = r.T
     xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
@@ -90,11 +92,14 @@ def build(lammps, world, membership, path=None):
     result = Bodies(ids, state, body, tag, atoms, d, plane, world.any(radius is not None and radius.any()))
     result.settle(lammps, world)
     result.take_velocities(lammps, given and given.momenta(result.id))
-    return result, _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
+    notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
+    return result, notes | {"given": given.named if given else ()}
 
 
 def count(lammps, world, membership):
-    """How many bodies there are, None if their atoms are not as they should be (yet); collective."""
+    """How many bodies there are, None if that cannot be told (yet); collective."""
+    if membership.command.style == "custom" and membership.command.arguments[0][0] == "v":
+        return None  # the variable may need a run
     try:
         atoms, ids, problem = membership.atoms(), np.empty(0, np.int64), False
         try:
@@ -286,8 +291,12 @@ def _principal_in_plane(inertia):
 
 
 def _weights(tag):
-    """Two numbers for each atom that follow from its tag and are unlike those of its neighbours, (2, n)."""
-    return np.modf(np.multiply.outer([0.6180339887498949, 0.7548776662466927], tag))[0]
+    """Two numbers in [0, 1) for each atom that follow from its tag and are like no others: splitmix64 of it, (2, n)."""
+    bits = 2 * tag.astype(np.uint64) + np.array([[0], [1]], np.uint64)
+    bits = (bits + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    for shift, factor in (30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB):
+        bits = (bits ^ (bits >> np.uint64(shift))) * np.uint64(factor)
+    return ((bits ^ (bits >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
 
 
 def _choose_axes(axes, equal, sums):

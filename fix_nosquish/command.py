@@ -21,8 +21,9 @@ _ELSEWHERE = {
     "langevin": "use fix langevin on the bodies' atoms",
     "gravity": "use fix gravity before this fix",
     "mol": "insert bodies between runs",
-    **dict.fromkeys(("temp", "tparam"), "this fix keeps the energy; use a thermostat fix on the bodies' atoms"),
-    **dict.fromkeys(("iso", "aniso", "x", "y", "z", "couple", "pchain", "dilate"), "this fix keeps the volume"),
+    "bodyforces": "the order of the fix lines decides which forces count",
+    **dict.fromkeys(("temp", "tparam", "tchain"), "this fix keeps the energy; use a thermostat fix on the bodies' atoms"),
+    **dict.fromkeys(("iso", "aniso", "x", "y", "z", "couple", "pchain", "pparam", "fixedpoint", "dilate"), "this fix keeps the volume"),
 }
 
 
@@ -134,7 +135,7 @@ class _Words:
         """Which of two words comes next, as a bool."""
         word = self.take(expected)
         if word not in allowed:
-            raise self.wrong(f"'{word}' was given where {expected} is expected")
+            raise self.wrong(f"'{word}' was given where {' or '.join(allowed)} is expected, of {expected}")
         return word == allowed[1]
 
     def bodies(self, expected):

@@ -49,6 +49,12 @@ class OwnFix:
         """The other fixes; not known."""
         return []
 
+    def set_bodies(self, body, mass):
+        """Of no use here."""
+
+    def set_array_rows(self, n):
+        """Of no use here."""
+
     def atoms_moved(self):
         """Whether LAMMPS has re-neighboured since this was last asked."""
         if self._problem:

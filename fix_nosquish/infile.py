@@ -20,16 +20,17 @@ class Given:
 
     Attributes:
         bodies: (m,) their places in this rank's list of bodies.  absent: (n,) bool, the other ones of the list.
+        named: IDs of all bodies in the file.
         mass: (m,).  x, image: (3, m), centre of mass and its image flags.  inertia: (m, 3, 3), space frame.
     """
 
-    def __init__(self, ids, bodies, rows):
+    def __init__(self, ids, bodies, rows, named):
+        self.named = named
         self.bodies, self.absent = bodies, np.ones(len(ids), bool)
         self.absent[bodies] = False
         self._ids = ids[bodies]
         self.mass, self.x, self.image = rows[:, 1], rows[:, 2:5].T, rows[:, 17:20].T.astype(np.int64)
-        xx, yy, zz, xy, xz, yz = rows[:, 5:11].T
-        self.inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
+        self.inertia = _tensors(rows)
         self._momenta = np.concatenate([self.mass * rows[:, 11:14].T, rows[:, 14:17].T])
 
     def momenta(self, ids):
@@ -65,7 +66,7 @@ def read(path, world, ids, owned):
     missing = world.total(count) == 0
     if missing.any():
         raise RunError(f"the infile {path} names body {named[missing][0]}, which is not there", everywhere=True)
-    return Given(ids, bodies, rows[here])
+    return Given(ids, bodies, rows[here], named)
 
 
 def _parse(path):
@@ -81,17 +82,24 @@ def _parse(path):
         if len(line) != _COLUMNS:
             raise ValueError(f"the line of body {line[0]} has {len(line)} values, where {_COLUMNS} are expected")
     rows = np.array(lines[:count], float).reshape(count, _COLUMNS)
-    for line, row in zip(lines, rows):
-        if not np.isfinite(row).all():
-            raise ValueError(f"the line of body {line[0]} has a value that is not finite")
-        xx, yy, zz, xy, xz, yz = row[5:11]
-        moment = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        if moment[0] < -1e-7 * abs(moment[2]):
-            raise ValueError(f"the inertia of body {line[0]} has a negative principal moment, {moment[0]:g}")
     ids, times = np.unique(rows[:, 0], return_counts=True)
     if (times > 1).any():
         raise ValueError(f"body {ids[times > 1][0]:.0f} stands in it twice")
+    if not np.isfinite(rows).all():
+        raise ValueError(f"the line of body {rows[~np.isfinite(rows).all(axis=1)][0, 0]:.0f} has a value that is not finite")
+    if (rows[:, 0] % 1).any():
+        raise ValueError(f"{rows[rows[:, 0] % 1 > 0][0, 0]:g} is no ID of a body")
+    moment = np.linalg.eigvalsh(_tensors(rows))
+    negative = moment[:, 0] < -1e-7 * np.abs(moment).max(axis=1)
+    if negative.any():
+        raise ValueError(f"the inertia of body {rows[negative][0, 0]:.0f} has a negative principal moment, {moment[negative][0, 0]:g}")
     return rows
+
+
+def _tensors(rows):
+    """The tensors of inertia (n, 3, 3) in rows of the file."""
+    xx, yy, zz, xy, xz, yz = rows[:, 5:11].T
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
 
 
 def write(path, bodies, lammps, world):
@@ -103,11 +111,10 @@ def write(path, bodies, lammps, world):
     owned = bodies.sharers.owned
     turn = bodies.matrices()
     inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moment, turn)
-    momentum = np.einsum("abn,bn->an", turn, bodies.angular_momentum())
     rows = np.concatenate([
         bodies.id[None, :], bodies.mass[None, :], bodies.x,
         [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]],
-        bodies.v, momentum, bodies.image,
+        bodies.v, bodies.momenta()[3:], bodies.image,
     ])[:, owned].T  # fmt: skip
     rows, problem = world.gather(rows), None
     if world.rank == 0:

@@ -25,6 +25,8 @@ from .membership import Membership
 from .sharing import Alone, World
 from .switches import Switches
 
+_READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"  # fixes that act at the end of a step and change no velocity
+
 
 class NVE:
     """Rigid bodies at constant energy: fix python/move "fix_nosquish.NVE GROUP BODYSTYLE ...".
@@ -60,6 +62,7 @@ class NVE:
         self.world = World(self.lammps.communicator) if self.lammps.ranks > 1 else Alone()
         self.bodies = None
         self._notes = self._said = None
+        self._warned = set()
         self._settled = self._half = self._ran = self._heard = False
         self._mask = self._file = None
         self._known, self.late = {}, []
@@ -75,7 +78,6 @@ class NVE:
         self._infile = self.command.infile and self.lammps.text(self.command.infile)
         self.restart_file = self._infile is not None
         self._all.add(self)
-        self.respa_dt = None
         self.reset_dt()
         if self.host:  # LAMMPS's own fix: it takes commands, and so text for its log, only while nothing runs
             self._build()
@@ -105,11 +107,10 @@ class NVE:
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
         self._settled = self._half = self._heard = False
         self._known = {}
-        if not isinstance(self.host, OwnFix):
-            self.host.set_bodies(None, None)  # the atoms are not those of the last run
-        self.respa_dt = self.lammps.respa_dt
-        fixes = self.host.fixes()
-        self.late = [fix for fix in fixes if fix.end_of_step]
+        self.host.set_bodies(None, None)  # the atoms are not those of the last run
+        ours = {mate.host.fix_id for mate in self._mates}
+        fixes = [fix for fix in self.host.fixes() if fix.id not in ours]
+        self.late = [fix for fix in fixes if fix.end_of_step and not fix.style.startswith(_READERS)]
         self.half_step_velocities = self.host.ghost_velocity or any(fix.between for fix in fixes)
         if self.command.reinit or not self._ran:
             self._build()
@@ -117,25 +118,34 @@ class NVE:
         self._refuse_second_integrator(fixes)
         self.reset_dt()
         if self.command.output and not self._file:
-            self._file = output.BodyFile(self.lammps.text(self.command.output[1]), self.lammps.units, self.world)
+            self._file = self._open()
         if isinstance(self.host, OwnFix):
             self.host.begin_run(self._virial_of_all)
             self._say(self.host.virial_fix is not None)
-        else:
-            self.host.set_array_rows(round(self.world.total(np.array([self.bodies.sharers.owned.sum()]))[0]))
+        self.host.set_array_rows(round(self.world.total(np.array([self.bodies.sharers.owned.sum()]))[0]))
+
+    def _open(self):
+        path = self.lammps.text(self.command.output[1])
+        if any(mate._file and mate._file.path == path for mate in self._mates):
+            raise RunError(f"two fixes write their table of bodies (keyword output) to {path}: give each a file of its own", everywhere=True)
+        if self.respa_dt is not None and isinstance(self.host, OwnFix):
+            raise RunError("keyword output needs the plugin's fix python/move under run_style respa: this LAMMPS's own knows no end of a step", everywhere=True)
+        return output.BodyFile(path, self.lammps.units, self.world)
 
     def _build(self):
+        known = self.bodies and (self.bodies.id, self.bodies.load)
         self.bodies = None  # there may be no room for both
         self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile)
+        if known and np.array_equal(np.sort(known[0]), np.sort(self.bodies.id)):  # commands like write_data compute no forces
+            self.bodies.load[:, np.argsort(self.bodies.id)] = known[1][:, np.argsort(known[0])]
         self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
 
     def _refuse_second_integrator(self, fixes):
         problem = None
         atoms, groups = self.membership.atoms(), self.lammps.groups
-        ours = {mate.host.fix_id for mate in self._mates}
         for fix in fixes:
-            if fix.time_integrate and fix.id not in ours:
+            if fix.time_integrate:
                 both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
                 if len(both):
                     problem = (
@@ -155,24 +165,30 @@ class NVE:
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
         self._gather()
-        if not self.command.reinit:
+        if self._ran and not self.command.reinit:
+            if self._velocities_changed():
+                self.host.log("The velocities of the bodies' atoms were changed between runs: without effect, because the bodies go on (reinit no)\n")
             self._set_velocities()
         if vflag:
             self._constraint_virial()
         self._settled = self._ran = True
-        if not isinstance(self.host, OwnFix):
+        if not isinstance(self.host, OwnFix):  # which comes here in the next step only
             self._say(bool(vflag))
-        self._write()
+            self._write()
 
     def _say(self, virial):
         """Log what the bodies are, if that has changed, and what was taken from the atoms' velocities."""
         lines, removed = thermo.summary(self, self._notes, virial)
+        warnings = [line for line in thermo.warnings(self, self._notes) if line not in self._warned]
+        self._warned.update(warnings)
         said, self._said = self._said, lines[:4]
         if not said or said[:3] != lines[:3]:
             advice = self.host.advice(removed) if isinstance(self.host, OwnFix) else ()
             self.host.log("\n".join([*lines, *advice, ""]))
         elif said[3] != lines[3] and self._notes["removed"] > 1e-9 * self._notes["kinetic"]:
             self.host.log(lines[3] + "\n")
+        if warnings:
+            self.host.log("\n".join([*warnings, ""]))
 
     @hook
     def min_setup(self, vflag):
@@ -185,7 +201,7 @@ class NVE:
     @hook
     def reset_dt(self):
         """The time step may have changed."""
-        self.dt = self.lammps.dt
+        self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
 
     # ------------------------------------------------------------- one step
 
@@ -203,7 +219,7 @@ class NVE:
         self.bodies = self.bodies.follow(self.lammps, self.world, self.membership)
         self._mask = self._switches.mask(self.bodies.id)
         self._x, self._v, self._f = (self.lammps.per_atom(name, columns=3) for name in "xvf")
-        if self.bodies.spheres and not isinstance(self.host, OwnFix):
+        if self.bodies.spheres:
             body = np.full(len(self._x), -1, np.int32)
             body[self.bodies.index] = self.bodies.body
             self.host.set_bodies(body, self.bodies.mass)
@@ -247,7 +263,7 @@ class NVE:
         self._half = True
 
     def _new_forces(self):
-        if isinstance(self.host, OwnFix) and self.host.atoms_moved():
+        if self.host.atoms_moved():
             self.post_neighbor()
         self._refuse_new_box()
         self._gather()
@@ -259,7 +275,7 @@ class NVE:
         if ((box.h != self._box.h) & (box.periodic & box.periodic[:, None])).any():
             raise RunError(
                 f"the periodic box has changed by step {self.lammps.step}: this fix keeps bodies at constant volume, so use it "
-                "without fixes that change the box (fix deform, npt, nph, box/relax), or change the box between runs",
+                "without fixes that change the box (fix deform, npt, nph, box/relax), or change the box between runs (with reinit yes)",
                 everywhere=True,
             )
         self._box = box  # a face that is not periodic may follow the atoms
@@ -287,25 +303,29 @@ class NVE:
         if bodies.spheres:
             kernels.set_spins(bodies.first, bodies.index, bodies.q, bodies.p, bodies.moment, self.lammps.per_atom("omega", columns=3))
 
-    def _take_changed_velocities(self, step):
-        """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with them; collective."""
-        if not any(step % fix.nevery == 0 for fix in self.late):
-            return
+    def _velocities_changed(self):
+        """Whether the atoms' velocities are not those that the bodies gave them, on any rank; collective."""
         bodies = self.bodies
         expected = np.empty_like(bodies.d)
         kernels.set_velocities(bodies.first, np.arange(len(expected), dtype=np.int32), bodies.d, bodies.v, bodies.q, bodies.p,
                                bodies.moment, expected)  # fmt: skip
-        if not self.world.any(not np.array_equal(expected, self._v[bodies.index])):
+        return self.world.any(not np.array_equal(expected, self._v[bodies.index]))
+
+    def _take_changed_velocities(self, step):
+        """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with them; collective."""
+        due = [fix.id for fix in self.late if step % fix.nevery == 0]
+        if not due or not self._velocities_changed():
             return
-        if not self._infile:
-            bodies.take_velocities(self.lammps)
+        bodies = self.bodies
+        kept = np.flatnonzero(np.isin(bodies.id, self._notes["given"]))
+        bodies.take_velocities(self.lammps, (kept, bodies.momenta()[:, kept]))
         self._set_velocities()
+        self._known = {}
         if not self._heard:
             self._heard = True
             self.host.log(
-                f"The velocities of the bodies' atoms were changed at the end of step {step} (by one of the fixes "
-                f"{' '.join(fix.id for fix in self.late)}): "
-                + ("without effect on bodies of an infile\n" if self._infile else "the bodies take them over, as rigid motion\n")
+                f"The velocities of the bodies' atoms were changed at the end of step {step} (by fix {' or '.join(due)}): the bodies take "
+                "them over, as rigid motion" + (" (not those of the infile)" if self._infile else "") + "\n"
             )
 
     @hook
@@ -322,6 +342,8 @@ class NVE:
         """Half a kick of a level; the innermost one moves the bodies."""
         if ilevel == len(self.respa_dt) - 1:
             self._begin_step(vflag)
+        elif self.host.atoms_moved():
+            self.post_neighbor()
         self._gather()
         self._kick(self.respa_dt[ilevel])
         if ilevel == 0:
@@ -396,13 +418,13 @@ class NVE:
         return thermo.removed_freedom(bodies, self.world, inside, self.lammps)
 
     def _energies(self):
+        self._see_changed_velocities()
         if "energies" not in self._known:
-            self._see_changed_velocities()
-            self._known["energies"] = thermo.energies(self._after_a_run(), self.world, self.lammps)
+            self._known["energies"] = thermo.energies(self._made(), self.world, self.lammps)
         return self._known["energies"]
 
     def _see_changed_velocities(self):
-        if self.lammps.running and self._settled:
+        if self.lammps.running and self._settled and not self._half:
             self._take_changed_velocities(self.lammps.step)
 
     @hook
@@ -418,22 +440,22 @@ class NVE:
     @hook
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
+        self._see_changed_velocities()
         if "array" not in self._known:
-            self._see_changed_velocities()
-            rows = output.table(self._after_a_run(), self.lammps)
+            rows = output.table(self._made(), self.lammps)
             self._known["array"] = output.global_array(self.world.gather_to_all(rows))
         return self._known["array"][i, j]
 
     @hook
     def write_restart_file(self, name):
         """LAMMPS writes a restart file: keep the bodies of an infile beside it, to be read as infile; collective."""
-        infile.write(name + ".rigid", self._after_a_run(), self.lammps, self.world)
+        infile.write(name + ".rigid", self._made(), self.lammps, self.world)
 
     def table(self):
         """The bodies that are counted on this rank as they are now: see `output.table`."""
-        return output.table(self._after_a_run(), self.lammps)
+        return output.table(self._made(), self.lammps)
 
-    def _after_a_run(self):
-        if not self._ran:
+    def _made(self):
+        if self.bodies is None:
             raise RunError("there is nothing to tell of the bodies before the first run: 'run 0' makes them", everywhere=True)
         return self.bodies

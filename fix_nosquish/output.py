@@ -7,13 +7,13 @@ import numpy as np
 
 from .errors import RunError
 
-# mass, length, time, velocity, force, energy in each of LAMMPS's unit styles
+# mass, length, time, velocity, force, torque in each of LAMMPS's unit styles
 _UNITS = {
     "lj": ("mass", "sigma", "tau", "sigma/tau", "epsilon/sigma", "epsilon"),
     "real": ("g/mol", "Angstrom", "fs", "Angstrom/fs", "kcal/mol/Angstrom", "kcal/mol"),
     "metal": ("g/mol", "Angstrom", "ps", "Angstrom/ps", "eV/Angstrom", "eV"),
-    "si": ("kg", "m", "s", "m/s", "N", "J"),
-    "cgs": ("g", "cm", "s", "cm/s", "dyne", "erg"),
+    "si": ("kg", "m", "s", "m/s", "N", "N m"),
+    "cgs": ("g", "cm", "s", "cm/s", "dyne", "dyne cm"),
     "electron": ("amu", "Bohr", "fs", "Bohr/fs", "Hartree/Bohr", "Hartree"),
     "micro": ("pg", "um", "us", "um/us", "pg um/us^2", "pg um^2/us^2"),
     "nano": ("ag", "nm", "ns", "nm/ns", "ag nm/ns^2", "ag nm^2/ns^2"),
@@ -33,7 +33,7 @@ _FIELDS = (
     ("angmom", ("angmomx", "angmomy", "angmomz"), "space frame", "{mass} {length} {velocity}"),
     ("omega", ("omegax", "omegay", "omegaz"), "space frame", "rad/{time}"),
     ("force", ("fx", "fy", "fz"), "space frame", "{force}"),
-    ("torque", ("tqx", "tqy", "tqz"), "space frame", "{energy}"),
+    ("torque", ("tqx", "tqy", "tqz"), "space frame", "{torque}"),
 )
 _WHOLE = "step", "body", "natoms", "image"
 DTYPE = np.dtype([(name, np.int64 if name in _WHOLE else float, (len(parts),) if len(parts) > 1 else ()) for name, parts, *_ in _FIELDS])
@@ -53,7 +53,7 @@ def table(bodies, lammps):
     rows["step"], rows["time"] = lammps.step, lammps.time
     rows["body"], rows["natoms"], rows["mass"] = bodies.id, bodies.natoms, bodies.mass
     rows["x"], rows["image"], rows["v"], rows["q"] = bodies.x.T, bodies.image.T, bodies.v.T, bodies.q.T
-    rows["angmom"] = np.einsum("abn,bn->na", turn, bodies.angular_momentum())
+    rows["angmom"] = bodies.momenta()[3:].T
     rows["omega"] = np.einsum("abn,bn->na", turn, bodies.angular_velocity())
     rows["force"], rows["torque"] = bodies.force.T, bodies.torque.T
     return rows[bodies.sharers.owned]
@@ -117,7 +117,7 @@ class BodyFile:
 
 def header(units):
     """The line of column names, as bytes: each says its frame and unit."""
-    symbols = dict(zip(("mass", "length", "time", "velocity", "force", "energy"), _UNITS[units]))
+    symbols = dict(zip(("mass", "length", "time", "velocity", "force", "torque"), _UNITS[units]))
     names = []
     for _, parts, frame, unit in _FIELDS:
         says = "; ".join(word for word in (frame, unit.format(**symbols)) if word)

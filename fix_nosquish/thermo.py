@@ -65,6 +65,7 @@ def summary(nve, notes, virial):
               bodies.natoms[owned].sum(), len(bodies.sharers.bodies[owned[bodies.sharers.bodies]])]  # fmt: skip
     total, solid, planar, linear, points, atoms, shared = world.total(np.array(counts, float)).astype(int)
     removed = removed_freedom(bodies, world, np.ones(len(bodies.tag), bool), nve.lammps)
+    own = world.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0]
     if bodies.plane:
         kinds, turning = ((solid + planar, "in the plane"),), ((solid + planar, "rotation in the plane", "no rotation"),)
     else:
@@ -89,30 +90,33 @@ def summary(nve, notes, virial):
     lines = [
         f"Rigid bodies by NO_SQUISH: {command.text}",
         f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",
-        f"  {removed} degrees of freedom removed, {round(world.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0])} left to the bodies",
+        f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
         f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed",
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
     if notes["rebuilt"]:
         lines.append(f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the nearest image")
-    if nve.host.group not in (None, command.group):
-        lines.append(
-            f"WARNING: the fix line names group {nve.host.group}, the class group {command.group}: the bodies are of {command.group}, "
-            "so give the fix the same group"
-        )
+    return lines, removed
+
+
+def warnings(nve, notes):
+    """Lines for the log on what is probably not meant; collective. Args: as `summary`."""
+    lines, group = [], nve.command.group
+    if nve.host.group not in (None, group):
+        lines.append(f"WARNING: the fix line names group {nve.host.group}, the class group {group}: the bodies are of {group}, so give the fix the same group")
     if notes["stray"] > 1:
         lines.append(
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: give every body a molecule-ID of its own, "
             "or leave these atoms out of the group"
         )
-    turn, body = _fastest(bodies, world, nve.dt if nve.respa_dt is None else nve.respa_dt[0])
+    turn, body = _fastest(nve.bodies, nve.world, nve.dt if nve.respa_dt is None else nve.respa_dt[0])
     if turn > _FAST:
         lines.append(
             f"WARNING: {nve.membership.name(body)} turns by {turn:.2g} rad in a step, which no time step of this length can follow "
             f"well: use one of about {0.2 * nve.dt / turn:.2g}, or a better start; a body that is almost linear can be made linear"
         )
-    return lines, removed
+    return lines
 
 
 def _fastest(bodies, world, dt):

@@ -41,6 +41,10 @@ class Host:
         """Whether ghost atoms carry velocities (``comm_modify vel yes``)."""
         return bool(self._bridge.ghost_velocity(self._bridge.fix))
 
+    def atoms_moved(self):
+        """Whether LAMMPS has re-neighboured unsaid: never, there is a hook for it."""
+        return False
+
     def set_bodies(self, body, mass):
         """Lend LAMMPS the bodies of this rank, which it looks up if the class has ``rigid_flag``; None, None takes them back.
 
