@@ -467,3 +467,37 @@ def test_sphere_in_a_group(run_clumps):
     theirs, _ = run_clumps((script, data), "group bodies union b c\nfix 1 bodies rigid/nve group 2 b c\nfix 2 a nve/sphere")
     ours, _ = run_clumps((script, data), mine, ranks=2)
     close(ours, theirs, 1e-8)
+
+
+def test_infile_of_some_bodies_and_a_thermostat(simulate):
+    """Locks out bodies that are not in the infile and yet ignore a thermostat at the end of the step because others are, and bodies
+    of the infile that take its velocities over."""
+    system = mixture("solid planar")
+    system = with_file(system, text_of(rows_of(system, simulate(system, RIGID, 0))[:1]))
+    how = dict(words="molecule infile bodies", before="fix 5 all temp/rescale 1 30.0 30.0 0.0 1.0", ranks=2)
+    before = simulate(system, LIKE_LAMMPS, 0, **how)
+    taken = simulate(system, LIKE_LAMMPS, 1, **how, after="unfix 5\nrun 1 pre no")
+    faster = np.linalg.norm(taken.v, axis=1) / np.linalg.norm(before.v, axis=1)
+    assert (faster[system.molecule > 1] > 1.5).all() and (faster[system.molecule == 1] < 1.2).all()
+    assert taken.log.count("not those of the infile") == 1
+
+
+def test_restart_file_before_any_run(simulate, run_lammps, tmp_path):
+    """Locks out a script that ends where it writes a restart file before the first run of bodies of an infile."""
+    system = mixture("solid planar")
+    rows = rows_of(system, simulate(system, RIGID, 0))
+    rows[0, 1] = 9.0
+    fix = LIKE_LAMMPS.format(group="all", words="molecule infile bodies")
+    run_lammps(f"{system.setup}\n{fix}\nwrite_restart early\n", files=with_file(system, text_of(rows[:1])).files, ranks=2)
+    written = np.loadtxt(tmp_path / "early.rigid", skiprows=3)
+    assert len(written) == system.molecule.max() and written[0, 0] == 1 and written[0, 1] == 9.0
+
+
+def test_velocities_set_between_runs_with_reinit_no(run_lammps):
+    """Locks out silence where velocities that a script sets have no effect, because the bodies go on."""
+    system = mixture("solid planar")
+    for reinit, count in ("no", 1), ("yes", 0):
+        fix = LIKE_LAMMPS.format(group="all", words=f"molecule reinit {reinit}")
+        for between, said in ("velocity all scale 3.0", count), ("", 0):
+            log = run_lammps(f"{system.setup}\n{fix}\nrun 5\n{between}\nrun 5\n", files=system.files).log
+            assert log.count("without effect, because the bodies go on") == said

@@ -206,3 +206,42 @@ def test_change_at_the_last_step(run_all, how, words):
     more = [DRIFTING, "RIGID", "fix 5 all momentum 10 linear 1 1 1"]
     results = run_all(system, {run: lines(system, OURS, *more, run, words=words) for run in ("run 20", how)})
     assert differ(results[how], results["run 20"], system.h) < 1e-9
+
+
+# ---- those that look in the middle of a step
+
+
+def test_temperature_read_in_mid_step(run_all):
+    """Locks out half a kick that is lost where a variable reads f_ID between the two halves of a step, and a line in the log
+    on velocities that nothing has changed."""
+    system = mixture("solid planar pair row single")
+    move = "variable px equal 0.0*{}\nvariable pv equal 0.0\nfix 3 single move variable v_px v_px v_px v_pv v_pv v_pv\nfix p all print 1 x screen no"
+    fix = OURS.format(group="bodies", words="molecule")
+    with_f, without = run_all(system, {
+        name: f"{fix}\n{move.format(what)}\n{COLUMNS.format('', 50, system.dt)}\nrun 100" for name, what in (("f_1", "f_1"), ("number", "1.0"))
+    }).values()  # fmt: skip
+    assert TOOK not in with_f.log
+    np.testing.assert_allclose(with_f.thermo["TotEng"], without.thermo["TotEng"], rtol=1e-12)
+
+
+def test_observers_see_the_same(run_all):
+    """Locks out a temperature that is read before and after another fix changes velocities, and is then the old one in both, an
+    f_ID before the first forces that ends the run, and a thermostat that is said to be a fix that only looks."""
+    system = mixture("solid planar pair row single")
+    fix, thermostat = OURS.format(group="all", words="molecule"), "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0"
+    early = "variable t equal f_1\nfix 7 all ave/time 1 1 1 v_t file early"
+    runs = run_all(system, {
+        "plain": f"{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20",
+        "observed": f"{early}\n{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20",
+    })  # fmt: skip
+    np.testing.assert_allclose(runs["observed"].thermo["f_1"], runs["plain"].thermo["f_1"], rtol=1e-12)
+    assert re.search(TOOK + r" \d+ \(by fix 5\)", runs["observed"].log)
+
+
+def test_two_fixes_of_ours_do_not_watch_each_other(run_all):
+    """Locks out passes that one of our fixes makes only because of another one."""
+    system = mixture("solid planar")
+    groups = "group one molecule 1:9\ngroup two subtract all one\n"
+    log = run_all(system, {"": groups + OURS.format(group="one", words="molecule") + "\n"
+                           + OURS.format(group="two", words="molecule").replace("fix 1", "fix 2") + "\nrun 5"})[""].log  # fmt: skip
+    assert log.count("no reader of velocities at the half step") == 2 and "may change" not in log

@@ -477,3 +477,12 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
     virial = np.stack([r[:, a] * force[:, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1)
     np.testing.assert_allclose(-now[:, 12:], virial, rtol=0, atol=1e-5 * np.abs(virial).max())
     assert np.abs(virial).max() > 1
+
+
+def test_two_fixes_and_one_file(run_lammps, tmp_path):
+    """Locks out two fixes that write over each other's tables."""
+    system = mixture("solid planar")
+    fixes = [OURS.format(group=g, words="molecule output 2 same").replace("fix 1", f"fix {k}") for k, g in enumerate(("one", "two"))]
+    run = run_lammps("\n".join([system.setup, "group one molecule 1:9\ngroup two subtract all one", *fixes, "run 4", ""]), files=system.files,
+                     ranks=2, check=False, timeout=SECONDS)  # fmt: skip
+    assert_ended(run, ("two fixes write their table", "same", "a file of its own"), tmp_path)

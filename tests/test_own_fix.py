@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from systems import OURS as NVE
+from systems import apart, known, mixture, simulate  # noqa: F401 (known and simulate are fixtures)
 from test_bad_input import BENT, CASES, SECONDS, SPOIL, left_behind
 
 import fix_nosquish
@@ -132,6 +134,31 @@ def test_runs_in_a_row(run_water, ranks):
     ours, theirs = run_water(f"{OURS}\n{lines}", runs, ranks=ranks), run_water(RIGID, runs)
     np.testing.assert_allclose(ours[1], theirs[1], rtol=0, atol=1e-8)
     np.testing.assert_allclose(ours[0].thermo["Temp"], theirs[0].thermo["Temp"], rtol=1e-10)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_respa(simulate, ranks):
+    """Locks out indices of before a re-neighbouring, of which this LAMMPS gives no news between the levels."""
+    system, style = mixture("solid planar"), "run_style respa 2 4 pair 2"
+    hot = f"velocity all scale 5\n{style}"
+    plugin = simulate(system, NVE, 100, dt=2, before=hot)
+    own = simulate(system, NVE, 100, dt=2, before=hot, after="# own", launcher=debian(ranks))
+    assert apart(own, plugin, system.h) < 1e-8
+    np.testing.assert_allclose(own.v, plugin.v, rtol=0, atol=1e-8 * np.abs(plugin.v).max())
+
+
+def test_table_of_bodies(simulate, tmp_path):
+    """Locks out rows with another step's state, where this LAMMPS tells nothing before its first step, and an empty file
+    under run_style respa."""
+    system, tables = mixture("solid planar"), []
+    for launcher in "lmp", debian(1):
+        simulate(system, NVE, 4, words="molecule output 2 table", after=f"# {launcher[0]}", launcher=launcher)
+        tables.append(np.loadtxt(tmp_path / "table", delimiter=",", skiprows=1))
+    plugin, own = tables
+    np.testing.assert_array_equal(np.unique(own[:, 0]), [2, 4])
+    np.testing.assert_allclose(own[:, 1:17], plugin[plugin[:, 0] > 0][:, 1:17], rtol=0, atol=1e-9)
+    run = simulate(system, NVE, 4, words="molecule output 2 table", before="run_style respa 2 4 pair 2", launcher=debian(1), check=False)
+    assert run.code and "needs the plugin's fix python/move" in run.screen
 
 
 def test_fix_redefined(run_water):

@@ -174,3 +174,13 @@ def test_water(simulate):
     style = "run_style respa 2 2 inner 1 4.0 5.0 outer 2 kspace 2"
     error = [apart(simulate(system, OURS, n, dt=8 / n, before=style), exact, system.h) for n in (2, 4)]
     assert error[0] / error[1] == pytest.approx(4, rel=0.2) and error[1] < 3e-3
+
+
+def test_time_step_that_changes(simulate):
+    """Locks out levels that keep the time step of the start of the run where fix dt/reset changes it: bodies go as far as with
+    Verlet, and energy stays."""
+    system = smooth()
+    reset = "fix 2 all dt/reset 1 NULL 0.01 0.002"
+    verlet = simulate(system, OURS, 40, before=reset)
+    ours = simulate(system, OURS, 40, before=f"{reset}\nrun_style respa 2 1 pair 1")
+    alike(ours, verlet, system.h)
