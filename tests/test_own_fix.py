@@ -141,8 +141,8 @@ def test_respa(simulate, ranks):
     """Locks out indices of before a re-neighbouring, of which this LAMMPS gives no news between the levels."""
     system, style = mixture("solid planar"), "run_style respa 2 4 pair 2"
     hot = f"velocity all scale 5\n{style}"
-    plugin = simulate(system, NVE, 100, dt=2, before=hot)
-    own = simulate(system, NVE, 100, dt=2, before=hot, after="# own", launcher=debian(ranks))
+    plugin = simulate(system, NVE, 100, dt=4, before=hot)
+    own = simulate(system, NVE, 100, dt=4, before=hot, after="# own", launcher=debian(ranks))
     assert apart(own, plugin, system.h) < 1e-8
     np.testing.assert_allclose(own.v, plugin.v, rtol=0, atol=1e-8 * np.abs(plugin.v).max())
 
