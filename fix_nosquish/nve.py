@@ -129,7 +129,10 @@ class NVE:
         if any(mate._file and mate._file.path == path for mate in self._mates):
             raise RunError(f"two fixes write their table of bodies (keyword output) to {path}: give each a file of its own", everywhere=True)
         if self.respa_dt is not None and isinstance(self.host, OwnFix):
-            raise RunError("keyword output needs the plugin's fix python/move under run_style respa: this LAMMPS's own knows no end of a step", everywhere=True)
+            raise RunError(
+                "keyword output needs the plugin's fix python/move under run_style respa: this LAMMPS's own knows no end of a step",
+                everywhere=True,
+            )
         return output.BodyFile(path, self.lammps.units, self.world)
 
     def _build(self):

@@ -104,7 +104,10 @@ def warnings(nve, notes):
     """Lines for the log on what is probably not meant; collective. Args: as `summary`."""
     lines, group = [], nve.command.group
     if nve.host.group not in (None, group):
-        lines.append(f"WARNING: the fix line names group {nve.host.group}, the class group {group}: the bodies are of {group}, so give the fix the same group")
+        lines.append(
+            f"WARNING: the fix line names group {nve.host.group}, the class group {group}: the bodies are of {group}, "
+            "so give the fix the same group"
+        )
     if notes["stray"] > 1:
         lines.append(
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: give every body a molecule-ID of its own, "
