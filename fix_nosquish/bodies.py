@@ -97,9 +97,13 @@ class Bodies:
         result.settle(lammps, world)
         return result
 
+    def find_sharers(self, world):
+        """Find who shares the bodies; collective."""
+        self.sharers = world.sharers(self.id, np.diff(self.first) < self.natoms)
+
     def settle(self, lammps, world):
         """Find who shares the bodies and which periodic image of each atom LAMMPS holds; collective."""
-        self.sharers = world.sharers(self.id, np.diff(self.first) < self.natoms)
+        self.find_sharers(world)
         box = lammps.box
         cells = box.cells(self.x.T).T
         self.x -= box.h @ cells

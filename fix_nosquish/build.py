@@ -90,7 +90,7 @@ def build(lammps, world, membership, path=None):
     turn = np.array(kernels.rotation_matrix.py_func(state[Q], slice(None))).reshape(3, 3, n)
     d = np.einsum("abn,na->nb", turn[:, :, body], r)
     result = Bodies(ids, state, body, tag, atoms, d, plane, world.any(radius is not None and radius.any()))
-    result.settle(lammps, world)
+    result.find_sharers(world)  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
     return result, notes | {"given": given.named if given else ()}
