@@ -6,7 +6,7 @@ another one, is not needed.
 """
 
 import ctypes
-from ctypes import c_char_p, c_double, c_int, c_int32, c_int64, c_void_p
+from ctypes import c_char_p, c_double, c_int, c_int64, c_void_p
 from functools import cached_property
 
 import numpy as np

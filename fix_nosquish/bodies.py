@@ -10,7 +10,6 @@ from functools import partial
 import numpy as np
 
 from . import kernels
-from .errors import RunError
 
 SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
 _MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else

@@ -5,7 +5,6 @@ import io
 
 import numpy as np
 
-from .errors import RunError
 
 # mass, length, time, velocity, force, torque in each of LAMMPS's unit styles
 _UNITS = {
