@@ -229,9 +229,9 @@ class Lammps:
         dipole = self.per_atom("mu", columns=4)
         if dipole is not None:
             kinds["a dipole"] = dipole[:, 3] > 0
-        radius = self.per_atom("radius")
-        if radius is not None and (self.per_atom("omega", columns=3) is None or self.per_atom("torque", columns=3) is None):
-            radius = None
+        # asked of the settings, because a rank without atoms must give the same answer
+        spheres = all(self.setting(name) > 0 for name in ("radius_flag", "omega_flag", "torque_flag"))
+        radius = self.per_atom("radius") if spheres else None
         return radius, (np.select(list(kinds.values()), list(kinds), "") if kinds else None)
 
     def has(self, category, name):
