@@ -249,12 +249,7 @@ class Lammps:
 
     def variable(self, name, group):
         """Values of an atom-style variable, (natoms,); collective."""
-        style = getattr(self.lib, "lammps_extract_variable_datatype", None)  # LAMMPS has it since 2022
-        if style and style(c_void_p(self.handle), name.encode()) != _ATOM_STYLE:
-            raise RunError(f"variable {name} is not an atom-style variable: define it with 'variable {name} atom ...'", everywhere=True)
-        address = self.lib.lammps_extract_variable(self.handle, name.encode(), group.encode())
-        if not address:
-            raise RunError(f"variable {name} cannot be evaluated", everywhere=True)
+        address = self._evaluate(name, group, _ATOM_STYLE)
         values = _array(address, self._natoms.value, float).copy()
         self.lib.lammps_free(address)
         return values
@@ -270,13 +265,20 @@ class Lammps:
         name = word[2:]
         if not self.has("variable", name):
             raise RunError(f"there is no variable '{name}' ({word}): define it before the fix", everywhere=True)
-        style = getattr(self.lib, "lammps_extract_variable_datatype", None)
-        if style and style(c_void_p(self.handle), name.encode()) != _STRING:
-            raise RunError(f"variable {name} is not a string-style variable: define it with 'variable {name} string ...'", everywhere=True)
-        address = self.lib.lammps_extract_variable(self.handle, name.encode(), None)
+        return ctypes.string_at(self._evaluate(name, None, _STRING)).decode()
+
+    def _evaluate(self, name, group, style):
+        """The address of a variable's value; collective."""
+        style_of = getattr(self.lib, "lammps_extract_variable_datatype", None)  # LAMMPS has it since 2022
+        if style_of and style_of(c_void_p(self.handle), name.encode()) != style:
+            article, word = ("an", "atom") if style == _ATOM_STYLE else ("a", "string")
+            raise RunError(
+                f"variable {name} is not {article} {word}-style variable: define it with 'variable {name} {word} ...'", everywhere=True
+            )
+        address = self.lib.lammps_extract_variable(self.handle, name.encode(), group and group.encode())
         if not address:
             raise RunError(f"variable {name} cannot be evaluated", everywhere=True)
-        return ctypes.string_at(address).decode()
+        return address
 
     @property
     def communicator(self):

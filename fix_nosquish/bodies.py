@@ -28,8 +28,9 @@ class Bodies:
         rotors, extended: bodies [0, rotors) have three moments (in a plane: a moment about axis 3),
             [rotors, extended) are linear, [extended, n) are points.
         mass (n,), moment (3, n), x, v, image (3, n), q, p (4, n), natoms (n,): views of `state`;
-            x is kept in the box, which image counts.  x, v and the torque are in the space frame, moments in the principal frame, from the
-            largest to the smallest (with order 123 the other way round; in a plane the third is about z).
+            x is kept in the box, which image counts.  x, v and the torque are in the space frame,
+            moments in the principal frame, from the largest to the smallest (with order 123 the other
+            way round; in a plane the third is about z).
         force, torque: (3, n), views of `load`, which is what the sharing ranks exchange.
         first (n + 1,), index, tag, d, shift: this rank's atoms, body by body; see `kernels`.
         sharers: the `Sharers` of these bodies.
@@ -148,13 +149,8 @@ class Bodies:
             self.p[:, linear] -= 2.0 * about * np.array([-q[3], q[2], -q[1], q[0]])
 
     def angular_momentum(self):
-        """Angular momentum in the principal frame, (3, n): half of S(q)^T p (2.16)."""
-        q, p = self.q, self.p
-        return 0.5 * np.array([
-            -q[1] * p[0] + q[0] * p[1] + q[3] * p[2] - q[2] * p[3],
-            -q[2] * p[0] - q[3] * p[1] + q[0] * p[2] + q[1] * p[3],
-            -q[3] * p[0] + q[2] * p[1] - q[1] * p[2] + q[0] * p[3],
-        ])  # fmt: skip
+        """Angular momentum in the principal frame, (3, n)."""
+        return np.array(kernels.body_frame_angular_momentum.py_func(self.q, self.p, slice(None)))
 
     def angular_velocity(self):
         """Angular velocity in the principal frame, (3, n); zero about an axis without moment."""
@@ -162,16 +158,17 @@ class Bodies:
 
     def momenta(self):
         """Linear and angular momentum in the space frame, (6, n)."""
-        return np.concatenate([self.mass * self.v, np.einsum("abn,bn->an", self.matrices(), self.angular_momentum())])
-
-    def matrices(self):
-        """Rotations from the principal to the space frame, (3, 3, n)."""
-        return np.array(kernels.rotation_matrix.py_func(self.q, slice(None))).reshape(3, 3, -1)
+        return np.concatenate([self.mass * self.v, np.einsum("abn,bn->an", matrices(self.q), self.angular_momentum())])
 
     def kinetic(self):
         """Kinetic energy of translation and of rotation, mass times velocity squared, (2, n)."""
         turning = (self.angular_momentum() * self.angular_velocity()).sum(axis=0)
         return 0.5 * np.array([self.mass * (self.v**2).sum(axis=0), turning])
+
+
+def matrices(q):
+    """Rotations (3, 3, n) from the principal to the space frame, of quaternions (4, n)."""
+    return np.array(kernels.rotation_matrix.py_func(q, slice(None))).reshape(3, 3, -1)
 
 
 def _atoms_changed(lammps, membership, gone, known, come):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from . import infile, kernels
-from .bodies import IMAGE, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies
+from . import infile
+from .bodies import IMAGE, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
 from .errors import RunError
 
 ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
@@ -87,8 +87,7 @@ def build(lammps, world, membership, path=None):
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
-    turn = np.array(kernels.rotation_matrix.py_func(state[Q], slice(None))).reshape(3, 3, n)
-    d = np.einsum("abn,na->nb", turn[:, :, body], r)
+    d = np.einsum("abn,na->nb", matrices(state[Q])[:, :, body], r)
     result = Bodies(ids, state, body, tag, atoms, d, plane, world.any(radius is not None and radius.any()))
     result.find_sharers(world)  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
@@ -100,17 +99,12 @@ def count(lammps, world, membership):
     """How many bodies there are, None if that cannot be told (yet); collective."""
     if membership.command.style == "custom" and membership.command.arguments[0][0] == "v":
         return None  # the variable may need a run
+    ids, problem = np.empty(0, np.int64), False
     try:
-        atoms, ids, problem = membership.atoms(), np.empty(0, np.int64), False
-        try:
-            ids = np.unique(membership.bodies(atoms))
-        except RunError as error:
-            if error.everywhere:
-                raise
-            problem = True
-        if world.any(problem):
-            return None
+        ids = np.unique(membership.bodies(membership.atoms()))
     except RunError:
+        problem = True
+    if world.any(problem):
         return None
     return round(world.total(np.array([world.sharers(ids, np.ones(len(ids), bool)).owned.sum()]))[0]) or None
 

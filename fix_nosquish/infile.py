@@ -10,6 +10,7 @@ tensor of inertia and the angular momentum l in the space frame, and the image f
 
 import numpy as np
 
+from .bodies import matrices
 from .errors import RunError
 
 _COLUMNS = 20
@@ -109,7 +110,7 @@ def write(path, bodies, lammps, world):
         RunError: if the file cannot be written.
     """
     owned = bodies.sharers.owned
-    turn = bodies.matrices()
+    turn = matrices(bodies.q)
     inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moment, turn)
     rows = np.concatenate([
         bodies.id[None, :], bodies.mass[None, :], bodies.x,

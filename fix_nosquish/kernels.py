@@ -47,11 +47,19 @@ def to_body(r, x, y, z):
 
 
 @njit(inline="always")
+def body_frame_angular_momentum(q, p, b):
+    """L in the principal frame, from S(q)^T p = 2 (0, L)."""
+    return (
+        0.5 * (-q[1, b] * p[0, b] + q[0, b] * p[1, b] + q[3, b] * p[2, b] - q[2, b] * p[3, b]),
+        0.5 * (-q[2, b] * p[0, b] - q[3, b] * p[1, b] + q[0, b] * p[2, b] + q[1, b] * p[3, b]),
+        0.5 * (-q[3, b] * p[0, b] + q[2, b] * p[1, b] - q[1, b] * p[2, b] + q[0, b] * p[3, b]),
+    )
+
+
+@njit(inline="always")
 def body_frame_angular_velocity(q, p, moment, b):
-    """omega in the principal frame, from S(q)^T p = 2 (0, L); zero about an axis without moment."""
-    l1 = 0.5 * (-q[1, b] * p[0, b] + q[0, b] * p[1, b] + q[3, b] * p[2, b] - q[2, b] * p[3, b])
-    l2 = 0.5 * (-q[2, b] * p[0, b] - q[3, b] * p[1, b] + q[0, b] * p[2, b] + q[1, b] * p[3, b])
-    l3 = 0.5 * (-q[3, b] * p[0, b] + q[2, b] * p[1, b] - q[1, b] * p[2, b] + q[0, b] * p[3, b])
+    """omega in the principal frame; zero about an axis without moment."""
+    l1, l2, l3 = body_frame_angular_momentum(q, p, b)
     i1, i2, i3 = moment[0, b], moment[1, b], moment[2, b]
     return (
         l1 / i1 if i1 > 0.0 else 0.0,

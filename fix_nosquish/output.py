@@ -5,6 +5,7 @@ import io
 
 import numpy as np
 
+from .bodies import matrices
 
 # mass, length, time, velocity, force, torque in each of LAMMPS's unit styles
 _UNITS = {
@@ -47,7 +48,7 @@ def table(bodies, lammps):
         quaternion q (scalar first; it turns the principal into the space frame), angmom and omega,
         and, of the last forces that LAMMPS computed, force and torque about the centre of mass.
     """
-    turn = bodies.matrices()
+    turn = matrices(bodies.q)
     rows = np.empty(len(bodies), DTYPE)
     rows["step"], rows["time"] = lammps.step, lammps.time
     rows["body"], rows["natoms"], rows["mass"] = bodies.id, bodies.natoms, bodies.mass

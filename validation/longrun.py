@@ -90,7 +90,7 @@ def _do(job, on_step):
     directory = Path(job.directory)
     known = directory / "job.json"
     if known.exists() and (directory / "done.json").exists() and json.loads(known.read_text()) == asdict(job):
-        return run._collect(directory)
+        return run.collect(directory)
     return run.run(job, on_step)
 
 

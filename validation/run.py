@@ -125,7 +125,7 @@ def run(job, on_step=lambda step: None):
             why = INTERRUPTED
         finally:
             _end(process)
-    result = _collect(directory)
+    result = collect(directory)
     if result.error:
         result.error = why or result.error
         result.interrupted = why == INTERRUPTED
@@ -135,7 +135,7 @@ def run(job, on_step=lambda step: None):
 INTERRUPTED = "interrupted"
 
 
-def _collect(directory):
+def collect(directory):
     """The result in a job's directory, complete or not."""
     log = _read(directory / "log.lammps")
     output = _read(directory / "output.txt")

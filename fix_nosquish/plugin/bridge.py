@@ -257,6 +257,5 @@ def _release(address):
 def _release_all():
     """Take back every callback: LAMMPS objects may outlive this interpreter."""
     for address in list(_live):
-        bridge = _live[address][0]
         _release(address)
         memset(address + Bridge.release.offset, 0, Bridge.release.size)
