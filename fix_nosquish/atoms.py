@@ -107,6 +107,7 @@ class Lammps:
         self.ranks = self.setting("world_size")
         self.rank = self.setting("world_rank")
         self._box_then = None
+        self._views = {}  # of per-atom arrays, by name, with the address and shape that each is of
 
     def _global(self, name):
         address = self.lib.lammps_extract_global(self.handle, name.encode())
@@ -170,7 +171,7 @@ class Lammps:
         return self._box
 
     def per_atom(self, name, dtype=float, columns=0):
-        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns); None if absent."""
+        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns), the same as long as it holds; None if absent."""
         n = self._natoms.value
         shape = (n, columns) if columns else (n,)
         if n == 0:
@@ -178,7 +179,11 @@ class Lammps:
         address = self.lib.lammps_extract_atom(self.handle, name.encode())
         if not address:
             return None
-        return _array(c_void_p.from_address(address).value if columns else address, shape, dtype)
+        where = c_void_p.from_address(address).value if columns else address, shape
+        known = self._views.get(name)
+        if not known or known[0] != where:
+            known = self._views[name] = where, _array(*where, dtype)
+        return known[1]
 
     @property
     def tags(self):

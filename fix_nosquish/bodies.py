@@ -5,8 +5,6 @@ quaternion momentum p, with its mass and principal moments.  Every rank keeps th
 bodies of which it owns an atom, and of their atoms only its own.  `build` makes them.
 """
 
-from functools import partial
-
 import numpy as np
 
 from . import kernels
@@ -15,9 +13,10 @@ SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
 _MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
 
 # rows of a body's state
-MASS, MOMENT, X, V, Q, P, NATOMS, IMAGE = (slice(0, 1), slice(1, 4), slice(4, 7), slice(7, 10),
-                                           slice(10, 14), slice(14, 18), slice(18, 19), slice(19, 22))  # fmt: skip
-ROWS = 22
+ROWS = kernels.ROWS
+MASS, MOMENT, X, V, Q, P, LOAD, NATOMS, IMAGE, HOME = (slice(row, row + rows) for row, rows in (
+    (kernels.MASS, 1), (kernels.MOMENT, 3), (kernels.X, 3), (kernels.V, 3), (kernels.Q, 4), (kernels.P, 4),
+    (kernels.FORCE, 6), (kernels.NATOMS, 1), (kernels.IMAGE, 3), (kernels.HOME, 1)))  # fmt: skip
 
 
 class Bodies:
@@ -31,97 +30,128 @@ class Bodies:
             x is kept in the box, which image counts.  x, v and the torque are in the space frame,
             moments in the principal frame, from the largest to the smallest (with order 123 the other
             way round; in a plane the third is about z).
-        force, torque: (3, n), views of `load`, which is what the sharing ranks exchange.
-        first (n + 1,), index, tag, d, shift: this rank's atoms, body by body; see `kernels`.
+        force, torque: (3, n), views of `load`, (6, n) of `state`, which is what the sharing ranks exchange.
+        atoms: (blocks, rounds, index, d), this rank's atoms as the loops take them; see `kernels`.
+        body, tag: (m,) the body and the ID of each of these atoms.
+        away, shift, aways: those of them in another periodic image than their body; see `kernels.settle`.
         sharers: the `Sharers` of these bodies.
         plane: whether they turn in the xy plane only, about their axis 3.
         spheres: whether some atom of a body, on any rank, is a sphere, with a torque of its own.
     """
 
-    def __init__(self, ids, state, body, tag, index, d, plane, spheres):
-        # bodies by kind, then in the order of their atoms in LAMMPS's arrays; none without atoms
-        lowest = np.full(len(ids), np.iinfo(np.int64).max)
-        np.minimum.at(lowest, body, index)
-        moment = state[MOMENT]
-        kind = np.where(moment[2] > 0, 0, np.where(moment[0] > 0, 1, 2))
-        held = np.flatnonzero(lowest < np.iinfo(np.int64).max)
-        order = held[np.lexsort((lowest[held], kind[held]))]
-        rank = np.empty(len(ids), np.int64)
-        rank[order] = np.arange(len(order))
-        body = rank[body]
-        atoms = np.lexsort((index, body))
-        self.id, self.state = ids[order], np.ascontiguousarray(state[:, order])
-        self.rotors, self.extended = np.searchsorted(kind[order], [1, 2])
-        self.body, self.tag = body[atoms], np.ascontiguousarray(tag[atoms])
-        self.index, self.d = index[atoms].astype(np.int32), np.ascontiguousarray(d[atoms])
-        self.first = np.searchsorted(self.body, np.arange(len(order) + 1)).astype(np.int32)
-        self.shift = np.zeros_like(self.d)
-        self.load = np.full((6, len(order)), np.nan)  # no force is known yet
-        self.force, self.torque = self.load[:3], self.load[3:]
-        self.mass, self.natoms = self.state[MASS][0], self.state[NATOMS][0]
+    def __init__(self, ids, state, body, tag, here, d, plane, spheres):
+        n, m = len(ids), len(here)
+        kind = np.where(state[kernels.MOMENT + 2] > 0, 0, np.where(state[kernels.MOMENT] > 0, 1, 2))
+        number, order, atoms, next_ = (np.empty(shape, np.int64) for shape in (n, n, n, (n, 2)))
+        buckets, source, found = (np.empty(size, np.int64) for size in (kernels.BUCKETS, m, 5))
+        blocks, rounds, self.index = (np.empty(shape, np.int32) for shape in ((n + 1, 2), m + 1, m))
+        kernels.arrange(body, here, kind, number, order, atoms, next_, buckets, blocks, rounds, self.index, source, found)
+        self.rotors, self.extended, size, n_blocks, n_rounds = found.tolist()
+        self.blocks, self.rounds = blocks[: n_blocks + 1].copy(), rounds[: n_rounds + 1].copy()
+        order = order[:size]
+        self.id, self.state = ids[order], state.take(order, axis=1)
+        self.body, self.tag, self.d = number[body[source]], tag[source], d.take(source, axis=1)
+        self.atoms = self.blocks, self.rounds, self.index, self.d
+        self.mass, self.natoms, self.home = (self.state[rows][0] for rows in (MASS, NATOMS, HOME))
         self.moment, self.plane, self.spheres = self.state[MOMENT], plane, spheres
-        self.x, self.v, self.q, self.p, self.image = (self.state[rows] for rows in (X, V, Q, P, IMAGE))
+        self.x, self.v, self.q, self.p, self.image, self.load = (self.state[rows] for rows in (X, V, Q, P, IMAGE, LOAD))
+        self.force, self.torque = self.load[:3], self.load[3:]
+        self.away, self.shift, self.aways = np.empty(m, np.int32), np.empty((m, 3)), np.zeros(1, np.int64)
+        self.scratch = np.ones(kernels.SCRATCH)
 
     def __len__(self):
         return len(self.id)
 
-    def follow(self, lammps, world, membership):
+    def follow(self, lammps, world, membership, host):
         """The same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
 
         Returns:
-            Bodies.
+            Bodies; these ones, if none of their atoms has moved in LAMMPS's arrays.
         Raises:
             RunError: if atoms are missing or new, or stand where this fix has not put them.
         """
-        here = membership.atoms()
-        tags = lammps.tags[here].astype(np.int64)
-        old = kernels.find(self.tag, tags)
-        stayed = old >= 0
-        lost = np.ones(len(self.tag), bool)
-        lost[old[stayed]] = False
-        gained = tags[~stayed]
-        ids, state = self.id, self.state
-        body, d = np.empty(len(here), np.int64), np.empty((len(here), 3))
-        body[stayed], d[stayed] = self.body[old[stayed]], self.d[old[stayed]]
-        if world.any(lost.any() or len(gained)):
-            known = np.concatenate([self.id[self.body[lost], None], self.d[lost], self.state[:, self.body[lost]].T], axis=1)
-            known = world.follow(self.tag[lost], known, gained, partial(_atoms_changed, lammps, membership))
-            comes = known[:, 0].astype(np.int64)
-            new, which = np.unique(comes[~np.isin(comes, ids)], return_index=True)
-            state = np.concatenate([state, known[~np.isin(comes, ids)][which, 4:].T], axis=1)
-            ids = np.concatenate([ids, new])
-            by_id = np.argsort(ids)
-            body[~stayed] = by_id[np.searchsorted(ids, comes, sorter=by_id)] if len(comes) else 0
-            d[~stayed] = known[:, 1:4]
-        result = Bodies(ids, state, body, tags, here, d, self.plane, self.spheres)
+        locate, origins, here, place, found = self._locate(lammps, world, membership, host)
+        moved = locate()
+        result = self
+        if world.any(moved):
+            if moved:
+                result = self._rearranged(lammps, world, membership, origins, here[: found[0]], place[: found[0]])
+            else:
+                world.fetch(origins[:0], np.empty(0, np.int64), self._rows, lambda missing: None)
+            result.find_sharers(world)
+            host.note(lammps, world, result.index)
         result.settle(lammps, world)
         return result
 
+    def _rearranged(self, lammps, world, membership, origins, here, place):
+        """Bodies with these atoms, of which those with place -1 come from other ranks."""
+        gained = np.flatnonzero(place < 0)
+        left = np.ones(len(self.tag) + 1, bool)
+        left[place] = False  # -1 is the entry too many
+        origins, tags = origins[here[gained]], lammps.tags[here].astype(np.int64)
+        come = tags[gained[origins < 0]]
+
+        def problem(missing):
+            return _atoms_changed(lammps, membership, self, missing, come)
+
+        rows = world.fetch(origins[origins >= 0], np.flatnonzero(left[:-1]), self._rows, problem)
+        ids, state, body, d = self.id, self.state, np.empty(len(here), np.int64), np.empty((3, len(here)))
+        stayed = slice(None) if not len(gained) else np.flatnonzero(place >= 0)
+        body[stayed], d[:, stayed] = self.body[place[stayed]], self.d[:, place[stayed]]
+        if len(gained):
+            shared, comes = self.sharers.bodies, rows[:, 0].astype(np.int64)
+            strange = np.flatnonzero(~np.isin(comes, ids[shared]))  # of bodies that had no atom here
+            new, which = np.unique(comes[strange], return_index=True)
+            numbers = np.concatenate([shared, len(self) + np.arange(len(new))])
+            by_id = np.argsort(np.concatenate([ids[shared], new]))
+            ids, state = np.concatenate([ids, new]), np.concatenate([state, rows[strange[which], 4:].T], axis=1)
+            numbers = numbers[by_id]
+            body[gained] = numbers[np.searchsorted(ids[numbers], comes)]
+            d[:, gained] = rows[:, 1:4].T
+        return Bodies(ids, state, body, tags, here, d, self.plane, self.spheres)
+
+    def _rows(self, places):
+        """What another rank needs to know of atoms: body ID, place in the body, the body's state, (k, 4 + ROWS)."""
+        body = self.body[places]
+        return np.concatenate([self.id[body, None], self.d[:, places].T, self.state[:, body].T], axis=1)
+
     def find_sharers(self, world):
         """Find who shares the bodies; collective."""
-        self.sharers = world.sharers(self.id, np.diff(self.first) < self.natoms)
+        self.sharers = world.sharers(self.id, np.bincount(self.body, minlength=len(self)) < self.natoms, self.home.astype(np.int64))
+        self.home[:] = self.sharers.home
 
     def settle(self, lammps, world):
-        """Find who shares the bodies and which periodic image of each atom LAMMPS holds; collective."""
-        self.find_sharers(world)
-        box = lammps.box
-        cells = box.cells(self.x.T).T
-        self.x -= box.h @ cells
-        self.image += cells
-        actual = lammps.per_atom("x", columns=3)[self.index]
-        expected = np.empty_like(actual)
-        self.shift[:] = 0.0
-        kernels.place(self.first, np.arange(len(self.index), dtype=np.int32), self.d, self.shift, self.x, self.q, expected)
-        self.shift[:] = box.lattice(actual - expected) @ box.h.T
-        off = np.abs(actual - expected - self.shift).max(axis=1, initial=0.0)
-        bad = ~(off <= _MOVED * np.abs(box.h).max())
+        """Find which periodic image of each atom LAMMPS holds; collective."""
+        settle, off = self._settle(lammps)
+        settle()
+        far, atom = off
         world.agree(
-            f"atom {self.tag[bad.argmax()]} is {off[bad.argmax()]:.3g} away from where its rigid body has it: something else moved "
+            None
+            if far <= self._near(lammps)
+            else f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something else moved "
             "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
             "with 'run N pre yes' after it, and not with reinit no or infile, which keep the bodies of the last run"
-            if bad.any()
-            else None
         )
+
+    def stay(self, lammps, world, membership, host):
+        """`follow` as passes, for as long as no atom of the bodies moves in LAMMPS's arrays and these and the box stay."""
+        return [self._locate(lammps, world, membership, host)[0], self._settle(lammps)[0]]
+
+    def _locate(self, lammps, world, membership, host):
+        groups, origins = lammps.groups.view(np.int32), host.origins(lammps, world)
+        here, place, found = np.empty(len(groups), np.int32), np.empty(len(groups), np.int32), np.empty(1, np.int64)
+        locate = kernels.locate.bind(groups, *membership.masks, origins, world.rank, self.index, here, place, found)
+        return locate, origins, here, place, found
+
+    def _settle(self, lammps):
+        box, off = lammps.box, np.empty(2)
+        x, periodic = lammps.per_atom("x", columns=3), box.periodic.astype(float)
+        return kernels.settle.bind(self.state, *self.atoms, x, box.h, box.inverse, box.lo, periodic, self.away, self.shift, self.aways,
+                                   off, self._near(lammps), self.scratch), off  # fmt: skip
+
+    @staticmethod
+    def _near(lammps):
+        return _MOVED * np.abs(lammps.box.h).max()
 
     def take_velocities(self, lammps, given=None):
         """Set v and p to the rigid motion with the linear and angular momentum of the atoms' velocities; collective.
@@ -130,19 +160,20 @@ class Bodies:
             given: (bodies, momenta): places of bodies whose momenta (6, m), linear and angular, are known otherwise.
         """
         mass = lammps.masses
-        momentum = np.empty_like(self.load)
-        kernels.gather(self.first, self.index, self.d, self.q, mass[:, None] * lammps.per_atom("v", columns=3), momentum[:3], momentum[3:])
+        momentum, load = np.empty_like(self.load), self.load.copy()
+        kernels.gather(self.state, *self.atoms, mass[:, None] * lammps.per_atom("v", columns=3), momentum, self.scratch)
         if self.spheres:
             spin = SPHERE * mass * lammps.per_atom("radius") ** 2
-            kernels.add_torques(self.first, self.index, spin[:, None] * lammps.per_atom("omega", columns=3), momentum[3:])
+            kernels.add_torques(self.body, self.index, spin[:, None] * lammps.per_atom("omega", columns=3), momentum)
         self.sharers.combine(momentum)
         if given is not None:
             momentum[:, given[0]] = given[1]
         if self.plane:
             momentum[2:5] = 0.0
         self.v[:] = self.p[:] = 0.0
-        # a blow of this strength starts the motion
-        kernels.kick(len(self), self.extended, self.v, self.q, self.p, self.mass, momentum[:3], momentum[3:], 1.0)
+        self.load[:] = momentum
+        kernels.kick(self.state, self.blocks, 1.0, self.scratch)  # a blow of this strength starts the motion
+        self.load[:] = load
         if self.extended > self.rotors:  # nothing turns about the axis of a linear body
             linear = slice(self.rotors, self.extended)
             q, about = self.q[:, linear], self.angular_momentum()[2, linear]
@@ -150,7 +181,7 @@ class Bodies:
 
     def angular_momentum(self):
         """Angular momentum in the principal frame, (3, n)."""
-        return np.array(kernels.body_frame_angular_momentum.py_func(self.q, self.p, slice(None)))
+        return np.array(kernels.body_frame_angular_momentum(self.q, self.p))
 
     def angular_velocity(self):
         """Angular velocity in the principal frame, (3, n); zero about an axis without moment."""
@@ -168,16 +199,18 @@ class Bodies:
 
 def matrices(q):
     """Rotations (3, 3, n) from the principal to the space frame, of quaternions (4, n)."""
-    return np.array(kernels.rotation_matrix.py_func(q, slice(None))).reshape(3, 3, -1)
+    return np.array(kernels.rotation_matrix(*q)).reshape(3, 3, -1)
 
 
-def _atoms_changed(lammps, membership, gone, known, come):
-    """The message for atoms (by their tags) that bodies lost or that came in between two steps, None if neither."""
+def _atoms_changed(lammps, membership, bodies, gone, come):
+    """The message for atoms (their places) that bodies lost or (their tags) that came in between two steps, None if neither."""
     if len(gone):
-        moved = np.linalg.norm(known[0, 4:][V]) * lammps.dt
+        gone = gone[bodies.tag[gone].argmin()]
+        body = bodies.body[gone]
+        moved = np.linalg.norm(bodies.v[:, body]) * lammps.dt
         return (
-            f"atom {gone[0]} of {membership.name(int(known[0, 0]))} is gone by step {lammps.step}: it left the box, or was deleted "
-            f"or taken out of the group. The body was moving by {moved:.3g} a step: if that is too far, the run is unstable and "
+            f"atom {bodies.tag[gone]} of {membership.name(int(bodies.id[body]))} is gone by step {lammps.step}: it left the box, or was "
+            f"deleted or taken out of the group. The body was moving by {moved:.3g} a step: if that is too far, the run is unstable and "
             "needs a shorter time step or a better start; if not, check the boundary, thermo_modify lost, and fixes that "
             "delete atoms, because bodies keep their atoms during a run (and with reinit no or infile, from run to run)"
         )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from . import infile
-from .bodies import IMAGE, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
+from .bodies import HOME, IMAGE, LOAD, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
 from .errors import RunError
 
 ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
@@ -28,7 +28,7 @@ def build(lammps, world, membership, path=None):
     """
     atoms, ids, body, mass, tag, radius = _members(lammps, world, membership)
     plane = lammps.dimension == 2
-    sharers = world.sharers(ids, np.ones(len(ids), bool))
+    sharers = world.sharers(ids, np.ones(len(ids), bool), ids % world.size)
     n = len(ids)
 
     def total(*columns):
@@ -82,13 +82,14 @@ def build(lammps, world, membership, path=None):
         axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
 
     state = np.zeros((ROWS, n))
-    state[MASS], state[NATOMS], state[MOMENT] = body_mass, natoms, moment
+    state[MASS], state[NATOMS], state[MOMENT], state[HOME] = body_mass, natoms, moment, sharers.home
     state[X], state[IMAGE], state[Q] = place + centre, image, _quaternion(axes)
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
-    d = np.einsum("abn,na->nb", matrices(state[Q])[:, :, body], r)
-    result = Bodies(ids, state, body, tag, atoms, d, plane, world.any(radius is not None and radius.any()))
+    d = np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r)
+    state[LOAD] = np.nan  # no force is known yet
+    result = Bodies(ids, state, body, tag, atoms.astype(np.int32), d, plane, world.any(radius is not None and radius.any()))
     result.find_sharers(world)  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
@@ -106,7 +107,7 @@ def count(lammps, world, membership):
         problem = True
     if world.any(problem):
         return None
-    return round(world.total(np.array([world.sharers(ids, np.ones(len(ids), bool)).owned.sum()]))[0]) or None
+    return round(world.total(np.array([world.sharers(ids, np.ones(len(ids), bool), ids % world.size).owned.sum()]))[0]) or None
 
 
 def _notes(bodies, lammps, world, membership, rebuilt):

@@ -13,6 +13,8 @@ from functools import wraps
 import numpy as np
 
 from .errors import RunError
+from .kernels import find
+from .sharing import origin
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
 _callbacks = {}  # LAMMPS's address -> what its fix external calls
@@ -32,6 +34,8 @@ class OwnFix:
 
     fix_id = group = None
     ghost_velocity = True  # not known: velocities at the half step may be read
+    next_output = None  # not known
+    waiting = False
 
     def __init__(self, lammps, world):
         self.lammps, self.world = lammps, world
@@ -54,6 +58,30 @@ class OwnFix:
 
     def set_array_rows(self, n):
         """Of no use here."""
+
+    def go_alone(self, look_every, step, neighbor):
+        """This fix calls always."""
+
+    def call_always(self):
+        """This fix does."""
+
+    def note(self, lammps, world, index):
+        """As the plugin's; this LAMMPS takes nothing along with its atoms, so their IDs are kept."""
+        self._tags = lammps.tags.astype(np.int64)
+        self._origins = np.full(len(self._tags), -1)
+        self._origins[index] = origin(world.rank, np.arange(len(index)))
+
+    def origins(self, lammps, world):
+        """As the plugin's; collective."""
+        tags = lammps.tags.astype(np.int64)
+        before = find(self._tags, tags)
+        stayed = before >= 0
+        origins = np.where(stayed, self._origins[before], -1) if len(self._tags) else np.full(len(tags), -1)
+        gone = self._origins >= 0
+        gone[before[stayed]] = False
+        if world.any(gone.any() or not stayed.all()):
+            origins[~stayed] = world.look_up(self._tags[gone], self._origins[gone], tags[~stayed])
+        return origins
 
     def atoms_moved(self):
         """Whether LAMMPS has re-neighboured since this was last asked."""

@@ -1,24 +1,45 @@
 """The compiled loops over bodies and their atoms: one loop per pass, arrays in, arrays out.
 
-Only the free rotation has a file of its own, `rotor.py`.
+The mathematics of the free rotation is in `rotor.py`.  Everything is in the units of the
+LAMMPS run; dtf is a time times the factor ftm2v that makes a force a mass times an acceleration.
 
-Arrays of bodies are (components, bodies); arrays of LAMMPS's atoms are (atoms, 3).
-Body b's atoms on this rank are entries first[b] to first[b + 1] of `index` (their
-index in LAMMPS's arrays) and of `d` (their place in the body's principal frame).
-Everything is in the units of the LAMMPS run; a force times `ftm2v` is a mass times
-an acceleration.
+`state` holds the bodies, (rows, bodies); its rows are named below.  They are worked on by blocks
+of up to BLOCK bodies.  `take` copies a block into the first rows of a scratch array, small enough
+to stay in the processor's nearest cache; each step of the mathematics is a loop over the lanes of
+the block, which the compiler vectorises; `put` copies the result back.  So the state is read and
+written once a pass.  Loops over bodies always do all BLOCK lanes, those after the last body with
+copies of the first, so that a body's result does not depend on its place, and all ranks that hold
+it get the same bits.
+
+The atoms of a block come in rounds: first the first atom of each of its bodies, then the second of
+each that has a second, and so on.  Bodies are ordered by their number of atoms, so a round is the
+first lanes of the block.  A body of more than BLOCK atoms is a block by itself, in all lanes, and
+its rounds take BLOCK of its atoms each.
+
+    blocks (blocks + 1, 2)   each block's first body and first round
+    rounds (rounds + 1,)     each round's first atom, as an entry of
+    index (atoms,)           the atom's index in LAMMPS's arrays, which are (atoms, 3)
+    d (3, atoms)             its place in the body's principal frame
 """
 
+from math import floor
+
 import numpy as np
-from numba import njit
 
-from .rotor import compiled
+from .compiled import F1, F2, I1, I2, L1, L2, F, I, inlined, loop, prefetch
+from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
+
+# the rows of `state`; scratch has those up to TORQUE, and more
+MASS, MOMENT, X, V, Q, P, FORCE, TORQUE, NATOMS, IMAGE, HOME, ROWS = 0, 1, 4, 7, 10, 14, 18, 21, 24, 25, 28, 29
+MATRIX, ATOM, SHIFT, ACCELERATION, FAST = 24, 33, 36, 36, 36
+BLOCK = 64
+LINE = 8  # numbers that the processor fetches at a time
+SCRATCH = 45 * BLOCK
 
 
-@njit(inline="always")
-def rotation_matrix(q, b):
-    """Transpose of A(q), eq. 2.3: takes a body-frame vector to the space frame."""
-    w, x, y, z = q[0, b], q[1, b], q[2, b], q[3, b]
+@inlined
+def rotation_matrix(w, x, y, z):
+    """Transpose of A(q), eq. 2.3, row by row: takes a body-frame vector to the space frame."""
     return (
         w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
         2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x),
@@ -26,7 +47,7 @@ def rotation_matrix(q, b):
     )  # fmt: skip
 
 
-@njit(inline="always")
+@inlined(contract=True)
 def to_space(r, x, y, z):
     """The matrix r (9 numbers, row by row) times (x, y, z)."""
     return (
@@ -36,7 +57,7 @@ def to_space(r, x, y, z):
     )
 
 
-@njit(inline="always")
+@inlined
 def to_body(r, x, y, z):
     """The transpose of the matrix r times (x, y, z)."""
     return (
@@ -46,21 +67,20 @@ def to_body(r, x, y, z):
     )
 
 
-@njit(inline="always")
-def body_frame_angular_momentum(q, p, b):
+@inlined
+def body_frame_angular_momentum(q, p):
     """L in the principal frame, from S(q)^T p = 2 (0, L)."""
     return (
-        0.5 * (-q[1, b] * p[0, b] + q[0, b] * p[1, b] + q[3, b] * p[2, b] - q[2, b] * p[3, b]),
-        0.5 * (-q[2, b] * p[0, b] - q[3, b] * p[1, b] + q[0, b] * p[2, b] + q[1, b] * p[3, b]),
-        0.5 * (-q[3, b] * p[0, b] + q[2, b] * p[1, b] - q[1, b] * p[2, b] + q[0, b] * p[3, b]),
+        0.5 * (-q[1] * p[0] + q[0] * p[1] + q[3] * p[2] - q[2] * p[3]),
+        0.5 * (-q[2] * p[0] - q[3] * p[1] + q[0] * p[2] + q[1] * p[3]),
+        0.5 * (-q[3] * p[0] + q[2] * p[1] - q[1] * p[2] + q[0] * p[3]),
     )
 
 
-@njit(inline="always")
-def body_frame_angular_velocity(q, p, moment, b):
+@inlined
+def body_frame_angular_velocity(q, p, i1, i2, i3):
     """omega in the principal frame; zero about an axis without moment."""
-    l1, l2, l3 = body_frame_angular_momentum(q, p, b)
-    i1, i2, i3 = moment[0, b], moment[1, b], moment[2, b]
+    l1, l2, l3 = body_frame_angular_momentum(q, p)
     return (
         l1 / i1 if i1 > 0.0 else 0.0,
         l2 / i2 if i2 > 0.0 else 0.0,
@@ -68,166 +88,617 @@ def body_frame_angular_velocity(q, p, moment, b):
     )
 
 
-@compiled
-def kick(bodies, extended, v, q, p, mass, force, torque, dtf):
-    """Half a step of momentum from force and torque (2.58).
+@inlined
+def at(i):
+    """An index that is not negative: numba need not look whether to count from the end."""
+    return np.uint64(i)
 
-    Bodies from `extended` on are points.  The torque is in the space frame: with
-    (0, tau) the four-torque, 2 S(q) (0, A tau) (2.60) equals 2 (0, tau) q.
+
+# ---------------------------------------------------------------- a block of bodies
+
+
+@inlined
+def fetch_ahead(state, blocks, k, row, until, rounds, d):
+    """Have the processor fetch what the passes need of block k: while LAMMPS computed forces, it forgot them."""
+    if k < blocks.shape[0] - 1:
+        for b in range(blocks[k, 0], blocks[k + 1, 0], LINE):
+            for r in range(row, until):
+                prefetch(state, r, b)
+        for j in range(rounds[blocks[k, 1]], rounds[blocks[k + 1, 1]], LINE):
+            for c in range(3):
+                prefetch(d, c, j)
+
+
+@inlined
+def take(scratch, state, begin, end, row, until):
+    """Copy rows of the bodies [begin, end); the rest of the block is filled with copies of the first."""
+    for k in range(row, until):
+        for b in range(end - begin):
+            scratch[k * BLOCK + b] = state[k, at(begin + b)]
+        for b in range(end - begin, BLOCK):
+            scratch[k * BLOCK + b] = scratch[k * BLOCK]
+
+
+@inlined
+def put(scratch, state, begin, end, row, until, to_row):
+    """Copy rows back, to the rows from to_row on."""
+    for k in range(until - row):
+        for b in range(end - begin):
+            state[to_row + k, at(begin + b)] = scratch[(row + k) * BLOCK + b]
+
+
+@inlined
+def three(scratch, row, b):
+    """Three rows of body b."""
+    return scratch[row * BLOCK + b], scratch[(row + 1) * BLOCK + b], scratch[(row + 2) * BLOCK + b]
+
+
+@inlined
+def four(scratch, row, b):
+    """Four rows of body b."""
+    return (
+        scratch[row * BLOCK + b],
+        scratch[(row + 1) * BLOCK + b],
+        scratch[(row + 2) * BLOCK + b],
+        scratch[(row + 3) * BLOCK + b],
+    )
+
+
+@inlined
+def nine(scratch, row, b):
+    """Nine rows of body b."""
+    return three(scratch, row, b) + three(scratch, row + 3, b) + three(scratch, row + 6, b)
+
+
+@inlined
+def set_three(scratch, row, b, x, y, z):
+    """Write three rows of body b."""
+    scratch[row * BLOCK + b] = x
+    scratch[(row + 1) * BLOCK + b] = y
+    scratch[(row + 2) * BLOCK + b] = z
+
+
+@inlined
+def set_four(scratch, row, b, values):
+    """Write four rows of body b."""
+    scratch[row * BLOCK + b] = values[0]
+    scratch[(row + 1) * BLOCK + b] = values[1]
+    scratch[(row + 2) * BLOCK + b] = values[2]
+    scratch[(row + 3) * BLOCK + b] = values[3]
+
+
+@inlined
+def set_nine(scratch, row, b, values):
+    """Write nine rows of body b."""
+    for k in range(9):
+        scratch[(row + k) * BLOCK + b] = values[k]
+
+
+@inlined
+def kick_block(scratch, dtf):
+    """Momentum from force and torque (2.58).
+
+    The torque is in the space frame: with (0, tau) the four-torque, 2 S(q) (0, A tau) (2.60) equals 2 (0, tau) q.
     """
-    for b in range(bodies):
+    for b in range(BLOCK):
         for k in range(3):
-            v[k, b] += dtf / mass[b] * force[k, b]
-    for b in range(extended):
-        x, y, z = 2.0 * dtf * torque[0, b], 2.0 * dtf * torque[1, b], 2.0 * dtf * torque[2, b]
-        q0, q1, q2, q3 = q[0, b], q[1, b], q[2, b], q[3, b]
-        p[0, b] += -x * q1 - y * q2 - z * q3
-        p[1, b] += x * q0 + y * q3 - z * q2
-        p[2, b] += -x * q3 + y * q0 + z * q1
-        p[3, b] += x * q2 - y * q1 + z * q0
+            scratch[(V + k) * BLOCK + b] += dtf / scratch[MASS * BLOCK + b] * scratch[(FORCE + k) * BLOCK + b]
+        t1, t2, t3 = three(scratch, TORQUE, b)
+        x, y, z = 2.0 * dtf * t1, 2.0 * dtf * t2, 2.0 * dtf * t3
+        q0, q1, q2, q3 = four(scratch, Q, b)
+        p0, p1, p2, p3 = four(scratch, P, b)
+        set_four(scratch, P, b, (
+            p0 + (-x * q1 - y * q2 - z * q3),
+            p1 + (x * q0 + y * q3 - z * q2),
+            p2 + (-x * q3 + y * q0 + z * q1),
+            p3 + (x * q2 - y * q1 + z * q0),
+        ))  # fmt: skip
 
 
-@compiled
-def drift(bodies, x, v, dt):
-    """Move the centres of mass by a whole step."""
-    for k in range(3):
-        for b in range(bodies):
-            x[k, b] += dt * v[k, b]
+@inlined
+def drift_block(scratch, dt):
+    """Move the centres of mass."""
+    for k in range(3 * BLOCK):
+        scratch[X * BLOCK + k] += dt * scratch[V * BLOCK + k]
 
 
-@compiled
-def place(first, index, d, shift, x, q, atom_x):
-    """Write the positions of the bodies' atoms; `shift` takes each into LAMMPS's periodic image."""
-    for b in range(first.size - 1):
-        r = rotation_matrix(q, b)
-        for j in range(first[b], first[b + 1]):
-            i = index[j]
-            dx, dy, dz = to_space(r, d[j, 0], d[j, 1], d[j, 2])
-            atom_x[i, 0] = x[0, b] + dx + shift[j, 0]
-            atom_x[i, 1] = x[1, b] + dy + shift[j, 1]
-            atom_x[i, 2] = x[2, b] + dz + shift[j, 2]
+@inlined
+def rotate_rotors(scratch, dt, mrot):
+    """Free rotation of rotors, in mrot inner steps (2.53).
 
-
-@compiled
-def set_velocities(first, index, d, v, q, p, moment, atom_v):
-    """Write the velocities v + omega x r of the bodies' atoms."""
-    for b in range(first.size - 1):
-        r = rotation_matrix(q, b)
-        w1, w2, w3 = body_frame_angular_velocity(q, p, moment, b)
-        for j in range(first[b], first[b + 1]):
-            i = index[j]
-            d1, d2, d3 = d[j, 0], d[j, 1], d[j, 2]
-            dx, dy, dz = to_space(r, w2 * d3 - w3 * d2, w3 * d1 - w1 * d3, w1 * d2 - w2 * d1)
-            atom_v[i, 0] = v[0, b] + dx
-            atom_v[i, 1] = v[1, b] + dy
-            atom_v[i, 2] = v[2, b] + dz
-
-
-@compiled
-def gather(first, index, d, q, atom_f, force, torque):
-    """Sum force and torque (space frame, about the centre of mass) over this rank's atoms.
-
-    Returns False when any sum is not finite.
+    Power series serve bodies that turn little in an inner step, all lanes at once; the others' motion is found before, one by one.
     """
-    check = 0.0
-    for b in range(first.size - 1):
-        r = rotation_matrix(q, b)
-        fx = fy = fz = tx = ty = tz = 0.0
-        for j in range(first[b], first[b + 1]):
-            i = index[j]
-            ax, ay, az = atom_f[i, 0], atom_f[i, 1], atom_f[i, 2]
-            dx, dy, dz = to_space(r, d[j, 0], d[j, 1], d[j, 2])
-            fx += ax
-            fy += ay
-            fz += az
-            tx += dy * az - dz * ay
-            ty += dz * ax - dx * az
-            tz += dx * ay - dy * ax
-        force[0, b], force[1, b], force[2, b] = fx, fy, fz
-        torque[0, b], torque[1, b], torque[2, b] = tx, ty, tz
-        check += 0.0 * (fx + fy + fz + tx + ty + tz)
-    return check == 0.0
+    inner, fast = dt / mrot, 0
+    for b in range(BLOCK):
+        i1, i2, i3 = three(scratch, MOMENT, b)
+        if not turns_little(four(scratch, P, b), min(i1, min(i2, i3)), inner):
+            fast += 1
+    if fast:
+        for b in range(BLOCK):
+            i1, i2, i3 = three(scratch, MOMENT, b)
+            q, p = four(scratch, Q, b), four(scratch, P, b)
+            turns = 0 if turns_little(p, min(i1, min(i2, i3)), inner) else mrot
+            for _ in range(turns):
+                q, p = free_rotor(q, p, i1, i2, i3, inner, False)
+            set_four(scratch, FAST, b, q)
+            set_four(scratch, FAST + 4, b, p)
+            scratch[(FAST + 8) * BLOCK + b] = turns
+    for _ in range(mrot):
+        for b in range(BLOCK):
+            i1, i2, i3 = three(scratch, MOMENT, b)
+            q, p = free_rotor(four(scratch, Q, b), four(scratch, P, b), i1, i2, i3, inner, True)
+            set_four(scratch, Q, b, q)
+            set_four(scratch, P, b, p)
+    if fast:
+        for b in range(BLOCK):
+            if scratch[(FAST + 8) * BLOCK + b] > 0.0:
+                set_four(scratch, Q, b, four(scratch, FAST, b))
+                set_four(scratch, P, b, four(scratch, FAST + 4, b))
 
 
-@compiled
-def add_torques(first, index, atom_torque, torque):
-    """Add the torques that act on the atoms themselves (spheres) to those on their bodies."""
-    for b in range(first.size - 1):
-        for j in range(first[b], first[b + 1]):
+@inlined
+def rotate_in_plane(scratch, dt):
+    """Rotation of bodies that turn about their axis 3 only, as all do in two dimensions: h_3 alone, exact."""
+    for b in range(BLOCK):
+        q, p = four(scratch, Q, b), four(scratch, P, b)
+        q, p = rotation(q, p, permute_3(q), permute_3(p), 0.25 / scratch[(MOMENT + 2) * BLOCK + b], dt, False)
+        set_four(scratch, Q, b, q)
+        set_four(scratch, P, b, p)
+
+
+@inlined
+def rotate_linear(scratch, dt):
+    """Free rotation of linear bodies, exact."""
+    for b in range(BLOCK):
+        q, p = free_linear_rotor(four(scratch, Q, b), four(scratch, P, b), scratch[MOMENT * BLOCK + b], dt)
+        set_four(scratch, Q, b, q)
+        set_four(scratch, P, b, p)
+
+
+@inlined
+def rotation_matrices(scratch):
+    """What takes d to the atoms' places about the centre of mass."""
+    for b in range(BLOCK):
+        w, x, y, z = four(scratch, Q, b)
+        set_nine(scratch, MATRIX, b, rotation_matrix(w, x, y, z))
+
+
+@inlined
+def velocity_matrices(scratch):
+    """What takes d to the atoms' velocities about the centre of mass: the rotation matrix times omega x."""
+    for b in range(BLOCK):
+        q = four(scratch, Q, b)
+        i1, i2, i3 = three(scratch, MOMENT, b)
+        w1, w2, w3 = body_frame_angular_velocity(q, four(scratch, P, b), i1, i2, i3)
+        r = rotation_matrix(q[0], q[1], q[2], q[3])
+        set_nine(scratch, MATRIX, b, (
+            w3 * r[1] - w2 * r[2], w1 * r[2] - w3 * r[0], w2 * r[0] - w1 * r[1],
+            w3 * r[4] - w2 * r[5], w1 * r[5] - w3 * r[3], w2 * r[3] - w1 * r[4],
+            w3 * r[7] - w2 * r[8], w1 * r[8] - w3 * r[6], w2 * r[6] - w1 * r[7],
+        ))  # fmt: skip
+
+
+@inlined(contract=True)
+def apply_matrices(scratch, row, begin, end, d):
+    """The vector in these rows plus the matrix times d, for the atoms of a round."""
+    for b in range(end - begin):
+        x, y, z = three(scratch, row, b)
+        dx, dy, dz = to_space(nine(scratch, MATRIX, b), d[0, at(begin + b)], d[1, at(begin + b)], d[2, at(begin + b)])
+        set_three(scratch, ATOM, b, x + dx, y + dy, z + dz)
+
+
+@inlined
+def write_atoms(scratch, row, begin, end, rounds, index, d, atoms):
+    """Write, for each atom of the rounds [begin, end), the vector in these rows plus its body's matrix times d."""
+    for r in range(begin, end):
+        j = rounds[r]
+        apply_matrices(scratch, row, j, rounds[r + 1], d)
+        for b in range(rounds[r + 1] - j):
+            i = at(index[at(j + b)])
             for k in range(3):
-                torque[k, b] += atom_torque[index[j], k]
+                atoms[i, k] = scratch[(ATOM + k) * BLOCK + b]
 
 
-@compiled
-def set_spins(first, index, q, p, moment, atom_omega):
+@inlined(contract=True)
+def add_forces(scratch, begin, end, d):
+    """Add the forces of the atoms of a round, and their torques about the centre of mass."""
+    for b in range(end - begin):
+        fx, fy, fz = three(scratch, ATOM, b)
+        dx, dy, dz = to_space(nine(scratch, MATRIX, b), d[0, at(begin + b)], d[1, at(begin + b)], d[2, at(begin + b)])
+        sx, sy, sz = three(scratch, FORCE, b)
+        tx, ty, tz = three(scratch, TORQUE, b)
+        set_three(scratch, FORCE, b, sx + fx, sy + fy, sz + fz)
+        set_three(scratch, TORQUE, b, tx + (dy * fz - dz * fy), ty + (dz * fx - dx * fz), tz + (dx * fy - dy * fx))
+
+
+@inlined
+def gather_block(scratch, bodies, begin, end, rounds, index, d, atom_f):
+    """Sum force and torque over the atoms of the rounds [begin, end); returns in how many bodies they are not finite."""
+    for k in range(FORCE * BLOCK, (TORQUE + 3) * BLOCK):
+        scratch[k] = 0.0
+    for r in range(begin, end):
+        j = rounds[r]
+        for b in range(rounds[r + 1] - j):
+            i = at(index[at(j + b)])
+            for k in range(3):
+                scratch[(ATOM + k) * BLOCK + b] = atom_f[i, k]
+        add_forces(scratch, j, rounds[r + 1], d)
+    if bodies == 1:  # in all lanes
+        for k in range(FORCE, TORQUE + 3):
+            for b in range(1, BLOCK):
+                scratch[k * BLOCK] += scratch[k * BLOCK + b]
+    wrong = 0
+    for b in range(bodies):
+        fx, fy, fz = three(scratch, FORCE, b)
+        tx, ty, tz = three(scratch, TORQUE, b)
+        if not 0.0 * (fx + fy + fz + tx + ty + tz) == 0.0:
+            wrong += 1
+    return wrong
+
+
+# ---------------------------------------------------------------- the passes of a step
+
+
+@loop
+def advance(
+    state: F2, rotors: I, extended: I, plane: I, blocks: I2, rounds: I1, index: I1, d: F2, away: I1, shift: F2, aways: L1,
+    atom_x: F2, atom_f: F2, dt: F, dtf: F, gathers: I, kicks: I, mrot: I, scratch: F1,
+) -> I:  # fmt: skip
+    """So many half kicks (dtf), drift and free rotation by dt, the atoms' new positions.
+
+    Bodies [0, rotors) have three moments, [rotors, extended) are linear, the rest are points.  If it gathers, force and
+    torque are what `gather` would find, and are not kept: with two kicks, the last of one step and the first of the next,
+    a whole step is one pass.
+
+    Returns:
+        As `gather`, or 0.
+    """
+    wrong = 0
+    for k in range(blocks.shape[0] - 1):
+        begin, end = blocks[k, 0], blocks[k + 1, 0]
+        fetch_ahead(state, blocks, k + 1, MASS, P + 4, rounds, d)
+        take(scratch, state, begin, end, MASS, P + 4)
+        if gathers:
+            rotation_matrices(scratch)
+            wrong += gather_block(scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f)
+        else:
+            take(scratch, state, begin, end, FORCE, TORQUE + 3)
+        for _ in range(kicks):
+            kick_block(scratch, dtf)
+        drift_block(scratch, dt)
+        if begin < rotors:
+            if plane:
+                rotate_in_plane(scratch, dt)
+            else:
+                rotate_rotors(scratch, dt, mrot)
+        elif begin < extended:
+            rotate_linear(scratch, dt)
+        put(scratch, state, begin, end, X, P + 4, X)
+        rotation_matrices(scratch)
+        write_atoms(scratch, X, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_x)
+    for a in range(aways[0]):
+        for k in range(3):
+            atom_x[index[away[a]], k] += shift[a, k]
+    return wrong
+
+
+@loop
+def gather(state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_f: F2, load: F2, scratch: F1) -> I:
+    """Sum force and torque (space frame, about the centre of mass) over this rank's atoms into load, (6, bodies).
+
+    Returns the number of bodies for which they are not finite.
+    """
+    wrong = 0
+    for k in range(blocks.shape[0] - 1):
+        begin, end = blocks[k, 0], blocks[k + 1, 0]
+        fetch_ahead(state, blocks, k + 1, Q, Q + 4, rounds, d)
+        take(scratch, state, begin, end, Q, Q + 4)
+        rotation_matrices(scratch)
+        wrong += gather_block(scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f)
+        put(scratch, load, begin, end, FORCE, TORQUE + 3, 0)
+    return wrong
+
+
+@loop
+def kick(state: F2, blocks: I2, dtf: F, scratch: F1):
+    """Momentum from force and torque."""
+    for k in range(blocks.shape[0] - 1):
+        begin, end = blocks[k, 0], blocks[k + 1, 0]
+        take(scratch, state, begin, end, MASS, TORQUE + 3)
+        kick_block(scratch, dtf)
+        put(scratch, state, begin, end, V, V + 3, V)
+        put(scratch, state, begin, end, P, P + 4, P)
+
+
+@loop
+def set_velocities(state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_v: F2, scratch: F1):
+    """Write the velocities v + omega x r of the bodies' atoms."""
+    for k in range(blocks.shape[0] - 1):
+        take(scratch, state, blocks[k, 0], blocks[k + 1, 0], MOMENT, P + 4)
+        velocity_matrices(scratch)
+        write_atoms(scratch, V, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_v)
+
+
+@loop
+def add_torques(body: L1, index: I1, atom_torque: F2, load: F2):
+    """Add the torques that act on the atoms themselves (spheres) to those on their bodies (atoms,)."""
+    for j in range(index.size):
+        for k in range(3):
+            load[3 + k, body[j]] += atom_torque[index[j], k]
+
+
+@loop
+def set_spins(state: F2, blocks: I2, rounds: I1, index: I1, atom_omega: F2, scratch: F1):
     """Write the bodies' angular velocity, space frame, as that of their atoms."""
-    for b in range(first.size - 1):
-        w1, w2, w3 = body_frame_angular_velocity(q, p, moment, b)
-        w = to_space(rotation_matrix(q, b), w1, w2, w3)
-        for j in range(first[b], first[b + 1]):
-            for k in range(3):
-                atom_omega[index[j], k] = w[k]
+    for k in range(blocks.shape[0] - 1):
+        take(scratch, state, blocks[k, 0], blocks[k + 1, 0], MOMENT, P + 4)
+        for b in range(BLOCK):
+            q = four(scratch, Q, b)
+            i1, i2, i3 = three(scratch, MOMENT, b)
+            w1, w2, w3 = body_frame_angular_velocity(q, four(scratch, P, b), i1, i2, i3)
+            x, y, z = to_space(rotation_matrix(q[0], q[1], q[2], q[3]), w1, w2, w3)
+            set_three(scratch, ATOM, b, x, y, z)
+        for r in range(blocks[k, 1], blocks[k + 1, 1]):
+            for b in range(rounds[r + 1] - rounds[r]):
+                for c in range(3):
+                    atom_omega[index[rounds[r] + b], c] = scratch[(ATOM + c) * BLOCK + b]
 
 
-@compiled
-def constraint_virial(first, index, d, atom_mass, q, p, mass, moment, force, torque, ftm2v, atom_f, virial, atom_virial):
+@inlined
+def acceleration_matrices(scratch, ftm2v):
+    """What takes d to the atoms' accelerations about the centre of mass, as forces per mass: alpha x and omega x omega x."""
+    for b in range(BLOCK):
+        r = nine(scratch, MATRIX, b)
+        i1, i2, i3 = three(scratch, MOMENT, b)
+        w1, w2, w3 = body_frame_angular_velocity(four(scratch, Q, b), four(scratch, P, b), i1, i2, i3)
+        x, y, z = three(scratch, TORQUE, b)
+        t1, t2, t3 = to_body(r, x, y, z)
+        # Euler's equations; an axis without moment does not turn
+        a1 = (t1 * ftm2v - (i3 - i2) * w2 * w3) / i1 if i1 > 0.0 else 0.0
+        a2 = (t2 * ftm2v - (i1 - i3) * w3 * w1) / i2 if i2 > 0.0 else 0.0
+        a3 = (t3 * ftm2v - (i2 - i1) * w1 * w2) / i3 if i3 > 0.0 else 0.0
+        c1 = to_space(r, -w2 * w2 - w3 * w3, w1 * w2 + a3, w1 * w3 - a2)
+        c2 = to_space(r, w1 * w2 - a3, -w1 * w1 - w3 * w3, w2 * w3 + a1)
+        c3 = to_space(r, w1 * w3 + a2, w2 * w3 - a1, -w1 * w1 - w2 * w2)
+        set_nine(scratch, ACCELERATION, b, (
+            c1[0] / ftm2v, c2[0] / ftm2v, c3[0] / ftm2v,
+            c1[1] / ftm2v, c2[1] / ftm2v, c3[1] / ftm2v,
+            c1[2] / ftm2v, c2[2] / ftm2v, c3[2] / ftm2v,
+        ))  # fmt: skip
+
+
+@loop
+def constraint_virial(
+    state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_mass: F1, ftm2v: F, atom_f: F2, virial: F1, atom_virial: F2,
+    scratch: F1,
+):  # fmt: skip
     """Add the virial of the forces that keep the bodies rigid to virial (xx yy zz xy xz yz).
 
     The constraint force on atom i is m_i a_i - f_i, with the acceleration a_i of the rigid
     motion itself; its virial is taken about the centre of mass.  atom_mass has an entry for
     each of `index`; atom_virial is (atoms, 6), or (0, 6) if the atoms' parts are not wanted.
     """
-    for b in range(first.size - 1):
-        r = rotation_matrix(q, b)
-        w1, w2, w3 = body_frame_angular_velocity(q, p, moment, b)
-        t1, t2, t3 = to_body(r, torque[0, b], torque[1, b], torque[2, b])
-        i1, i2, i3 = moment[0, b], moment[1, b], moment[2, b]
-        # Euler's equations; an axis without moment does not turn
-        a1 = (t1 * ftm2v - (i3 - i2) * w2 * w3) / i1 if i1 > 0.0 else 0.0
-        a2 = (t2 * ftm2v - (i1 - i3) * w3 * w1) / i2 if i2 > 0.0 else 0.0
-        a3 = (t3 * ftm2v - (i2 - i1) * w1 * w2) / i3 if i3 > 0.0 else 0.0
-        ww = w1 * w1 + w2 * w2 + w3 * w3
-        for j in range(first[b], first[b + 1]):
-            d1, d2, d3 = d[j, 0], d[j, 1], d[j, 2]
-            wd = w1 * d1 + w2 * d2 + w3 * d3
-            # alpha x d + omega x (omega x d)
-            ax, ay, az = to_space(
-                r,
-                a2 * d3 - a3 * d2 + wd * w1 - ww * d1,
-                a3 * d1 - a1 * d3 + wd * w2 - ww * d2,
-                a1 * d2 - a2 * d1 + wd * w3 - ww * d3,
-            )
-            i, m = index[j], atom_mass[j]
-            cx = m * (ax / ftm2v + force[0, b] / mass[b]) - atom_f[i, 0]
-            cy = m * (ay / ftm2v + force[1, b] / mass[b]) - atom_f[i, 1]
-            cz = m * (az / ftm2v + force[2, b] / mass[b]) - atom_f[i, 2]
-            dx, dy, dz = to_space(r, d1, d2, d3)
-            parts = dx * cx, dy * cy, dz * cz, dx * cy, dx * cz, dy * cz
-            for k in range(6):
-                virial[k] += parts[k]
-                if atom_virial.size:
-                    atom_virial[i, k] += parts[k]
+    for k in range(blocks.shape[0] - 1):
+        take(scratch, state, blocks[k, 0], blocks[k + 1, 0], MASS, TORQUE + 3)
+        rotation_matrices(scratch)
+        acceleration_matrices(scratch, ftm2v)
+        for r in range(blocks[k, 1], blocks[k + 1, 1]):
+            for b in range(rounds[r + 1] - rounds[r]):
+                j = rounds[r] + b
+                i, m = index[j], atom_mass[j]
+                fx, fy, fz = three(scratch, FORCE, b)
+                dx, dy, dz = to_space(nine(scratch, MATRIX, b), d[0, j], d[1, j], d[2, j])
+                ax, ay, az = to_space(nine(scratch, ACCELERATION, b), d[0, j], d[1, j], d[2, j])
+                cx = m * (ax + fx / scratch[MASS * BLOCK + b]) - atom_f[i, 0]
+                cy = m * (ay + fy / scratch[MASS * BLOCK + b]) - atom_f[i, 1]
+                cz = m * (az + fz / scratch[MASS * BLOCK + b]) - atom_f[i, 2]
+                parts = dx * cx, dy * cy, dz * cz, dx * cy, dx * cz, dy * cz
+                for c in range(6):
+                    virial[c] += parts[c]
+                    if atom_virial.size:
+                        atom_virial[i, c] += parts[c]
 
 
-@compiled
+# ---------------------------------------------------------------- after LAMMPS has moved atoms
+
+
+@loop
+def locate(groups: I1, fix_group: I, body_groups: I, origins: L1, rank: I, index: I1, here: I1, place: I1, found: L1) -> I:
+    """Find the atoms of the bodies in LAMMPS's arrays.
+
+    Args:
+        groups (natoms,): the bits of each atom's groups; it is in a body if it has some bit of both of the next two.
+        origins (natoms,): where each atom was, rank << 32 | its place in `index`; -1 if in no body.
+        here, place (natoms,): out: index of each atom found, in LAMMPS's order, and its place in `index`, -1 if it
+            was not on this rank.
+        found (1,): out: how many these are.
+    Returns:
+        0 if they are the atoms of `index`, each where it was.
+    """
+    count = moved = 0
+    for i in range(groups.size):
+        if groups[i] & fix_group and groups[i] & body_groups:
+            here[count] = i
+            place[count] = -1
+            if origins[i] >> 32 == rank:
+                j = origins[i] & 0xFFFFFFFF
+                place[count] = j
+                moved += index[j] != i
+            else:
+                moved += 1
+            count += 1
+    found[0] = count
+    return moved + (count != index.size)
+
+
+@inlined
+def rounds_of(atoms):
+    """How many rounds a body of so many atoms takes."""
+    return atoms if atoms <= BLOCK else (atoms + BLOCK - 1) // BLOCK
+
+
+BUCKETS = 3 * (BLOCK + 1) + 1
+
+
+@loop
+def arrange(
+    body: L1, here: I1, kind: L1, number: L1, order: L1, atoms: L1, next_: L2, buckets: L1, blocks: I2, rounds: I1, index: I1, source: L1,
+    found: L1,
+):  # fmt: skip
+    """Put the bodies and their atoms in the order of the passes: by kind, by number of atoms, as LAMMPS has their first atoms.
+
+    Args:
+        body (n,): the body of each atom, 0 to m - 1.  here (n,): the atom's index in LAMMPS's arrays, ascending.
+        kind (m,): 0, 1 or 2.
+        number (m,): out: each body's number from now on, -1 if it has no atom here.
+        order (m,): out: the body that has each of the new numbers.
+        atoms (m,), next_ (m, 2), buckets (BUCKETS,): to work with.
+        blocks (m + 1, 2), rounds (n + 1,), index (n,): out: see the head of this file.
+        source (n,): out: where in `here` each entry of index was.
+        found (5,): out: how many bodies of kind 0, of kinds 0 and 1, in all, how many blocks, how many rounds.
+    """
+    for b in range(kind.size):
+        number[b] = 0
+    for j in range(body.size):
+        number[body[j]] += 1  # for now the number of atoms
+    for k in range(BUCKETS):
+        buckets[k] = 0
+    for b in range(kind.size):
+        if number[b] > 0:
+            buckets[kind[b] * (BLOCK + 1) + max(BLOCK + 1 - number[b], 0) + 1] += 1
+    for k in range(1, BUCKETS):
+        buckets[k] += buckets[k - 1]
+    for k in range(3):
+        found[k] = buckets[(k + 1) * (BLOCK + 1)]
+    for j in range(body.size):
+        b = body[j]
+        if number[b] > 0:  # its first atom
+            k = kind[b] * (BLOCK + 1) + max(BLOCK + 1 - number[b], 0)
+            new = buckets[k]
+            buckets[k] += 1
+            order[new] = b
+            atoms[new] = number[b]
+            number[b] = -1 - new
+    for b in range(kind.size):
+        number[b] = -1 - number[b]
+
+    size, begin, block, round_, entry = found[2], 0, 0, 0, 0
+    while begin < size:
+        blocks[block, 0], blocks[block, 1] = begin, round_
+        end = begin + 1
+        if atoms[begin] <= BLOCK:
+            while end < size and end < begin + BLOCK and kind[order[end]] == kind[order[begin]]:
+                end += 1
+        lanes = end - begin
+        for r in range(rounds_of(atoms[begin])):
+            rounds[round_] = entry
+            while lanes > 1 and atoms[begin + lanes - 1] <= r:
+                lanes -= 1
+            entry += lanes if atoms[begin] <= BLOCK else min(BLOCK, atoms[begin] - r * BLOCK)
+            round_ += 1
+        begin = end
+        block += 1
+    blocks[block, 0], blocks[block, 1] = size, round_
+    rounds[round_] = entry
+    found[3], found[4] = block, round_
+
+    for k in range(block):
+        for b in range(blocks[k, 0], blocks[k + 1, 0]):
+            if atoms[b] > BLOCK:  # its next entry
+                next_[b, 0], next_[b, 1] = rounds[blocks[k, 1]], -1
+            else:  # its next round, its lane
+                next_[b, 0], next_[b, 1] = blocks[k, 1], b - blocks[k, 0]
+    for j in range(body.size):
+        b = number[body[j]]
+        entry = next_[b, 0] if next_[b, 1] < 0 else rounds[next_[b, 0]] + next_[b, 1]
+        next_[b, 0] += 1
+        index[entry] = here[j]
+        source[entry] = j
+
+
+@loop
+def settle(
+    state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_x: F2, h: F2, inverse: F2, lo: F1, periodic: F1, away: I1,
+    shift: F2, aways: L1, off: F1, near: F, scratch: F1,
+) -> I:  # fmt: skip
+    """Take the bodies into the box, and find the atoms that are in another periodic image than their body.
+
+    Args:
+        h, inverse (3, 3), lo (3,), periodic (3,): the `Box`.
+        away (atoms,), shift (atoms, 3): out: entries of `index`, and the lattice vector from where the body has the atom.
+        aways (1,): out: how many of these there are.
+        off (2,): out: the largest distance (along an axis) of an atom from where its body has it, and its entry of `index`.
+    Returns:
+        0 if that distance is not above `near`.
+    """
+    for b in range(state.shape[1]):
+        x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
+        n1 = periodic[0] * floor(inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z)
+        n2 = periodic[1] * floor(inverse[1, 1] * y + inverse[1, 2] * z)
+        n3 = periodic[2] * floor(inverse[2, 2] * z)
+        if n1 != 0.0 or n2 != 0.0 or n3 != 0.0:
+            state[X, b] -= h[0, 0] * n1 + h[0, 1] * n2 + h[0, 2] * n3
+            state[X + 1, b] -= h[1, 1] * n2 + h[1, 2] * n3
+            state[X + 2, b] -= h[2, 2] * n3
+            state[IMAGE, b] += n1
+            state[IMAGE + 1, b] += n2
+            state[IMAGE + 2, b] += n3
+    count = 0
+    off[0], off[1] = 0.0, 0.0
+    for k in range(blocks.shape[0] - 1):
+        take(scratch, state, blocks[k, 0], blocks[k + 1, 0], X, X + 3)
+        take(scratch, state, blocks[k, 0], blocks[k + 1, 0], Q, Q + 4)
+        rotation_matrices(scratch)
+        for r in range(blocks[k, 1], blocks[k + 1, 1]):
+            j = rounds[r]
+            apply_matrices(scratch, X, j, rounds[r + 1], d)
+            for b in range(rounds[r + 1] - j):
+                i = at(index[at(j + b)])
+                for c in range(3):
+                    scratch[(ATOM + c) * BLOCK + b] = atom_x[i, c] - scratch[(ATOM + c) * BLOCK + b]
+            for b in range(rounds[r + 1] - j):
+                x, y, z = three(scratch, ATOM, b)
+                n1 = periodic[0] * floor(inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z + 0.5)
+                n2 = periodic[1] * floor(inverse[1, 1] * y + inverse[1, 2] * z + 0.5)
+                n3 = periodic[2] * floor(inverse[2, 2] * z + 0.5)
+                x, y, z = h[0, 0] * n1 + h[0, 1] * n2 + h[0, 2] * n3, h[1, 1] * n2 + h[1, 2] * n3, h[2, 2] * n3
+                set_three(scratch, SHIFT, b, x, y, z)
+            for b in range(rounds[r + 1] - j):
+                x, y, z = three(scratch, ATOM, b)
+                sx, sy, sz = three(scratch, SHIFT, b)
+                if sx != 0.0 or sy != 0.0 or sz != 0.0:
+                    away[count] = j + b
+                    shift[count, 0], shift[count, 1], shift[count, 2] = sx, sy, sz
+                    count += 1
+                far = max(abs(x - sx), max(abs(y - sy), abs(z - sz)))
+                if not far <= off[0]:
+                    off[0], off[1] = far, j + b
+    aways[0] = count
+    return not off[0] <= near
+
+
+@loop
+def find_in_table(keys: L1, wanted: L1, table: L1, found: L1):
+    """See `find`; table is filled with -1 and its size is a power of two."""
+    last = table.size - 1
+    for j in range(keys.size):
+        h = (keys[j] * 0x9E3779B1 >> 16) & last
+        while table[h] >= 0:
+            h = (h + 1) & last
+        table[h] = j
+    for i in range(wanted.size):
+        h = (wanted[i] * 0x9E3779B1 >> 16) & last
+        while table[h] >= 0 and keys[table[h]] != wanted[i]:
+            h = (h + 1) & last
+        found[i] = table[h]
+
+
 def find(keys, wanted):
-    """For each entry of `wanted` its place in `keys` (both unique, positive), or -1.
+    """For each entry of `wanted` its place in `keys` (both unique, positive int64), or -1.
 
     A hash table of the size of the rank's own data: no array grows with the system.
     """
-    size = 4
-    while size < 2 * keys.size:
-        size *= 2
-    table = np.full(size, -1, np.int64)
-    for j in range(keys.size):
-        h = (keys[j] * 0x9E3779B1 >> 16) & (size - 1)
-        while table[h] >= 0:
-            h = (h + 1) & (size - 1)
-        table[h] = j
-    found = np.empty(wanted.size, np.int64)
-    for i in range(wanted.size):
-        h = (wanted[i] * 0x9E3779B1 >> 16) & (size - 1)
-        while table[h] >= 0 and keys[table[h]] != wanted[i]:
-            h = (h + 1) & (size - 1)
-        found[i] = table[h]
+    table = np.full(1 << (2 * len(keys) + 3).bit_length(), -1, np.int64)
+    found = np.empty(len(wanted), np.int64)
+    find_in_table(keys, wanted, table, found)
     return found

@@ -23,11 +23,13 @@ class Membership:
                 raise RunError(f"there is no variable '{name[2:]}' (custom {name}): define it before the fix", everywhere=True)
         self.bit = lammps.group_bit(command.group)
         self.bits = [lammps.group_bit(g) for g in command.arguments] if command.style == "group" else [self.bit]
+        # an atom is in a body if its groups have some bit of both
+        self.masks = np.array([self.bit, np.bitwise_or.reduce(self.bits)], np.uint32).view(np.int32).tolist()
 
     def atoms(self):
         """Indices of this rank's atoms that are in bodies."""
-        groups = self.lammps.groups
-        return np.flatnonzero((groups & self.bit != 0) & (groups & np.bitwise_or.reduce(self.bits) != 0))
+        groups = self.lammps.groups.view(np.int32)
+        return np.flatnonzero((groups & self.masks[0] != 0) & (groups & self.masks[1] != 0))
 
     def bodies(self, atoms):
         """The body ID of each of these atoms, (n,) int64; collective for v_NAME."""

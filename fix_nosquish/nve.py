@@ -12,10 +12,11 @@ innermost level moves the bodies.
 """
 
 import weakref
+from math import gcd
 
 import numpy as np
 
-from . import kernels, rotor
+from . import compiled, kernels
 from .atoms import Lammps, pointer
 from .build import build, count
 from .command import Command
@@ -26,6 +27,7 @@ from .reports import Reports
 from .sharing import Alone, World
 from .switches import Switches
 
+_BLIND = "nve", "rigid", "shake", "rattle"  # fixes that read no velocities but those of their own atoms
 _READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"  # fixes that act at the end of a step and change no velocity
 
 
@@ -43,6 +45,7 @@ class NVE(Reports):
     Attributes:
         bodies: the `Bodies`, from the first use of the fix on.
         host: what calls this object; set by the plugin, see `hosts`.
+        follows_atoms: that the plugin is to keep with each atom where it was (see `host.note`).
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
@@ -51,19 +54,22 @@ class NVE(Reports):
     """
 
     host = None
+    follows_atoms = True
     virial = virial_per_atom = None
     _all = weakref.WeakSet()
 
     def __init__(self, ptr, words):
         self.lammps = Lammps(ptr)
         self.world = World(self.lammps.communicator) if self.lammps.ranks > 1 else Alone()
+        compiled.load(self.world)
         self.bodies = None
         self._notes = self._said = None
+        self._xvf = None, None, None
         self._warned = set()
-        self._settled = self._half = self._ran = self._heard = False
+        self._settled = self._half = self._ran = self._heard = self._velocities_set = False
         self._mask = self._file = None
         self._known, self.late = {}, []
-        self.half_step_velocities = True
+        self.half_step_velocities, self.velocities_every = True, (1,)
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.world)
         self._begin(words)
@@ -103,12 +109,20 @@ class NVE(Reports):
     def init(self):
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
         self._settled = self._half = self._heard = False
+        self.host.call_always()
+        self.host.waiting = False
+        self._xvf = None, None, None
         self._known = {}
         self.host.set_bodies(None, None)  # the atoms are not those of the last run
         ours = {mate.host.fix_id for mate in self._mates}
         fixes = [fix for fix in self.host.fixes() if fix.id not in ours]
         self.late = [fix for fix in fixes if fix.end_of_step and not fix.style.startswith(_READERS)]
         self.half_step_velocities = self.host.ghost_velocity or any(fix.between for fix in fixes)
+        # of steps without output, those at whose end another fix may read the atoms' velocities
+        unknown = isinstance(self.host, OwnFix)
+        each = unknown or any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
+        self.velocities_every = (1,) if each else tuple({fix.nevery for fix in fixes if fix.end_of_step})
+        self._box_may_change = unknown or any(fix.box_change for fix in fixes)
         if self.command.reinit or not self._ran:
             self._build()
             self._set_velocities()
@@ -127,6 +141,7 @@ class NVE(Reports):
         self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile)
         if known and np.array_equal(np.sort(known[0]), np.sort(self.bodies.id)):  # commands like write_data compute no forces
             self.bodies.load[:, np.argsort(self.bodies.id)] = known[1][:, np.argsort(known[0])]
+        self.host.note(self.lammps, self.world, self.bodies.index)
         self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
 
@@ -161,6 +176,7 @@ class NVE(Reports):
         if vflag:
             self._constraint_virial()
         self._settled = self._ran = True
+        self._leave_to_host()
         if not isinstance(self.host, OwnFix):  # which comes here in the next step only
             self._say(bool(vflag))
             self._write()
@@ -176,7 +192,13 @@ class NVE(Reports):
     @hook
     def reset_dt(self):
         """The time step may have changed."""
+        if self._settled:
+            self._catch_up()
         self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
+        if self._xvf[0] is not None:
+            self._bind()
+        if self._settled:
+            self._leave_to_host()
 
     # ------------------------------------------------------------- one step
 
@@ -184,64 +206,112 @@ class NVE(Reports):
     def initial_integrate(self, vflag):
         """Half a kick, a whole step of free motion, new positions."""
         self._begin_step(vflag)
-        self._kick(self.dt)
-        self._move(self.dt)
+        if not self.host.waiting:
+            self._advance()
+        elif self._whole_step:
+            if self._whole_step():
+                self._blame_forces(self.lammps.step - 1)
+        else:
+            self._gather()
+            self._kick_and_advance()
+        self._moved()
 
     @hook
     def post_neighbor(self):
         """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
         self._refuse_new_box()
-        self.bodies = self.bodies.follow(self.lammps, self.world, self.membership)
-        self._mask = self._switches.mask(self.bodies.id)
-        self._x, self._v, self._f = (self.lammps.per_atom(name, columns=3) for name in "xvf")
-        if self.bodies.spheres:
-            body = np.full(len(self._x), -1, np.int32)
-            body[self.bodies.index] = self.bodies.body
-            self.host.set_bodies(body, self.bodies.mass)
+        before = self.bodies, *self._xvf
+        self.bodies = self.bodies.follow(self.lammps, self.world, self.membership, self.host)
+        self._xvf = [self.lammps.per_atom(name, columns=3) for name in "xvf"]
+        if any(now is not then for now, then in zip((self.bodies, *self._xvf), before)):
+            self._mask = self._switches.mask(self.bodies.id)
+            self._bind()
+            if self.bodies.spheres:
+                body = np.full(len(self._xvf[0]), -1, np.int32)
+                body[self.bodies.index] = self.bodies.body
+                self.host.set_bodies(body, self.bodies.mass)
+        if self._settled:
+            self._leave_to_host()
 
     @hook
     def final_integrate(self):
-        """The new forces, the second half kick, new velocities."""
-        self._new_forces()
-        self._kick(self.dt)
-        self._set_velocities()
+        """The new forces, the second half kick, new velocities.
+
+        The plugin calls it on steps that something looks at; what others leave is done in the next step.
+        """
+        self._follow()
+        self._gather()
+        self._half_kick()
         self._half = False
+        step = self.lammps.step
+        if step == self.host.next_output or any(step % every == 0 for every in self.velocities_every):
+            self._set_velocities()
         if self._vflag:
             self._constraint_virial()
+        self._vflag = 0
         self._write()
+
+    def _catch_up(self):
+        """Do what the last step has left to the next one."""
+        if self.host.waiting:
+            self.host.waiting = self._velocities_set = False
+            self._gather()
+            self._half_kick()
 
     def _begin_step(self, vflag):
         if not self._settled:
             self.post_neighbor()
             self.setup(0)
-        else:
+        elif self.late:
             self._take_changed_velocities(self.lammps.step - 1)
         self._vflag, self._known = vflag, {}
 
-    def _kick(self, dt):
-        bodies = self.bodies
-        kernels.kick(len(bodies), bodies.extended, bodies.v, bodies.q, bodies.p, bodies.mass,
-                     bodies.force, bodies.torque, 0.5 * dt * self.lammps.ftm2v)  # fmt: skip
+    def _bind(self):
+        """Prepare the loops of a step for the bodies and LAMMPS's arrays as they stand until the next re-neighbouring."""
+        bodies, respa = self.bodies, self.respa_dt is not None
+        x, v, f = self._xvf
+        dt = self.respa_dt[0] if respa else self.dt
+        dtf = 0.0 if respa else 0.5 * dt * self.lammps.ftm2v  # with respa each level kicks by itself
+        state, atoms, scratch = bodies.state, bodies.atoms, bodies.scratch
+        free = state, bodies.rotors, bodies.extended, bodies.plane, *atoms, bodies.away, bodies.shift, bodies.aways, x, f, dt, dtf
+        rest = self.command.mrot, scratch
+        self._advance = kernels.advance.bind(*free, False, 1, *rest)
+        self._kick_and_advance = kernels.advance.bind(*free, False, 2, *rest)
+        # where nothing has to be added to the force and torque that this rank's atoms give
+        alone = not len(bodies.sharers.bodies) and self._mask is None and not bodies.spheres
+        self._whole_step = kernels.advance.bind(*free, True, 2, *rest) if alone else None
+        self._sum_forces = kernels.gather.bind(state, *atoms, f, bodies.load, scratch)
+        self._half_kick = kernels.kick.bind(state, bodies.blocks, dtf, scratch)
+        self._write_velocities = kernels.set_velocities.bind(state, *atoms, v, scratch)
 
-    def _move(self, dt):
-        bodies = self.bodies
-        kernels.drift(len(bodies), bodies.x, bodies.v, dt)
-        if bodies.plane:
-            rotor.rotate_in_plane(0, bodies.rotors, bodies.q, bodies.p, bodies.moment, dt)
-        elif bodies.rotors:
-            rotor.rotate(0, bodies.rotors, bodies.q, bodies.p, bodies.moment, dt, self.command.mrot)
-        if bodies.extended > bodies.rotors:
-            rotor.rotate_linear(bodies.rotors, bodies.extended, bodies.q, bodies.p, bodies.moment, dt)
-        kernels.place(bodies.first, bodies.index, bodies.d, bodies.shift, bodies.x, bodies.q, self._x)
+    def _leave_to_host(self):
+        """Have the plugin do itself what needs no Python; not what a class derived from this one does otherwise."""
+        hooks = "initial_integrate", "final_integrate", "post_neighbor"
+        if self.respa_dt is not None or any(getattr(type(self), name) is not getattr(NVE, name) for name in hooks):
+            return
+        every = gcd(*self.velocities_every, *(self.command.output[:1] if self._file else ()))
+        step = neighbor = None
+        if not self.late and not self._box_may_change and self._mask is None and not self.bodies.spheres:
+            step = [self._whole_step] if self._whole_step else [self._sum_forces, *self.bodies.sharers.passes(self.bodies.load), self._kick_and_advance]
+            if self.half_step_velocities:
+                step.append(self._write_velocities)
+            if self.world.size == 1:
+                neighbor = self.bodies.stay(self.lammps, self.world, self.membership, self.host)
+        self.host.go_alone(every, step, neighbor)
+
+    def _moved(self):
+        self._velocities_set, self._half, self.host.waiting = False, True, False
         if self.half_step_velocities:
             self._set_velocities()
-        self._half = True
 
-    def _new_forces(self):
+    def _kick(self, dt):
+        kernels.kick(self.bodies.state, self.bodies.blocks, 0.5 * dt * self.lammps.ftm2v, self.bodies.scratch)
+
+    def _follow(self):
         if self.host.atoms_moved():
             self.post_neighbor()
-        self._refuse_new_box()
-        self._gather()
+        if self._box_may_change:
+            self._refuse_new_box()
 
     def _refuse_new_box(self):
         box = self.lammps.box
@@ -257,34 +327,40 @@ class NVE(Reports):
 
     def _gather(self):
         bodies = self.bodies
-        finite = kernels.gather(bodies.first, bodies.index, bodies.d, bodies.q, self._f, bodies.force, bodies.torque)
+        wrong = self._sum_forces()
         if bodies.spheres:
-            kernels.add_torques(bodies.first, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.torque)
-        if not finite:
-            bad = ~np.isfinite(bodies.load).all(axis=0)
-            name = self.membership.name(bodies.id[bad.argmax()])
-            raise RunError(
-                f"the force on {name} is not finite at step {self.lammps.step}: atoms overlap or the run is unstable. "
-                "Minimise or push the start apart, or use a shorter time step"
-            )
+            kernels.add_torques(bodies.body, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.load)
+        if wrong:
+            self._blame_forces(self.lammps.step - self.host.waiting)
         bodies.sharers.combine(bodies.load)
         if self._mask is not None:
             bodies.load *= self._mask
 
-    def _set_velocities(self):
+    def _blame_forces(self, step):
         bodies = self.bodies
-        v = self._v if self._settled else self.lammps.per_atom("v", columns=3)
-        kernels.set_velocities(bodies.first, bodies.index, bodies.d, bodies.v, bodies.q, bodies.p, bodies.moment, v)
+        self._sum_forces()
+        bad = ~np.isfinite(bodies.load).all(axis=0)
+        raise RunError(
+            f"the force on {self.membership.name(bodies.id[bad.argmax()])} is not finite at step {step}: atoms overlap "
+            "or the run is unstable. Minimise or push the start apart, or use a shorter time step"
+        )
+
+    def _set_velocities(self):
+        bodies, self._velocities_set = self.bodies, not self._half
+        if self._settled:
+            self._write_velocities()
+        else:
+            kernels.set_velocities(bodies.state, *bodies.atoms, self.lammps.per_atom("v", columns=3), bodies.scratch)
         if bodies.spheres:
-            kernels.set_spins(bodies.first, bodies.index, bodies.q, bodies.p, bodies.moment, self.lammps.per_atom("omega", columns=3))
+            kernels.set_spins(bodies.state, *bodies.atoms[:3], self.lammps.per_atom("omega", columns=3), bodies.scratch)
 
     def _velocities_changed(self):
         """Whether the atoms' velocities are not those that the bodies gave them, on any rank; collective."""
         bodies = self.bodies
-        expected = np.empty_like(bodies.d)
-        kernels.set_velocities(bodies.first, np.arange(len(expected), dtype=np.int32), bodies.d, bodies.v, bodies.q, bodies.p,
-                               bodies.moment, expected)  # fmt: skip
-        return self.world.any(not np.array_equal(expected, self._v[bodies.index]))
+        n = len(bodies.index)
+        expected = np.empty((n, 3))
+        kernels.set_velocities(bodies.state, bodies.blocks, bodies.rounds, np.arange(n, dtype=np.int32), bodies.d, expected, bodies.scratch)
+        return self.world.any(not np.array_equal(expected, self._xvf[1][bodies.index]))
 
     def _take_changed_velocities(self, step):
         """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with them; collective."""
@@ -307,6 +383,9 @@ class NVE(Reports):
     def post_run(self):
         """A run is over; what comes now, from a script's commands to another run, finds the bodies as their atoms are."""
         if self._settled:
+            self._catch_up()
+            if not self._velocities_set:
+                self._set_velocities()
             self._take_changed_velocities(self.lammps.step)
             self._known = {}
 
@@ -322,12 +401,14 @@ class NVE(Reports):
         self._gather()
         self._kick(self.respa_dt[ilevel])
         if ilevel == 0:
-            self._move(self.respa_dt[0])
+            self._advance()
+            self._moved()
 
     @hook
     def final_integrate_respa(self, ilevel, iloop):
         """A level's new forces, its second half kick, new velocities."""
-        self._new_forces()
+        self._follow()
+        self._gather()
         self._kick(self.respa_dt[ilevel])
         if ilevel == len(self.respa_dt) - 1 or self.half_step_velocities:
             self._set_velocities()

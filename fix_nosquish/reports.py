@@ -56,9 +56,8 @@ class Reports:
         if virial is None:
             return
         bodies, of_atoms = self.bodies, self.virial_per_atom
-        kernels.constraint_virial(bodies.first, bodies.index, bodies.d, self.lammps.masses[bodies.index], bodies.q, bodies.p,
-                                  bodies.mass, bodies.moment, bodies.force, bodies.torque, self.lammps.ftm2v, self._f,
-                                  virial, np.empty((0, 6)) if of_atoms is None else of_atoms)  # fmt: skip
+        kernels.constraint_virial(bodies.state, *bodies.atoms, self.lammps.masses[bodies.index], self.lammps.ftm2v, self._xvf[2], virial,
+                                  np.empty((0, 6)) if of_atoms is None else of_atoms, bodies.scratch)  # fmt: skip
 
     def _virial_of_all(self):
         """The virial of all bodies on all ranks, while LAMMPS is between its forces and final_integrate."""
@@ -94,9 +93,15 @@ class Reports:
 
     def _energies(self):
         self._see_changed_velocities()
-        if "energies" not in self._known:
-            self._known["energies"] = thermo.energies(self._made(), self.world, self.lammps)
-        return self._known["energies"]
+        return self._once("energies", lambda: thermo.energies(self._made(), self.world, self.lammps))
+
+    def _once(self, name, make):
+        """What make() returned at this step, if it was called before."""
+        if self._known.get("step") != self.lammps.step:
+            self._known = {"step": self.lammps.step}
+        if name not in self._known:
+            self._known[name] = make()
+        return self._known[name]
 
     def _see_changed_velocities(self):
         if self.lammps.running and self._settled and not self._half:
@@ -116,10 +121,7 @@ class Reports:
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
         self._see_changed_velocities()
-        if "array" not in self._known:
-            rows = output.table(self._made(), self.lammps)
-            self._known["array"] = output.global_array(self.world.gather_to_all(rows))
-        return self._known["array"][i, j]
+        return self._once("array", lambda: output.global_array(self.world.gather_to_all(output.table(self._made(), self.lammps))))[i, j]
 
     @hook
     def write_restart_file(self, name):
@@ -133,4 +135,5 @@ class Reports:
     def _made(self):
         if self.bodies is None:
             raise RunError("there is nothing to tell of the bodies before the first run: 'run 0' makes them", everywhere=True)
+        self._catch_up()
         return self.bodies

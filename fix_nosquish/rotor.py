@@ -12,44 +12,47 @@ The free rotation is the palindrome 3,2,1,2,3 of these.  Principal moments are
 numbered I_1 >= I_2 >= I_3, so the smallest moment (the fastest axis) is outermost:
 for TIP3P water the reverse order has about ten times the energy error.
 
-Quaternions are tuples (scalar part first).  All functions are compiled, and inlined
-into the loops over bodies at the end, whose arrays are (components, bodies).
-(numba's cache notices a change in the file of a loop only: what a loop inlines
-stands in the same file.)
+Quaternions are tuples (scalar part first).  The functions are inlined into the
+loops of `kernels.py`; where `small` is true all angles are below SMALL, and the
+compiler advances several bodies at once.
 """
 
 from math import cos, sin, sqrt
 
-from numba import njit
+from .compiled import inlined
 
-compiled = njit(cache=True, nogil=True, error_model="numpy")
+SMALL = 0.5  # radians; sine and cosine of smaller angles are their power series
+
+# 1 / n!, with the signs of the series of sin(a) / a and of (1 - cos(a)) / a^2
+_S2, _S4, _S6, _S8, _S10, _S12 = -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800, 1 / 6227020800
+_C0, _C2, _C4, _C6, _C8, _C10, _C12 = 1 / 2, -1 / 24, 1 / 720, -1 / 40320, 1 / 3628800, -1 / 479001600, 1 / 87178291200
 
 
-@njit(inline="always")
+@inlined
 def permute_1(a):
     """P_1 a (2.18)."""
     return -a[1], a[0], a[3], -a[2]
 
 
-@njit(inline="always")
+@inlined
 def permute_2(a):
     """P_2 a (2.18)."""
     return -a[2], -a[3], a[0], a[1]
 
 
-@njit(inline="always")
+@inlined
 def permute_3(a):
     """P_3 a (2.18)."""
     return -a[3], a[2], -a[1], a[0]
 
 
-@njit(inline="always")
+@inlined
 def dot(a, b):
     """The product of two four-vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 
 
-@njit(inline="always")
+@inlined
 def mix(c, s, a, b):
     """c a + s b, for four-vectors."""
     return (
@@ -60,18 +63,29 @@ def mix(c, s, a, b):
     )
 
 
-@njit(inline="always")
-def sine_and_lost_cosine(angle):
+@inlined(contract=True)
+def series(a):
+    """sin(a) and 1 - cos(a), for |a| <= SMALL, each to an ulp."""
+    x = a * a
+    s = x * (_S2 + x * (_S4 + x * (_S6 + x * (_S8 + x * (_S10 + x * _S12)))))
+    c = x * (_C0 + x * (_C2 + x * (_C4 + x * (_C6 + x * (_C8 + x * (_C10 + x * _C12))))))
+    return a + a * s, c
+
+
+@inlined
+def sine_and_lost_cosine(angle, small):
     """sin(angle) and 1 - cos(angle).
 
     A rounded cosine and sine are together longer or shorter than 1, for one angle always in the same way:
     multiplied 10^7 times, lengths would change by up to 1e-9. Added as a change, they do not.
     """
+    if small:
+        return series(angle)
     s, c = sin(0.5 * angle), cos(0.5 * angle)
     return 2.0 * s * c, 2.0 * s * s
 
 
-@njit(inline="always")
+@inlined(contract=True)
 def turn(s, lost, a, b):
     """cos a + sin b, with lost = 1 - cos, for four-vectors."""
     return (
@@ -82,42 +96,32 @@ def turn(s, lost, a, b):
     )
 
 
-def _rotation(permute):
-    @njit(inline="always")
-    def rotate(q, p, moment, dt):
-        permuted = permute(q)
-        s, lost = sine_and_lost_cosine(dt * dot(p, permuted) / (4.0 * moment))
-        return turn(s, lost, q, permuted), turn(s, lost, p, permute(p))
-
-    return rotate
+@inlined
+def rotation(q, p, permuted_q, permuted_p, rate, dt, small):
+    """The motion under h_k alone for dt (2.56), from P_k q, P_k p and 1 / (4 I_k): new q and p."""
+    s, lost = sine_and_lost_cosine(dt * (rate * dot(p, permuted_q)), small)
+    return turn(s, lost, q, permuted_q), turn(s, lost, p, permuted_p)
 
 
-rotate_1 = _rotation(permute_1)
-rotate_2 = _rotation(permute_2)
-rotate_3 = _rotation(permute_3)
-
-
-@njit(inline="always")
-def free_rotor(q, p, moment_1, moment_2, moment_3, dt, mrot):
-    """Advance (q, p) by dt in mrot inner steps of eq. 2.53's rotor part.
-
-    Args:
-        q, p: quaternion and its conjugate momentum (tuples of 4).
-        moment_1, moment_2, moment_3: principal moments, none zero.
-        dt: the time step.  mrot: number of inner steps, at least 1.
-    """
-    inner = dt / mrot
-    half = 0.5 * inner
-    for _ in range(mrot):
-        q, p = rotate_3(q, p, moment_3, half)
-        q, p = rotate_2(q, p, moment_2, half)
-        q, p = rotate_1(q, p, moment_1, inner)
-        q, p = rotate_2(q, p, moment_2, half)
-        q, p = rotate_3(q, p, moment_3, half)
+@inlined
+def free_rotor(q, p, moment_1, moment_2, moment_3, dt, small):
+    """Advance (q, p) by dt with the rotor part of eq. 2.53; no moment is zero."""
+    rate_1, rate_2, rate_3, half = 0.25 / moment_1, 0.25 / moment_2, 0.25 / moment_3, 0.5 * dt
+    q, p = rotation(q, p, permute_3(q), permute_3(p), rate_3, half, small)
+    q, p = rotation(q, p, permute_2(q), permute_2(p), rate_2, half, small)
+    q, p = rotation(q, p, permute_1(q), permute_1(p), rate_1, dt, small)
+    q, p = rotation(q, p, permute_2(q), permute_2(p), rate_2, half, small)
+    q, p = rotation(q, p, permute_3(q), permute_3(p), rate_3, half, small)
     return q, p
 
 
-@njit(inline="always")
+@inlined
+def turns_little(p, moment, dt):
+    """Whether no angle of a rotation by dt can be above SMALL, with the least of the moments: |p . P_k q| <= |p|."""
+    return dt * dt * dot(p, p) <= (4.0 * SMALL * moment) ** 2
+
+
+@inlined
 def free_linear_rotor(q, p, moment, dt):
     """Advance a linear rotor (I_1 = I_2 = moment, I_3 = 0) exactly.
 
@@ -125,56 +129,13 @@ def free_linear_rotor(q, p, moment, dt):
     frame as well as in space, so h_1 + h_2 together are one rotation.
     """
     permuted_1, permuted_2 = permute_1(q), permute_2(q)
-    zeta_1 = dot(p, permuted_1) / (4.0 * moment)
-    zeta_2 = dot(p, permuted_2) / (4.0 * moment)
+    zeta_1, zeta_2 = 0.25 / moment * dot(p, permuted_1), 0.25 / moment * dot(p, permuted_2)
     zeta = sqrt(zeta_1 * zeta_1 + zeta_2 * zeta_2)
     if zeta > 0.0:
-        s, lost = sine_and_lost_cosine(dt * zeta)
+        s, lost = sine_and_lost_cosine(dt * zeta, False)
         s_1, s_2 = zeta_1 / zeta, zeta_2 / zeta
         q, p = (
             turn(s, lost, q, mix(s_1, s_2, permuted_1, permuted_2)),
             turn(s, lost, p, mix(s_1, s_2, permute_1(p), permute_2(p))),
         )
     return q, p
-
-
-@compiled
-def rotate(begin, end, q, p, moment, dt, mrot):
-    """Free rotation of three-dimensional and planar bodies by a whole step (2.53)."""
-    for b in range(begin, end):
-        qb, pb = free_rotor(
-            (q[0, b], q[1, b], q[2, b], q[3, b]),
-            (p[0, b], p[1, b], p[2, b], p[3, b]),
-            moment[0, b], moment[1, b], moment[2, b], dt, mrot,
-        )  # fmt: skip
-        for k in range(4):
-            q[k, b] = qb[k]
-            p[k, b] = pb[k]
-
-
-@compiled
-def rotate_in_plane(begin, end, q, p, moment, dt):
-    """Rotation of bodies that turn about their axis 3 only, as all do in two dimensions: h_3 alone, exact."""
-    for b in range(begin, end):
-        qb, pb = rotate_3(
-            (q[0, b], q[1, b], q[2, b], q[3, b]),
-            (p[0, b], p[1, b], p[2, b], p[3, b]),
-            moment[2, b], dt,
-        )  # fmt: skip
-        for k in range(4):
-            q[k, b] = qb[k]
-            p[k, b] = pb[k]
-
-
-@compiled
-def rotate_linear(begin, end, q, p, moment, dt):
-    """Free rotation of linear bodies by a whole step, exact."""
-    for b in range(begin, end):
-        qb, pb = free_linear_rotor(
-            (q[0, b], q[1, b], q[2, b], q[3, b]),
-            (p[0, b], p[1, b], p[2, b], p[3, b]),
-            moment[0, b], dt,
-        )  # fmt: skip
-        for k in range(4):
-            q[k, b] = qb[k]
-            p[k, b] = pb[k]

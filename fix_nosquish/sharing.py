@@ -5,15 +5,30 @@ sharing ranks send each other their partial force and torque and add the parts u
 the order of their ranks, so that all copies of a body stay equal to the last bit and
 no rank is the body's master.  Ghost atoms play no part.
 
-`Alone` is the world of a run on one rank: nothing is shared, nothing is imported.
+What a rank sends and keeps depends on its own bodies and on the ranks that share them,
+not on how many bodies or ranks there are: messages go to the ranks that they are for,
+and these learn that no more will come from a barrier (`World.deliver`).
+
+`Alone` is the world of a run on one rank: nothing is shared, mpi4py is not imported.
 `World` is the world of several ranks.  All methods of both are collective.
 """
 
+from itertools import count
+
+import ctypes
+
 import numpy as np
 
+from . import packing
 from .errors import RunError
 
-_IDENTITY = {np.add: 0.0, np.maximum: -np.inf, np.minimum: np.inf}
+_BITS = 32  # an atom's origin is rank << 32 | place
+_QUESTIONS, _ANSWERS, _PARTS = (0, 1), 2, 3  # tags of messages
+
+
+def origin(rank, places):
+    """The origins, int64, of atoms that have these places in a rank's list of bodies' atoms."""
+    return np.int64(rank << _BITS) | places
 
 
 class Alone:
@@ -40,32 +55,49 @@ class Alone:
 
     gather_to_all = share = gather
 
-    def follow(self, lost_tags, lost_rows, gained_tags, problem):
-        """As `World.follow`; here no atom can have gone or come."""
-        self.agree(problem(lost_tags, lost_rows, gained_tags))
+    def look_up(self, keys, values, wanted):
+        """As `World.look_up`; what this rank has it need not ask for."""
+        return np.full(len(wanted), -1)
 
-    def sharers(self, ids, partial):
-        """Who else holds the bodies `ids`; here nobody."""
+    def fetch(self, origins, lost, rows_of, problem):
+        """As `World.fetch`; no atom can have come."""
+        self.agree(problem(lost))
+        return rows_of(lost[:0])
+
+    def sharers(self, ids, partial, home):
+        """As `World.sharers`; nobody else holds bodies."""
         return Sharers.none(len(ids))
 
 
 class World:
-    """Several ranks, with LAMMPS's own communicator.
+    """Several ranks: LAMMPS's, with a communicator of our own, so that no message is taken for one of LAMMPS's.
 
     Args:
-        comm: the Fortran handle of the communicator, as LAMMPS's library gives it.
+        comm: the Fortran handle of LAMMPS's communicator, as its library gives it.
     """
+
+    _attribute = None  # under which LAMMPS's communicator keeps ours, and frees it when it is freed
 
     def __init__(self, comm):
         from mpi4py import MPI
 
-        self.mpi = MPI
-        self.comm = MPI.Comm.f2py(comm)
-        self.size, self.rank = self.comm.size, self.comm.rank
+        if World._attribute is None:
+            World._attribute = MPI.Comm.Create_keyval(delete_fn=lambda comm, key, ours: ours[0].Free())
+        theirs = MPI.Comm.f2py(comm)
+        if not theirs.Get_attr(World._attribute):
+            theirs.Set_attr(World._attribute, (theirs.Dup(), count()))
+        self.comm, self._rounds = theirs.Get_attr(World._attribute)
+        self.mpi, self.size, self.rank = MPI, self.comm.size, self.comm.rank
+        self._number, self._status = np.empty(1, np.int64), MPI.Status()
+
+    def _reduce(self, number, operation):
+        self._number[0] = number
+        self.comm.Allreduce(self.mpi.IN_PLACE, self._number, operation)
+        return int(self._number[0])
 
     def agree(self, problem):
         """End the run on all ranks, with the first rank's message, if any rank has a problem."""
-        first = self.comm.allreduce(self.rank if problem else self.size, op=self.mpi.MIN)
+        first = self._reduce(self.rank if problem else self.size, self.mpi.MIN)
         if first < self.size:
             raise RunError(self.comm.bcast(problem, root=first), everywhere=True)
 
@@ -77,7 +109,7 @@ class World:
 
     def any(self, flag):
         """Whether `flag` is true on any rank."""
-        return self.comm.allreduce(bool(flag), op=self.mpi.LOR)
+        return bool(self._reduce(bool(flag), self.mpi.MAX))
 
     def share(self, rows):
         """Rank 0's rows, for all ranks."""
@@ -96,134 +128,248 @@ class World:
         """End the run on all ranks, now."""
         self.comm.Abort(1)
 
-    def route(self, to, rows):
-        """Send each row to a rank.
+    def deliver(self, parts, dtype, sources=None):
+        """Send an array to each of some ranks: one message to each.
 
         Args:
-            to: (n,) the rank that each row is for.  rows: (n, width) of any dtype.
+            parts: dictionary from ranks to C-contiguous arrays.  dtype: theirs, int64 or float64, alike on all ranks.
+            sources: the ranks that send something to this one, if all ranks know theirs; else they are found out.
         Returns:
-            (sources, rows): the rank that each received row came from, in the order of
-            the ranks, and the rows.
+            dictionary from the ranks that sent something to this one, in their order, to flat arrays.
+        """
+        received = {}
+        send, tag = self.comm.Isend, _ANSWERS
+        if sources is None:
+            send, tag = self.comm.Issend, _QUESTIONS[next(self._rounds) % 2]
+        sent = [send(part, rank, tag) for rank, part in parts.items() if rank != self.rank]
+        if self.rank in parts:
+            received[self.rank] = parts[self.rank].ravel()
+
+        def receive(message):
+            part = received[self._status.source] = np.empty(self._status.Get_count(self.mpi.BYTE) // 8, dtype)
+            message.Recv(part)
+
+        if sources is not None:
+            for rank in sources:
+                if rank != self.rank:
+                    receive(self.comm.Mprobe(rank, tag, self._status))
+            self.mpi.Request.Waitall(sent)
+        else:
+            # A rank enters the barrier when all it sent is being received: when all have, there is nothing more to
+            # come.  Ranks ahead of this one may be in the next round by then, but not in the one after it: two tags do.
+            barrier = None
+            while not (barrier and barrier.Test()):
+                message = self.comm.Improbe(self.mpi.ANY_SOURCE, tag, self._status)
+                if message:
+                    receive(message)
+                elif not barrier and self.mpi.Request.Testall(sent):
+                    barrier = self.comm.Ibarrier()
+        return dict(sorted(received.items()))
+
+    def ask(self, to, questions, answer):
+        """Ask other ranks, and answer what they ask.
+
+        Args:
+            to: (m,) int64, the rank that is asked each question.  questions: (m,) int64.
+            answer: a function of the questions (k,) to this rank, which gives (k, width) numbers.
+        Returns:
+            (m, width) the answers to this rank's questions.
         """
         order = np.argsort(to, kind="stable")
-        width = rows.dtype.itemsize * rows.shape[1]
-        send = np.ascontiguousarray(rows[order])
-        counts = np.bincount(to, minlength=self.size)
-        incoming = np.empty_like(counts)
-        self.comm.Alltoall(counts, incoming)
-        received = np.empty((incoming.sum(), rows.shape[1]), rows.dtype)
-        row = self.mpi.BYTE.Create_contiguous(width).Commit()
-        self.comm.Alltoallv([send, counts, row], [received, incoming, row])
-        row.Free()
-        return np.repeat(np.arange(self.size), incoming), received
+        parts = _split(to[order], questions[order])
+        asked = self.deliver(parts, np.int64)
+        answers = np.ascontiguousarray(answer(_join(asked.values(), np.int64)))
+        end = 0
+        back = {rank: answers[end : (end := end + len(part))] for rank, part in asked.items()}
+        result = np.empty((len(to), answers.shape[1]), answers.dtype)
+        result[order] = _join(self.deliver(back, answers.dtype, parts).values(), answers.dtype).reshape(result.shape)
+        return result
 
-    def sharers(self, ids, partial):
-        """Find, through a directory spread over all ranks, who else holds the bodies `ids`.
+    def look_up(self, keys, values, wanted):
+        """Ask all ranks for values, through a directory that is spread over them.
 
         Args:
-            ids: (n,) body IDs, each once.
-            partial: (n,) bool, False for bodies that are known to be whole here.
+            keys: (n,) int64, each on one rank only.  values: (n,) int64.  wanted: (m,) keys.
+        Returns:
+            (m,) the values of these keys, -1 for a key that no rank has.
         """
-        candidates = np.flatnonzero(partial)
-        wanted = ids[candidates]
-        source, asked = self.route(wanted % self.size, wanted[:, None])
-        asked = asked[:, 0]
-        order = np.lexsort((source, asked))
-        asked, source = asked[order], source[order]
-        # every pair of different holders of one body, as (asks, body, holds)
-        count = np.unique(asked, return_counts=True)[1]
-        start = np.repeat(np.cumsum(count) - count, count)
-        mates = np.repeat(count, count)
-        asks = np.repeat(np.arange(len(asked)), mates)
-        within = np.arange(len(asks)) - np.repeat(np.cumsum(mates) - mates, mates)
-        holds = np.repeat(start, mates) + within
-        pairs = asks != holds
-        asks, holds = asks[pairs], holds[pairs]
-        _, answer = self.route(source[asks], np.stack([asked[asks], source[holds]], axis=1))
-        body, rank = answer[:, 0], answer[:, 1]
-        by_id = np.argsort(wanted)
-        place = candidates[by_id[np.searchsorted(wanted, body, sorter=by_id)]] if len(body) else body
-        partners = []
-        for partner in np.unique(rank):
-            mine = rank == partner
-            # both sides list their common bodies in the order of the bodies' IDs
-            partners.append((int(partner), place[mine][np.argsort(body[mine])]))
-        return Sharers(self, len(ids), partners)
+        order = np.argsort(keys % self.size, kind="stable")
+        told = self.deliver(_split((keys % self.size)[order], np.stack([keys, values], axis=1)[order]), np.int64)
+        known = dict(_join(told.values(), np.int64).reshape(-1, 2).tolist())
 
-    def follow(self, lost_tags, lost_rows, gained_tags, problem):
+        def answer(asked):
+            return np.array([known.get(key, -1) for key in asked.tolist()], np.int64)[:, None]
+
+        return self.ask(wanted % self.size, wanted, answer)[:, 0]
+
+    def fetch(self, origins, lost, rows_of, problem):
         """Bring each gained atom what the rank that lost it knew of it.
 
-        Lost and gained atoms meet at a rank that their tag determines.
+        Args:
+            origins: (m,) int64, where each atom gained was before: a rank, not this one, and the atom's place there.
+            lost: (k,) places of atoms that this rank no longer has.
+            rows_of: a function of (n,) places that gives (n, width) float64, what goes with these atoms.
+            problem: a function of the places of atoms that no rank gained, whose message (None for none)
+                ends the run on all ranks.
+        Returns:
+            (m, width) rows, in the order of origins.
+        """
+
+        def answer(places):
+            # an atom is on one rank: if as many are asked for as are lost, they are the same
+            self.agree(problem(lost[:0] if len(places) == len(lost) else np.setdiff1d(lost, places)))
+            return rows_of(places)
+
+        return self.ask(origins >> _BITS, origins & ((1 << _BITS) - 1), answer)
+
+    def sharers(self, ids, partial, home):
+        """Find who else holds the bodies `ids`.
 
         Args:
-            lost_tags: (n,) tags of atoms that this rank no longer owns.
-            lost_rows: (n, width) float64, what goes with each.
-            gained_tags: (m,) tags of atoms that this rank now owns, and did not before.
-            problem: a function of the tags and rows of atoms that no rank gained and of the tags of
-                atoms that no rank lost, whose message (None for none) ends the run.
-        Returns:
-            (m, width) rows, in the order of gained_tags.
+            ids: (n,) int64 body IDs, each once.
+            partial: (n,) bool, False for bodies that are known to be whole here.
+            home: (n,) int64, the rank at which all holders of each body meet: any on which they agree.
         """
-        _, rows = self.route(
-            lost_tags % self.size, np.concatenate([lost_tags[:, None].astype(float), lost_rows], axis=1)
-        )
-        source, asked = self.route(gained_tags % self.size, gained_tags[:, None])
-        tags = rows[:, 0].astype(np.int64)
-        rows, tags = rows[np.argsort(tags)], np.sort(tags)
-        asked = asked[:, 0]
-        missing = ~np.isin(tags, asked)
-        self.agree(problem(tags[missing], rows[missing, 1:], np.setdiff1d(asked, tags)))
-        _, rows = self.route(source, rows[np.searchsorted(tags, asked)])
-        order = np.argsort(rows[:, 0])
-        back = np.empty(len(gained_tags), np.int64)
-        back[np.argsort(gained_tags)] = order
-        return rows[back, 1:]
+        # in an order on which two holders of the same bodies agree
+        places = np.flatnonzero(partial)
+        places = places[np.lexsort((ids[places], home[places]))]
+        questions = _split(home[places], ids[places])
+        answers = self.deliver(_holders(self.deliver(questions, np.int64)), np.int64, questions)
+        # the answer to the questions of one rank: how many hold each body, then who
+        many = _join((answers[rank][: len(part)] for rank, part in questions.items()), np.int64)
+        ranks = _join((answers[rank][len(part) :] for rank, part in questions.items()), np.int64)
+        return Sharers(self, len(ids), places, many, ranks)
+
+
+def _split(keys, rows):
+    """The rows of each key, a dictionary; keys are sorted."""
+    bounds = [0, *(np.flatnonzero(keys[1:] != keys[:-1]) + 1).tolist(), len(keys)]
+    return {int(keys[a]): rows[a:b] for a, b in zip(bounds, bounds[1:]) if a < b}
+
+
+def _join(parts, dtype):
+    """One flat array after the other."""
+    return np.concatenate([np.empty(0, dtype), *parts])
+
+
+def _holders(asked):
+    """What to answer ranks (keys) that ask who holds bodies: how many ranks each of these bodies, then which, body by body."""
+    ids = _join(asked.values(), np.int64)
+    ranks = np.repeat(np.array([*asked], np.int64), [len(part) for part in asked.values()])
+    order = np.argsort(ids, kind="stable")
+    first, many = np.empty((2, len(ids)), np.int64)
+    listed = np.empty(packing.meet(ids, order, first, many), np.int64)
+    packing.list_all(ranks, order, first, many, listed)
+    answers, begin, last = {}, 0, 0
+    for rank, part in asked.items():
+        count = many[begin : (begin := begin + len(part))]
+        answers[rank] = np.concatenate([count, listed[last : (last := last + count.sum())]])
+    return answers
 
 
 class Sharers:
     """The bodies of this rank that other ranks hold too.
 
+    Args:
+        world: the `World` or `Alone`.
+        n: number of bodies on this rank.
+        places: (k,) the places of those that may be shared, in an order on which holders of the same bodies agree.
+        many: (k,) how many ranks hold each.  ranks: (sum of many,) who, body by body, in the order of the ranks.
+
     Attributes:
         bodies: (m,) places of the shared bodies in this rank's list of bodies.
         owned: (n,) bool, whether this rank is the lowest of those that hold the body:
             what has to be counted once is counted there.
+        home: (n,) that lowest rank.
     """
 
-    def __init__(self, world, bodies, partners):
-        self.world, self.partners = world, partners
-        self.bodies = np.unique(np.concatenate([held for _, held in partners])) if partners else np.empty(0, int)
-        self.owned = np.ones(bodies, bool)
-        for rank, held in partners:
-            if rank < world.rank:
-                self.owned[held] = False
-        # what this rank sends and receives, and where each part is added, in the order of the ranks
-        mine = [(world.rank, self.bodies)] if partners else []
-        self._order = [(rank, np.searchsorted(self.bodies, held)) for rank, held in sorted(mine + partners, key=lambda p: p[0])]
+    def __init__(self, world, n, places, many, ranks):
+        self.home = np.full(n, world.rank)
+        partners, counts, self._source, sent = np.empty((4, len(ranks)), np.int64)
+        bodies, self._first = np.empty(len(places), np.int64), np.zeros(len(places) + 1, np.int64)
+        sizes = np.empty(2, np.int64)
+        packing.connect(places, many, ranks, world.rank, self.home, partners, counts, bodies, self._first, self._source, sent, sizes)
+        shared, others = sizes.tolist()
+        self.bodies, self.owned = bodies[:shared], self.home == world.rank
+        self._partners, self._counts = partners[:others].tolist(), counts[:others].tolist()
+        self._sent = sent[: sum(self._counts)]
+        self._world, self._values, self._links = world, None, {}
 
     @classmethod
-    def none(cls, bodies):
+    def none(cls, n):
         """No body is shared."""
-        return cls(Alone(), bodies, [])
+        none = np.empty(0, np.int64)
+        return cls(Alone(), n, none, none, none)
 
     def combine(self, values, operation=np.add):
         """Combine the ranks' parts of shared bodies, in place: one exchange.
 
         Args:
-            values: (components, n) this rank's parts; bodies that are not shared stay as they are.
+            values: (components, n) float64, contiguous: this rank's parts; bodies that are not shared stay as they are.
             operation: numpy.add, maximum or minimum.
         """
-        if not self.partners:
+        if not len(self.bodies):
             return
-        mine = np.ascontiguousarray(values[:, self.bodies])
-        comm = self.world.comm
-        received, requests = {self.world.rank: mine}, []
-        for rank, held in self.partners:
-            received[rank] = np.empty((len(values), len(held)))
-            requests.append(comm.Irecv(received[rank], rank))
-        for rank, held in self.partners:
-            requests.append(comm.Isend(np.ascontiguousarray(values[:, held]), rank))
-        self.world.mpi.Request.Waitall(requests)
-        total = np.full_like(mine, _IDENTITY[operation])
-        for rank, place in self._order:
-            total[:, place] = operation(total[:, place], received[rank])
-        values[:, self.bodies] = total
+        if values is not self._values:
+            self._bind(values)
+        self._pack()
+        self._link.exchange()
+        if operation is np.add:
+            self._add()
+        else:
+            parts = np.concatenate([self._link.received.reshape(-1, len(values)).T, values[:, self.bodies]], axis=1)
+            first = self._first[: len(self.bodies) + 1]
+            source, own = self._source[: first[-1]], len(self._sent) + np.repeat(np.arange(len(self.bodies)), np.diff(first))
+            values[:, self.bodies] = operation.reduceat(parts[:, np.where(source < 0, own, source)], first[:-1], axis=1)
+
+    def passes(self, values):
+        """`combine(values)` as passes, for others to do in this order: loops, and the exchange between them; no pass if nothing is shared."""
+        if not len(self.bodies):
+            return []
+        if values is not self._values:
+            self._bind(values)
+        return [self._pack, self._link, self._add]
+
+    def _bind(self, values):
+        rows = len(values)
+        if rows not in self._links:
+            self._links[rows] = _Link(self._world, rows, self._partners, self._counts)
+        self._values, self._link = values, self._links[rows]
+        self._pack = packing.pack.bind(values, self._sent, self._link.sent)
+        self._add = packing.add.bind(values, self.bodies, self._first, self._source, self._link.received)
+
+
+class _Link:
+    """A connection to other ranks that carries the same amount of numbers each time.
+
+    Args:
+        world: the `World`.
+        rows: how many numbers go with each body.
+        partners: the other ranks.  counts: how many bodies are shared with each.
+
+    Attributes:
+        sent, received: the numbers, flat, rank by rank.
+        requests: the persistent requests.
+    """
+
+    def __init__(self, world, rows, partners, counts):
+        self.sent, self.received = np.empty((2, rows * sum(counts)))
+        self._mpi, self.requests, end = world.mpi, [], 0
+        for rank, count in zip(partners, counts):
+            part = slice(end, end := end + rows * count)
+            self.requests.append(world.comm.Recv_init(self.received[part], rank, _PARTS))
+            self.requests.append(world.comm.Send_init(self.sent[part], rank, _PARTS))
+
+    def exchange(self):
+        """Send what stands in `sent` and fill `received`."""
+        self._mpi.Prequest.Startall(self.requests)
+        self._mpi.Request.Waitall(self.requests)
+
+    def handles(self):
+        """The requests as MPI has them, one after the other, in a buffer."""
+        return ctypes.create_string_buffer(b"".join(ctypes.string_at(self._mpi._addressof(one), self._mpi._sizeof(one)) for one in self.requests))
+
+    def __del__(self):
+        if not self._mpi.Is_finalized():
+            for request in self.requests:
+                request.Free()

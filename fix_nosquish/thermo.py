@@ -82,6 +82,8 @@ def summary(nve, notes, virial):
         (nve.late, f"velocities that {' '.join(fix.id for fix in nve.late)} may change, at the end of a step", ""),
         (command.output, f"table of the bodies every {command.output and command.output[0]} steps", ""),
         (shared, f"exchange of {shared} bodies shared between ranks", "no body shared between ranks"),
+        (nve.velocities_every, "velocities of the atoms every " + " and ".join(str(n) for n in nve.velocities_every) + " steps and with output",
+         "velocities of the atoms on steps without output"),
         (nve.half_step_velocities, "velocities at the half step", "no reader of velocities at the half step"),
         (virial, "constraint virial on steps that need it", "no virial requested"),
     ):

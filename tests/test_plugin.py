@@ -390,6 +390,62 @@ class Counting(NVE):
 """
 
 
+# Notes half of its atoms in an order of its own, and compares where they came from with a table of who noted what.
+FOLLOWER = """
+import numpy as np
+
+class Follower(Counting):
+    follows_atoms = True
+    noted = moved = sorted = 0
+    table = {}
+
+    def post_neighbor(self):
+        n, me = self.lmp.extract_global("nlocal"), self.world.rank
+        tags = self.lmp.numpy.extract_atom("id")[:n].tolist() if n else []
+        origins = self.host.origins(None, self.world)
+        assert origins.dtype == np.int64 and origins.shape == (n,)
+        for i, (tag, origin) in enumerate(zip(tags, origins.tolist())):
+            rank, place = divmod(origin, 2**32)
+            assert self.table.get((rank, place)) == (tag if origin >= 0 else None), f"atom {tag}: origin {rank} {place}"
+            assert origin >= 0 or tag not in self.table.values(), f"atom {tag} has lost its origin"
+            self.moved += origin >= 0 and rank != me
+            self.sorted += origin >= 0 and rank == me and self.index[place] != i
+        self.noted += 1
+        self.index = np.random.default_rng(self.noted).permutation(np.flatnonzero(np.array(tags, int) % 2 == self.noted % 2)).astype(np.int32)
+        self.host.note(None, self.world, self.index)
+        mine = {(me, place): tags[i] for place, i in enumerate(self.index)}
+        self.table = {key: tag for part in self.world.allgather(mine) for key, tag in part.items()}
+
+    def post_run(self):
+        counts = self.world.allreduce(np.array([self.moved, self.sorted])).tolist()
+        self.host.log("FOLLOWED {} {}\\n".format(*counts))
+        self.moved = self.sorted = 0
+
+class Watcher(Follower):
+    def initial_integrate(self, vflag):
+        pass
+
+    def final_integrate(self):
+        pass
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_follows_atoms(run_lammps, ranks):
+    """Locks out an origin that stays behind, or goes to another atom, when LAMMPS sorts atoms, sends them to other
+    ranks (bricks, tiles), grows its arrays, deletes atoms or creates new ones, which have none."""
+    both = 'fix 0 all python/move "mover.Watcher"\nfix 1 all python/move "mover.Follower"'
+    script = "atom_modify sort 7 1.0\n" + MELT.format(fix=both, steps=20) + (
+        "region hole block 0 2 0 2 0 2\ndelete_atoms region hole compress no\nrun 10\n"
+        "region core block 0.3 1.7 0.3 1.7 0.3 1.7\ncreate_atoms 1 region core\nrun 10\n"
+        "unfix 0\ncomm_style tiled\nbalance 1.0 rcb\nrun 20\n"
+    )  # fmt: skip
+    log = run_lammps(script, files={"mover.py": MOVER + COUNTING + FOLLOWER}, ranks=ranks).log
+    counts = np.array([line.split() for line in tagged(log, "FOLLOWED")], int)
+    assert len(counts) == 3 + 3 + 1  # runs of the two fixes, and of one
+    assert (counts[[0, 1, -1], 0] > 0).all() == (ranks > 1) and (counts[:, 1] > 0).all()
+
+
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_respa(run_lammps, ranks):
     """Locks out respa hooks that are called at the wrong level or moment, and an end_of_step that misses the

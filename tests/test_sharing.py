@@ -5,6 +5,7 @@ This file is also the script that the ranks run.
 
 import subprocess
 import sys
+import time
 
 import numpy as np
 import pytest
@@ -26,13 +27,15 @@ def check_combine(world):
     """Sharers.combine equals the parts added up in the order of the ranks; one rank owns each body."""
     for rng, ids, holds, parts in scenes(world.size):
         mine = np.random.default_rng(world.rank).permutation(np.flatnonzero(holds[:, world.rank]))
-        # a rank that knows its body to be whole does not ask for sharers
+        # a rank that knows its body to be whole does not ask for sharers; where holders meet does not matter
         partial = ~(holds[mine].sum(axis=1) == 1) | (rng.random() < 0.5)
-        sharers = world.sharers(ids[mine], partial)
+        home = rng.integers(0, world.size, len(ids))
+        sharers = world.sharers(ids[mine], partial, home[mine])
         shared = np.flatnonzero(holds[mine].sum(axis=1) > 1)
-        assert np.array_equal(sharers.bodies, shared)
-        assert np.array_equal(sharers.owned, holds[mine].argmax(axis=1) == world.rank)
-        for operation, none in (np.add, 0.0), (np.maximum, -np.inf), (np.minimum, np.inf):
+        assert np.array_equal(np.sort(sharers.bodies), shared)
+        assert np.array_equal(sharers.home, holds[mine].argmax(axis=1))
+        assert np.array_equal(sharers.owned, sharers.home == world.rank)
+        for operation, none in (np.add, 0.0), (np.maximum, -np.inf), (np.minimum, np.inf), (np.add, 0.0):
             want = np.full(parts.shape[1:], none)
             for r in range(world.size):
                 want = operation(want, np.where(holds[:, r], parts[r], none))
@@ -44,40 +47,94 @@ def check_combine(world):
                 assert len({copy[body] for copy in copies if body in copy}) == holds[k].any()
 
 
-def check_follow(world):
-    """World.follow gives each atom's new rank the row of its old one, for atoms in any order."""
+def check_next_step(world):
+    """Sharers.combine does the same with the next step's parts, with other arrays and numbers of rows in between."""
+    holds = np.random.default_rng(3).random((9, world.size)) < 0.7
+    mine = np.flatnonzero(holds[:, world.rank])
+    sharers = world.sharers(mine, np.ones(len(mine), bool), mine % world.size)
+    load = np.empty((6, len(mine)))
+    for step in range(3):
+        for array in load, np.empty((2, len(mine))), load:
+            array[:] = 10.0**step * (world.rank + 1) + np.arange(len(array))[:, None]
+            sharers.combine(array)
+            ranks = holds[mine] @ (np.arange(world.size) + 1.0)
+            want = 10.0**step * ranks + np.arange(len(array))[:, None] * holds[mine].sum(axis=1)
+            assert np.array_equal(array, want)
+
+
+def check_deliver(world):
+    """World.deliver brings every array to its rank, when ranks are at different rounds of it, too."""
+    for k, (rng, *_) in enumerate(scenes(world.size)):
+        size = rng.choice([0, 0, 1, 300, 30000], (world.size, world.size))  # from, to
+        parts = {r: np.arange(n) + 0.1 * world.rank + 0.01 * r for r, n in enumerate(size[world.rank]) if n}
+        if k % world.size == world.rank:
+            time.sleep(0.002)  # the others are ahead
+        got = world.deliver(parts, float)
+        assert list(got) == np.flatnonzero(size[:, world.rank]).tolist()
+        for r, part in got.items():
+            assert np.array_equal(part, np.arange(size[r, world.rank]) + 0.1 * r + 0.01 * world.rank)
+
+
+def check_look_up(world):
+    """World.look_up gives the values of keys that any rank has, and -1 for others."""
     for rng, *_ in scenes(world.size):
         n = int(rng.choice([0, 3, 300]))
-        tags = rng.choice(10**9, n, replace=False) + 1
-        rows = rng.normal(size=(n, 4))
+        keys, values = rng.choice(10**9, n, replace=False), rng.integers(0, 10**6, n)
+        mine = rng.integers(0, world.size, n) == world.rank
+        ask = np.random.default_rng(world.rank).permutation(np.concatenate([keys, 10**9 + np.arange(5)]))
+        known = dict(zip(keys.tolist(), values.tolist()))
+        assert world.look_up(keys[mine], values[mine], ask).tolist() == [known.get(key, -1) for key in ask.tolist()]
+
+
+def check_fetch(world):
+    """World.fetch gives each atom's new rank the row of its old one, for atoms in any order."""
+    from fix_nosquish.sharing import origin
+
+    for rng, *_ in scenes(world.size):
+        n = int(rng.choice([0, 3, 300]))
         old, new = rng.integers(0, world.size, (2, n))
-        shuffle = np.random.default_rng(world.rank).permutation(n)
-        lost = shuffle[(old == world.rank)[shuffle] & (new != world.rank)[shuffle]]
-        gained = shuffle[::-1][(new == world.rank)[shuffle[::-1]] & (old != world.rank)[shuffle[::-1]]]
-        got = world.follow(tags[lost], rows[lost], tags[gained], lambda gone, known, come: None)
+        place = np.empty(n, int)  # of each atom in the list of its old rank
+        for r in range(world.size):
+            place[old == r] = rng.permutation(np.count_nonzero(old == r))
+        rows = rng.normal(size=(n, 4))
+        there = rows[old == world.rank][np.argsort(place[old == world.rank])]
+        lost = place[(old == world.rank) & (new != world.rank)]
+        gained = np.random.default_rng(world.rank).permutation(np.flatnonzero((new == world.rank) & (old != world.rank)))
+        origins = np.array([origin(r, p) for r, p in zip(old[gained], place[gained])], np.int64)
+        got = world.fetch(origins, lost, lambda places: there[places], lambda missing: f"{missing}" if len(missing) else None)
         assert np.array_equal(got, rows[gained])
 
 
 def check_atoms_lost(world):
-    """World.follow tells of atoms that nobody has, and of new ones, and ends the run on all ranks alike."""
+    """World.fetch tells of atoms that nobody has, and ends the run on all ranks alike."""
     from fix_nosquish.errors import RunError
+    from fix_nosquish.sharing import origin
 
-    last = world.rank == world.size - 1
-    for lost, gained in ([7], []), ([], [7]):
-        lost, gained = (np.array(tags if last else [], np.int64) for tags in (lost, gained))
+    last = world.size - 1
+    origins = np.array([origin(last, 5)] if world.rank == 0 else [], np.int64)
+    lost = np.array([3, 5, 7] if world.rank == last else [], np.int64)
+    try:
+        world.fetch(origins, lost, lambda places: np.zeros((len(places), 2)), lambda missing: f"gone {missing}" if len(missing) else None)
+        raise AssertionError("no error")
+    except RunError as error:
+        assert error.everywhere and str(error) == "gone [3 7]"
 
-        def problem(gone, known, come):
-            if len(gone):
-                return f"gone {gone} {known}"
-            return f"come {come}" if len(come) else None
 
-        try:
-            world.follow(lost, np.full((len(lost), 2), 0.5), gained, problem)
-            text = "no error"
-        except RunError as error:
-            assert error.everywhere
-            text = str(error)
-        assert set(world.comm.allgather(text)) <= {"gone [7] [[0.5 0.5]]", "come [7]"}, text
+def check_one_communicator(world):
+    """All worlds of one communicator of LAMMPS use one of ours, which is freed with it, and none of its messages is theirs."""
+    from mpi4py import MPI
+
+    from fix_nosquish.sharing import World
+
+    lammps = MPI.COMM_WORLD.Dup()
+    first, second = World(lammps.py2f()), World(lammps.py2f())
+    assert first.comm == second.comm and first.comm != lammps
+    lammps.Free()
+    assert first.comm == MPI.COMM_NULL  # else a library that makes and ends many LAMMPS runs out of communicators
+    theirs = MPI.COMM_WORLD.isend("LAMMPS's", (world.rank + 1) % world.size)
+    assert not world.deliver({}, float)
+    assert MPI.COMM_WORLD.recv() == "LAMMPS's"
+    theirs.wait()
 
 
 def check_agree(world):
@@ -123,8 +180,8 @@ def test_one_rank_needs_no_mpi4py(run_lammps):
         "        def __init__(self, ptr):\n            self.__dict__['ours'] = made(ptr)\n"
         "        def __getattr__(self, attribute):\n            return getattr(self.ours, attribute)\n"
         "        def __setattr__(self, attribute, value):\n            setattr(self.ours, attribute, value)\n"
-        "        def final_integrate(self):\n"
-        "            self.ours.final_integrate()\n"
+        "        def post_run(self):\n"
+        "            self.ours.post_run()\n"
         "            print('MPI4PY', 'mpi4py' in sys.modules, flush=True)\n"
         "    return Watched\n"
     )
@@ -135,7 +192,7 @@ def test_one_rank_needs_no_mpi4py(run_lammps):
         'fix 1 all python/move "watched.NVE all molecule"\nrun 2\n'
     )
     run = run_lammps(script, files={"watched.py": watch})
-    assert run.screen.count("MPI4PY False") == 2, run.screen
+    assert run.screen.count("MPI4PY False") == 1, run.screen
 
 
 if __name__ == "__main__":

@@ -9,6 +9,13 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
     figures, report       from numbers to PNG, CSV, JSON and HTML
     __main__, console     command line, progress and table in the terminal
 
+    bench                 a verb: what is measured, kept, and not measured again; it uses
+    rounds, passes        runs timed in turn; the optional passes of a step
+    startup, bandwidth    what a start costs; what the memory allows
+    counting              messages
+    goals                 what is to be reached, as data
+    bench_figures, bench_report
+
 A new scene is an entry in ``scenes.py``, a new integrator one in
 ``integrators.py``; a new verb is a module beside ``compare.py``.
 """

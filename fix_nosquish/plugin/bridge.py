@@ -10,8 +10,8 @@ import os
 import sys
 import traceback
 from ctypes import (
-    CFUNCTYPE, POINTER, PYFUNCTYPE, Structure, byref, c_char, c_char_p, c_double, c_int, c_int32,
-    c_int64, c_void_p, memset, py_object, pythonapi, sizeof,
+    CFUNCTYPE, POINTER, PYFUNCTYPE, Structure, addressof, byref, c_char, c_char_p, c_double, c_int, c_int32,
+    c_int64, c_void_p, cast, memset, py_object, pythonapi, sizeof,
 )  # fmt: skip
 
 from ..errors import RunError
@@ -58,7 +58,28 @@ class FixFacts(Structure):
         ("between", c_int32),
         ("end_of_step", c_int32),
         ("nevery", c_int32),
+        ("final_integrate", c_int32),
+        ("box_change", c_int32),
     ]
+
+
+class Pass(Structure):
+    """struct Pass of python_move.cpp."""
+
+    _fields_ = [("loop", c_void_p), ("slots", c_void_p), ("requests", c_void_p), ("nrequests", c_int32)]
+
+
+def passes(each):
+    """An array of `Pass` for C, and what has to live as long; see `Host.go_alone`."""
+    array, kept = (Pass * (len(each) + 1))(), []
+    for entry, one in zip(array, each):
+        if hasattr(one, "handles"):
+            handles = one.handles()
+            entry.requests, entry.nrequests = addressof(handles), len(one.requests)
+            kept.append(handles)
+        else:
+            entry.loop, entry.slots = cast(one.func, c_void_p).value, addressof(one.args[0])
+    return array, (each, kept)
 
 
 class Bridge(Structure):
@@ -71,6 +92,7 @@ class Bridge(Structure):
         ("wants_virial_per_atom", c_int32),
         ("writes_restart_file", c_int32),
         ("rigid", c_int32),
+        ("follows_atoms", c_int32),
         ("vector_size", c_int32),
         ("array_columns", c_int32),
         ("array_rows", c_int32),  # -1: not known from the start
@@ -85,10 +107,19 @@ class Bridge(Structure):
         ("virial", POINTER(c_double)),
         ("virial_per_atom", POINTER(c_double)),
         ("natoms", c_int32),  # -1 while LAMMPS asks for no virial per atom
+        ("next_output", POINTER(c_int64)),
+        ("may_wait", c_int32),
+        ("look_every", c_int32),
+        ("waiting", c_int32),
+        ("step", POINTER(Pass)),
+        ("neighbor", POINTER(Pass)),
         ("log", CFUNCTYPE(None, c_void_p, c_char_p)),
         ("nth_fix", CFUNCTYPE(c_int, c_void_p, c_int, POINTER(FixFacts))),
         ("ghost_velocity", CFUNCTYPE(c_int, c_void_p)),
         ("set_array_rows", CFUNCTYPE(None, c_void_p, c_int)),
+        ("note", CFUNCTYPE(None, c_void_p, c_int, c_void_p)),
+        ("keep", CFUNCTYPE(None, c_void_p)),
+        ("origins", CFUNCTYPE(c_int, c_void_p, POINTER(c_void_p))),
         *HOOKS.items(),
         ("release", CFUNCTYPE(None, c_void_p)),
         ("message", c_char * 4096),
@@ -101,7 +132,7 @@ class Bridge(Structure):
             if facts.id is not None:  # not this fix itself
                 yield (facts.id.decode(), facts.style.decode(), facts.groupbit,
                        bool(facts.time_integrate), bool(facts.between),
-                       bool(facts.end_of_step), facts.nevery)  # fmt: skip
+                       bool(facts.end_of_step), facts.nevery, bool(facts.final_integrate), bool(facts.box_change))  # fmt: skip
             n += 1
 
     def failed(self, problem):
@@ -178,7 +209,7 @@ def _construct(bridge):
 
 
 def _announce(bridge, instance):
-    """Note what LAMMPS must know of the instance from the start: its restart file, vector and array."""
+    """Note what LAMMPS must know of the instance from the start, such as the size of its vector and array."""
 
     def has(method):
         return callable(getattr(instance, method, None))
@@ -186,6 +217,7 @@ def _announce(bridge, instance):
     if has("write_restart_file"):
         bridge.writes_restart_file = bool(getattr(instance, "restart_file", False))
     bridge.rigid = bool(getattr(instance, "rigid_flag", False))
+    bridge.follows_atoms = bool(getattr(instance, "follows_atoms", False))
     if has("compute_vector"):
         extensive = tuple(map(bool, instance.vector_extensive))
         bridge.vector_size = len(extensive)

@@ -1,6 +1,9 @@
 """What a class can ask of the fix that drives it."""
 
+from ctypes import POINTER, byref, c_int64, c_void_p, cast
 from typing import NamedTuple
+
+import numpy as np
 
 
 class OtherFix(NamedTuple):
@@ -13,6 +16,8 @@ class OtherFix(NamedTuple):
     between: bool  # it is called between initial_integrate and final_integrate
     end_of_step: bool  # it is called at the end of every nevery-th step
     nevery: int
+    final_integrate: bool  # it is called where final_integrate is
+    box_change: bool  # it changes the box
 
 
 class Host:
@@ -27,6 +32,7 @@ class Host:
         self.fix_id = bridge.fix_id.decode()
         self.group = bridge.group.decode()
         self._bridge = bridge
+        self._next_output = bridge.next_output.contents
 
     def log(self, text):
         """Print text on LAMMPS's screen and in its log file; ranks other than 0 print nothing."""
@@ -35,6 +41,11 @@ class Host:
     def fixes(self):
         """List all other fixes, as OtherFix, in the order in which LAMMPS calls them."""
         return [OtherFix(*facts) for facts in self._bridge.other_fixes()]
+
+    @property
+    def next_output(self):
+        """The next step for which LAMMPS writes something: thermodynamics, a dump or a restart file."""
+        return self._next_output.value
 
     @property
     def ghost_velocity(self):
@@ -62,3 +73,61 @@ class Host:
         Without that attribute the number counts as variable, which fix ave/time does not accept.
         """
         self._bridge.set_array_rows(self._bridge.fix, int(n))
+
+    @property
+    def waiting(self):
+        """Whether the end of the last step waits for the next one (see ``go_alone``); set it to False when it is done."""
+        return bool(self._bridge.waiting)
+
+    @waiting.setter
+    def waiting(self, value):
+        self._bridge.waiting = value
+
+    def go_alone(self, look_every, step, neighbor):
+        """Have the fix leave out calls of this class from now on, until ``call_always``.
+
+        final_integrate is not called on steps without output, virial and multiples of look_every (0: of none); the fix then
+        is ``waiting``, and the next initial_integrate has to do both.
+
+        Args:
+            step: passes that the fix does instead of such an initial_integrate, or None; each a loop that is bound (see
+                `compiled.Loop.bind`), which returns 0 if all is well (if not, the class is called), or an exchange (see
+                `sharing.Sharers.passes`).
+            neighbor: the same instead of post_neighbor, as long as LAMMPS's arrays and box stay as they are, or None.
+        """
+        from .bridge import passes
+
+        bridge, self._passes = self._bridge, [each and passes(each) for each in (step, neighbor)]
+        bridge.step, bridge.neighbor = (each and cast(each[0], type(bridge.step)) for each in self._passes)
+        self._bridge.keep(self._bridge.fix)
+        self._bridge.may_wait, self._bridge.look_every = True, look_every
+
+    def call_always(self):
+        """Have the fix call every method of the class again."""
+        self._bridge.may_wait, self._bridge.step, self._bridge.neighbor = False, None, None
+
+    def note(self, lammps, world, index):
+        """Have LAMMPS take along with each of these atoms, wherever it moves them, where it is now.
+
+        The class asks for it with an attribute ``follows_atoms``, true when the instance is made.
+
+        Args:
+            index: (m,) int32, contiguous: indices of atoms of this rank, places 0 to m - 1 of a list; of other
+                atoms nothing is noted.
+        Raises:
+            AttributeError: if the class has not asked for it.
+        """
+        if not self._bridge.follows_atoms:
+            raise AttributeError("note() is for classes with an attribute follows_atoms, true when the instance is made")
+        self._bridge.note(self._bridge.fix, len(index), index.ctypes.data)
+
+    def origins(self, lammps, world):
+        """Where the atoms of this rank were when ``note`` was last called.
+
+        Returns:
+            (natoms,) int64, rank << 32 | place for an atom that was in that rank's list, -1 for another one:
+            a view, of use until LAMMPS moves atoms.
+        """
+        address = c_void_p()
+        n = self._bridge.origins(self._bridge.fix, byref(address))
+        return np.ctypeslib.as_array(cast(address, POINTER(c_int64)), (n,))

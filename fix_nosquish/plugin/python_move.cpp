@@ -10,12 +10,14 @@
 
 #include "atom.h"
 #include "comm.h"
+#include "domain.h"
 #include "error.h"
 #include "fix.h"
 #include "group.h"
 #include "library.h"
 #include "memory.h"
 #include "modify.h"
+#include "output.h"
 #include "universe.h"
 #include "update.h"
 
@@ -131,6 +133,17 @@ struct FixFacts {
   int32_t between;    // called between initial_integrate and final_integrate
   int32_t end_of_step;
   int32_t nevery;
+  int32_t final_integrate;
+  int32_t box_change;
+};
+
+// Compiled loops that Python has bound to their arguments, and exchanges with other ranks.
+
+struct Pass {
+  int64_t (*loop)(const int64_t *);    // returns 0 if all is well; null for an exchange
+  const int64_t *slots;
+  MPI_Request *requests;    // persistent; null after the last pass
+  int32_t nrequests;
 };
 
 struct Bridge {
@@ -142,6 +155,7 @@ struct Bridge {
   int32_t wants_virial_per_atom;    // it fills in virial_per_atom
   int32_t writes_restart_file;
   int32_t rigid;                    // it is a rigid fix to those that ask for the bodies
+  int32_t follows_atoms;            // it asks where its atoms were
   int32_t vector_size;
   int32_t array_columns;
   int32_t array_rows;    // -1: not known from the start
@@ -155,11 +169,21 @@ struct Bridge {
   double *virial;
   double *virial_per_atom;    // (natoms, 6)
   int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
+  const int64_t *next_output;    // the step of the next output
+  // set by Python: what goes without it
+  int32_t may_wait;           // the end of a step may wait for the next step
+  int32_t look_every;         // but not where its number is a multiple of this (0: of none)
+  int32_t waiting;            // it does
+  const Pass *step;           // instead of initial_integrate, after a step that waits; null if Python must
+  const Pass *neighbor;       // instead of post_neighbor, if nothing has moved; null if Python must
   // functions of the fix
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, FixFacts *);    // 0 past the last; id is null for this fix
   int (*ghost_velocity)(void *fix);
   void (*set_array_rows)(void *fix, int n);
+  void (*note)(void *fix, int n, const int32_t *index);
+  void (*keep)(void *fix);    // the passes are for LAMMPS's arrays and box as they are now
+  int (*origins)(void *fix, const int64_t **origin);    // how many there are
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);
@@ -209,15 +233,29 @@ class FixPythonMove : public Fix {
   double compute_vector(int) override;
   double compute_array(int, int) override;
   void *extract(const char *, int &) override;
+  void grow_arrays(int) override;
+  void copy_arrays(int i, int j, int) override { origin[j] = origin[i]; }
+  void set_arrays(int i) override { origin[i] = -1; }
+  int pack_exchange(int, double *) override;
+  int unpack_exchange(int, double *) override;
+  double memory_usage() override;
 
  private:
   Bridge bridge;
   MPI_Comm failing;    // for ranks whose Python failed
   bool respa = false;
   std::vector<int> extensive;
+  int last_vflag = 0;
+  std::vector<const void *> kept_arrays;
+  std::vector<double> kept_box;
+  int64_t *origin = nullptr;    // of each atom: rank << 32 | place when it was noted, -1 if it was not
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   int describe(int, FixFacts *) const;
+  void note(int, const int32_t *);
+  std::vector<const void *> arrays() const;
+  std::vector<double> box() const;
+  bool run(const Pass *) const;
   std::string problem(const std::string &text) const
   {
     return "Fix " + std::string(id) + " python/move: " + text;
@@ -261,7 +299,17 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.nth_fix = [](void *fix, int n, FixFacts *facts) { return self(fix)->describe(n, facts); };
   bridge.ghost_velocity = [](void *fix) { return self(fix)->comm->ghost_velocity; };
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
+  bridge.note = [](void *fix, int n, const int32_t *index) { self(fix)->note(n, index); };
+  bridge.keep = [](void *fix) {
+    self(fix)->kept_arrays = self(fix)->arrays();
+    self(fix)->kept_box = self(fix)->box();
+  };
+  bridge.origins = [](void *fix, const int64_t **origin) {
+    *origin = self(fix)->origin;
+    return self(fix)->atom->nlocal;
+  };
   bridge.natoms = -1;
+  bridge.next_output = &output->next;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
@@ -291,10 +339,20 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time accepts no variable number
   }
   global_freq = 1;
+
+  if (bridge.follows_atoms) {
+    create_attribute = 1;
+    maxexchange = 1;
+    atom->add_callback(Atom::GROW);
+    grow_arrays(atom->nmax);
+    note(0, nullptr);
+  }
 }
 
 FixPythonMove::~FixPythonMove()
 {
+  if (bridge.follows_atoms && modify->get_fix_by_id(id)) atom->delete_callback(id, Atom::GROW);
+  memory->destroy(origin);
   if (bridge.release) bridge.release(&bridge);
   int finalized;
   MPI_Finalized(&finalized);
@@ -329,6 +387,7 @@ void FixPythonMove::min_setup(int vflag)
 
 void FixPythonMove::post_neighbor()
 {
+  if (bridge.neighbor && arrays() == kept_arrays && box() == kept_box && run(bridge.neighbor)) return;
   call(bridge.post_neighbor);
 }
 
@@ -337,12 +396,21 @@ void FixPythonMove::initial_integrate(int vflag)
   if (!bridge.initial_integrate) end_run("the Python that holds its class has shut down");
   flush_log();
   v_init(vflag);
-  call(bridge.initial_integrate, vflag);
+  last_vflag = vflag;
+  if (bridge.waiting && bridge.step && !vflag && run(bridge.step))
+    bridge.waiting = 0;
+  else
+    call(bridge.initial_integrate, vflag);
 }
+
+// On a step that nothing looks at, its end can wait for the next step, and be one pass with its begin.
 
 void FixPythonMove::final_integrate()
 {
-  call_with_virial(bridge.final_integrate);
+  const bigint step = update->ntimestep;
+  bridge.waiting = bridge.may_wait && !last_vflag && step != output->next &&
+      (bridge.look_every == 0 || step % bridge.look_every);
+  if (!bridge.waiting) call_with_virial(bridge.final_integrate);
 }
 
 void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
@@ -427,8 +495,72 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
     *facts = FixFacts();
   else
     *facts = {other->id, other->style, other->groupbit, other->time_integrate,
-              (modify->fmask[n] & between) != 0, (modify->fmask[n] & END_OF_STEP) != 0, other->nevery};
+              (modify->fmask[n] & between) != 0, (modify->fmask[n] & END_OF_STEP) != 0, other->nevery,
+              (modify->fmask[n] & FINAL_INTEGRATE) != 0, other->box_change};
   return 1;
+}
+
+// What the passes without Python rely on.
+
+std::vector<const void *> FixPythonMove::arrays() const
+{
+  const bool any = atom->nlocal > 0;
+  return {any ? atom->x[0] : nullptr, any ? atom->v[0] : nullptr, any ? atom->f[0] : nullptr, atom->mask, origin,
+          reinterpret_cast<const void *>(static_cast<intptr_t>(atom->nlocal))};
+}
+
+std::vector<double> FixPythonMove::box() const
+{
+  std::vector<double> numbers(domain->boxlo, domain->boxlo + 3);
+  numbers.insert(numbers.end(), domain->boxhi, domain->boxhi + 3);
+  numbers.insert(numbers.end(), {domain->xy, domain->xz, domain->yz});
+  return numbers;
+}
+
+// Do passes without Python; returns whether all went well. If not, Python does it all again, and says why.
+
+bool FixPythonMove::run(const Pass *pass) const
+{
+  for (; pass->loop || pass->requests; pass++) {
+    if (pass->loop) {
+      if (pass->loop(pass->slots)) return false;
+    } else {
+      MPI_Startall(pass->nrequests, pass->requests);
+      MPI_Waitall(pass->nrequests, pass->requests, MPI_STATUSES_IGNORE);
+    }
+  }
+  return true;
+}
+
+// Where each atom was when the class last noted its atoms. LAMMPS takes the number along when it sorts atoms,
+// moves them to other ranks, adds and deletes some.
+
+void FixPythonMove::note(int n, const int32_t *index)
+{
+  std::fill_n(origin, atom->nlocal, -1);
+  for (int place = 0; place < n; place++) origin[index[place]] = (int64_t) comm->me << 32 | place;
+}
+
+void FixPythonMove::grow_arrays(int n)
+{
+  memory->grow(origin, n, "python/move:origin");
+}
+
+int FixPythonMove::pack_exchange(int i, double *buffer)
+{
+  buffer[0] = ubuf(origin[i]).d;
+  return 1;
+}
+
+int FixPythonMove::unpack_exchange(int i, double *buffer)
+{
+  origin[i] = ubuf(buffer[0]).i;
+  return 1;
+}
+
+double FixPythonMove::memory_usage()
+{
+  return bridge.follows_atoms ? (double) atom->nmax * sizeof(int64_t) : 0.0;
 }
 
 // What LAMMPS has logged must not wait in a buffer when a signal ends the run.

