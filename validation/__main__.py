@@ -1,8 +1,10 @@
 """Command line: ``python -m validation VERB ...``, from the checkout."""
 
 import argparse
+import shlex
 import signal
 import sys
+from datetime import datetime, timezone
 from pathlib import Path
 
 from validation.integrators import BENCHMARKED, INTEGRATORS
@@ -23,6 +25,7 @@ def main(words=None):
     _add_compare(verbs)
     _add_long(verbs)
     _add_bench(verbs)
+    _add_scaling(verbs)
     arguments = parser.parse_args(words)
     return arguments.function(arguments)
 
@@ -164,6 +167,41 @@ def _bench(arguments):
         return 130
     rows = [*(row for point in summary["points"] for row in point["integrators"]), *summary["passes"], *summary["starts"]]
     return int(any(row["error"] for row in rows))
+
+
+def _add_scaling(verbs):
+    parser = verbs.add_parser(
+        "scaling",
+        help="what ranks send each other, counted, and what that would cost on many",
+        description="Count what the fixes hand to MPI in a step of water with 1,000 molecules on each rank, and what that would cost on up to "
+        "100,000 ranks, by a model. Writes counts.csv, model.csv, summary.json, a figure and a self-contained report.html. Needs a C compiler.",
+    )
+    parser.add_argument("--ranks", type=_wholes, default=(1, 2, 4, 8, 16), metavar="N,N", help="numbers of MPI ranks (default 1,2,4,8,16)")
+    parser.add_argument("--out", type=Path, default=Path("results/scaling"), metavar="DIR", help="output folder (default %(default)s)")
+    parser.set_defaults(function=_scaling)
+
+
+def _scaling(arguments):
+    from validation import console, machine, scaling, scaling_report  # heavy: not for --help
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    out, screen = arguments.out, console.console()
+    out.mkdir(parents=True, exist_ok=True)
+    runs = len(scaling.COMPARED) * (len(arguments.ranks) + len({*arguments.ranks, 27}))
+    with console.Meter(screen, runs * (scaling.WARM_UP + scaling.STEPS)) as meter:
+        rows = scaling.scaling(out, arguments.ranks, meter)
+    links = [scaling.NETWORK, scaling.link()]
+    summary = {
+        "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
+        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "machine": machine.describe(), "versions": machine.versions(),
+        "interrupted": any(row["error"] == "interrupted" for row in rows), "steps": scaling.STEPS, "counts": rows,
+        "links": [link._asdict() for link in links],
+        "model": [{"link": link.name, **row} for link in links for row in scaling.model(rows, link)],
+    }  # fmt: skip
+    scaling_report.write(summary, out)
+    scaling_report.show(screen, summary, out)
+    return 130 if summary["interrupted"] else int(any(row["error"] for row in rows))
 
 
 def _wholes(words):
