@@ -5,6 +5,8 @@ quaternion momentum p, with its mass and principal moments.  Every rank keeps th
 bodies of which it owns an atom, and of their atoms only its own.  `build` makes them.
 """
 
+import math
+
 import numpy as np
 
 from . import kernels
@@ -49,15 +51,15 @@ class Bodies:
         self.rotors, self.extended, size, n_blocks, n_rounds = found.tolist()
         self.blocks, self.rounds = blocks[: n_blocks + 1].copy(), rounds[: n_rounds + 1].copy()
         order = order[:size]
-        self.id, self.state = ids[order], state.take(order, axis=1)
-        self.body, self.tag, self.d = number[body[source]], tag[source], d.take(source, axis=1)
+        self.id, self.state = ids[order], state.take(order, axis=1, out=_aligned(kernels.ROWS, size))
+        self.body, self.tag, self.d = number[body[source]], tag[source], d.take(source, axis=1, out=_aligned(3, m))
         self.atoms = self.blocks, self.rounds, self.index, self.d
         self.mass, self.natoms, self.home = (self.state[rows][0] for rows in (MASS, NATOMS, HOME))
         self.moment, self.plane, self.spheres = self.state[MOMENT], plane, spheres
         self.x, self.v, self.q, self.p, self.image, self.load = (self.state[rows] for rows in (X, V, Q, P, IMAGE, LOAD))
         self.force, self.torque = self.load[:3], self.load[3:]
         self.away, self.shift, self.aways = np.empty(m, np.int32), np.empty((m, 3)), np.zeros(1, np.int64)
-        self.scratch = np.ones(kernels.SCRATCH)
+        self.scratch = _aligned(kernels.SCRATCH)
 
     def __len__(self):
         return len(self.id)
@@ -195,6 +197,14 @@ class Bodies:
         """Kinetic energy of translation and of rotation, mass times velocity squared, (2, n)."""
         turning = (self.angular_momentum() * self.angular_velocity()).sum(axis=0)
         return 0.5 * np.array([self.mass * (self.v**2).sum(axis=0), turning])
+
+
+def _aligned(*shape):
+    """An array of ones that begins where one of the processor's lines does."""
+    size = math.prod(shape)
+    numbers = np.ones(size + kernels.LINE)
+    begin = -(numbers.ctypes.data // numbers.itemsize) % kernels.LINE
+    return numbers[begin : begin + size].reshape(shape)
 
 
 def matrices(q):

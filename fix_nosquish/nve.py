@@ -61,7 +61,6 @@ class NVE(Reports):
     def __init__(self, ptr, words):
         self.lammps = Lammps(ptr)
         self.world = World(self.lammps.communicator) if self.lammps.ranks > 1 else Alone()
-        compiled.load(self.world)
         self.bodies = None
         self._notes = self._said = None
         self._xvf = None, None, None
@@ -76,6 +75,7 @@ class NVE(Reports):
 
     @hook
     def _begin(self, words):
+        compiled.load(self.world)
         self.command = Command.parse(words)
         self.membership = Membership(self.lammps, self.command)
         self._infile = self.command.infile and self.lammps.text(self.command.infile)

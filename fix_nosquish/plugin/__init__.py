@@ -8,7 +8,6 @@ import ctypes
 import os
 import sys
 import sysconfig
-from importlib import metadata
 
 PLUGIN = "python_moveplugin.so"
 PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter and its library, for the native lmp
@@ -33,6 +32,8 @@ def _plugin_folder():
     """The folder of this file, or, in a source tree that holds no build, of the installed package."""
     here = os.path.dirname(os.path.abspath(__file__))
     if not os.path.exists(os.path.join(here, PLUGIN)):
+        from importlib import metadata  # slow
+
         for distribution in metadata.distributions(name="fix_nosquish"):
             for file in distribution.files or ():
                 if file.name == PLUGIN and os.path.exists(file.locate()):
