@@ -6,6 +6,7 @@ another one, is not needed.
 """
 
 import ctypes
+import math
 from ctypes import c_char_p, c_double, c_int, c_int64, c_void_p
 from functools import cached_property
 
@@ -50,12 +51,18 @@ def _library():
     return lib
 
 
-def _array(address, shape, dtype):
+_memory = ctypes.pythonapi.PyMemoryView_FromMemory
+_memory.restype, _memory.argtypes = ctypes.py_object, [c_void_p, ctypes.c_ssize_t, c_int]
+_WRITABLE = 0x200  # PyBUF_WRITE
+
+
+def array(address, shape, dtype):
     """A numpy view of memory that LAMMPS owns."""
-    count = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    count = math.prod(shape) * np.dtype(dtype).itemsize
     if not address or not count:
         return np.empty(shape, dtype)
-    return np.frombuffer((ctypes.c_byte * count).from_address(address), dtype).reshape(shape)
+    # (ctypes would make a class for each size)
+    return np.frombuffer(_memory(address, count, _WRITABLE), dtype).reshape(shape)
 
 
 class Box:
@@ -142,7 +149,7 @@ class Lammps:
         """The time steps of run_style respa's levels, innermost first; None with another run style."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
-        return _array(self._global("respa_dt"), count, float).copy() if count else None
+        return array(self._global("respa_dt"), (count,), float).copy() if count else None
 
     @property
     def running(self):
@@ -157,9 +164,9 @@ class Lammps:
     @cached_property
     def bounds(self):
         """Views of the box's numbers (lo, hi, tilt, periodic) as they change."""
-        lo, hi = (_array(self._global(name), 3, float) for name in ("boxlo", "boxhi"))
+        lo, hi = (array(self._global(name), (3,), float) for name in ("boxlo", "boxhi"))
         tilt = [self._scalar(name, c_double) for name in ("xy", "yz", "xz")]
-        return lo, hi, tilt, _array(self._global("periodicity"), 3, np.int32)
+        return lo, hi, tilt, array(self._global("periodicity"), (3,), np.int32)
 
     @property
     def box(self):
@@ -182,7 +189,7 @@ class Lammps:
         where = c_void_p.from_address(address).value if columns else address, shape
         known = self._views.get(name)
         if not known or known[0] != where:
-            known = self._views[name] = where, _array(*where, dtype)
+            known = self._views[name] = where, array(*where, dtype)
         return known[1]
 
     @property
@@ -199,7 +206,7 @@ class Lammps:
         mass = self.per_atom("rmass")
         if mass is None:
             address = self.lib.lammps_extract_atom(self.handle, b"mass")
-            mass = _array(address, self.setting("ntypes") + 1, float)[self.per_atom("type", np.int32)]
+            mass = array(address, (self.setting("ntypes") + 1,), float)[self.per_atom("type", np.int32)]
         return mass
 
     @property
@@ -255,7 +262,7 @@ class Lammps:
     def variable(self, name, group):
         """Values of an atom-style variable, (natoms,); collective."""
         address = self._evaluate(name, group, _ATOM_STYLE)
-        values = _array(address, self._natoms.value, float).copy()
+        values = array(address, (self._natoms.value,), float).copy()
         self.lib.lammps_free(address)
         return values
 

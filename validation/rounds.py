@@ -11,7 +11,7 @@ from validation import measures, run
 
 SETUPS = 2  # `run 0` before the steps: the first one also reads or compiles code
 SEGMENTS = 3  # timed segments of a process
-LEAST = 10  # steps of a segment: with fewer, no re-neighbouring might fall into it
+LEAST = 40  # steps of a segment: the last one writes output, and every tenth or so re-neighbours
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,11 @@
 """What a class can ask of the fix that drives it."""
 
-from ctypes import POINTER, byref, c_int64, c_void_p, cast
+from ctypes import byref, c_void_p, cast
 from typing import NamedTuple
 
 import numpy as np
+
+from ..atoms import array
 
 
 class OtherFix(NamedTuple):
@@ -130,4 +132,4 @@ class Host:
         """
         address = c_void_p()
         n = self._bridge.origins(self._bridge.fix, byref(address))
-        return np.ctypeslib.as_array(cast(address, POINTER(c_int64)), (n,))
+        return array(address.value, (n,), np.int64)
