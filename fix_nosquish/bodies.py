@@ -125,11 +125,11 @@ class Bodies:
     def settle(self, lammps, world):
         """Find which periodic image of each atom LAMMPS holds; collective."""
         settle, off = self._settle(lammps)
-        settle()
+        wrong = settle()
         far, atom = off
         world.agree(
             None
-            if far <= self._near(lammps)
+            if not wrong
             else f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something else moved "
             "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
             "with 'run N pre yes' after it, and not with reinit no or infile, which keep the bodies of the last run"
@@ -147,13 +147,9 @@ class Bodies:
 
     def _settle(self, lammps):
         box, off = lammps.box, np.empty(2)
-        x, periodic = lammps.per_atom("x", columns=3), box.periodic.astype(float)
+        x, periodic, near = lammps.per_atom("x", columns=3), box.periodic.astype(float), _MOVED * np.abs(box.h).max()
         return kernels.settle.bind(self.state, *self.atoms, x, box.h, box.inverse, box.lo, periodic, self.away, self.shift, self.aways,
-                                   off, self._near(lammps), self.scratch), off  # fmt: skip
-
-    @staticmethod
-    def _near(lammps):
-        return _MOVED * np.abs(lammps.box.h).max()
+                                   off, near, self.scratch), off  # fmt: skip
 
     def take_velocities(self, lammps, given=None):
         """Set v and p to the rigid motion with the linear and angular momentum of the atoms' velocities; collective.

@@ -208,12 +208,12 @@ class NVE(Reports):
         self._begin_step(vflag)
         if not self.host.waiting:
             self._advance()
-        elif self._whole_step:
-            if self._whole_step():
-                self._blame_forces(self.lammps.step - 1)
         else:
-            self._gather()
-            self._kick_and_advance()
+            if not self._alone:
+                self._gather()
+            if self._kick_and_advance():
+                self._sum_forces()
+                self._blame_forces()
         self._moved()
 
     @hook
@@ -276,10 +276,9 @@ class NVE(Reports):
         free = state, bodies.rotors, bodies.extended, bodies.plane, *atoms, bodies.away, bodies.shift, bodies.aways, x, f, dt, dtf
         rest = self.command.mrot, scratch
         self._advance = kernels.advance.bind(*free, False, 1, *rest)
-        self._kick_and_advance = kernels.advance.bind(*free, False, 2, *rest)
-        # where nothing has to be added to the force and torque that this rank's atoms give
-        alone = not len(bodies.sharers.bodies) and self._mask is None and not bodies.spheres
-        self._whole_step = kernels.advance.bind(*free, True, 2, *rest) if alone else None
+        # whether nothing has to be added to the force and torque that this rank's atoms give: then a whole step is one pass
+        self._alone = not len(bodies.sharers.bodies) and self._mask is None and not bodies.spheres
+        self._kick_and_advance = kernels.advance.bind(*free, self._alone, 2, *rest)
         self._sum_forces = kernels.gather.bind(state, *atoms, f, bodies.load, scratch)
         self._half_kick = kernels.kick.bind(state, bodies.blocks, dtf, scratch)
         self._write_velocities = kernels.set_velocities.bind(state, *atoms, v, scratch)
@@ -292,7 +291,8 @@ class NVE(Reports):
         every = gcd(*self.velocities_every, *(self.command.output[:1] if self._file else ()))
         step = neighbor = None
         if not self.late and not self._box_may_change and self._mask is None and not self.bodies.spheres:
-            step = [self._whole_step] if self._whole_step else [self._sum_forces, *self.bodies.sharers.passes(self.bodies.load), self._kick_and_advance]
+            gather = [] if self._alone else [self._sum_forces, *self.bodies.sharers.passes(self.bodies.load)]
+            step = [*gather, self._kick_and_advance]
             if self.half_step_velocities:
                 step.append(self._write_velocities)
             if self.world.size == 1:
@@ -331,14 +331,13 @@ class NVE(Reports):
         if bodies.spheres:
             kernels.add_torques(bodies.body, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.load)
         if wrong:
-            self._blame_forces(self.lammps.step - self.host.waiting)
+            self._blame_forces()
         bodies.sharers.combine(bodies.load)
         if self._mask is not None:
             bodies.load *= self._mask
 
-    def _blame_forces(self, step):
-        bodies = self.bodies
-        self._sum_forces()
+    def _blame_forces(self):
+        bodies, step = self.bodies, self.lammps.step - self.host.waiting
         bad = ~np.isfinite(bodies.load).all(axis=0)
         raise RunError(
             f"the force on {self.membership.name(bodies.id[bad.argmax()])} is not finite at step {step}: atoms overlap "

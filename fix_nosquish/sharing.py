@@ -13,9 +13,8 @@ and these learn that no more will come from a barrier (`World.deliver`).
 `World` is the world of several ranks.  All methods of both are collective.
 """
 
-from itertools import count
-
 import ctypes
+from itertools import count
 
 import numpy as np
 
@@ -310,8 +309,7 @@ class Sharers:
         """
         if not len(self.bodies):
             return
-        if values is not self._values:
-            self._bind(values)
+        self._bind(values)
         self._pack()
         self._link.exchange()
         if operation is np.add:
@@ -326,11 +324,12 @@ class Sharers:
         """`combine(values)` as passes, for others to do in this order: loops, and the exchange between them; no pass if nothing is shared."""
         if not len(self.bodies):
             return []
-        if values is not self._values:
-            self._bind(values)
+        self._bind(values)
         return [self._pack, self._link, self._add]
 
     def _bind(self, values):
+        if values is self._values:
+            return
         rows = len(values)
         if rows not in self._links:
             self._links[rows] = _Link(self._world, rows, self._partners, self._counts)

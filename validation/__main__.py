@@ -1,10 +1,8 @@
 """Command line: ``python -m validation VERB ...``, from the checkout."""
 
 import argparse
-import shlex
 import signal
 import sys
-from datetime import datetime, timezone
 from pathlib import Path
 
 from validation.integrators import BENCHMARKED, INTEGRATORS
@@ -191,10 +189,7 @@ def _scaling(arguments):
     with console.Meter(screen, runs * (scaling.WARM_UP + scaling.STEPS)) as meter:
         rows = scaling.scaling(out, arguments.ranks, meter)
     links = [scaling.NETWORK, scaling.link()]
-    summary = {
-        "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
-        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
-        "machine": machine.describe(), "versions": machine.versions(),
+    summary = machine.circumstances() | {
         "interrupted": any(row["error"] == "interrupted" for row in rows), "steps": scaling.STEPS, "counts": rows,
         "links": [link._asdict() for link in links],
         "model": [{"link": link.name, **row} for link in links for row in scaling.model(rows, link)],

@@ -12,7 +12,6 @@ import shlex
 import subprocess
 import sys
 from dataclasses import dataclass, replace
-from datetime import datetime, timezone
 
 from validation import bandwidth, counting, goals, lammps_log, machine, measures, passes, rounds, run, startup
 from validation.integrators import BENCHMARKED, FREE
@@ -309,12 +308,8 @@ def bench(wanted, out, again, meter):
     """
     (out / "measured").mkdir(parents=True, exist_ok=True)
     code = package_hash()
-    summary = {
-        "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
-        "date": _now(),
+    summary = machine.circumstances() | {
         "interrupted": False,
-        "machine": machine.describe(),
-        "versions": machine.versions(),
         "points": [], "passes": [], "starts": [], "memory": [],
     }  # fmt: skip
     for point in wanted:
@@ -324,13 +319,13 @@ def bench(wanted, out, again, meter):
         if again or kept.get("mark") != mark or not kept["complete"]:
             if summary["interrupted"]:
                 continue
-            kept = {"mark": mark, "complete": False, "begin": _now(), "load": os.getloadavg()[0]}
+            kept = {"mark": mark, "complete": False, "begin": machine.now(), "load": os.getloadavg()[0]}
             try:
                 record, interrupted = point.measure(out, meter)
             except KeyboardInterrupt:
                 summary["interrupted"] = True
                 continue
-            kept |= {"complete": not interrupted, "end": _now(), "record": record}
+            kept |= {"complete": not interrupted, "end": machine.now(), "record": record}
             path.write_text(json.dumps(kept, ensure_ascii=False) + "\n")
             summary["interrupted"] |= interrupted
         else:
@@ -400,7 +395,3 @@ def _contents(folder):
 
 def _in_ms(seconds):
     return measures.spread(value * 1e3 for value in seconds["values"]) if seconds else None
-
-
-def _now():
-    return datetime.now(timezone.utc).isoformat(timespec="seconds")

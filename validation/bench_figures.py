@@ -1,6 +1,5 @@
 """Matplotlib figures from a benchmark's summary."""
 
-from pathlib import Path
 
 import matplotlib
 
@@ -9,7 +8,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
-from validation.figures import INK, OTHERS, OURS, PALE, STYLE  # noqa: E402
+from validation.figures import INK, OTHERS, OURS, PALE, draw_each  # noqa: E402
 from validation.goals import ranks_of  # noqa: E402
 
 MARKS = {  # integrator: colour, marker; pale ones are variants of the one before
@@ -33,21 +32,8 @@ def _text(value):
 
 
 def draw(summary, out):
-    """All figures that there are numbers for.
-
-    Returns:
-        list of (PNG path, caption).
-    """
-    made = []
-    with plt.rc_context(STYLE):
-        for function in (size, goals, scenes, passes):
-            figure, caption = function(summary)
-            if figure is not None:
-                path = Path(out) / f"{function.__name__}.png"
-                figure.savefig(path)
-                plt.close(figure)
-                made.append((path, caption))
-    return made
+    """All figures that there are numbers for: see `figures.draw_each`."""
+    return draw_each((size, goals, scenes, passes), out, summary)
 
 
 def size(summary):

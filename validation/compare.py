@@ -5,9 +5,6 @@ turn (A B C A B C ...), each a fresh process on the same start, so that a change
 the machine's load meets all of them alike.
 """
 
-import shlex
-import sys
-from datetime import datetime, timezone
 
 import numpy as np
 
@@ -171,11 +168,9 @@ def _with_error(pair):
 
 def _circumstances(scene, ranks, steps, dt, rounds, segment):
     """What was asked for, where and with what."""
-    return {
+    return machine.circumstances() | {
         "scene": scene.name,
         "title": scene.title,
-        "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
-        "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "interrupted": False,
         "settings": {
             "ranks": ranks,
@@ -199,6 +194,4 @@ def _circumstances(scene, ranks, steps, dt, rounds, segment):
             "loop": "ms/step",
             "cpu": "percent of a core per rank",
         },
-        "machine": machine.describe(),
-        "versions": machine.versions(),
     }

@@ -25,15 +25,20 @@ STYLE = {
 
 
 def draw(summary, series, out):
-    """All figures of a comparison that there are numbers for.
+    """All figures of a comparison that there are numbers for: see `draw_each`."""
+    return draw_each((energy, cost), out, summary, series)
+
+
+def draw_each(functions, out, *data):
+    """Draw figures into a folder, each by a function of the data that gives (figure or None, caption).
 
     Returns:
         list of (PNG path, caption).
     """
     made = []
     with plt.rc_context(STYLE):
-        for function in (energy, cost):
-            figure, caption = function(summary, series)
+        for function in functions:
+            figure, caption = function(*data)
             if figure is not None:
                 path = Path(out) / f"{function.__name__}.png"
                 figure.savefig(path)

@@ -2,8 +2,26 @@
 
 import os
 import platform
+import shlex
+import sys
+from datetime import datetime, timezone
 from importlib import metadata
 from pathlib import Path
+
+
+def circumstances():
+    """What was asked for, when, where and with what, as plain data."""
+    return {
+        "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
+        "date": now(),
+        "machine": describe(),
+        "versions": versions(),
+    }
+
+
+def now():
+    """The time, to the second, as text."""
+    return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
 
 def describe():

@@ -3,16 +3,12 @@
 import csv
 import json
 
-import matplotlib
+import matplotlib.pyplot as plt
+from rich.table import Table
 
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt  # noqa: E402
-from rich.table import Table  # noqa: E402
-
-from validation.bench_figures import MARKS  # noqa: E402
-from validation.figures import STYLE  # noqa: E402
-from validation.report import page  # noqa: E402
+from validation.bench_figures import MARKS
+from validation.figures import draw_each
+from validation.report import page
 
 COUNTS = ("decomposition", "integrator", "ranks", "bodies", "messages", "bytes", "collectives", "collective_bytes")
 MODEL = ("link", "decomposition", "integrator", "ranks", "bodies", "seconds")
@@ -31,8 +27,7 @@ def write(summary, out):
             writer = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
             writer.writeheader()
             writer.writerows(row for row in summary[name] if not row.get("error"))
-    page("scaling.html", out / "report.html", [(_draw(summary, out), "Per rank and step: bytes counted (left), time by the model (right).")],
-         summary=summary)  # fmt: skip
+    page("scaling.html", out / "report.html", draw_each((scaling,), out, summary), summary=summary)
 
 
 def show(console, summary, out):
@@ -45,23 +40,21 @@ def show(console, summary, out):
     console.print(f"page: {out / 'report.html'}")
 
 
-def _draw(summary, out):
-    with plt.rc_context(STYLE):
-        figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
-        for rows, axis, value in (summary["counts"], left, lambda row: row["bytes"] + row["collective_bytes"]), (
-            [row for row in summary["model"] if row["link"] == summary["links"][0]["name"]], right, lambda row: row["seconds"] * 1e6,
-        ):  # fmt: skip
-            for decomposition, line in ("slab", "--"), ("brick", "-"):
-                for name, (colour, mark) in MARKS.items():
-                    some = [row for row in rows if (row["decomposition"], row["integrator"]) == (decomposition, name) and not row.get("error")]
-                    shown = [row for row in some if value(row) > 0]
-                    if shown:
-                        axis.loglog([row["ranks"] for row in shown], [value(row) for row in shown], line, color=colour, marker=mark,
-                                    label=f"{name}, {decomposition}")  # fmt: skip
-            axis.set_xlabel("ranks")
-        left.set_ylabel("bytes per rank and step")
-        right.set_ylabel("µs per step, by the model")
-        right.legend(frameon=False, fontsize=8)
-        figure.savefig(out / "scaling.png")
-        plt.close(figure)
-    return out / "scaling.png"
+def scaling(summary):
+    """Bytes per rank and step, and the model's time, against the number of ranks."""
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+    for rows, axis, value in (summary["counts"], left, lambda row: row["bytes"] + row["collective_bytes"]), (
+        [row for row in summary["model"] if row["link"] == summary["links"][0]["name"]], right, lambda row: row["seconds"] * 1e6,
+    ):  # fmt: skip
+        for decomposition, line in ("slab", "--"), ("brick", "-"):
+            for name, (colour, mark) in MARKS.items():
+                some = [row for row in rows if (row["decomposition"], row["integrator"]) == (decomposition, name) and not row.get("error")]
+                shown = [row for row in some if value(row) > 0]
+                if shown:
+                    axis.loglog([row["ranks"] for row in shown], [value(row) for row in shown], line, color=colour, marker=mark,
+                                label=f"{name}, {decomposition}")  # fmt: skip
+        axis.set_xlabel("ranks")
+    left.set_ylabel("bytes per rank and step")
+    right.set_ylabel("µs per step, by the model")
+    right.legend(frameon=False, fontsize=8)
+    return figure, "Per rank and step: bytes counted (left), time by the model (right)."
