@@ -70,8 +70,9 @@ class Box:
 
     Attributes:
         h: (3, 3) upper triangular matrix whose columns are the box vectors.
-        periodic: (3,) bool.
+        periodic: (3,) bool; wrap: the same as 0.0 and 1.0.
         lo: (3,) the origin.
+        size: the largest component of a box vector.
     """
 
     def __init__(self, lo, hi, tilt, periodic):
@@ -79,7 +80,7 @@ class Box:
         edge = hi - lo
         self.h = np.array([[edge[0], xy, xz], [0.0, edge[1], yz], [0.0, 0.0, edge[2]]])
         self.inverse = np.linalg.inv(self.h)
-        self.lo, self.periodic = lo, periodic
+        self.lo, self.periodic, self.wrap, self.size = lo, periodic, periodic.astype(float), np.abs(self.h).max()
 
     def lattice(self, vectors):
         """The nearest lattice vectors' integer coordinates (zero where not periodic), (n, 3)."""

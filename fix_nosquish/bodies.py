@@ -6,19 +6,21 @@ bodies of which it owns an atom, and of their atoms only its own.  `build` makes
 """
 
 import math
+from functools import cached_property
 
 import numpy as np
 
 from . import kernels
 
 SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
+_NONE = np.empty(0, np.int64)
 _MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
 
 # rows of a body's state
 ROWS = kernels.ROWS
-MASS, MOMENT, X, V, Q, P, LOAD, NATOMS, IMAGE, HOME = (slice(row, row + rows) for row, rows in (
+MASS, MOMENT, X, V, Q, P, LOAD, NATOMS, IMAGE, HOME, ID = (slice(row, row + rows) for row, rows in (
     (kernels.MASS, 1), (kernels.MOMENT, 3), (kernels.X, 3), (kernels.V, 3), (kernels.Q, 4), (kernels.P, 4),
-    (kernels.FORCE, 6), (kernels.NATOMS, 1), (kernels.IMAGE, 3), (kernels.HOME, 1)))  # fmt: skip
+    (kernels.FORCE, 6), (kernels.NATOMS, 1), (kernels.IMAGE, 3), (kernels.HOME, 1), (kernels.ID, 1)))  # fmt: skip
 
 
 class Bodies:
@@ -34,32 +36,53 @@ class Bodies:
             way round; in a plane the third is about z).
         force, torque: (3, n), views of `load`, (6, n) of `state`, which is what the sharing ranks exchange.
         atoms: (blocks, rounds, index, d), this rank's atoms as the loops take them; see `kernels`.
-        body, tag: (m,) the body and the ID of each of these atoms.
+        body: (m,) the body of each of these atoms.
+        tag: (m,) their IDs.
         away, shift, aways: those of them in another periodic image than their body; see `kernels.settle`.
         sharers: the `Sharers` of these bodies.
         plane: whether they turn in the xy plane only, about their axis 3.
         spheres: whether some atom of a body, on any rank, is a sphere, with a torque of its own.
+
+    Args:
+        state (rows, k), body (j,), d (4, j): bodies and atoms of before, or new ones in any order.
+        here: (m,) int32, indices of this rank's atoms in LAMMPS's arrays, ascending.
+        place: (m,) int32, each of these atoms' place among those j; of one from another rank, -1 minus its row of arrived.
+        arrived: (i, OF_BODY + rows) what another rank told of such atoms.
+        shared: (l,) places of the bodies that other ranks had too.
     """
 
-    def __init__(self, ids, state, body, tag, here, d, plane, spheres):
-        n, m = len(ids), len(here)
-        kind = np.where(state[kernels.MOMENT + 2] > 0, 0, np.where(state[kernels.MOMENT] > 0, 1, 2))
-        number, order, atoms, next_ = (np.empty(shape, np.int64) for shape in (n, n, n, (n, 2)))
-        buckets, source, found = (np.empty(size, np.int64) for size in (kernels.BUCKETS, m, 5))
-        blocks, rounds, self.index = (np.empty(shape, np.int32) for shape in ((n + 1, 2), m + 1, m))
-        kernels.arrange(body, here, kind, number, order, atoms, next_, buckets, blocks, rounds, self.index, source, found)
+    def __init__(self, state, body, d, here, place, plane, spheres, arrived=None, shared=_NONE):
+        rows, m = len(state), len(here)
+        if arrived is None:
+            arrived = np.empty((0, kernels.OF_BODY + rows))
+        n, k = state.shape[1] + len(arrived), len(arrived)
+        number, order, self.atoms_here = (np.empty(n, np.int64) for _ in range(3))
+        owner, source, self.body = (np.empty(m, np.int64) for _ in range(3))
+        table, first = np.empty(1 << (2 * (len(shared) + k)).bit_length(), np.int64), np.empty(k, np.int64)
+        next_, buckets, found = np.empty((n, 2), np.int64), np.empty(kernels.BUCKETS, np.int64), np.empty(5, np.int64)
+        blocks, rounds, self.index = np.empty((n + 1, 2), np.int32), np.empty(m + 1, np.int32), np.empty(m, np.int32)
+        kernels.arrange(here, place, body, state, arrived, shared, table, owner, first, number, order, self.atoms_here, next_, buckets,
+                        blocks, rounds, self.index, source, self.body, found)  # fmt: skip
         self.rotors, self.extended, size, n_blocks, n_rounds = found.tolist()
-        self.blocks, self.rounds = blocks[: n_blocks + 1].copy(), rounds[: n_rounds + 1].copy()
-        order = order[:size]
-        self.id, self.state = ids[order], state.take(order, axis=1, out=_aligned(kernels.ROWS, size))
-        self.body, self.tag, self.d = number[body[source]], tag[source], d.take(source, axis=1, out=_aligned(3, m))
+        self.atoms_here = self.atoms_here[:size]
+        self.blocks, self.rounds = blocks[: n_blocks + 1], rounds[: n_rounds + 1]
+        self.state, self.d = _aligned(rows, size), _aligned(kernels.OF_BODY, m)
+        kernels.carry_over(order, first, source, place, arrived, state, d, self.state, self.d)
         self.atoms = self.blocks, self.rounds, self.index, self.d
-        self.mass, self.natoms, self.home = (self.state[rows][0] for rows in (MASS, NATOMS, HOME))
+        self.mass, self.natoms, self.home = self.state[kernels.MASS], self.state[kernels.NATOMS], self.state[kernels.HOME]
         self.moment, self.plane, self.spheres = self.state[MOMENT], plane, spheres
         self.x, self.v, self.q, self.p, self.image, self.load = (self.state[rows] for rows in (X, V, Q, P, IMAGE, LOAD))
         self.force, self.torque = self.load[:3], self.load[3:]
         self.away, self.shift, self.aways = np.empty(m, np.int32), np.empty((m, 3)), np.zeros(1, np.int64)
         self.scratch = _aligned(kernels.SCRATCH)
+
+    @cached_property
+    def id(self):
+        return self.state[kernels.ID].astype(np.int64)
+
+    @cached_property
+    def tag(self):
+        return self.d[3].astype(np.int64)
 
     def __len__(self):
         return len(self.id)
@@ -72,83 +95,63 @@ class Bodies:
         Raises:
             RunError: if atoms are missing or new, or stand where this fix has not put them.
         """
-        locate, origins, here, place, found = self._locate(lammps, world, membership, host)
+        locate, origins, here, place, gained, lost, found = self._locate(lammps, world, membership, host)
+        result, problem = self, None
         moved = locate()
-        result = self
         if world.any(moved):
+            count, arrivals, gone, came = found.tolist()
+            arrived, missing = world.fetch(gained[:arrivals], lost[:gone], self._rows)
+            if came or len(missing):
+                problem = _atoms_changed(lammps, membership, self, missing, origins)
             if moved:
-                result = self._rearranged(lammps, world, membership, origins, here[: found[0]], place[: found[0]])
-            else:
-                world.fetch(origins[:0], np.empty(0, np.int64), self._rows, lambda missing: None)
+                result = Bodies(self.state, self.body, self.d, here[:count], place[:count], self.plane, self.spheres, arrived, self.sharers.bodies)
             result.find_sharers(world)
-            host.note(lammps, world, result.index)
-        result.settle(lammps, world)
+            host.note(result.index)
+        result.settle(lammps, world, problem)
         return result
 
-    def _rearranged(self, lammps, world, membership, origins, here, place):
-        """Bodies with these atoms, of which those with place -1 come from other ranks."""
-        gained = np.flatnonzero(place < 0)
-        left = np.ones(len(self.tag) + 1, bool)
-        left[place] = False  # -1 is the entry too many
-        origins, tags = origins[here[gained]], lammps.tags[here].astype(np.int64)
-        come = tags[gained[origins < 0]]
-
-        def problem(missing):
-            return _atoms_changed(lammps, membership, self, missing, come)
-
-        rows = world.fetch(origins[origins >= 0], np.flatnonzero(left[:-1]), self._rows, problem)
-        ids, state, body, d = self.id, self.state, np.empty(len(here), np.int64), np.empty((3, len(here)))
-        stayed = slice(None) if not len(gained) else np.flatnonzero(place >= 0)
-        body[stayed], d[:, stayed] = self.body[place[stayed]], self.d[:, place[stayed]]
-        if len(gained):
-            shared, comes = self.sharers.bodies, rows[:, 0].astype(np.int64)
-            strange = np.flatnonzero(~np.isin(comes, ids[shared]))  # of bodies that had no atom here
-            new, which = np.unique(comes[strange], return_index=True)
-            numbers = np.concatenate([shared, len(self) + np.arange(len(new))])
-            by_id = np.argsort(np.concatenate([ids[shared], new]))
-            ids, state = np.concatenate([ids, new]), np.concatenate([state, rows[strange[which], 4:].T], axis=1)
-            numbers = numbers[by_id]
-            body[gained] = numbers[np.searchsorted(ids[numbers], comes)]
-            d[:, gained] = rows[:, 1:4].T
-        return Bodies(ids, state, body, tags, here, d, self.plane, self.spheres)
-
     def _rows(self, places):
-        """What another rank needs to know of atoms: body ID, place in the body, the body's state, (k, 4 + ROWS)."""
-        body = self.body[places]
-        return np.concatenate([self.id[body, None], self.d[:, places].T, self.state[:, body].T], axis=1)
+        """What another rank needs to know of atoms, (k, OF_BODY + ROWS)."""
+        rows = np.empty((len(places), kernels.OF_BODY + len(self.state)))
+        kernels.describe(places, self.body, self.d, self.state, rows)
+        return rows
 
     def find_sharers(self, world):
         """Find who shares the bodies; collective."""
-        self.sharers = world.sharers(self.id, np.bincount(self.body, minlength=len(self)) < self.natoms, self.home.astype(np.int64))
+        places = np.flatnonzero(self.atoms_here < self.natoms)  # the others are whole here
+        home, ids = self.state[[[kernels.HOME], [kernels.ID]], places].astype(np.int64)
+        self.sharers = world.sharers(len(self), places, ids, home)
         self.home[:] = self.sharers.home
 
-    def settle(self, lammps, world):
-        """Find which periodic image of each atom LAMMPS holds; collective."""
+    def settle(self, lammps, world, problem=None):
+        """Find which periodic image of each atom LAMMPS holds, and end the run for this problem, if there is one; collective."""
         settle, off = self._settle(lammps)
         wrong = settle()
-        far, atom = off
-        world.agree(
-            None
-            if not wrong
-            else f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something else moved "
-            "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
-            "with 'run N pre yes' after it, and not with reinit no or infile, which keep the bodies of the last run"
-        )
+        if wrong and not problem:
+            far, atom = off
+            problem = (
+                f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something else moved "
+                "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
+                "with 'run N pre yes' after it, and not with reinit no or infile, which keep the bodies of the last run"
+            )
+        world.agree(problem)
 
     def stay(self, lammps, world, membership, host):
         """`follow` as passes, for as long as no atom of the bodies moves in LAMMPS's arrays and these and the box stay."""
         return [self._locate(lammps, world, membership, host)[0], self._settle(lammps)[0]]
 
     def _locate(self, lammps, world, membership, host):
-        groups, origins = lammps.groups.view(np.int32), host.origins(lammps, world)
-        here, place, found = np.empty(len(groups), np.int32), np.empty(len(groups), np.int32), np.empty(1, np.int64)
-        locate = kernels.locate.bind(groups, *membership.masks, origins, world.rank, self.index, here, place, found)
-        return locate, origins, here, place, found
+        groups, origins = lammps.groups.view(np.int32), host.origins()
+        n = len(groups)
+        here, place, gained = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int64)
+        lost, found = np.empty(len(self.index), np.int64), np.empty(4, np.int64)
+        locate = kernels.locate.bind(groups, *membership.masks, origins, world.rank, self.index, here, place, gained, lost, found)
+        return locate, origins, here, place, gained, lost, found
 
     def _settle(self, lammps):
         box, off = lammps.box, np.empty(2)
-        x, periodic, near = lammps.per_atom("x", columns=3), box.periodic.astype(float), _MOVED * np.abs(box.h).max()
-        return kernels.settle.bind(self.state, *self.atoms, x, box.h, box.inverse, box.lo, periodic, self.away, self.shift, self.aways,
+        x, near = lammps.per_atom("x", columns=3), _MOVED * box.size
+        return kernels.settle.bind(self.state, *self.atoms, x, box.h, box.inverse, box.lo, box.wrap, self.away, self.shift, self.aways,
                                    off, near, self.scratch), off  # fmt: skip
 
     def take_velocities(self, lammps, given=None):
@@ -208,8 +211,8 @@ def matrices(q):
     return np.array(kernels.rotation_matrix(*q)).reshape(3, 3, -1)
 
 
-def _atoms_changed(lammps, membership, bodies, gone, come):
-    """The message for atoms (their places) that bodies lost or (their tags) that came in between two steps, None if neither."""
+def _atoms_changed(lammps, membership, bodies, gone, origins):
+    """The message for atoms (their places) that bodies lost, or that came in between two steps."""
     if len(gone):
         gone = gone[bodies.tag[gone].argmin()]
         body = bodies.body[gone]
@@ -220,9 +223,8 @@ def _atoms_changed(lammps, membership, bodies, gone, come):
             "needs a shorter time step or a better start; if not, check the boundary, thermo_modify lost, and fixes that "
             "delete atoms, because bodies keep their atoms during a run (and with reinit no or infile, from run to run)"
         )
-    if len(come):
-        return (
-            f"atom {come[0]} came into the fix's group by step {lammps.step}, but bodies are made when a run starts: "
-            "use a static group, and insert atoms between runs"
-        )
-    return None
+    atoms = membership.atoms()
+    return (
+        f"atom {lammps.tags[atoms[origins[atoms] < 0]].min()} came into the fix's group by step {lammps.step}, but bodies are made when a run "
+        "starts: use a static group, and insert atoms between runs"
+    )

@@ -3,7 +3,7 @@
 import numpy as np
 
 from . import infile
-from .bodies import HOME, IMAGE, LOAD, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
+from .bodies import HOME, ID, IMAGE, LOAD, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
 from .errors import RunError
 
 ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
@@ -28,7 +28,7 @@ def build(lammps, world, membership, path=None):
     """
     atoms, ids, body, mass, tag, radius = _members(lammps, world, membership)
     plane = lammps.dimension == 2
-    sharers = world.sharers(ids, np.ones(len(ids), bool), ids % world.size)
+    sharers = _sharers(world, ids)
     n = len(ids)
 
     def total(*columns):
@@ -82,14 +82,16 @@ def build(lammps, world, membership, path=None):
         axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
 
     state = np.zeros((ROWS, n))
-    state[MASS], state[NATOMS], state[MOMENT], state[HOME] = body_mass, natoms, moment, sharers.home
+    state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = body_mass, natoms, moment, sharers.home, ids
     state[X], state[IMAGE], state[Q] = place + centre, image, _quaternion(axes)
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
-    d = np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r)
+    d = np.empty((4, len(atoms)))
+    d[:3], d[3] = np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag
     state[LOAD] = np.nan  # no force is known yet
-    result = Bodies(ids, state, body, tag, atoms.astype(np.int32), d, plane, world.any(radius is not None and radius.any()))
+    spheres = world.any(radius is not None and radius.any())
+    result = Bodies(state, body, d, atoms.astype(np.int32), np.arange(len(atoms), dtype=np.int32), plane, spheres)
     result.find_sharers(world)  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
@@ -107,7 +109,12 @@ def count(lammps, world, membership):
         problem = True
     if world.any(problem):
         return None
-    return round(world.total(np.array([world.sharers(ids, np.ones(len(ids), bool), ids % world.size).owned.sum()]))[0]) or None
+    return round(world.total(np.array([_sharers(world, ids).owned.sum()]))[0]) or None
+
+
+def _sharers(world, ids):
+    """The `Sharers` of bodies of which nothing else is known."""
+    return world.sharers(len(ids), np.arange(len(ids)), ids, ids % world.size)
 
 
 def _notes(bodies, lammps, world, membership, rebuilt):

@@ -52,11 +52,16 @@ class Kind(NamedTuple):
             return [operator.index(value)]
         if self is F:
             return [ctypes.c_int64.from_buffer(ctypes.c_double(value)).value]
-        if isinstance(value, np.ndarray):
-            facts = value.__array_interface__
-            if facts["typestr"] == self.dtype.str and len(facts["shape"]) == self.dimensions and facts["strides"] is None:
-                return [facts["data"][0], *facts["shape"]]
+        if isinstance(value, np.ndarray) and value.dtype == self.dtype and value.ndim == self.dimensions and value.flags.c_contiguous:
+            return [_address(value), *value.shape]
         raise TypeError
+
+
+def _address(array):
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))
+    except (TypeError, ValueError):  # read-only, or empty; this takes four times as long
+        return array.ctypes.data
 
 
 F, F1, F2 = (Kind(np.dtype(np.float64), dimensions) for dimensions in range(3))
@@ -174,7 +179,9 @@ class _Module:
         """Make the loops ready."""
         engine = _engine(self.code)
         for loop in self.loops:
-            loop.machine_code = ctypes.CFUNCTYPE(ctypes.c_int64)(engine.get_function_address(loop.name))
+            address = engine.get_function_address(loop.name)
+            loop.machine_code = ctypes.CFUNCTYPE(ctypes.c_int64)(address)
+            loop.machine_code.address = address
             loop.machine_code.engine = engine  # which owns the memory
         self.ready = True
 

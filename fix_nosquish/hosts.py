@@ -65,15 +65,15 @@ class OwnFix:
     def call_always(self):
         """This fix does."""
 
-    def note(self, lammps, world, index):
+    def note(self, index):
         """As the plugin's; this LAMMPS takes nothing along with its atoms, so their IDs are kept."""
-        self._tags = lammps.tags.astype(np.int64)
+        self._tags = self.lammps.tags.astype(np.int64)
         self._origins = np.full(len(self._tags), -1)
-        self._origins[index] = origin(world.rank, np.arange(len(index)))
+        self._origins[index] = origin(self.world.rank, np.arange(len(index)))
 
-    def origins(self, lammps, world):
+    def origins(self):
         """As the plugin's; collective."""
-        tags = lammps.tags.astype(np.int64)
+        world, tags = self.world, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
         stayed = before >= 0
         origins = np.where(stayed, self._origins[before], -1) if len(self._tags) else np.full(len(tags), -1)

@@ -19,7 +19,7 @@ its rounds take BLOCK of its atoms each.
     blocks (blocks + 1, 2)   each block's first body and first round
     rounds (rounds + 1,)     each round's first atom, as an entry of
     index (atoms,)           the atom's index in LAMMPS's arrays, which are (atoms, 3)
-    d (3, atoms)             its place in the body's principal frame
+    d (4, atoms)             its place in the body's principal frame, and its ID
 """
 
 from math import floor
@@ -30,7 +30,7 @@ from .compiled import F1, F2, I1, I2, L1, L2, F, I, inlined, loop, prefetch
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
 # the rows of `state`; scratch has those up to TORQUE, and more
-MASS, MOMENT, X, V, Q, P, FORCE, TORQUE, NATOMS, IMAGE, HOME, ROWS = 0, 1, 4, 7, 10, 14, 18, 21, 24, 25, 28, 29
+MASS, MOMENT, X, V, Q, P, FORCE, TORQUE, NATOMS, IMAGE, HOME, ID, ROWS = 0, 1, 4, 7, 10, 14, 18, 21, 24, 25, 28, 29, 30
 MATRIX, ATOM, SHIFT, ACCELERATION, FAST = 24, 33, 36, 36, 36
 BLOCK = 64
 LINE = 8  # numbers that the processor fetches at a time
@@ -98,15 +98,18 @@ def at(i):
 
 
 @inlined
-def fetch_ahead(state, blocks, k, row, until, rounds, d):
+def fetch_ahead(state, blocks, k, row, until, rounds, index, d, atoms):
     """Have the processor fetch what the passes need of block k: while LAMMPS computed forces, it forgot them."""
     if k < blocks.shape[0] - 1:
         for b in range(blocks[k, 0], blocks[k + 1, 0], LINE):
             for r in range(row, until):
                 prefetch(state, r, b)
-        for j in range(rounds[blocks[k, 1]], rounds[blocks[k + 1, 1]], LINE):
+        begin, end = rounds[blocks[k, 1]], rounds[blocks[k + 1, 1]]
+        for j in range(begin, end, LINE):
             for c in range(3):
                 prefetch(d, c, j)
+        for j in range(begin, end):
+            prefetch(atoms, index[at(j)], 0)
 
 
 @inlined
@@ -356,7 +359,7 @@ def advance(
     wrong = 0
     for k in range(blocks.shape[0] - 1):
         begin, end = blocks[k, 0], blocks[k + 1, 0]
-        fetch_ahead(state, blocks, k + 1, MASS, P + 4, rounds, d)
+        fetch_ahead(state, blocks, k + 1, MASS, P + 4, rounds, index, d, atom_f if gathers else atom_x)
         take(scratch, state, begin, end, MASS, P + 4)
         if gathers:
             rotation_matrices(scratch)
@@ -391,7 +394,7 @@ def gather(state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_f: F2, load
     wrong = 0
     for k in range(blocks.shape[0] - 1):
         begin, end = blocks[k, 0], blocks[k + 1, 0]
-        fetch_ahead(state, blocks, k + 1, Q, Q + 4, rounds, d)
+        fetch_ahead(state, blocks, k + 1, Q, Q + 4, rounds, index, d, atom_f)
         take(scratch, state, begin, end, Q, Q + 4)
         rotation_matrices(scratch)
         wrong += gather_block(scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f)
@@ -503,32 +506,62 @@ def constraint_virial(
 
 
 @loop
-def locate(groups: I1, fix_group: I, body_groups: I, origins: L1, rank: I, index: I1, here: I1, place: I1, found: L1) -> I:
+def locate(
+    groups: I1, fix_group: I, body_groups: I, origins: L1, rank: I, index: I1, here: I1, place: I1, gained: L1, lost: L1, found: L1,
+) -> I:  # fmt: skip
     """Find the atoms of the bodies in LAMMPS's arrays.
 
     Args:
         groups (natoms,): the bits of each atom's groups; it is in a body if it has some bit of both of the next two.
         origins (natoms,): where each atom was, rank << 32 | its place in `index`; -1 if in no body.
-        here, place (natoms,): out: index of each atom found, in LAMMPS's order, and its place in `index`, -1 if it
-            was not on this rank.
-        found (1,): out: how many these are.
+        here, place (natoms,): out: index of each atom found, in LAMMPS's order, and its place in `index`; of one that was
+            on another rank, -1 minus its place in gained.
+        gained (natoms,), lost (entries of index,): out: origins of atoms from other ranks; places of atoms no longer here.
+        found (4,): out: how many atoms are here, gained, lost, and how many came from nowhere (they are not in here).
     Returns:
         0 if they are the atoms of `index`, each where it was.
     """
-    count = moved = 0
+    count = came = moved = arrivals = 0
+    for j in range(index.size):
+        lost[j] = 1
     for i in range(groups.size):
         if groups[i] & fix_group and groups[i] & body_groups:
+            if origins[i] < 0:
+                came += 1
+                continue
             here[count] = i
-            place[count] = -1
             if origins[i] >> 32 == rank:
                 j = origins[i] & 0xFFFFFFFF
                 place[count] = j
+                lost[j] = 0
                 moved += index[j] != i
             else:
-                moved += 1
+                gained[arrivals] = origins[i]
+                arrivals += 1
+                place[count] = -arrivals
             count += 1
-    found[0] = count
-    return moved + (count != index.size)
+    gone = 0
+    for j in range(index.size):
+        if lost[j]:
+            lost[gone] = j
+            gone += 1
+    found[0], found[1], found[2], found[3] = count, arrivals, gone, came
+    return moved + arrivals + gone + came
+
+
+# what another rank tells of an atom: its column of d, then its body's of state
+OF_BODY = 4
+
+
+@loop
+def describe(places: L1, body: L1, d: F2, state: F2, rows: F2):
+    """Write for each of the atoms at these places what another rank needs to know of it, to rows (places, OF_BODY + ROWS)."""
+    for j in range(places.size):
+        p = places[j]
+        for c in range(OF_BODY):
+            rows[j, c] = d[c, p]
+        for row in range(state.shape[0]):
+            rows[j, OF_BODY + row] = state[row, body[p]]
 
 
 @inlined
@@ -540,46 +573,93 @@ def rounds_of(atoms):
 BUCKETS = 3 * (BLOCK + 1) + 1
 
 
+@inlined
+def of_body(row, b, state, arrived, first):
+    """An entry of body b's state: of those of this rank, or those that came with atoms."""
+    return state[row, b] if b < state.shape[1] else arrived[first[b - state.shape[1]], OF_BODY + row]
+
+
+@inlined
+def bucket(b, atoms, state, arrived, first):
+    """The place of a body in the order of the passes: by kind (three moments, one, none), by its number of atoms."""
+    turns = 0 if of_body(MOMENT + 2, b, state, arrived, first) > 0.0 else 1 if of_body(MOMENT, b, state, arrived, first) > 0.0 else 2
+    return turns * (BLOCK + 1) + max(BLOCK + 1 - atoms, 0)
+
+
+@inlined
+def hashed(key, table):
+    """Where to look first for a number in a table whose size is a power of two."""
+    return (np.int64(key) * 0x9E3779B1 >> 16) & (table.size - 1)
+
+
 @loop
 def arrange(
-    body: L1, here: I1, kind: L1, number: L1, order: L1, atoms: L1, next_: L2, buckets: L1, blocks: I2, rounds: I1, index: I1, source: L1,
-    found: L1,
+    here: I1, place: I1, body: L1, state: F2, arrived: F2, shared: L1, table: L1, owner: L1, first: L1, number: L1, order: L1, atoms: L1,
+    next_: L2, buckets: L1, blocks: I2, rounds: I1, index: I1, source: L1, new_body: L1, found: L1,
 ):  # fmt: skip
     """Put the bodies and their atoms in the order of the passes: by kind, by number of atoms, as LAMMPS has their first atoms.
 
     Args:
-        body (n,): the body of each atom, 0 to m - 1.  here (n,): the atom's index in LAMMPS's arrays, ascending.
-        kind (m,): 0, 1 or 2.
-        number (m,): out: each body's number from now on, -1 if it has no atom here.
-        order (m,): out: the body that has each of the new numbers.
-        atoms (m,), next_ (m, 2), buckets (BUCKETS,): to work with.
-        blocks (m + 1, 2), rounds (n + 1,), index (n,): out: see the head of this file.
-        source (n,): out: where in `here` each entry of index was.
-        found (5,): out: how many bodies of kind 0, of kinds 0 and 1, in all, how many blocks, how many rounds.
+        here (n,): the atoms' indices in LAMMPS's arrays, ascending.
+        place (n,): each atom's place in the list of before; of one that was not in it, -1 minus its row in arrived.
+        body: the body of each atom of that list.  state (rows, m): the bodies.
+        arrived (k, OF_BODY + rows): what `describe` told of atoms from other ranks.
+        shared: those of the bodies that other ranks had too, of which these atoms may be.
+        table: to look their IDs up in; its size is a power of two, above the number of entries of shared and arrived.
+        owner (n,), number (m + k,), buckets (BUCKETS,), next_ (m + k, 2): to work with.
+        first (k,): out: for each body that was not here, a row in arrived.
+        order (m + k,): out: what has each of the new numbers: a body, or m plus an entry of first.
+        atoms (m + k,): out: how many atoms the bodies, as newly numbered, have here.
+        blocks (m + k + 1, 2), rounds (n + 1,), index (n,): out: see the head of this file.
+        source (n,), new_body (n,): out: where in `here` each entry of index was, and its body's new number.
+        found (5,): out: how many bodies have three moments, how many some, how many there are, how many blocks, how many rounds.
     """
-    for b in range(kind.size):
+    m, strangers, last = state.shape[1], 0, table.size - 1
+    if arrived.shape[0]:
+        for k in range(table.size):
+            table[k] = -1
+        for k in range(shared.size):
+            h = hashed(state[ID, shared[k]], table)
+            while table[h] >= 0:
+                h = (h + 1) & last
+            table[h] = shared[k]
+    for j in range(here.size):
+        if place[j] >= 0:
+            owner[j] = body[place[j]]
+        else:
+            row = -1 - place[j]
+            key = arrived[row, OF_BODY + ID]
+            h = hashed(key, table)
+            while table[h] >= 0 and of_body(ID, table[h], state, arrived, first) != key:
+                h = (h + 1) & last
+            if table[h] < 0:
+                table[h], first[strangers] = m + strangers, row
+                strangers += 1
+            owner[j] = table[h]
+
+    for b in range(m + strangers):
         number[b] = 0
-    for j in range(body.size):
-        number[body[j]] += 1  # for now the number of atoms
+    for j in range(here.size):
+        number[owner[j]] += 1  # for now the number of atoms
     for k in range(BUCKETS):
         buckets[k] = 0
-    for b in range(kind.size):
+    for b in range(m + strangers):
         if number[b] > 0:
-            buckets[kind[b] * (BLOCK + 1) + max(BLOCK + 1 - number[b], 0) + 1] += 1
+            buckets[bucket(b, number[b], state, arrived, first) + 1] += 1
     for k in range(1, BUCKETS):
         buckets[k] += buckets[k - 1]
     for k in range(3):
         found[k] = buckets[(k + 1) * (BLOCK + 1)]
-    for j in range(body.size):
-        b = body[j]
+    for j in range(here.size):
+        b = owner[j]
         if number[b] > 0:  # its first atom
-            k = kind[b] * (BLOCK + 1) + max(BLOCK + 1 - number[b], 0)
+            k = bucket(b, number[b], state, arrived, first)
             new = buckets[k]
             buckets[k] += 1
             order[new] = b
             atoms[new] = number[b]
             number[b] = -1 - new
-    for b in range(kind.size):
+    for b in range(m + strangers):
         number[b] = -1 - number[b]
 
     size, begin, block, round_, entry = found[2], 0, 0, 0, 0
@@ -587,8 +667,8 @@ def arrange(
         blocks[block, 0], blocks[block, 1] = begin, round_
         end = begin + 1
         if atoms[begin] <= BLOCK:
-            while end < size and end < begin + BLOCK and kind[order[end]] == kind[order[begin]]:
-                end += 1
+            until = found[0] if begin < found[0] else found[1] if begin < found[1] else size
+            end = min(begin + BLOCK, until)
         lanes = end - begin
         for r in range(rounds_of(atoms[begin])):
             rounds[round_] = entry
@@ -608,12 +688,23 @@ def arrange(
                 next_[b, 0], next_[b, 1] = rounds[blocks[k, 1]], -1
             else:  # its next round, its lane
                 next_[b, 0], next_[b, 1] = blocks[k, 1], b - blocks[k, 0]
-    for j in range(body.size):
-        b = number[body[j]]
+    for j in range(here.size):
+        b = number[owner[j]]
         entry = next_[b, 0] if next_[b, 1] < 0 else rounds[next_[b, 0]] + next_[b, 1]
         next_[b, 0] += 1
-        index[entry] = here[j]
-        source[entry] = j
+        index[entry], source[entry], new_body[entry] = here[j], j, b
+
+
+@loop
+def carry_over(order: L1, first: L1, source: L1, place: I1, arrived: F2, state: F2, d: F2, new_state: F2, new_d: F2):
+    """Copy the bodies and their atoms to the order that `arrange` has found."""
+    for row in range(state.shape[0]):
+        for b in range(new_state.shape[1]):
+            new_state[row, b] = of_body(row, order[b], state, arrived, first)
+    for c in range(d.shape[0]):
+        for j in range(source.size):
+            p = place[source[j]]
+            new_d[c, j] = d[c, p] if p >= 0 else arrived[-1 - p, c]
 
 
 @loop
@@ -682,12 +773,12 @@ def find_in_table(keys: L1, wanted: L1, table: L1, found: L1):
     """See `find`; table is filled with -1 and its size is a power of two."""
     last = table.size - 1
     for j in range(keys.size):
-        h = (keys[j] * 0x9E3779B1 >> 16) & last
+        h = hashed(keys[j], table)
         while table[h] >= 0:
             h = (h + 1) & last
         table[h] = j
     for i in range(wanted.size):
-        h = (wanted[i] * 0x9E3779B1 >> 16) & last
+        h = hashed(wanted[i], table)
         while table[h] >= 0 and keys[table[h]] != wanted[i]:
             h = (h + 1) & last
         found[i] = table[h]

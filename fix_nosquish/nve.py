@@ -12,6 +12,7 @@ innermost level moves the bodies.
 """
 
 import weakref
+from functools import cached_property
 from math import gcd
 
 import numpy as np
@@ -29,6 +30,43 @@ from .switches import Switches
 
 _BLIND = "nve", "rigid", "shake", "rattle"  # fixes that read no velocities but those of their own atoms
 _READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"  # fixes that act at the end of a step and change no velocity
+
+
+class _Loops:
+    """The loops of a step on these bodies and LAMMPS's arrays, each bound to them when it is first used.
+
+    Args:
+        x, v, f: LAMMPS's arrays.  dt: the time step; dtf: what takes a force to half a step's momentum.
+        alone: whether all force and torque comes from this rank's atoms.
+    """
+
+    def __init__(self, bodies, x, v, f, dt, dtf, mrot, alone):
+        self._bodies, self._x, self._v, self._f, self._dt, self._dtf, self._mrot, self._alone = bodies, x, v, f, dt, dtf, mrot, alone
+
+    def _advance(self, gathers, kicks):
+        bodies = self._bodies
+        return kernels.advance.bind(bodies.state, bodies.rotors, bodies.extended, bodies.plane, *bodies.atoms, bodies.away, bodies.shift,
+                                    bodies.aways, self._x, self._f, self._dt, self._dtf, gathers, kicks, self._mrot, bodies.scratch)  # fmt: skip
+
+    @cached_property
+    def advance(self):
+        return self._advance(False, 1)
+
+    @cached_property
+    def kick_and_advance(self):
+        return self._advance(self._alone, 2)
+
+    @cached_property
+    def gather(self):
+        return kernels.gather.bind(self._bodies.state, *self._bodies.atoms, self._f, self._bodies.load, self._bodies.scratch)
+
+    @cached_property
+    def kick(self):
+        return kernels.kick.bind(self._bodies.state, self._bodies.blocks, self._dtf, self._bodies.scratch)
+
+    @cached_property
+    def set_velocities(self):
+        return kernels.set_velocities.bind(self._bodies.state, *self._bodies.atoms, self._v, self._bodies.scratch)
 
 
 class NVE(Reports):
@@ -141,7 +179,7 @@ class NVE(Reports):
         self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile)
         if known and np.array_equal(np.sort(known[0]), np.sort(self.bodies.id)):  # commands like write_data compute no forces
             self.bodies.load[:, np.argsort(self.bodies.id)] = known[1][:, np.argsort(known[0])]
-        self.host.note(self.lammps, self.world, self.bodies.index)
+        self.host.note(self.bodies.index)
         self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
 
@@ -207,12 +245,12 @@ class NVE(Reports):
         """Half a kick, a whole step of free motion, new positions."""
         self._begin_step(vflag)
         if not self.host.waiting:
-            self._advance()
+            self._loops.advance()
         else:
             if not self._alone:
                 self._gather()
-            if self._kick_and_advance():
-                self._sum_forces()
+            if self._loops.kick_and_advance():
+                self._loops.gather()
                 self._blame_forces()
         self._moved()
 
@@ -241,7 +279,7 @@ class NVE(Reports):
         """
         self._follow()
         self._gather()
-        self._half_kick()
+        self._loops.kick()
         self._half = False
         step = self.lammps.step
         if step == self.host.next_output or any(step % every == 0 for every in self.velocities_every):
@@ -256,7 +294,7 @@ class NVE(Reports):
         if self.host.waiting:
             self.host.waiting = self._velocities_set = False
             self._gather()
-            self._half_kick()
+            self._loops.kick()
 
     def _begin_step(self, vflag):
         if not self._settled:
@@ -268,20 +306,12 @@ class NVE(Reports):
 
     def _bind(self):
         """Prepare the loops of a step for the bodies and LAMMPS's arrays as they stand until the next re-neighbouring."""
-        bodies, respa = self.bodies, self.respa_dt is not None
-        x, v, f = self._xvf
+        respa = self.respa_dt is not None
         dt = self.respa_dt[0] if respa else self.dt
         dtf = 0.0 if respa else 0.5 * dt * self.lammps.ftm2v  # with respa each level kicks by itself
-        state, atoms, scratch = bodies.state, bodies.atoms, bodies.scratch
-        free = state, bodies.rotors, bodies.extended, bodies.plane, *atoms, bodies.away, bodies.shift, bodies.aways, x, f, dt, dtf
-        rest = self.command.mrot, scratch
-        self._advance = kernels.advance.bind(*free, False, 1, *rest)
         # whether nothing has to be added to the force and torque that this rank's atoms give: then a whole step is one pass
-        self._alone = not len(bodies.sharers.bodies) and self._mask is None and not bodies.spheres
-        self._kick_and_advance = kernels.advance.bind(*free, self._alone, 2, *rest)
-        self._sum_forces = kernels.gather.bind(state, *atoms, f, bodies.load, scratch)
-        self._half_kick = kernels.kick.bind(state, bodies.blocks, dtf, scratch)
-        self._write_velocities = kernels.set_velocities.bind(state, *atoms, v, scratch)
+        self._alone = not len(self.bodies.sharers.bodies) and self._mask is None and not self.bodies.spheres
+        self._loops = _Loops(self.bodies, *self._xvf, dt, dtf, self.command.mrot, self._alone)
 
     def _leave_to_host(self):
         """Have the plugin do itself what needs no Python; not what a class derived from this one does otherwise."""
@@ -291,10 +321,11 @@ class NVE(Reports):
         every = gcd(*self.velocities_every, *(self.command.output[:1] if self._file else ()))
         step = neighbor = None
         if not self.late and not self._box_may_change and self._mask is None and not self.bodies.spheres:
-            gather = [] if self._alone else [self._sum_forces, *self.bodies.sharers.passes(self.bodies.load)]
-            step = [*gather, self._kick_and_advance]
+            loops = self._loops
+            gather = [] if self._alone else [loops.gather, *self.bodies.sharers.passes(self.bodies.load)]
+            step = [*gather, loops.kick_and_advance]
             if self.half_step_velocities:
-                step.append(self._write_velocities)
+                step.append(loops.set_velocities)
             if self.world.size == 1:
                 neighbor = self.bodies.stay(self.lammps, self.world, self.membership, self.host)
         self.host.go_alone(every, step, neighbor)
@@ -327,7 +358,7 @@ class NVE(Reports):
 
     def _gather(self):
         bodies = self.bodies
-        wrong = self._sum_forces()
+        wrong = self._loops.gather()
         if bodies.spheres:
             kernels.add_torques(bodies.body, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.load)
         if wrong:
@@ -347,7 +378,7 @@ class NVE(Reports):
     def _set_velocities(self):
         bodies, self._velocities_set = self.bodies, not self._half
         if self._settled:
-            self._write_velocities()
+            self._loops.set_velocities()
         else:
             kernels.set_velocities(bodies.state, *bodies.atoms, self.lammps.per_atom("v", columns=3), bodies.scratch)
         if bodies.spheres:
@@ -400,7 +431,7 @@ class NVE(Reports):
         self._gather()
         self._kick(self.respa_dt[ilevel])
         if ilevel == 0:
-            self._advance()
+            self._loops.advance()
             self._moved()
 
     @hook

@@ -58,14 +58,13 @@ class Alone:
         """As `World.look_up`; what this rank has it need not ask for."""
         return np.full(len(wanted), -1)
 
-    def fetch(self, origins, lost, rows_of, problem):
+    def fetch(self, origins, lost, rows_of):
         """As `World.fetch`; no atom can have come."""
-        self.agree(problem(lost))
-        return rows_of(lost[:0])
+        return rows_of(lost[:0]), lost
 
-    def sharers(self, ids, partial, home):
+    def sharers(self, n, places, ids, home):
         """As `World.sharers`; nobody else holds bodies."""
-        return Sharers.none(len(ids))
+        return Sharers.none(n)
 
 
 class World:
@@ -201,43 +200,43 @@ class World:
 
         return self.ask(wanted % self.size, wanted, answer)[:, 0]
 
-    def fetch(self, origins, lost, rows_of, problem):
+    def fetch(self, origins, lost, rows_of):
         """Bring each gained atom what the rank that lost it knew of it.
 
         Args:
             origins: (m,) int64, where each atom gained was before: a rank, not this one, and the atom's place there.
             lost: (k,) places of atoms that this rank no longer has.
             rows_of: a function of (n,) places that gives (n, width) float64, what goes with these atoms.
-            problem: a function of the places of atoms that no rank gained, whose message (None for none)
-                ends the run on all ranks.
         Returns:
-            (m, width) rows, in the order of origins.
+            (m, width) rows, in the order of origins; (l,) the places of lost atoms that no rank gained.
         """
+        missing = lost
 
         def answer(places):
+            nonlocal missing
             # an atom is on one rank: if as many are asked for as are lost, they are the same
-            self.agree(problem(lost[:0] if len(places) == len(lost) else np.setdiff1d(lost, places)))
+            missing = lost[:0] if len(places) == len(lost) else np.setdiff1d(lost, places)
             return rows_of(places)
 
-        return self.ask(origins >> _BITS, origins & ((1 << _BITS) - 1), answer)
+        return self.ask(origins >> _BITS, origins & ((1 << _BITS) - 1), answer), missing
 
-    def sharers(self, ids, partial, home):
-        """Find who else holds the bodies `ids`.
+    def sharers(self, n, places, ids, home):
+        """Find who else holds some of this rank's bodies.
 
         Args:
-            ids: (n,) int64 body IDs, each once.
-            partial: (n,) bool, False for bodies that are known to be whole here.
-            home: (n,) int64, the rank at which all holders of each body meet: any on which they agree.
+            n: how many bodies this rank has.
+            places: (m,) those that it does not know to be whole here.
+            ids: (m,) int64, their IDs, each once.
+            home: (m,) int64, the rank at which all holders of each body meet: any on which they agree.
         """
         # in an order on which two holders of the same bodies agree
-        places = np.flatnonzero(partial)
-        places = places[np.lexsort((ids[places], home[places]))]
-        questions = _split(home[places], ids[places])
+        order = np.lexsort((ids, home))
+        questions = _split(home[order], ids[order])
         answers = self.deliver(_holders(self.deliver(questions, np.int64)), np.int64, questions)
         # the answer to the questions of one rank: how many hold each body, then who
         many = _join((answers[rank][: len(part)] for rank, part in questions.items()), np.int64)
         ranks = _join((answers[rank][len(part) :] for rank, part in questions.items()), np.int64)
-        return Sharers(self, len(ids), places, many, ranks)
+        return Sharers(self, n, places[order], many, ranks)
 
 
 def _split(keys, rows):

@@ -402,7 +402,7 @@ class Follower(Counting):
     def post_neighbor(self):
         n, me = self.lmp.extract_global("nlocal"), self.world.rank
         tags = self.lmp.numpy.extract_atom("id")[:n].tolist() if n else []
-        origins = self.host.origins(None, self.world)
+        origins = self.host.origins()
         assert origins.dtype == np.int64 and origins.shape == (n,)
         for i, (tag, origin) in enumerate(zip(tags, origins.tolist())):
             rank, place = divmod(origin, 2**32)
@@ -412,7 +412,7 @@ class Follower(Counting):
             self.sorted += origin >= 0 and rank == me and self.index[place] != i
         self.noted += 1
         self.index = np.random.default_rng(self.noted).permutation(np.flatnonzero(np.array(tags, int) % 2 == self.noted % 2)).astype(np.int32)
-        self.host.note(None, self.world, self.index)
+        self.host.note(self.index)
         mine = {(me, place): tags[i] for place, i in enumerate(self.index)}
         self.table = {key: tag for part in self.world.allgather(mine) for key, tag in part.items()}
 

@@ -71,7 +71,8 @@ def advance(q, p, moments, dt, steps=1, mrot=1):
     state[MASS], state[Q_ROWS], state[P_ROWS] = 1.0, q, p
     state[MOMENT] = np.reshape(moments, (3, -1))
     number = np.arange(n)
-    bodies = Bodies(number, state, number, number, number.astype(np.int32), np.zeros((3, n)), False, False)
+    state[kernels.ID] = number
+    bodies = Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), number.astype(np.int32), False, False)
     step = kernels.advance.bind(bodies.state, bodies.rotors, bodies.extended, 0, *bodies.atoms, bodies.away, bodies.shift,
                                 bodies.aways, np.empty((n, 3)), np.empty((n, 3)), dt, 0.0, False, 0, mrot, bodies.scratch)  # fmt: skip
     for _ in range(steps):

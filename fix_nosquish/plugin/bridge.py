@@ -11,7 +11,7 @@ import sys
 import traceback
 from ctypes import (
     CFUNCTYPE, POINTER, PYFUNCTYPE, Structure, addressof, byref, c_char, c_char_p, c_double, c_int, c_int32,
-    c_int64, c_void_p, cast, memset, py_object, pythonapi, sizeof,
+    c_int64, c_void_p, memset, py_object, pythonapi, sizeof,
 )  # fmt: skip
 
 from ..errors import RunError
@@ -78,7 +78,7 @@ def passes(each):
             entry.requests, entry.nrequests = addressof(handles), len(one.requests)
             kept.append(handles)
         else:
-            entry.loop, entry.slots = cast(one.func, c_void_p).value, addressof(one.args[0])
+            entry.loop, entry.slots = one.func.address, addressof(one.args[0])
     return array, (each, kept)
 
 
@@ -108,6 +108,8 @@ class Bridge(Structure):
         ("virial_per_atom", POINTER(c_double)),
         ("natoms", c_int32),  # -1 while LAMMPS asks for no virial per atom
         ("next_output", POINTER(c_int64)),
+        ("nlocal", c_void_p),
+        ("origins", c_void_p),  # of each local atom
         ("may_wait", c_int32),
         ("look_every", c_int32),
         ("waiting", c_int32),
@@ -119,7 +121,6 @@ class Bridge(Structure):
         ("set_array_rows", CFUNCTYPE(None, c_void_p, c_int)),
         ("note", CFUNCTYPE(None, c_void_p, c_int, c_void_p)),
         ("keep", CFUNCTYPE(None, c_void_p)),
-        ("origins", CFUNCTYPE(c_int, c_void_p, POINTER(c_void_p))),
         *HOOKS.items(),
         ("release", CFUNCTYPE(None, c_void_p)),
         ("message", c_char * 4096),

@@ -1,6 +1,6 @@
 """What a class can ask of the fix that drives it."""
 
-from ctypes import byref, c_void_p, cast
+from ctypes import c_int, cast
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +35,8 @@ class Host:
         self.group = bridge.group.decode()
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
+        self._natoms = c_int.from_address(bridge.nlocal)
+        self._note, self._keep = bridge.note, bridge.keep  # ctypes makes a function at each access
 
     def log(self, text):
         """Print text on LAMMPS's screen and in its log file; ranks other than 0 print nothing."""
@@ -101,14 +103,14 @@ class Host:
 
         bridge, self._passes = self._bridge, [each and passes(each) for each in (step, neighbor)]
         bridge.step, bridge.neighbor = (each and cast(each[0], type(bridge.step)) for each in self._passes)
-        self._bridge.keep(self._bridge.fix)
-        self._bridge.may_wait, self._bridge.look_every = True, look_every
+        self._keep(bridge.fix)
+        bridge.may_wait, bridge.look_every = True, look_every
 
     def call_always(self):
         """Have the fix call every method of the class again."""
         self._bridge.may_wait, self._bridge.step, self._bridge.neighbor = False, None, None
 
-    def note(self, lammps, world, index):
+    def note(self, index):
         """Have LAMMPS take along with each of these atoms, wherever it moves them, where it is now.
 
         The class asks for it with an attribute ``follows_atoms``, true when the instance is made.
@@ -121,15 +123,13 @@ class Host:
         """
         if not self._bridge.follows_atoms:
             raise AttributeError("note() is for classes with an attribute follows_atoms, true when the instance is made")
-        self._bridge.note(self._bridge.fix, len(index), index.ctypes.data)
+        self._note(self._bridge.fix, len(index), index.ctypes.data)
 
-    def origins(self, lammps, world):
+    def origins(self):
         """Where the atoms of this rank were when ``note`` was last called.
 
         Returns:
             (natoms,) int64, rank << 32 | place for an atom that was in that rank's list, -1 for another one:
             a view, of use until LAMMPS moves atoms.
         """
-        address = c_void_p()
-        n = self._bridge.origins(self._bridge.fix, byref(address))
-        return array(address.value, (n,), np.int64)
+        return array(self._bridge.origins, (self._natoms.value,), np.int64)

@@ -170,6 +170,8 @@ struct Bridge {
   double *virial_per_atom;    // (natoms, 6)
   int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
   const int64_t *next_output;    // the step of the next output
+  const int *nlocal;             // the number of local atoms
+  const int64_t *origins;        // where each of them was when it was noted
   // set by Python: what goes without it
   int32_t may_wait;           // the end of a step may wait for the next step
   int32_t look_every;         // but not where its number is a multiple of this (0: of none)
@@ -183,7 +185,6 @@ struct Bridge {
   void (*set_array_rows)(void *fix, int n);
   void (*note)(void *fix, int n, const int32_t *index);
   void (*keep)(void *fix);    // the passes are for LAMMPS's arrays and box as they are now
-  int (*origins)(void *fix, const int64_t **origin);    // how many there are
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);
@@ -304,12 +305,9 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     self(fix)->kept_arrays = self(fix)->arrays();
     self(fix)->kept_box = self(fix)->box();
   };
-  bridge.origins = [](void *fix, const int64_t **origin) {
-    *origin = self(fix)->origin;
-    return self(fix)->atom->nlocal;
-  };
   bridge.natoms = -1;
   bridge.next_output = &output->next;
+  bridge.nlocal = &atom->nlocal;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
@@ -544,6 +542,7 @@ void FixPythonMove::note(int n, const int32_t *index)
 void FixPythonMove::grow_arrays(int n)
 {
   memory->grow(origin, n, "python/move:origin");
+  bridge.origins = origin;
 }
 
 int FixPythonMove::pack_exchange(int i, double *buffer)
