@@ -202,7 +202,7 @@ def small(monkeypatch, tmp_path):
 @pytest.mark.timeout(240)
 def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     """Locks out a failed integrator that ends the others or hides its cause, rounds that are not in turn, a point that is
-    measured twice, and one that is taken over although code or settings have changed."""
+    measured twice, one that is taken over although code or settings have changed, and one of an earlier call that is lost."""
     broken = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",), kind="rigid")
     monkeypatch.setitem(BENCHMARKED, "broken", broken)
     summary, begun = small(integrators=("broken", "nosquish", "rigid/nve"))
@@ -232,8 +232,11 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
 
     again, begun = small(integrators=("broken", "nosquish", "rigid/nve"))
     assert len(begun) == 1 and again["points"] == summary["points"]
+    others = bench.bench([], tmp_path / "out", False, Silent())
+    assert others["points"] == summary["points"], "a point that an earlier call has measured is not shown"
     monkeypatch.setattr(rounds, "calibrate", lambda make: 1e-5)
     monkeypatch.setattr(bench, "package_hash", lambda: "other code")
+    assert not bench.bench([], tmp_path / "out", False, Silent())["points"], "a point of other code is shown"
     monkeypatch.setattr(rounds, "in_turn", lambda jobs, *_: ({name: [] for name in jobs}, {}, True))
     changed, _ = small(integrators=("broken", "nosquish", "rigid/nve"))
     assert changed["interrupted"] and changed["points"][0]["integrators"][1]["error"] == "interrupted"

@@ -2,7 +2,8 @@
 
 The benchmark is made of points, each measured as a whole and kept in a file: a scene of one size on one
 number of ranks, with all integrators in turn; the optional passes; the start; the memory.  A point that
-was measured with the same code, input and settings is not measured again.
+was measured with the same code, input and settings is not measured again.  The summary also has the points that
+an earlier call left in the folder, if they are of the same code.
 """
 
 import hashlib
@@ -319,7 +320,7 @@ def bench(wanted, out, again, meter):
         if again or kept.get("mark") != mark or not kept["complete"]:
             if summary["interrupted"]:
                 continue
-            kept = {"mark": mark, "complete": False, "begin": machine.now(), "load": os.getloadavg()[0]}
+            kept = {"mark": mark, "code": code, "complete": False, "begin": machine.now(), "load": os.getloadavg()[0]}
             try:
                 record, interrupted = point.measure(out, meter)
             except KeyboardInterrupt:
@@ -331,8 +332,12 @@ def bench(wanted, out, again, meter):
         else:
             meter.begin(f"{point.name}, of {kept['begin']}", point.turns)
             meter.end(None)
-        times = {key: kept[key] for key in ("begin", "end", "load", "complete")}
-        _file_away(kept["record"] | times, summary)
+        _file_away(kept, summary)
+    for path in sorted((out / "measured").glob("*.json")):
+        kept = json.loads(path.read_text())
+        if kept.get("code") == code and kept["complete"] and path.stem not in {point.name for point in wanted}:
+            _file_away(kept, summary)
+    summary["points"].sort(key=lambda point: ([*SCENES].index(point["scene"]), point["bodies"], point["ranks"]))
     _relate_to_memory(summary)
     summary["goals"] = goals.judge(summary["points"], summary["starts"])
     return summary
@@ -347,12 +352,12 @@ def package_hash():
     return found.hexdigest()
 
 
-def _file_away(record, summary):
+def _file_away(kept, summary):
     """Put a point's record where it belongs."""
-    times = {key: record[key] for key in ("begin", "end", "load")}
+    record, times = kept["record"], {key: kept[key] for key in ("begin", "end", "load")}
     if "integrators" in record:
         summary["versions"].update(machine.worker_versions(record["versions"]) if "versions" in record else {})
-        summary["points"].append(record)
+        summary["points"].append(record | times | {"complete": kept["complete"]})
     elif "passes" in record:
         summary["passes"] += [row | times for row in record["passes"]]
     elif "start" in record:

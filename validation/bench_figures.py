@@ -40,7 +40,7 @@ def size(summary):
     """Modify per 1,000 molecules of water against their number, a panel for each number of ranks."""
     points = [point for point in summary["points"] if point["scene"] == "water"]
     ranks = sorted({point["ranks"] for point in points})
-    if not points:
+    if len({point["bodies"] for point in points}) < 2:
         return None, ""
     figure, axes = plt.subplots(1, len(ranks), figsize=(1.2 + 4.6 * len(ranks), 5), sharex=True, sharey=True, squeeze=False, layout="constrained")
     for axis, number in zip(axes[0], ranks):
