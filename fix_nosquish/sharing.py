@@ -233,10 +233,7 @@ class World:
         order = np.lexsort((ids, home))
         questions = _split(home[order], ids[order])
         answers = self.deliver(_holders(self.deliver(questions, np.int64)), np.int64, questions)
-        # the answer to the questions of one rank: how many hold each body, then who
-        many = _join((answers[rank][: len(part)] for rank, part in questions.items()), np.int64)
-        ranks = _join((answers[rank][len(part) :] for rank, part in questions.items()), np.int64)
-        return Sharers(self, n, places[order], many, ranks)
+        return Sharers(self, n, places[order], [len(part) for part in questions.values()], _join(answers.values(), np.int64))
 
 
 def _split(keys, rows):
@@ -251,18 +248,14 @@ def _join(parts, dtype):
 
 
 def _holders(asked):
-    """What to answer ranks (keys) that ask who holds bodies: how many ranks each of these bodies, then which, body by body."""
+    """What to answer ranks (keys) that ask who holds bodies; see `packing.answer`."""
     ids = _join(asked.values(), np.int64)
-    ranks = np.repeat(np.array([*asked], np.int64), [len(part) for part in asked.values()])
-    order = np.argsort(ids, kind="stable")
-    first, many = np.empty((2, len(ids)), np.int64)
-    listed = np.empty(packing.meet(ids, order, first, many), np.int64)
-    packing.list_all(ranks, order, first, many, listed)
-    answers, begin, last = {}, 0, 0
-    for rank, part in asked.items():
-        count = many[begin : (begin := begin + len(part))]
-        answers[rank] = np.concatenate([count, listed[last : (last := last + count.sum())]])
-    return answers
+    n, k = len(ids), len(asked)
+    bounds = np.cumsum([0, *map(len, asked.values())], dtype=np.int64)
+    (first, many), answers, ends = np.empty((2, n), np.int64), np.empty(n * (1 + k), np.int64), np.empty(k + 1, np.int64)
+    packing.answer(ids, np.argsort(ids, kind="stable"), first, many, bounds, np.array([*asked], np.int64), answers, ends)
+    ends = ends.tolist()
+    return {rank: answers[begin:end] for rank, begin, end in zip(asked, ends, ends[1:])}
 
 
 class Sharers:
@@ -272,7 +265,7 @@ class Sharers:
         world: the `World` or `Alone`.
         n: number of bodies on this rank.
         places: (k,) the places of those that may be shared, in an order on which holders of the same bodies agree.
-        many: (k,) how many ranks hold each.  ranks: (sum of many,) who, body by body, in the order of the ranks.
+        asked: how many of these each rank was asked for.  answers: what these ranks answered; see `packing.connect`.
 
     Attributes:
         bodies: (m,) places of the shared bodies in this rank's list of bodies.
@@ -281,12 +274,12 @@ class Sharers:
         home: (n,) that lowest rank.
     """
 
-    def __init__(self, world, n, places, many, ranks):
+    def __init__(self, world, n, places, asked, answers):
         self.home = np.full(n, world.rank)
-        partners, counts, self._source, sent = np.empty((4, len(ranks)), np.int64)
+        partners, counts, self._source, sent = np.empty((4, len(answers)), np.int64)
         bodies, self._first = np.empty(len(places), np.int64), np.zeros(len(places) + 1, np.int64)
         sizes = np.empty(2, np.int64)
-        packing.connect(places, many, ranks, world.rank, self.home, partners, counts, bodies, self._first, self._source, sent, sizes)
+        packing.connect(places, np.array(asked, np.int64), answers, world.rank, self.home, partners, counts, bodies, self._first, self._source, sent, sizes)
         shared, others = sizes.tolist()
         self.bodies, self.owned = bodies[:shared], self.home == world.rank
         self._partners, self._counts = partners[:others].tolist(), counts[:others].tolist()
@@ -297,7 +290,7 @@ class Sharers:
     def none(cls, n):
         """No body is shared."""
         none = np.empty(0, np.int64)
-        return cls(Alone(), n, none, none, none)
+        return cls(Alone(), n, none, [], none)
 
     def combine(self, values, operation=np.add):
         """Combine the ranks' parts of shared bodies, in place: one exchange.
