@@ -4,6 +4,8 @@ In an input script:
 
     fix 1 water python/move "fix_nosquish.NVE water molecule"
 
+Two other integrators stand beside it for comparison: MatubayasiNakahara and Gear.
+
 LAMMPS looks up the attribute `NVE water molecule` of this module; it gets the class
 named by the first word, with the words bound to it.
 """
@@ -13,7 +15,7 @@ from functools import partial
 
 from .errors import RunError
 
-INTEGRATORS = {"NVE": "nve"}  # class: module, imported when a fix line names the class
+INTEGRATORS = {"NVE": "nve", "MatubayasiNakahara": "matubayasi_nakahara", "Gear": "gear"}  # class: module, imported when a fix line names the class
 
 
 def __getattr__(name):

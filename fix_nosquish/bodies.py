@@ -46,15 +46,16 @@ class Bodies:
     Args:
         state (rows, k), body (j,), d (4, j): bodies and atoms of before, or new ones in any order.
         here: (m,) int32, indices of this rank's atoms in LAMMPS's arrays, ascending.
-        place: (m,) int32, each of these atoms' place among those j; of one from another rank, -1 minus its row of arrived.
+        place: (m,) int32, each of these atoms' place among those j, None if they are the same; of one from another rank, -1 minus
+            its row of arrived.
         arrived: (i, OF_BODY + rows) what another rank told of such atoms.
         shared: (l,) places of the bodies that other ranks had too.
     """
 
-    def __init__(self, state, body, d, here, place, plane, spheres, arrived=None, shared=_NONE):
+    def __init__(self, state, body, d, here, plane, spheres, place=None, arrived=None, shared=_NONE):
         rows, m = len(state), len(here)
-        if arrived is None:
-            arrived = np.empty((0, kernels.OF_BODY + rows))
+        if place is None:
+            place, arrived = np.arange(m, dtype=np.int32), np.empty((0, kernels.OF_BODY + rows))
         n, k = state.shape[1] + len(arrived), len(arrived)
         number, order, self.atoms_here = (np.empty(n, np.int64) for _ in range(3))
         owner, source, self.body = (np.empty(m, np.int64) for _ in range(3))
@@ -104,7 +105,7 @@ class Bodies:
             if came or len(missing):
                 problem = _atoms_changed(lammps, membership, self, missing, origins)
             if moved:
-                result = Bodies(self.state, self.body, self.d, here[:count], place[:count], self.plane, self.spheres, arrived, self.sharers.bodies)
+                result = Bodies(self.state, self.body, self.d, here[:count], self.plane, self.spheres, place[:count], arrived, self.sharers.bodies)
             result.find_sharers(world)
             host.note(result.index)
         result.settle(lammps, world, problem)

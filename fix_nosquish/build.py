@@ -11,12 +11,13 @@ _EQUAL_MOMENTS = 1e-9  # moments closer than this part of the largest are equal:
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
-def build(lammps, world, membership, path=None):
+def build(lammps, world, membership, path=None, more_rows=0):
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Args:
         lammps: the `Lammps`.  world: the `World` or `Alone`.  membership: the `Membership`.
         path: the file of keyword infile, None for none.
+        more_rows: rows of zeros in the bodies' state, behind those that `kernels` names.
     Returns:
         (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
         angular momentum of the atoms' velocities, and notes for the log: the number of
@@ -81,7 +82,7 @@ def build(lammps, world, membership, path=None):
             axes[solid] = axes[solid, :, ::-1]
         axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
 
-    state = np.zeros((ROWS, n))
+    state = np.zeros((ROWS + more_rows, n))
     state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = body_mass, natoms, moment, sharers.home, ids
     state[X], state[IMAGE], state[Q] = place + centre, image, _quaternion(axes)
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
@@ -91,7 +92,7 @@ def build(lammps, world, membership, path=None):
     d[:3], d[3] = np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag
     state[LOAD] = np.nan  # no force is known yet
     spheres = world.any(radius is not None and radius.any())
-    result = Bodies(state, body, d, atoms.astype(np.int32), np.arange(len(atoms), dtype=np.int32), plane, spheres)
+    result = Bodies(state, body, d, atoms.astype(np.int32), plane, spheres)
     result.find_sharers(world)  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())

@@ -342,20 +342,12 @@ def gather_block(scratch, bodies, begin, end, rounds, index, d, atom_f):
 # ---------------------------------------------------------------- the passes of a step
 
 
-@loop
-def advance(
-    state: F2, rotors: I, extended: I, plane: I, blocks: I2, rounds: I1, index: I1, d: F2, away: I1, shift: F2, aways: L1,
-    atom_x: F2, atom_f: F2, dt: F, dtf: F, gathers: I, kicks: I, mrot: I, scratch: F1,
-) -> I:  # fmt: skip
-    """So many half kicks (dtf), drift and free rotation by dt, the atoms' new positions.
-
-    Bodies [0, rotors) have three moments, [rotors, extended) are linear, the rest are points.  If it gathers, force and
-    torque are what `gather` would find, and are not kept: with two kicks, the last of one step and the first of the next,
-    a whole step is one pass.
-
-    Returns:
-        As `gather`, or 0.
-    """
+@inlined
+def advance_by(
+    rotate, state, rotors, extended, plane, blocks, rounds, index, d, away, shift, aways, atom_x, atom_f, dt, dtf, gathers, kicks,
+    mrot, scratch,
+):  # fmt: skip
+    """As `advance`; rotate(scratch, dt, mrot) is the free rotation of rotors, `rotate_rotors` or another integrator's."""
     wrong = 0
     for k in range(blocks.shape[0] - 1):
         begin, end = blocks[k, 0], blocks[k + 1, 0]
@@ -373,7 +365,7 @@ def advance(
             if plane:
                 rotate_in_plane(scratch, dt)
             else:
-                rotate_rotors(scratch, dt, mrot)
+                rotate(scratch, dt, mrot)
         elif begin < extended:
             rotate_linear(scratch, dt)
         put(scratch, state, begin, end, X, P + 4, X)
@@ -383,6 +375,26 @@ def advance(
         for k in range(3):
             atom_x[index[away[a]], k] += shift[a, k]
     return wrong
+
+
+@loop
+def advance(
+    state: F2, rotors: I, extended: I, plane: I, blocks: I2, rounds: I1, index: I1, d: F2, away: I1, shift: F2, aways: L1,
+    atom_x: F2, atom_f: F2, dt: F, dtf: F, gathers: I, kicks: I, mrot: I, scratch: F1,
+) -> I:  # fmt: skip
+    """So many half kicks (dtf), drift and free rotation by dt, the atoms' new positions.
+
+    Bodies [0, rotors) have three moments, [rotors, extended) are linear, the rest are points.  If it gathers, force and
+    torque are what `gather` would find, and are not kept: with two kicks, the last of one step and the first of the next,
+    a whole step is one pass.
+
+    Returns:
+        As `gather`, or 0.
+    """
+    return advance_by(
+        rotate_rotors, state, rotors, extended, plane, blocks, rounds, index, d, away, shift, aways, atom_x, atom_f, dt, dtf, gathers,
+        kicks, mrot, scratch,
+    )  # fmt: skip
 
 
 @loop

@@ -36,17 +36,15 @@ class _Loops:
     """The loops of a step on these bodies and LAMMPS's arrays, each bound to them when it is first used.
 
     Args:
+        loop: the integrator's `kernels.advance`.
         x, v, f: LAMMPS's arrays.  dt: the time step; dtf: what takes a force to half a step's momentum.
         alone: whether all force and torque comes from this rank's atoms.
     """
 
-    def __init__(self, bodies, x, v, f, dt, dtf, mrot, alone):
-        self._bodies, self._x, self._v, self._f, self._dt, self._dtf, self._mrot, self._alone = bodies, x, v, f, dt, dtf, mrot, alone
-
-    def _advance(self, gathers, kicks):
-        bodies = self._bodies
-        return kernels.advance.bind(bodies.state, bodies.rotors, bodies.extended, bodies.plane, *bodies.atoms, bodies.away, bodies.shift,
-                                    bodies.aways, self._x, self._f, self._dt, self._dtf, gathers, kicks, self._mrot, bodies.scratch)  # fmt: skip
+    def __init__(self, loop, bodies, x, v, f, dt, dtf, mrot, alone):
+        self._bodies, self._v, self._f, self._dtf, self._alone = bodies, v, f, dtf, alone
+        free = bodies.state, bodies.rotors, bodies.extended, bodies.plane, *bodies.atoms, bodies.away, bodies.shift, bodies.aways
+        self._advance = lambda gathers, kicks: loop.bind(*free, x, f, dt, dtf, gathers, kicks, mrot, bodies.scratch)
 
     @cached_property
     def advance(self):
@@ -89,11 +87,17 @@ class NVE(Reports):
         virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
         late: other fixes that act at the end of a step, and so may change velocities.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
+
+    A class derived from this one can have another
+        advance: loop of a step's first half, with the arguments of `kernels.advance`.
+        more_rows: number of rows of the bodies' state that it has for itself, behind those that `kernels` names; they go where the bodies go.
+        method, splits: what the log calls it, and whether it has use for the keywords mrot and order.
     """
 
     host = None
     follows_atoms = True
     virial = virial_per_atom = None
+    advance, more_rows, method, splits = kernels.advance, 0, "NO_SQUISH", True
     _all = weakref.WeakSet()
 
     def __init__(self, ptr, words):
@@ -176,7 +180,7 @@ class NVE(Reports):
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.load)
         self.bodies = None  # there may be no room for both
-        self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile)
+        self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile, self.more_rows)
         if known and np.array_equal(np.sort(known[0]), np.sort(self.bodies.id)):  # commands like write_data compute no forces
             self.bodies.load[:, np.argsort(self.bodies.id)] = known[1][:, np.argsort(known[0])]
         self.host.note(self.bodies.index)
@@ -311,7 +315,7 @@ class NVE(Reports):
         dtf = 0.0 if respa else 0.5 * dt * self.lammps.ftm2v  # with respa each level kicks by itself
         # whether nothing has to be added to the force and torque that this rank's atoms give: then a whole step is one pass
         self._alone = not len(self.bodies.sharers.bodies) and self._mask is None and not self.bodies.spheres
-        self._loops = _Loops(self.bodies, *self._xvf, dt, dtf, self.command.mrot, self._alone)
+        self._loops = _Loops(self.advance, self.bodies, *self._xvf, dt, dtf, self.command.mrot, self._alone)
 
     def _leave_to_host(self):
         """Have the plugin do itself what needs no Python; not what a class derived from this one does otherwise."""

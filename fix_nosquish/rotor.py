@@ -47,6 +47,17 @@ def permute_3(a):
 
 
 @inlined
+def s_times(q, x, y, z):
+    """S(q) (0, x, y, z), with S(q) of (2.6): x P_1 q + y P_2 q + z P_3 q."""
+    return (
+        -q[1] * x - q[2] * y - q[3] * z,
+        q[0] * x - q[3] * y + q[2] * z,
+        q[3] * x + q[0] * y - q[1] * z,
+        -q[2] * x + q[1] * y + q[0] * z,
+    )
+
+
+@inlined
 def dot(a, b):
     """The product of two four-vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]

@@ -70,7 +70,7 @@ def summary(nve, notes, virial):
         kinds, turning = ((solid + planar, "in the plane"),), ((solid + planar, "rotation in the plane", "no rotation"),)
     else:
         kinds = (solid, "three-dimensional"), (planar, "planar"), (linear, "linear")
-        turning = ((solid + planar, f"rotation of rotors (mrot {command.mrot}, order {command.order})", "no rotors"),
+        turning = ((solid + planar, "rotation of rotors" + (f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""), "no rotors"),
                    (linear, "rotation of linear bodies", "no linear bodies"))  # fmt: skip
     kinds = [f"{k} {what}" for k, what in (*kinds, (points, "single atoms")) if k]
     done, left = [], []
@@ -90,7 +90,7 @@ def summary(nve, notes, virial):
         if pass_ and needed or without and not needed:
             (done if needed else left).append(pass_ if needed else without)
     lines = [
-        f"Rigid bodies by NO_SQUISH: {command.text}",
+        f"Rigid bodies by {nve.method}: {command.text}",
         f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
         f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed",

@@ -72,7 +72,7 @@ def advance(q, p, moments, dt, steps=1, mrot=1):
     state[MOMENT] = np.reshape(moments, (3, -1))
     number = np.arange(n)
     state[kernels.ID] = number
-    bodies = Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), number.astype(np.int32), False, False)
+    bodies = Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), False, False)
     step = kernels.advance.bind(bodies.state, bodies.rotors, bodies.extended, 0, *bodies.atoms, bodies.away, bodies.shift,
                                 bodies.aways, np.empty((n, 3)), np.empty((n, 3)), dt, 0.0, False, 0, mrot, bodies.scratch)  # fmt: skip
     for _ in range(steps):

@@ -1,0 +1,470 @@
+"""MatubayasiNakahara and Gear against their equations, written out for one body, and against what theory says of them.
+
+The bodies of the first half of this file move in a field U = |x|^2 / 2 - m . (E + G x), with m a vector fixed in
+the body: force and torque, coupled, without LAMMPS.
+"""
+
+from math import comb, factorial
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+from scipy.linalg import expm
+from systems import apart, known, mixture, simulate, water  # noqa: F401 (known and simulate are fixtures)
+from systems import OURS as NVE
+from test_nve import hot_rods
+from test_respa import TWO, smooth
+from test_rotor import ASYMMETRIC, S, body_momentum, conjugate, energy, exact, product, space_momentum, tops
+
+from fix_nosquish import gear, kernels, matubayasi_nakahara
+from fix_nosquish.bodies import MASS, MOMENT, Bodies
+from fix_nosquish.bodies import P as P_ROWS
+from fix_nosquish.bodies import Q as Q_ROWS
+
+MN, GEAR = (NVE.replace("NVE", name) for name in ("MatubayasiNakahara", "Gear"))
+DIPOLE, E, G = np.array([0.3, -0.5, 0.7]), np.array([0.2, 1.0, -0.4]), np.array([[0.5, 0.2, 0.0], [-0.3, 0.1, 0.4], [0.2, 0.6, -0.2]])
+
+
+# ---- the field, and bodies in it
+
+
+def to_space(q, vector):
+    return product(product(q, np.concatenate([np.zeros_like(vector[:1]), vector])), conjugate(q))[1:]
+
+
+def to_body(q, vector):
+    return to_space(conjugate(q), vector)
+
+
+def dipoles(q):
+    return to_space(q, np.tile(DIPOLE[:, None], q.shape[1]))
+
+
+def field(x, q):
+    """Force and torque in the space frame, (6, n)."""
+    m = dipoles(q)
+    return np.concatenate([G.T @ m - x, np.cross(m, E[:, None] + G @ x, axis=0)])
+
+
+def no_field(x, q):
+    return np.zeros((6, x.shape[1]))
+
+
+def potential(x, q):
+    return 0.5 * (x**2).sum(axis=0) - (dipoles(q) * (E[:, None] + G @ x)).sum(axis=0)
+
+
+def total_energy(bodies):
+    return potential(bodies.x, bodies.q) + bodies.kinetic().sum(axis=0)
+
+
+def start(n, seed, speed=1.0):
+    """x, v, q, p of n bodies of mass 1."""
+    x, v = np.random.default_rng(seed).normal(size=(2, 3, n))
+    return x, v, *tops(n, ASYMMETRIC, seed, speed)
+
+
+def make(x, v, q, p, moments=ASYMMETRIC, more_rows=0):
+    n = q.shape[1]
+    state = np.zeros((kernels.ROWS + more_rows, n))
+    state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = 1.0, np.reshape(moments, (3, -1)), q, p
+    state[kernels.X : kernels.X + 3], state[kernels.V : kernels.V + 3] = x, v
+    number = np.arange(n)
+    state[kernels.ID] = number
+    bodies = Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), False, False)
+    np.testing.assert_array_equal(bodies.id, number)
+    return bodies
+
+
+def move_mn(bodies, dt, steps, mrot=1, force=field):
+    """Steps of MatubayasiNakahara's loops as NVE calls them."""
+    x, f = np.empty((2, len(bodies), 3))
+    advance = matubayasi_nakahara.advance.bind(
+        bodies.state, bodies.rotors, bodies.extended, 0, *bodies.atoms, bodies.away, bodies.shift, bodies.aways, x, f, dt, 0.5 * dt, False, 1,
+        mrot, bodies.scratch,
+    )  # fmt: skip
+    bodies.load[:] = force(bodies.x, bodies.q)
+    for _ in range(steps):
+        advance()
+        bodies.load[:] = force(bodies.x, bodies.q)
+        kernels.kick(bodies.state, bodies.blocks, 0.5 * dt, bodies.scratch)
+    return bodies
+
+
+def move_gear(bodies, dt, steps, force=field, starts=True):
+    """Steps of Gear's loops as the class calls them."""
+    scratch = np.empty(gear.ALL_SCRATCH)
+    rest = bodies.state, *bodies.atoms, bodies.away, bodies.shift, bodies.aways, np.empty((len(bodies), 3)), dt, 1.0, scratch
+    if starts:
+        bodies.load[:] = force(bodies.x, bodies.q)
+        gear.start(bodies.state, bodies.blocks, dt, 1.0, scratch)
+    for _ in range(steps):
+        gear.step(False, *rest)
+        bodies.load[:] = force(bodies.x, bodies.q)
+        gear.step(True, *rest)
+    return bodies
+
+
+def for_gear(*start, moments=ASYMMETRIC):
+    return make(*start, moments=moments, more_rows=gear.Gear.more_rows)
+
+
+# ---- the equations, for one body of mass 1, as they stand
+
+
+def rates(x, q, moments):
+    """Acceleration, and torque over moments in the principal frame."""
+    load = field(x[:, None], q[:, None])[:, 0]
+    return load[:3], to_body(q[:, None], load[3:, None])[:, 0] / moments
+
+
+def paper_mn(x, v, q, w, moments, dt, mrot):
+    """(2.61) in the order of (2.53), the parts iL_1 to iL_3 as exponentials of matrices."""
+    ix, iy, iz = moments
+
+    def part_1(q, w, h):
+        return expm(0.5 * h * sum(w[k] * np.stack([S(e)[:, k + 1] for e in np.eye(4)], axis=1) for k in range(3))) @ q
+
+    def part_2(w, h):
+        matrix = np.zeros((3, 3))
+        matrix[0, 1], matrix[1, 0] = (iy - iz) / ix * w[2], (iz - iy) / iy * w[2]
+        return expm(h * matrix) @ w
+
+    def part_3(w, h):
+        matrix = np.zeros((3, 3))
+        matrix[1, 2], matrix[2, 1] = (iy - ix) / iy * w[0], (ix - iy) / iz * w[0]
+        return expm(h * matrix) @ w
+
+    a, alpha = rates(x, q, moments)
+    v, w = v + 0.5 * dt * a, w + 0.5 * dt * alpha
+    x = x + dt * v
+    h = dt / mrot
+    for _ in range(mrot):
+        w = part_2(part_3(w, h / 2), h / 2)
+        q = part_1(q, w, h)
+        w = part_3(part_2(w, h / 2), h / 2)
+    a, alpha = rates(x, q, moments)
+    return x, v + 0.5 * dt * a, q, w + 0.5 * dt * alpha
+
+
+def gears_coefficients():
+    """For six values: of equations of first and of second order, from products of (1 + x / j) and their integrals over [-1, 0]."""
+
+    def product_to(last):
+        return np.prod([Polynomial([1, 1 / j]) for j in range(1, last + 1)])
+
+    first, second = product_to(4).integ().coef, 2 * product_to(3).integ(2).coef
+    first[0], second[1] = -product_to(5).integ()(-1), -2 * product_to(4).integ()(-1)
+    second[0] = 3 / 20  # which the test of polynomials confirms
+    return first, second
+
+
+class PlainGear:
+    """The predictor-corrector with unscaled derivatives: y[n] are derivatives n of x, omega and q."""
+
+    def __init__(self, x, v, q, w, moments):
+        self.moments, self.y = moments, np.zeros((6, 10))
+        self.y[0], self.y[1, :3] = [*x, *w, *q], v
+        a, torque = rates(x, q, moments)
+        self.y[2, :3], torque = a, moments * torque
+        for n in range(5):
+            w, q = self.y[: n + 1, 3:6], self.y[: n + 1, 6:]
+            L = moments * w
+            euler = sum(comb(n, j) * np.cross(L[j], w[n - j]) for j in range(n + 1)) + (torque if n == 0 else 0)
+            self.y[n + 1, 3:6] = euler / moments
+            self.y[n + 1, 6:] = 0.5 * sum(comb(n, j) * S(q[j]) @ [0, *w[n - j]] for j in range(n + 1))
+
+    def unit(self):
+        self.y[0, 6:] /= np.linalg.norm(self.y[0, 6:])
+
+    def step(self, dt):
+        y, (first, second) = self.y, gears_coefficients()
+        for n in range(6):
+            y[n] = sum(y[n + m] * dt**m / factorial(m) for m in range(6 - n))
+        self.unit()
+        x, w, q = y[0, :3], y[0, 3:6].copy(), y[0, 6:].copy()
+        a, alpha = rates(x, q, self.moments)
+
+        def correct(k, coefficients, order, right):
+            error = (right - y[order, k]) * dt**order / factorial(order)
+            for n in range(6):
+                y[n, k] += coefficients[n] * error * factorial(n) / dt**n
+
+        correct(slice(0, 3), second, 2, a)
+        correct(slice(3, 6), first, 1, alpha + np.cross(self.moments * w, w) / self.moments)
+        correct(slice(6, 10), first, 1, 0.5 * S(q) @ [0, *y[0, 3:6]])
+        self.unit()
+
+
+def omega(bodies):
+    return body_momentum(bodies.q, bodies.p)[1:] / bodies.moment
+
+
+@pytest.mark.parametrize("dt, steps, mrot", [(0.2, 1, 1), (-0.2, 1, 1), (0.2, 1, 3), (0.05, 15, 1)])
+def test_mn_equals_its_equations(dt, steps, mrot):
+    """Locks out a wrong sign or coefficient in a part of (2.61), parts in another order, inner steps of a wrong length,
+    and a p in the state that is not 2 S(q) (0, I omega)."""
+    first = start(2, 1)
+    got = move_mn(make(*first), dt, steps, mrot)
+    for b in range(2):
+        x, v, q, p = (row[:, b] for row in first)
+        w = 0.5 * (S(q).T @ p)[1:] / ASYMMETRIC
+        for _ in range(steps):
+            x, v, q, w = paper_mn(x, v, q, w, ASYMMETRIC, dt, mrot)
+        for have, want in (got.x, x), (got.v, v), (got.q, q), (omega(got), w):
+            np.testing.assert_allclose(have[:, b], want, rtol=0, atol=2e-12 if steps > 1 else 3e-15)
+
+
+@pytest.mark.parametrize("dt, steps", [(0.1, 1), (0.02, 200)])
+def test_gear_equals_its_equations(dt, steps):
+    """Locks out a wrong coefficient, start, prediction or order of corrections, quaternions left unnormalised, and derivatives that are
+    lost between two passes."""
+    first = start(5, 2)
+    got = move_gear(for_gear(*first), dt, steps)
+    for b in range(5):
+        x, v, q, p = (row[:, b] for row in first)
+        plain = PlainGear(x, v, q, 0.5 * (S(q).T @ p)[1:] / ASYMMETRIC, ASYMMETRIC)
+        for _ in range(steps):
+            plain.step(dt)
+        want = plain.y[0, :3], plain.y[1, :3], plain.y[0, 6:], plain.y[0, 3:6]
+        for have, right in zip((got.x, got.v, got.q, omega(got)), want):
+            np.testing.assert_allclose(have[:, b], right, rtol=0, atol=1e-11 if steps > 1 else 2e-14)
+        derivatives = got.state[kernels.ROWS :, b].reshape(5, 10) * [[dt**n / factorial(n)] for n in range(1, 6)]
+        scaled = plain.y[1:] * [[dt**n / factorial(n)] for n in range(1, 6)]
+        np.testing.assert_allclose(derivatives, scaled, rtol=0, atol=1e-11 if steps > 1 else 2e-14)
+
+
+# ---- what theory says of them
+
+
+def test_gears_coefficients():
+    """Locks out coefficients 0 and 1 of another scheme: these follow a polynomial of degree 6 with an error that stays what it
+    is after some steps, in x = t^6 and its velocity as in omega = t^6 about an axis."""
+    n, dt, time = 1, 0.1, [0.0]
+
+    def force(x, q):
+        result = np.zeros((6, n))
+        result[0], result[5] = 30 * time[-1] ** 4, 6 * ASYMMETRIC[2] * time[-1] ** 5
+        time.append(time[-1] + dt)
+        return result
+
+    bodies = for_gear(np.zeros((3, n)), np.zeros((3, n)), np.eye(4)[:, :1], np.zeros((4, n)))
+    errors = []
+    for k in range(61):
+        if k:
+            move_gear(bodies, dt, 1, force, starts=k == 1)
+            errors.append([bodies.x[0, 0] - (k * dt) ** 6, bodies.v[0, 0] - 6 * (k * dt) ** 5, omega(bodies)[2, 0] - (k * dt) ** 6])
+    for error, early in zip(np.transpose(errors), errors[14]):
+        assert abs(early) > 1e-6, "not even an error"
+        np.testing.assert_allclose(error[15:], early, rtol=1e-3)
+
+
+@pytest.mark.parametrize("move, bodies, order", [(move_mn, make, 2), (move_gear, for_gear, 5)], ids=["MN", "Gear"])
+def test_free_rotor_against_the_exact_one(move, bodies, order):
+    """Locks out a scheme of a lower order than it should have: the error at one time falls with this power of dt."""
+    q, p = tops(1, ASYMMETRIC, 4)
+    still, time, errors = np.zeros((3, 1)), 6.0, []
+    want = np.concatenate(exact(q[:, 0], p[:, 0], ASYMMETRIC, time))
+    for n in 120, 240, 480:
+        got = move(bodies(still, still, q, p), time / n, n, force=no_field)
+        errors.append(np.abs(np.concatenate([got.q, got.p])[:, 0] - want).max())
+    powers = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert errors[0] < 0.05
+    assert (powers > order - 0.1).all() and powers[-1] < order + 1.1, powers
+
+
+def test_mn_free_rotor_keeps_its_kinetic_energy():
+    """Locks out a part iL_2 or iL_3 that is not exact, and rounding errors that add up: in 10^5 steps the energy stays to
+    1e-11, and |q| to round-off, whereas the angular momentum in space is kept to order dt^2 only."""
+    q, p = tops(20, ASYMMETRIC, 5)
+    before, L, lost = energy(q, p, ASYMMETRIC), space_momentum(q, p), []
+    still = np.zeros((3, 20))
+    for dt in 0.2, 0.1:
+        moved = move_mn(make(still, still, q, p), 1000 * dt, 100, mrot=1000, force=no_field)
+        np.testing.assert_allclose(energy(moved.q, moved.p, ASYMMETRIC), before, rtol=1e-11)
+        np.testing.assert_allclose(np.linalg.norm(moved.q, axis=0), 1.0, rtol=0, atol=1e-15)
+        short = move_mn(make(still, still, q, p), dt, round(4 / dt), force=no_field)
+        lost.append(np.abs(space_momentum(short.q, short.p) - L).max())
+    assert 3.5 < lost[0] / lost[1] < 4.5 and lost[1] > 1e-4
+
+
+def test_reversal():
+    """Locks out a step of MN's whose second half is not the mirror of its first. Gear's scheme, even with the signs of all odd
+    derivatives changed, does not come back: a test that it passes would see nothing."""
+    first, dt = start(20, 6), 0.05
+    there = move_mn(make(*first), dt, 200)
+    back = move_mn(make(there.x, -there.v, there.q, -there.p), dt, 200)
+    off = [np.abs(have - want).max() for have, want in zip((back.x, -back.v, back.q, -back.p), first)]
+    assert np.abs(there.x - first[0]).max() > 0.5
+    assert max(off) < 1e-10, off
+
+    bodies = move_gear(for_gear(*first), dt, 100)
+    bodies.v[:], bodies.p[:] = -bodies.v, -bodies.p
+    rows = bodies.state[kernels.ROWS :].reshape(gear.ORDER, gear.WIDTH, -1)
+    for n in range(gear.ORDER):
+        sign = (-1) ** (n + 1)
+        rows[n] *= sign
+        rows[n, gear.OMEGA : gear.QUATERNION] *= -1  # omega itself changes its sign
+    move_gear(bodies, dt, 100, starts=False)
+    assert np.abs(bodies.q - first[2]).max() > 1e-7
+
+
+def test_mn_preserves_volume():
+    """Locks out a part that does not: the determinant of the Jacobian of a step, in x, v, rotations of the body and omega, is 1.
+    That of Gear's step from a start without history is not."""
+    x, v, q, p = start(1, 7)
+    w = body_momentum(q, p)[1:] / ASYMMETRIC[:, None]
+
+    def jacobian(move, bodies, dt):
+        """By central differences of two widths, extrapolated: each column is a body that is displaced a little."""
+        columns = []
+        for h in 1e-3, 2e-3:
+            shifts = h * np.concatenate([np.eye(12), -np.eye(12)], axis=1)
+            turned = product(q, np.concatenate([np.ones((1, 24)), 0.5 * shifts[6:9]]))
+            turned /= np.linalg.norm(turned, axis=0)
+            momenta = 2 * product(turned, np.concatenate([np.zeros((1, 24)), ASYMMETRIC[:, None] * (w + shifts[9:])]))
+            after = move(bodies(x + shifts[:3], v + shifts[3:6], turned, momenta), dt, 1)
+            middle = move(bodies(x, v, q, p), dt, 1)
+            turn = product(conjugate(middle.q), after.q)
+            angles = 2 * turn[1:] / turn[0]  # 2 tan of half the angle, as the displacement before
+            ends = np.concatenate([after.x, after.v, angles, omega(after)])
+            columns.append((ends[:, :12] - ends[:, 12:]) / (2 * h))
+        return (4 * columns[0] - columns[1]) / 3
+
+    assert abs(np.linalg.det(jacobian(move_mn, make, 0.3)) - 1) < 1e-9
+    assert abs(np.linalg.det(jacobian(move_gear, for_gear, 0.3)) - 1) > 1e-3
+
+
+def test_energy_error_of_mn_is_of_second_order():
+    """Locks out an energy error that grows, or that does not fall with dt^2."""
+    first, largest = start(40, 8), []
+    for dt in 0.08, 0.04, 0.02:
+        bodies, energies = make(*first), []
+        for _ in range(round(20 / dt)):
+            energies.append(total_energy(move_mn(bodies, dt, 1)))
+        early, late = np.ptp(np.array(energies).reshape(2, -1, 40), axis=1)
+        assert np.sqrt((late**2).mean()) < 1.3 * np.sqrt((early**2).mean())
+        largest.append(np.std(energies, axis=0).mean())
+    np.testing.assert_allclose(np.divide(largest[:-1], largest[1:]), 4.0, rtol=0.1)
+
+
+def test_local_error_of_gear():
+    """Locks out a prediction or correction that spoils the fifth derivatives: one step from exact history is off by dt^6 or less."""
+    first, fine = start(1, 9), 0.002
+    history = move_gear(for_gear(*first), fine, 100)
+    errors = []
+    for steps in 64, 32, 16:
+        exact, one = (for_gear(history.x, history.v, history.q, history.p) for _ in range(2))
+        exact.state[:] = one.state[:] = history.state
+        move_gear(exact, fine, steps, starts=False)
+        move_gear(one, steps * fine, 1, starts=False)
+        errors.append(max(np.abs(one.q - exact.q).max(), np.abs(one.x - exact.x).max()))
+    powers = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert ((powers > 5.7) & (powers < 8)).all(), (errors, powers)
+
+
+@pytest.mark.parametrize("phase, stable", [(0.38, True), (0.44, False)])
+def test_gears_limit_of_stability(phase, stable):
+    """Locks out the predicted omega in the equation of q, with which librations are stable up to 0.11 rad a step only, not 0.41."""
+    angle, I3 = 1e-8, ASYMMETRIC[2]
+
+    def spring(x, q):
+        result = np.zeros((6, 1))
+        result[5] = -I3 * 2 * q[3]  # of frequency 1 about z
+        return result
+
+    still, q = np.zeros((3, 1)), np.array([[1.0], [0.0], [0.0], [0.5 * angle]])
+    got = move_gear(for_gear(still, still, q, 0 * q), phase, 400, spring)
+    assert (abs(2 * got.q[3, 0]) < 2 * angle) == stable
+
+
+# ---- in LAMMPS
+
+
+@pytest.mark.parametrize("fix", [MN, GEAR], ids=["MN", "Gear"])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_all_kinds_of_bodies(simulate, fix, dimension):
+    """Locks out equations of motion other than NVE's for one kind of body, forces that do not reach it or atoms that do not follow:
+    the distance between the two trajectories falls with dt^2; in two dimensions nothing leaves the plane."""
+    kinds = "solid planar pair row single" if dimension == 3 else "planar pair row single"
+    system = smooth(kinds) if dimension == 3 else mixture(kinds, side=5, dimension=2, temperature=0.3)
+    off = []
+    for n in 50, 100, 200:
+        theirs, ours = (simulate(system, one, n, dt=100 / n, every=n) for one in (NVE, fix))
+        off.append(apart(ours, theirs, system.h))
+    if dimension == 2:
+        np.testing.assert_array_equal(ours.v[:, 2], 0.0)
+        np.testing.assert_array_equal(ours.x[:, 2], ours.x[0, 2])
+        if fix == MN:
+            assert max(off) == 0.0  # both are exact there
+            return
+    assert 1e-9 < off[-1] < 1e-3
+    np.testing.assert_allclose(np.array(off[:-1]) / off[1:], 4.0, rtol=0.25)
+
+
+@pytest.mark.parametrize("fix", [MN, GEAR], ids=["MN", "Gear"])
+def test_water(simulate, fix):
+    """Locks out wrong units of force and torque, energy and pressure of another moment, and a scheme that is unstable
+    at a usual time step: the thermodynamics is near NVE's."""
+    theirs, ours = (simulate(water(), one, 40, every=10) for one in (NVE, fix))
+    for name, off in ("Temp", 0.6), ("Press", 40), ("TotEng", 3.0):
+        np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=0, atol=off)
+
+
+@pytest.mark.parametrize("fix", [MN, GEAR], ids=["MN", "Gear"])
+def test_migration(simulate, fix):
+    """Locks out derivatives, or anything else of a body, that do not follow its atoms to other ranks: a hot system that re-neighbours at
+    every step moves on 2, 4 and 8 ranks as on one."""
+    system = hot_rods()
+    how = dict(before="neigh_modify every 1 delay 0 check no", every=25, dt=2)
+    begin, alone = simulate(system, fix, 0, **how), simulate(system, fix, 25, **how)
+    for grid in (2, 1, 1), (2, 2, 1), (8, 1, 1):
+        split = system._replace(setup=system.setup.replace("read_data", "processors {} {} {}\nread_data".format(*grid)))
+        many = simulate(split, fix, 25, ranks=int(np.prod(grid)), **how)
+        cells = [np.floor(run.x / np.diag(system.h) * grid) for run in (begin, many)]
+        assert (cells[0] != cells[1]).any(axis=1).sum() > 1, "hardly an atom has changed its rank"
+        assert apart(many, alone, system.h) < 1e-9
+        np.testing.assert_allclose(many.thermo["TotEng"], alone.thermo["TotEng"], rtol=1e-10)
+
+
+def test_gears_derivatives_go_on(simulate):
+    """Locks out a new start where a run goes on, and derivatives that hang on what is printed: with reinit no, with `pre no` and with
+    another output the trajectory is that of one run to the last bit; bodies that are made anew start anew."""
+    system = mixture()
+    whole = simulate(system, GEAR, 40)
+    same = simulate(system, GEAR, 40, every=1)
+    on = simulate(system, GEAR, 20, after="run 20 pre no")
+    kept = simulate(system, GEAR, 20, words="molecule reinit no", after="run 20")
+    anew = simulate(system, GEAR, 20, after="run 20")
+    for run in same, on:
+        np.testing.assert_array_equal(run.x, whole.x)
+        np.testing.assert_array_equal(run.v, whole.v)
+    assert apart(kept, whole, system.h) < 1e-12
+    assert 1e-9 < apart(anew, whole, system.h) < 1e-3
+
+
+def test_mn_goes_on_and_waits_like_nve(simulate):
+    """Locks out a loop that differs where two half kicks are done in one pass, and levels of run_style respa that kick twice."""
+    system = smooth()
+    whole, same = (simulate(system, MN, 40, every=every) for every in (40, 1))
+    np.testing.assert_array_equal(same.x, whole.x)
+    levels = simulate(system, MN, 40, before="run_style respa 1")
+    assert apart(levels, whole, system.h) < 1e-9
+
+
+@pytest.mark.parametrize("words, before, expected, ranks", [
+    ("molecule mrot 2", "", "keywords mrot and order", 1), ("molecule order 123", "", "keywords mrot and order", 2),
+    ("molecule", TWO, "run_style verlet", 2),
+])  # fmt: skip
+def test_what_gear_refuses(simulate, words, before, expected, ranks):
+    """Locks out words that are taken and do nothing, and forces of levels that Gear would mix up."""
+    run = simulate(smooth(), GEAR, 1, words=words, before=before, ranks=ranks, check=False, timeout=60)
+    assert run.code != 0 and [line for line in run.screen.splitlines() if line.startswith("ERROR") and expected in line]
+
+
+def test_the_log_says_which(simulate):
+    """Locks out a log that calls all of them NO_SQUISH, or names keywords that Gear does not have."""
+    logs = {fix: simulate(mixture("solid"), fix, 0).log for fix in (NVE, MN, GEAR)}
+    assert "by NO_SQUISH: NVE" in logs[NVE] and "NO_SQUISH" not in logs[MN] + logs[GEAR]
+    assert "Matubayasi and Nakahara's scheme: MatubayasiNakahara" in logs[MN] and "Gear's predictor-corrector: Gear" in logs[GEAR]
+    assert "mrot 1" in logs[MN] and "mrot" not in logs[GEAR]
