@@ -44,11 +44,27 @@ def test_drift_is_recovered(phi):
     assert error < 0.006, "an error so large that the check above cannot fail"
 
 
-def test_drift_error_is_the_scatter_of_slopes():
-    """Locks out an error that takes correlated samples for independent ones."""
+def random_walk(n, seed):
+    return np.cumsum(np.random.default_rng(seed).normal(size=n))
+
+
+@pytest.mark.parametrize("noise", [lambda n, seed: ar1(n, 0.8, seed), random_walk], ids=["correlated", "random walk"])
+def test_drift_error_is_the_scatter_of_slopes(noise):
+    """Locks out an error that takes correlated samples for independent ones, or a chance slope of a random walk for a drift."""
     t = np.arange(1000) * 0.1
-    fits = np.array([measures.drift(t, ar1(len(t), 0.8, seed)) for seed in range(200)])
-    assert np.mean(fits[:, 1]) == pytest.approx(np.std(fits[:, 0]), rel=0.2)
+    fits = np.array([measures.drift(t, noise(len(t), seed)) for seed in range(200)])
+    ratio = fits[:, 0] / fits[:, 1]
+    assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, abs=0.25)
+    assert np.abs(ratio).max() < 5
+    assert np.median(fits[:, 1]) < 1.5 * np.std(fits[:, 0]), "an error so large that the checks above cannot fail"
+
+
+def test_ratio_of_pairs():
+    """Locks out the ratio turned round, and the scatter of the single ratios given as the error of their mean."""
+    rng = np.random.default_rng(6)
+    found = np.array([measures.ratio(*np.exp(rng.normal(size=(2, 50)) * 0.1 + [[0.0], [0.3]])) for _ in range(200)])
+    assert found[:, 0].mean() == pytest.approx(np.exp(0.3), rel=0.01)
+    assert found[:, 1].mean() == pytest.approx(found[:, 0].std(), rel=0.2)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.9])

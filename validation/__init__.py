@@ -16,6 +16,21 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
     goals                 what is to be reached, as data
     bench_figures, bench_report
 
+    scaling               a verb: what ranks send each other, counted, and a model; with counting, scaling_report
+    longrun               a verb: one free body for very many steps
+
+    paper                 a verb: the paper's test problems run again; it uses
+    paper_peptide         what only the peptide has: constraints, zeros of energy, helix
+    paper_claims          from trajectories to numbers, errors, verdicts
+    paper_figures, paper_report
+
+    theory                a verb: what the paper proves, each a number between bounds; it uses
+    theory_reversal       runs of LAMMPS forward and back
+    theory_reference      the schemes written straight from the paper's equations
+    theory_calculus       Jacobians, brackets, recursions
+    theory_top            the exact motion of a free top
+    theory_report
+
 A new scene is an entry in ``scenes.py``, a new integrator one in
 ``integrators.py``; a new verb is a module beside ``compare.py``.
 """

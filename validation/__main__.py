@@ -24,6 +24,8 @@ def main(words=None):
     _add_long(verbs)
     _add_bench(verbs)
     _add_scaling(verbs)
+    _add_paper(verbs)
+    _add_theory(verbs)
     arguments = parser.parse_args(words)
     return arguments.function(arguments)
 
@@ -198,6 +200,81 @@ def _scaling(arguments):
     scaling_report.write(summary, out)
     scaling_report.show(screen, summary, out)
     return 130 if summary["interrupted"] else int(any(row["error"] for row in rows))
+
+
+def _add_theory(verbs):
+    parser = verbs.add_parser(
+        "theory",
+        help="what the paper proves, measured: reversible, symplectic, a conserved quantity",
+        description="Measure what section II of Miller et al. (2002) proves, each statement a number between bounds. Writes a table to the terminal "
+        "and summary.json, table.csv, figures and a self-contained report.html to the output folder.",
+        epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C, which keeps the parts that are complete.",
+    )
+    parser.add_argument("parts", nargs="*", metavar="PART",
+                        help="what to measure, of: reversal (in LAMMPS), symplectic, conserved, mrot, recursion (default: all)")
+    parser.add_argument("--silence", type=_positive, default=120.0, metavar="S",
+                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument("--out", type=Path, default=Path("results/theory"), metavar="DIR", help="output folder (default %(default)s)")
+    parser.set_defaults(function=_theory, parser=parser)
+
+
+def _theory(arguments):
+    from validation import console, machine, theory, theory_report  # heavy: not for --help
+
+    unknown = [part for part in arguments.parts if part not in theory.PARTS]
+    if unknown:
+        arguments.parser.error(f"there is no part {unknown[0]}: choose from {', '.join(theory.PARTS)}")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    parts = [part for part in theory.PARTS if part in (arguments.parts or theory.PARTS)]
+    out, screen = arguments.out, console.console()
+    out.mkdir(parents=True, exist_ok=True)
+    with console.Meter(screen, sum(theory.PARTS[part][1] for part in parts), "pieces") as meter:
+        checks, data, interrupted = theory.theory(parts, out, meter, arguments.silence)
+    summary = machine.circumstances() | {"interrupted": interrupted, "checks": [check.plain() for check in checks], "data": data}
+    theory_report.write(summary, out)
+    theory_report.show(screen, summary, out)
+    return 130 if interrupted else int(not all(check.holds for check in checks))
+
+
+def _add_paper(verbs):
+    parser = verbs.add_parser(
+        "paper",
+        help="the paper's test problems again: figures 2 and 3, and what it says of them",
+        description="Run the water dimer, liquid water and the peptide of Miller et al. (2002) with NO_SQUISH, the paper's reference 12, Gear's "
+        "scheme and LAMMPS's own fixes, draw the paper's figures and check its statements. Writes summary.json, table.csv, claims.csv, series.csv, "
+        "figures and a self-contained report.html. Ctrl-C keeps what is computed, and the same command goes on from there.",
+        epilog="Exit status: 0 if all NO_SQUISH trajectories are complete, 1 if one is not, 130 after Ctrl-C.",
+    )
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
+    length.add_argument("--full", action="store_true", help="the paper's lengths: a night")
+    parser.add_argument("--liquid", type=_positive, metavar="PS", help="length of the liquid's trajectories")
+    parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of what is larger than the dimer (default %(default)s)")
+    parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
+                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/paper; --short: results/paper-short)")
+    parser.set_defaults(function=_paper)
+
+
+def _paper(arguments):
+    from dataclasses import asdict, replace
+
+    from validation import console, paper, paper_claims, paper_report  # heavy: not for --help
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    lengths = paper.FULL if arguments.full else paper.SHORT
+    if arguments.liquid:
+        lengths = replace(lengths, liquid=arguments.liquid)
+    out, screen = arguments.out or Path("results") / ("paper" if arguments.full else "paper-short"), console.console()
+    (out / "runs").mkdir(parents=True, exist_ok=True)
+    with console.Meter(screen, paper.steps_of(lengths, arguments.ranks, out / "runs")) as meter:
+        found, circumstances = paper.paper(out / "runs", lengths, arguments.ranks, arguments.silence, meter)
+    summary = circumstances | {"lengths": asdict(lengths)} | paper_claims.judge(found)
+    paper_report.write(summary, found, out)
+    paper_report.show(screen, summary, out)
+    if summary["interrupted"]:
+        return 130
+    return int(any(one.error for one in found.values() if one.trajectory.integrator.name == "nosquish"))
 
 
 def _wholes(words):

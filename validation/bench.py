@@ -71,7 +71,7 @@ class ScenePoint:
         """All that the result follows from, beside the package: plain data."""
         scene = SCENES[self.scene]
         return [
-            _contents(scene.folder), scene.setup, scene.others, scene.dt, [one.commands(scene) for one in self.integrators],
+            contents(scene.folder), scene.setup, scene.others, scene.dt, [one.commands(scene) for one in self.integrators],
             self.settings.rounds, self.settings.seconds,
         ]  # fmt: skip
 
@@ -145,7 +145,7 @@ class ScenePoint:
         scene = SCENES[self.scene]
         data = None
         if not scene.is_whole_copies(self.bodies):
-            data = (folder / "starts" / f"{self.scene}-{self.bodies}-{_contents(scene.folder)[:8]}.data").resolve()
+            data = (folder / "starts" / f"{self.scene}-{self.bodies}-{contents(scene.folder)[:8]}.data").resolve()
             if not data.exists():
                 data.parent.mkdir(parents=True, exist_ok=True)
                 part = data.with_suffix(".part")
@@ -200,7 +200,7 @@ class PassesPoint:
 
     def origin(self):
         """All that the result follows from, beside the package: plain data."""
-        inputs = [_contents(SCENES[name].folder) for name in sorted({one.scene for one in passes.OPTIONAL})]
+        inputs = [contents(SCENES[name].folder) for name in sorted({one.scene for one in passes.OPTIONAL})]
         return [inputs, repr(passes.OPTIONAL), self.settings.rounds, self.settings.seconds]
 
     def measure(self, folder, meter):
@@ -239,7 +239,7 @@ class StartPoint:
 
     def origin(self):
         """All that the result follows from, beside the package: plain data."""
-        return [_contents(SCENES["water"].folder), SCENES["water"].setup, self.rounds]
+        return [contents(SCENES["water"].folder), SCENES["water"].setup, self.rounds]
 
     def measure(self, folder, meter):
         """Run everything: (record, interrupted)."""
@@ -389,7 +389,7 @@ def _atoms_in_bodies(folder):
     return None
 
 
-def _contents(folder):
+def contents(folder):
     """Hash of the files in a folder."""
     found = hashlib.sha256()
     for path in sorted(folder.iterdir()):

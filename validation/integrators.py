@@ -34,10 +34,10 @@ class Integrator:
         return [line.format(**words) for line in self.lines]
 
 
-def nosquish(name, label, words=""):
-    """This package's NO_SQUISH with the keywords ``words``."""
+def nosquish(name, label, words="", scheme="NVE"):
+    """One of this package's classes with the keywords ``words``: its NO_SQUISH, or an older ``scheme``."""
     return Integrator(
-        name, label, (f'fix 1 {{group}} python/move "fix_nosquish.NVE {{group}} {{bodies}}{words}"',)
+        name, label, (f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"',)
     )
 
 
@@ -74,6 +74,19 @@ INTEGRATORS = {
         rigid("rigid/small"),
         constrained("shake", "1e-4"),
         constrained("rattle", "1e-4"),
+    )
+}
+
+# what the paper compares, and beside it LAMMPS's own
+PAPER = {
+    integrator.name: integrator
+    for integrator in (
+        nosquish("nosquish", "NO_SQUISH"),
+        nosquish("matubayasi-nakahara", "reference 12", scheme="MatubayasiNakahara"),
+        nosquish("gear", "Gear", scheme="Gear"),
+        constrained("shake", "1e-8", 200),
+        rigid("rigid/nve/small"),
+        rigid("rigid/small"),
     )
 }
 

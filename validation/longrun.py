@@ -9,7 +9,6 @@ The numbers come from the atoms that LAMMPS dumps, for its own fixes as for ours
 """
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import matplotlib
@@ -23,7 +22,7 @@ import pandas as pd  # noqa: E402
 from rich.box import SIMPLE_HEAD  # noqa: E402
 from rich.table import Table  # noqa: E402
 
-from validation import run  # noqa: E402
+from validation import measures, run  # noqa: E402
 from validation.figures import INK, OTHERS, OURS, STYLE  # noqa: E402
 from validation.integrators import INTEGRATORS  # noqa: E402
 
@@ -67,14 +66,15 @@ def long_run(out, steps, names, meter, silence):
             label = f"{INTEGRATORS[name].label}, {kind} step"
             directory = folder / f"{name.replace('/', '-')}-{kind}"
             meter.begin(label, steps)
-            result = _do(_job(directory, folder, INTEGRATORS[name], angle / np.linalg.norm(SPIN), steps, silence), meter.at)
+            result = run.once(_job(directory, folder, INTEGRATORS[name], angle / np.linalg.norm(SPIN), steps, silence), meter.at)
             meter.end(result.error)
             row = {"name": name, "label": INTEGRATORS[name].label, "step": kind, "angle": angle, "error": result.error}
             errors = _errors(directory / "atoms.dump")
             if len(errors["steps"]):
                 row["steps"] = int(errors["steps"][-1])
                 row |= {key: float(np.abs(errors[key]).max()) for key in QUANTITIES}
-                row["energy_drift"], row["energy_drift_error"] = _drift(errors["steps"], errors["energy"])
+                if len(errors["steps"]) > 20:
+                    row["energy_drift"], row["energy_drift_error"] = measures.drift(errors["steps"] / errors["steps"][-1], errors["energy"])
                 if result.timings:
                     row["us_per_step"] = result.timings[0]["loop"] / result.timings[0]["steps"] * 1e6
             rows.append(row)
@@ -83,15 +83,6 @@ def long_run(out, steps, names, meter, silence):
             if result.interrupted:
                 return rows, series
     return rows, series
-
-
-def _do(job, on_step):
-    """Run a job, unless its complete result is there."""
-    directory = Path(job.directory)
-    known = directory / "job.json"
-    if known.exists() and (directory / "done.json").exists() and json.loads(known.read_text()) == asdict(job):
-        return run.collect(directory)
-    return run.run(job, on_step)
 
 
 def _job(directory, folder, integrator, dt, steps, silence):
@@ -147,16 +138,6 @@ def _errors(dump):
     }
 
 
-def _drift(steps, energy):
-    """Slope of the relative energy over the whole run, and its standard error, from ten blocks."""
-    if len(steps) < 20:
-        return 0.0, 0.0
-    blocks = [part.mean() for part in np.array_split(energy, 10)]
-    middle = np.linspace(0.05, 0.95, 10)
-    coefficients, covariance = np.polyfit(middle, blocks, 1, cov=True)
-    return float(coefficients[0]), float(np.sqrt(covariance[0, 0]))
-
-
 def _save(rows, out):
     (Path(out) / "summary.json").write_text(json.dumps({"bound": BOUND, "runs": rows}, indent=1) + "\n")
     pd.DataFrame(rows).to_csv(Path(out) / "table.csv", index=False, float_format="%.3g")
@@ -171,7 +152,7 @@ def show(console, rows):
         if "steps" in row:
             table.add_row(
                 row["label"], f"{row['angle']:g}", f"{row['steps']:,}", *(f"{row[key]:.1e}" for key in QUANTITIES),
-                f"{row['energy_drift']:.1e} ± {row['energy_drift_error']:.0e}", f"{row.get('us_per_step', np.nan):.1f}",
+                f"{row['energy_drift']:.1e} ± {row['energy_drift_error']:.0e}" if "energy_drift" in row else "–", f"{row.get('us_per_step', np.nan):.1f}",
             )  # fmt: skip
         if row["error"]:
             console.print(f"✗ {row['label']}: {row['error']}", markup=False)

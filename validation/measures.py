@@ -6,6 +6,9 @@ the correlation in time of successive samples.
 
 import numpy as np
 
+BLOCKS = 64  # that a series is cut into for the error of its drift
+WORTH = 2.0  # of one more parameter in -2 log likelihood, by Akaike's criterion
+
 
 def statistical_inefficiency(x):
     """How many successive samples carry as much as one independent sample.
@@ -42,17 +45,42 @@ def standard_deviation(x):
 
 
 def drift(t, x):
-    """Slope of the least-squares line x = a + b t and its standard error.
+    """Slope of the least-squares line x = a + b t and its standard error, for noise that may also wander.
 
-    error^2 = g s^2 / sum (t - <t>)^2, with s the standard deviation of the residuals
-    and g their statistical inefficiency.  In units of ``x`` over units of ``t``.
+    The noise is taken as white plus a random walk, in the means of up to `BLOCKS` equal blocks of successive samples.
+    The part of the walk that makes what the line leaves over most likely (restricted maximum likelihood,
+    `WORTH` in favour of none) gives the covariance matrix C of these means, and error^2 = w C w for the slope w x.
+    So an energy that wanders, as inexact forces make it, has the larger error that a slope by mere chance then has.
+    The error comes out too large if the correlation time is not much shorter than a block.
+
+    Args:
+        t: equally spaced times.
+        x: as many values.
+
+    Returns:
+        slope and its standard error, in units of ``x`` over units of ``t``.
     """
-    t = np.asarray(t, float) - np.mean(t)
-    x = np.asarray(x, float) - np.mean(x)
-    slope = t @ x / (t @ t)
-    rest = x - slope * t
-    s2 = rest @ rest / (len(x) - 2)
-    return slope, np.sqrt(statistical_inefficiency(rest) * s2 / (t @ t))
+    blocks = min(BLOCKS, len(x))
+    size = len(x) // blocks
+    x, t = (np.asarray(values, float)[: blocks * size].reshape(blocks, size).mean(axis=1) for values in (x, t))
+    line = np.stack([np.ones(blocks), t - t.mean()], axis=1)
+    weights = np.linalg.pinv(line)[1]
+    rest = np.linalg.qr(line, mode="complete")[0][:, 2:]  # columns span what no line reaches
+    left = rest.T @ x
+    # covariance of the means of a random walk over blocks i <= j (from 1): i - 1/2, and i - 2/3 if they are the same
+    age = np.arange(1, blocks + 1)
+    wander = np.minimum.outer(age, age) - 0.5 - np.eye(blocks) / 6
+    values, vectors = np.linalg.eigh(rest.T @ wander @ rest)
+    power = (vectors.T @ left) ** 2
+    if not np.any(power):
+        return weights @ x, 0.0
+    parts = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 100)])[:, None]
+    spectrum = (1 - parts) + parts * values
+    variance = np.mean(power / spectrum, axis=1)  # the most likely one with each part
+    unlikely = len(left) * np.log(variance) + np.log(spectrum).sum(axis=1)  # -2 log likelihood
+    best = np.argmin(unlikely + WORTH * (parts[:, 0] > 0))
+    covariance = (1 - parts[best]) * np.eye(blocks) + parts[best] * wander
+    return weights @ x, np.sqrt(variance[best] * (weights @ covariance @ weights))
 
 
 def nearest_image(d, cell, periodic):
@@ -110,3 +138,10 @@ def spread(values):
         "max": max(values),
         "values": values,
     }
+
+
+def ratio(first, second):
+    """Geometric mean of second / first over independent pairs of positive numbers, and its standard error."""
+    logarithms = np.log(np.asarray(second, float) / np.asarray(first, float))
+    value = np.exp(logarithms.mean())
+    return value, value * logarithms.std(ddof=1) / np.sqrt(len(logarithms))

@@ -146,6 +146,15 @@ def run(job, on_step=lambda step: None, environment=()):
     return result
 
 
+def once(job, on_step=lambda step: None):
+    """Do a job, as `run`, unless its complete result is there."""
+    directory = Path(job.directory)
+    known = directory / "job.json"
+    if known.exists() and (directory / "done.json").exists() and json.loads(known.read_text()) == asdict(job):
+        return collect(directory)
+    return run(job, on_step)
+
+
 INTERRUPTED = "interrupted"
 
 

