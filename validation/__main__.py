@@ -46,8 +46,7 @@ def _add_compare(verbs):
                         help="MPI ranks of each run (default %(default)s)")
     parser.add_argument("--steps", type=_whole, default=1500, metavar="N",
                         help="length of each trajectory (default %(default)s)")
-    parser.add_argument("--dt", type=_positive, default=2.0, metavar="FS",
-                        help="time step in fs (default %(default)s)")
+    parser.add_argument("--dt", type=_positive, metavar="FS", help="time step in fs (default: the scene's)")
     parser.add_argument("--only", nargs="+", choices=INTEGRATORS, metavar="NAME",
                         default=list(INTEGRATORS), help="integrators, of: %(choices)s")
     parser.add_argument("--rounds", type=_whole, default=3, metavar="N",
@@ -74,7 +73,7 @@ def _compare(arguments):
     with console.Meter(screen, len(integrators) * each) as meter:
         summary, series = compare.compare(
             scene, integrators, out, ranks=arguments.ranks, steps=arguments.steps,
-            dt=arguments.dt, rounds=arguments.rounds, segment=arguments.segment,
+            dt=arguments.dt or scene.dt, rounds=arguments.rounds, segment=arguments.segment,
             silence=arguments.silence, meter=meter,
         )
     report.write(summary, series, figures.draw(summary, series, out), out)
