@@ -36,8 +36,11 @@ class Bodies:
             way round; in a plane the third is about z).
         force, torque: (3, n), views of `load`, (6, n) of `state`, which is what the sharing ranks exchange.
         atoms: (blocks, rounds, index, d), this rank's atoms as the loops take them; see `kernels`.
+        blocks, rounds, index, d: these by themselves.
         body: (m,) the body of each of these atoms.
         tag: (m,) their IDs.
+        atoms_here: (n,) how many atoms of each body this rank owns.
+        home: (n,) the lowest rank that holds the body.
         away, shift, aways: those of them in another periodic image than their body; see `kernels.settle`.
         sharers: the `Sharers` of these bodies.
         plane: whether they turn in the xy plane only, about their axis 3.
@@ -86,7 +89,7 @@ class Bodies:
         return self.d[3].astype(np.int64)
 
     def __len__(self):
-        return len(self.id)
+        return self.state.shape[1]
 
     def follow(self, lammps, world, membership, host):
         """The same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
@@ -99,7 +102,8 @@ class Bodies:
         locate, origins, here, place, gained, lost, found = self._locate(lammps, world, membership, host)
         result, problem = self, None
         moved = locate()
-        if world.any(moved):
+        changed = world.any(moved)
+        if changed:
             count, arrivals, gone, came = found.tolist()
             arrived, missing = world.fetch(gained[:arrivals], lost[:gone], self._rows)
             if came or len(missing):
@@ -107,12 +111,13 @@ class Bodies:
             if moved:
                 result = Bodies(self.state, self.body, self.d, here[:count], self.plane, self.spheres, place[:count], arrived, self.sharers.bodies)
             result.find_sharers(world)
-            host.note(result.index)
         result.settle(lammps, world, problem)
+        if changed:
+            host.note(result.index)  # after all that may refuse: else places would be those of a list that nobody has
         return result
 
     def _rows(self, places):
-        """What another rank needs to know of atoms, (k, OF_BODY + ROWS)."""
+        """What another rank needs to know of atoms, (k, OF_BODY + the state's rows)."""
         rows = np.empty((len(places), kernels.OF_BODY + len(self.state)))
         kernels.describe(places, self.body, self.d, self.state, rows)
         return rows

@@ -8,6 +8,7 @@ from .errors import RunError
 
 ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
 _EQUAL_MOMENTS = 1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
+_LARGEST_ID = 2**53  # IDs travel as floating-point numbers
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
@@ -161,6 +162,8 @@ def _members(lammps, world, membership):
     bad = ~(mass >= 0)
     world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
+    far = np.abs(ids) > _LARGEST_ID
+    world.agree(f"{membership.name(ids[far][0])} has too large an ID: at most 2^53 is possible" if far.any() else None)
     return atoms, ids, body, mass, tag, None if radius is None else radius[atoms]
 
 

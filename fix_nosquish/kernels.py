@@ -326,10 +326,12 @@ def gather_block(scratch, bodies, begin, end, rounds, index, d, atom_f):
             for k in range(3):
                 scratch[(ATOM + k) * BLOCK + b] = atom_f[i, k]
         add_forces(scratch, j, rounds[r + 1], d)
-    if bodies == 1:  # in all lanes
+    if bodies == 1:  # its atoms are in all lanes, and so must be the sums
         for k in range(FORCE, TORQUE + 3):
             for b in range(1, BLOCK):
                 scratch[k * BLOCK] += scratch[k * BLOCK + b]
+            for b in range(1, BLOCK):
+                scratch[k * BLOCK + b] = scratch[k * BLOCK]
     wrong = 0
     for b in range(bodies):
         fx, fy, fz = three(scratch, FORCE, b)
@@ -567,7 +569,7 @@ OF_BODY = 4
 
 @loop
 def describe(places: L1, body: L1, d: F2, state: F2, rows: F2):
-    """Write for each of the atoms at these places what another rank needs to know of it, to rows (places, OF_BODY + ROWS)."""
+    """Write for each of the atoms at these places what another rank needs to know of it, to rows (places, OF_BODY + the state's rows)."""
     for j in range(places.size):
         p = places[j]
         for c in range(OF_BODY):

@@ -38,7 +38,7 @@ class _Loops:
     Args:
         loop: the integrator's `kernels.advance`.
         x, v, f: LAMMPS's arrays.  dt: the time step; dtf: what takes a force to half a step's momentum.
-        alone: whether all force and torque comes from this rank's atoms.
+        alone: whether the force and torque that this rank's atoms give are all that there is, and all of it acts.
     """
 
     def __init__(self, loop, bodies, x, v, f, dt, dtf, mrot, alone):
@@ -48,7 +48,7 @@ class _Loops:
 
     @cached_property
     def advance(self):
-        return self._advance(False, 1)
+        return self._advance(False, 1 if self._dtf else 0)
 
     @cached_property
     def kick_and_advance(self):
@@ -178,8 +178,8 @@ class NVE(Reports):
         self.host.set_array_rows(round(self.world.total(np.array([self.bodies.sharers.owned.sum()]))[0]))
 
     def _build(self):
-        known = self.bodies and (self.bodies.id, self.bodies.load)
-        self.bodies = None  # there may be no room for both
+        known = self.bodies and (self.bodies.id, self.bodies.load.copy())
+        self.bodies = self._loops = None  # there may be no room for both
         self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile, self.more_rows)
         if known and np.array_equal(np.sort(known[0]), np.sort(self.bodies.id)):  # commands like write_data compute no forces
             self.bodies.load[:, np.argsort(self.bodies.id)] = known[1][:, np.argsort(known[0])]
@@ -266,7 +266,7 @@ class NVE(Reports):
         self.bodies = self.bodies.follow(self.lammps, self.world, self.membership, self.host)
         self._xvf = [self.lammps.per_atom(name, columns=3) for name in "xvf"]
         if any(now is not then for now, then in zip((self.bodies, *self._xvf), before)):
-            self._mask = self._switches.mask(self.bodies.id)
+            self._mask = self._switches.mask(self.bodies)
             self._bind()
             if self.bodies.spheres:
                 body = np.full(len(self._xvf[0]), -1, np.int32)
@@ -324,7 +324,7 @@ class NVE(Reports):
             return
         every = gcd(*self.velocities_every, *(self.command.output[:1] if self._file else ()))
         step = neighbor = None
-        if not self.late and not self._box_may_change and self._mask is None and not self.bodies.spheres:
+        if not self._box_may_change and self._mask is None and not self.bodies.spheres:
             loops = self._loops
             gather = [] if self._alone else [loops.gather, *self.bodies.sharers.passes(self.bodies.load)]
             step = [*gather, loops.kick_and_advance]

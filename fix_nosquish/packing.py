@@ -4,24 +4,33 @@ from .compiled import F1, F2, I, L1, loop
 
 
 @loop
-def answer(ids: L1, order: L1, first: L1, many: L1, bounds: L1, askers: L1, answers: L1, ends: L1):
-    """Tell ranks that ask who holds bodies who else has asked.
+def meet(ids: L1, order: L1, first: L1, many: L1) -> I:
+    """Find equal entries of ids: with `order`, which sorts them, entry i equals those from order[first[i]] on, many[i] in all.
 
-    Args:
-        ids (n,): the IDs that askers[r] asks for are entries bounds[r] to bounds[r + 1]; they are overwritten.
-        order (n,): what sorts them, stably.
-        first, many (n,): to work with.
-        answers: out: for each asker how many hold each of its bodies, then which ranks, body by body.
-        ends (askers + 1,): out: where each asker's part begins, and the end.
+    Returns how many numbers `answer` gives.
     """
-    begin = 0
+    total = begin = 0
     while begin < ids.size:
         end = begin
         while end < ids.size and ids[order[end]] == ids[order[begin]]:
             end += 1
         for k in range(begin, end):
             first[order[k]], many[order[k]] = begin, end - begin
+        total += (end - begin) * (1 + end - begin)
         begin = end
+    return total
+
+
+@loop
+def answer(ids: L1, order: L1, first: L1, many: L1, bounds: L1, askers: L1, answers: L1, ends: L1):
+    """Tell ranks that ask who holds bodies who else has asked.
+
+    Args:
+        ids (n,): the IDs that askers[r] asks for are entries bounds[r] to bounds[r + 1]; they are overwritten.
+        order, first, many (n,): see `meet`.
+        answers: out: for each asker how many hold each of its bodies, then which ranks, body by body.
+        ends (askers + 1,): out: where each asker's part begins, and the end.
+    """
     for r in range(askers.size):  # ranks in the order of the IDs, as `first` points there
         for i in range(bounds[r], bounds[r + 1]):
             ids[i] = askers[r]

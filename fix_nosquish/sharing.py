@@ -250,10 +250,10 @@ def _join(parts, dtype):
 def _holders(asked):
     """What to answer ranks (keys) that ask who holds bodies; see `packing.answer`."""
     ids = _join(asked.values(), np.int64)
-    n, k = len(ids), len(asked)
-    bounds = np.cumsum([0, *map(len, asked.values())], dtype=np.int64)
-    (first, many), answers, ends = np.empty((2, n), np.int64), np.empty(n * (1 + k), np.int64), np.empty(k + 1, np.int64)
-    packing.answer(ids, np.argsort(ids, kind="stable"), first, many, bounds, np.array([*asked], np.int64), answers, ends)
+    order, bounds = np.argsort(ids, kind="stable"), np.cumsum([0, *map(len, asked.values())], dtype=np.int64)
+    (first, many), ends = np.empty((2, len(ids)), np.int64), np.empty(len(asked) + 1, np.int64)
+    answers = np.empty(packing.meet(ids, order, first, many), np.int64)
+    packing.answer(ids, order, first, many, bounds, np.array([*asked], np.int64), answers, ends)
     ends = ends.tolist()
     return {rank: answers[begin:end] for rank, begin, end in zip(asked, ends, ends[1:])}
 

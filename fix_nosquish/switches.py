@@ -38,11 +38,11 @@ class Switches:
         for ((_, _, flags), rows), low, high in zip(asked, ends[::2], ends[1::2]):
             self._choices.append((low, high, rows, flags))
 
-    def mask(self, ids):
+    def mask(self, bodies):
         """What to multiply the load of the bodies by, (6, n) or (6, 1); None if all of it acts."""
         if not self._choices:
             return np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]]) if self._plane else None
-        mask = np.ones((6, len(ids)))
+        mask, ids = np.ones((6, len(bodies))), bodies.id
         for low, high, rows, flags in self._choices:
             mask[rows, (low <= ids) & (ids <= high)] = np.array(flags, float)[:, None]
         if self._plane:

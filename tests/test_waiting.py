@@ -1,5 +1,7 @@
 """The end of a step that nothing looks at waits for the next step: nothing may come of that but time."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from systems import OURS, apart, known, mixture, simulate  # noqa: F401
@@ -18,9 +20,30 @@ def test_output_changes_nothing(simulate, kinds, ranks):
     np.testing.assert_array_equal(alone.v, looked.v)
 
 
+def test_output_changes_nothing_for_bodies_of_many_atoms(run_lammps, tmp_path):
+    """Locks out atoms of a body that fills a block by itself (kernels.BLOCK) placed by a part of its force only, in the pass that
+    does a whole step: bodies of 2 to 200 atoms beside flexible chains."""
+    folder = Path(__file__).resolve().parent.parent / "inputs" / "mixed"
+    files = {name: (folder / name).read_text() for name in ("data.mixed", "forcefield.mixed")}
+    atoms = []
+    for every in 1, 30:
+        run_lammps(f"""units lj
+atom_style bond
+read_data data.mixed
+include forcefield.mixed
+fix 1 bodies python/move "fix_nosquish.NVE bodies molecule"
+fix 2 chains nve
+thermo {every}
+timestep 0.004
+run 30
+write_dump all custom end id x y z vx vy vz modify sort id format float %.17g""", files=files)
+        atoms.append((tmp_path / "end").read_text())
+    assert atoms[0] == atoms[1]
+
+
 @pytest.mark.parametrize(
-    "more", ["comm_modify vel yes", "fix 7 all momentum 1000 linear 1 1 1", "fix 7 all external pf/array 1", "fix 7 all dt/reset 7 1 1 100"],
-    ids=["half step", "late", "between", "reset"],
+    "more", ["comm_modify vel yes", "fix 7 all momentum 1000 linear 1 1 1", "fix 7 all momentum 7 linear 1 1 1", "fix 7 all external pf/array 1", "fix 7 all dt/reset 7 1 1 100"],
+    ids=["half step", "late", "late often", "between", "reset"],
 )
 def test_what_needs_more_changes_nothing(simulate, more):
     """Locks out a pass that is left out, or a time step that is used too late, on steps that wait with other fixes about."""

@@ -120,7 +120,7 @@ def _add_bench(verbs):
         description="Time fix_nosquish.NVE and LAMMPS's own fixes on the same starts, in turn. Writes tables to the terminal and summary.json, "
         "table.csv, passes.csv, goals.csv, figures and a self-contained report.html to the output folder. Ctrl-C keeps what is measured, and the "
         "same command goes on from there: what was measured with the same code, input and settings is not measured again. Measured in "
-        "parts, the output folder gathers them: all points of the same code are shown.",
+        "parts, the output folder gathers them: all scenes of the same code and input are shown.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), 130 after Ctrl-C.",
     )
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"what to measure, of: {', '.join(PARTS)} (default: all)")

@@ -2,8 +2,8 @@
 
 The benchmark is made of points, each measured as a whole and kept in a file: a scene of one size on one
 number of ranks, with all integrators in turn; the optional passes; the start; the memory.  A point that
-was measured with the same code, input and settings is not measured again.  The summary also has the points that
-an earlier call left in the folder, if they are of the same code.
+was measured with the same code, input and settings is not measured again.  The summary also has the scenes that
+earlier calls have left in the folder, if they are of the same code and input.
 """
 
 import hashlib
@@ -67,13 +67,14 @@ class ScenePoint:
         several = len(self.integrators) + 1
         return several * (self.settings.rounds + (self.ranks > 1))
 
+    def input(self):
+        """What is measured, plain data; by whom and how often is in `origin`."""
+        scene = SCENES[self.scene]
+        return [contents(scene.folder), scene.setup, scene.others, scene.dt, KSPACE, COUNTED, rounds.SETUPS, rounds.SEGMENTS, rounds.LEAST]
+
     def origin(self):
         """All that the result follows from, beside the package: plain data."""
-        scene = SCENES[self.scene]
-        return [
-            contents(scene.folder), scene.setup, scene.others, scene.dt, [one.commands(scene) for one in self.integrators],
-            self.settings.rounds, self.settings.seconds,
-        ]  # fmt: skip
+        return [self.input(), [one.commands(SCENES[self.scene]) for one in self.integrators], self.settings.rounds, self.settings.seconds]
 
     def measure(self, folder, meter):
         """Run everything.
@@ -315,18 +316,20 @@ def bench(wanted, out, again, meter):
     }  # fmt: skip
     for point in wanted:
         path = out / "measured" / f"{point.name}.json"
-        mark = hashlib.sha256(json.dumps([code, machine.versions(), point.origin()]).encode()).hexdigest()
+        mark = _hash([code, machine.versions(), point.origin()])
         kept = json.loads(path.read_text()) if path.exists() else {}
         if again or kept.get("mark") != mark or not kept["complete"]:
             if summary["interrupted"]:
                 continue
-            kept = {"mark": mark, "code": code, "complete": False, "begin": machine.now(), "load": os.getloadavg()[0]}
+            kept = {"mark": mark, "complete": False, "begin": machine.now(), "load": os.getloadavg()[0]}
             try:
                 record, interrupted = point.measure(out, meter)
             except KeyboardInterrupt:
                 summary["interrupted"] = True
                 continue
             kept |= {"complete": not interrupted, "end": machine.now(), "record": record}
+            if isinstance(point, ScenePoint):
+                kept["input"] = _hash([code, machine.versions(), point.input()])
             path.write_text(json.dumps(kept, ensure_ascii=False) + "\n")
             summary["interrupted"] |= interrupted
         else:
@@ -335,12 +338,19 @@ def bench(wanted, out, again, meter):
         _file_away(kept, summary)
     for path in sorted((out / "measured").glob("*.json")):
         kept = json.loads(path.read_text())
-        if kept.get("code") == code and kept["complete"] and path.stem not in {point.name for point in wanted}:
+        if path.stem in {point.name for point in wanted} or not kept["complete"] or "input" not in kept:
+            continue
+        point = ScenePoint(*(kept["record"][key] for key in ("scene", "bodies", "ranks")), None)
+        if kept["input"] == _hash([code, machine.versions(), point.input()]):
             _file_away(kept, summary)
     summary["points"].sort(key=lambda point: ([*SCENES].index(point["scene"]), point["bodies"], point["ranks"]))
     _relate_to_memory(summary)
     summary["goals"] = goals.judge(summary["points"], summary["starts"])
     return summary
+
+
+def _hash(data):
+    return hashlib.sha256(json.dumps(data).encode()).hexdigest()
 
 
 def package_hash():

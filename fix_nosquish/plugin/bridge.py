@@ -284,6 +284,8 @@ def _release(address):
         instance.virial = instance.virial.copy()
     for name, signature in HOOKS.items():
         setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
+    bridge.may_wait = bridge.waiting = False
+    bridge.step = bridge.neighbor = bridge.body = bridge.masstotal = None
 
 
 @atexit.register

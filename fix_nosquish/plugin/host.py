@@ -109,6 +109,7 @@ class Host:
     def call_always(self):
         """Have the fix call every method of the class again."""
         self._bridge.may_wait, self._bridge.step, self._bridge.neighbor = False, None, None
+        self._passes = None
 
     def note(self, index):
         """Have LAMMPS take along with each of these atoms, wherever it moves them, where it is now.
@@ -121,8 +122,7 @@ class Host:
         Raises:
             AttributeError: if the class has not asked for it.
         """
-        if not self._bridge.follows_atoms:
-            raise AttributeError("note() is for classes with an attribute follows_atoms, true when the instance is made")
+        self._need_origins()
         self._note(self._bridge.fix, len(index), index.ctypes.data)
 
     def origins(self):
@@ -131,5 +131,12 @@ class Host:
         Returns:
             (natoms,) int64, rank << 32 | place for an atom that was in that rank's list, -1 for another one:
             a view, of use until LAMMPS moves atoms.
+        Raises:
+            AttributeError: as ``note``.
         """
+        self._need_origins()
         return array(self._bridge.origins, (self._natoms.value,), np.int64)
+
+    def _need_origins(self):
+        if not self._bridge.follows_atoms:
+            raise AttributeError("note() and origins() are for classes with an attribute follows_atoms, true when the instance is made")

@@ -494,7 +494,8 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
   else
     *facts = {other->id, other->style, other->groupbit, other->time_integrate,
               (modify->fmask[n] & between) != 0, (modify->fmask[n] & END_OF_STEP) != 0, other->nevery,
-              (modify->fmask[n] & FINAL_INTEGRATE) != 0, other->box_change};
+              (modify->fmask[n] & FINAL_INTEGRATE) != 0,
+              (other->box_change & ~BOX_CHANGE_DOMAIN) != 0};    // ranks' parts of the box are not the box
   return 1;
 }
 
