@@ -63,11 +63,11 @@ class Bodies:
         number, order, self.atoms_here = (np.empty(n, np.int64) for _ in range(3))
         owner, source, self.body = (np.empty(m, np.int64) for _ in range(3))
         table, first = np.empty(1 << (2 * (len(shared) + k)).bit_length(), np.int64), np.empty(k, np.int64)
-        next_, buckets, found = np.empty((n, 2), np.int64), np.empty(kernels.BUCKETS, np.int64), np.empty(5, np.int64)
-        blocks, rounds, self.index = np.empty((n + 1, 2), np.int32), np.empty(m + 1, np.int32), np.empty(m, np.int32)
+        next_, buckets, found = np.empty((n, 2), np.int64), np.empty(kernels.BUCKETS, np.int64), np.empty(kernels.GROUPS + 2, np.int64)
+        blocks, rounds, self.index = np.empty((n + 1, 3), np.int32), np.empty(m + 1, np.int32), np.empty(m, np.int32)
         kernels.arrange(here, place, body, state, arrived, shared, table, owner, first, number, order, self.atoms_here, next_, buckets,
                         blocks, rounds, self.index, source, self.body, found)  # fmt: skip
-        self.rotors, self.extended, size, n_blocks, n_rounds = found.tolist()
+        _, self.rotors, _, self.extended, _, size, n_blocks, n_rounds = found.tolist()
         self.atoms_here = self.atoms_here[:size]
         self.blocks, self.rounds = blocks[: n_blocks + 1], rounds[: n_rounds + 1]
         self.state, self.d = _aligned(rows, size), _aligned(kernels.OF_BODY, m)
@@ -168,7 +168,7 @@ class Bodies:
         """
         mass = lammps.masses
         momentum, load = np.empty_like(self.load), self.load.copy()
-        kernels.gather(self.state, *self.atoms, mass[:, None] * lammps.per_atom("v", columns=3), momentum, self.scratch)
+        kernels.gather(self.state, *self.atoms, mass[:, None] * lammps.per_atom("v", columns=3), momentum, True, self.scratch)
         if self.spheres:
             spin = SPHERE * mass * lammps.per_atom("radius") ** 2
             kernels.add_torques(self.body, self.index, spin[:, None] * lammps.per_atom("omega", columns=3), momentum)

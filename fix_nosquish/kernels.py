@@ -13,10 +13,11 @@ it get the same bits.
 
 The atoms of a block come in rounds: first the first atom of each of its bodies, then the second of
 each that has a second, and so on.  Bodies are ordered by their number of atoms, so a round is the
-first lanes of the block.  A body of more than BLOCK atoms is a block by itself, in all lanes, and
+first lanes of the block.  Bodies of which all atoms are this rank's are in other blocks than those that other ranks
+have atoms of.  A body of more than BLOCK atoms is a block by itself, in all lanes, and
 its rounds take BLOCK of its atoms each.
 
-    blocks (blocks + 1, 2)   each block's first body and first round
+    blocks (blocks + 1, 3)   each block's first body and first round, and whether all atoms of its bodies are this rank's
     rounds (rounds + 1,)     each round's first atom, as an entry of
     index (atoms,)           the atom's index in LAMMPS's arrays, which are (atoms, 3)
     d (4, atoms)             its place in the body's principal frame, and its ID
@@ -355,7 +356,7 @@ def advance_by(
         begin, end = blocks[k, 0], blocks[k + 1, 0]
         fetch_ahead(state, blocks, k + 1, MASS, P + 4, rounds, index, d, atom_f if gathers else atom_x)
         take(scratch, state, begin, end, MASS, P + 4)
-        if gathers:
+        if gathers and blocks[k, 2]:
             rotation_matrices(scratch)
             wrong += gather_block(scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f)
         else:
@@ -387,8 +388,8 @@ def advance(
     """So many half kicks (dtf), drift and free rotation by dt, the atoms' new positions.
 
     Bodies [0, rotors) have three moments, [rotors, extended) are linear, the rest are points.  If it gathers, force and
-    torque are what `gather` would find, and are not kept: with two kicks, the last of one step and the first of the next,
-    a whole step is one pass.
+    torque of bodies that are whole here are what `gather` would find, and are not kept: with two kicks, the last of one step
+    and the first of the next, a whole step is one pass for them.
 
     Returns:
         As `gather`, or 0.
@@ -400,13 +401,15 @@ def advance(
 
 
 @loop
-def gather(state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_f: F2, load: F2, scratch: F1) -> I:
+def gather(state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_f: F2, load: F2, every: I, scratch: F1) -> I:
     """Sum force and torque (space frame, about the centre of mass) over this rank's atoms into load, (6, bodies).
 
-    Returns the number of bodies for which they are not finite.
+    Of all bodies if `every`, else of those that are not whole here.  Returns the number of bodies for which they are not finite.
     """
     wrong = 0
     for k in range(blocks.shape[0] - 1):
+        if blocks[k, 2] and not every:
+            continue
         begin, end = blocks[k, 0], blocks[k + 1, 0]
         fetch_ahead(state, blocks, k + 1, Q, Q + 4, rounds, index, d, atom_f)
         take(scratch, state, begin, end, Q, Q + 4)
@@ -584,7 +587,8 @@ def rounds_of(atoms):
     return atoms if atoms <= BLOCK else (atoms + BLOCK - 1) // BLOCK
 
 
-BUCKETS = 3 * (BLOCK + 1) + 1
+GROUPS = 6
+BUCKETS = GROUPS * (BLOCK + 1) + 1
 
 
 @inlined
@@ -595,9 +599,10 @@ def of_body(row, b, state, arrived, first):
 
 @inlined
 def bucket(b, atoms, state, arrived, first):
-    """The place of a body in the order of the passes: by kind (three moments, one, none), by its number of atoms."""
+    """The place of a body in the order of the passes: by kind (three moments, one, none), whole ones first, by its number of atoms."""
     turns = 0 if of_body(MOMENT + 2, b, state, arrived, first) > 0.0 else 1 if of_body(MOMENT, b, state, arrived, first) > 0.0 else 2
-    return turns * (BLOCK + 1) + max(BLOCK + 1 - atoms, 0)
+    group = 2 * turns + (of_body(NATOMS, b, state, arrived, first) > atoms)
+    return group * (BLOCK + 1) + max(BLOCK + 1 - atoms, 0)
 
 
 @inlined
@@ -611,7 +616,7 @@ def arrange(
     here: I1, place: I1, body: L1, state: F2, arrived: F2, shared: L1, table: L1, owner: L1, first: L1, number: L1, order: L1, atoms: L1,
     next_: L2, buckets: L1, blocks: I2, rounds: I1, index: I1, source: L1, new_body: L1, found: L1,
 ):  # fmt: skip
-    """Put the bodies and their atoms in the order of the passes: by kind, by number of atoms, as LAMMPS has their first atoms.
+    """Put the bodies and their atoms in the order of the passes: of `bucket`, and as LAMMPS has their first atoms.
 
     Args:
         here (n,): the atoms' indices in LAMMPS's arrays, ascending.
@@ -624,9 +629,9 @@ def arrange(
         first (k,): out: for each body that was not here, a row in arrived.
         order (m + k,): out: what has each of the new numbers: a body, or m plus an entry of first.
         atoms (m + k,): out: how many atoms the bodies, as newly numbered, have here.
-        blocks (m + k + 1, 2), rounds (n + 1,), index (n,): out: see the head of this file.
+        blocks (m + k + 1, 3), rounds (n + 1,), index (n,): out: see the head of this file.
         source (n,), new_body (n,): out: where in `here` each entry of index was, and its body's new number.
-        found (5,): out: how many bodies have three moments, how many some, how many there are, how many blocks, how many rounds.
+        found (GROUPS + 2,): out: how many bodies are in the groups of `bucket` up to each, how many blocks, how many rounds.
     """
     m, strangers, last = state.shape[1], 0, table.size - 1
     if arrived.shape[0]:
@@ -662,7 +667,7 @@ def arrange(
             buckets[bucket(b, number[b], state, arrived, first) + 1] += 1
     for k in range(1, BUCKETS):
         buckets[k] += buckets[k - 1]
-    for k in range(3):
+    for k in range(GROUPS):
         found[k] = buckets[(k + 1) * (BLOCK + 1)]
     for j in range(here.size):
         b = owner[j]
@@ -676,13 +681,14 @@ def arrange(
     for b in range(m + strangers):
         number[b] = -1 - number[b]
 
-    size, begin, block, round_, entry = found[2], 0, 0, 0, 0
+    size, begin, block, round_, entry, group = found[GROUPS - 1], 0, 0, 0, 0, 0
     while begin < size:
-        blocks[block, 0], blocks[block, 1] = begin, round_
+        while begin >= found[group]:
+            group += 1
+        blocks[block, 0], blocks[block, 1], blocks[block, 2] = begin, round_, group % 2 == 0
         end = begin + 1
         if atoms[begin] <= BLOCK:
-            until = found[0] if begin < found[0] else found[1] if begin < found[1] else size
-            end = min(begin + BLOCK, until)
+            end = min(begin + BLOCK, found[group])
         lanes = end - begin
         for r in range(rounds_of(atoms[begin])):
             rounds[round_] = entry
@@ -692,9 +698,9 @@ def arrange(
             round_ += 1
         begin = end
         block += 1
-    blocks[block, 0], blocks[block, 1] = size, round_
+    blocks[block, 0], blocks[block, 1], blocks[block, 2] = size, round_, 0
     rounds[round_] = entry
-    found[3], found[4] = block, round_
+    found[GROUPS], found[GROUPS + 1] = block, round_
 
     for k in range(block):
         for b in range(blocks[k, 0], blocks[k + 1, 0]):

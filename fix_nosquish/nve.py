@@ -38,11 +38,11 @@ class _Loops:
     Args:
         loop: the integrator's `kernels.advance`.
         x, v, f: LAMMPS's arrays.  dt: the time step; dtf: what takes a force to half a step's momentum.
-        alone: whether the force and torque that this rank's atoms give are all that there is, and all of it acts.
+        direct: whether force and torque of a body that is whole here are those that its atoms give, and nothing else.
     """
 
-    def __init__(self, loop, bodies, x, v, f, dt, dtf, mrot, alone):
-        self._bodies, self._v, self._f, self._dtf, self._alone = bodies, v, f, dtf, alone
+    def __init__(self, loop, bodies, x, v, f, dt, dtf, mrot, direct):
+        self._bodies, self._v, self._f, self._dtf, self._direct = bodies, v, f, dtf, direct
         free = bodies.state, bodies.rotors, bodies.extended, bodies.plane, *bodies.atoms, bodies.away, bodies.shift, bodies.aways
         self._advance = lambda gathers, kicks: loop.bind(*free, x, f, dt, dtf, gathers, kicks, mrot, bodies.scratch)
 
@@ -52,11 +52,18 @@ class _Loops:
 
     @cached_property
     def kick_and_advance(self):
-        return self._advance(self._alone, 2)
+        return self._advance(self._direct, 2)
 
     @cached_property
     def gather(self):
-        return kernels.gather.bind(self._bodies.state, *self._bodies.atoms, self._f, self._bodies.load, self._bodies.scratch)
+        return self._gather(True)
+
+    @cached_property
+    def gather_shared(self):
+        return self._gather(False)
+
+    def _gather(self, every):
+        return kernels.gather.bind(self._bodies.state, *self._bodies.atoms, self._f, self._bodies.load, every, self._bodies.scratch)
 
     @cached_property
     def kick(self):
@@ -251,7 +258,7 @@ class NVE(Reports):
         if not self.host.waiting:
             self._loops.advance()
         else:
-            if not self._alone:
+            if not self._direct or len(self.bodies.sharers.bodies):
                 self._gather()
             if self._loops.kick_and_advance():
                 self._loops.gather()
@@ -313,9 +320,8 @@ class NVE(Reports):
         respa = self.respa_dt is not None
         dt = self.respa_dt[0] if respa else self.dt
         dtf = 0.0 if respa else 0.5 * dt * self.lammps.ftm2v  # with respa each level kicks by itself
-        # whether nothing has to be added to the force and torque that this rank's atoms give: then a whole step is one pass
-        self._alone = not len(self.bodies.sharers.bodies) and self._mask is None and not self.bodies.spheres
-        self._loops = _Loops(self.advance, self.bodies, *self._xvf, dt, dtf, self.command.mrot, self._alone)
+        self._direct = self._mask is None and not self.bodies.spheres
+        self._loops = _Loops(self.advance, self.bodies, *self._xvf, dt, dtf, self.command.mrot, self._direct)
 
     def _leave_to_host(self):
         """Have the plugin do itself what needs no Python; not what a class derived from this one does otherwise."""
@@ -324,10 +330,9 @@ class NVE(Reports):
             return
         every = gcd(*self.velocities_every, *(self.command.output[:1] if self._file else ()))
         step = neighbor = None
-        if not self._box_may_change and self._mask is None and not self.bodies.spheres:
-            loops = self._loops
-            gather = [] if self._alone else [loops.gather, *self.bodies.sharers.passes(self.bodies.load)]
-            step = [*gather, loops.kick_and_advance]
+        if not self._box_may_change and self._direct:
+            loops, exchange = self._loops, self.bodies.sharers.passes(self.bodies.load)
+            step = [*([loops.gather_shared, *exchange] if exchange else []), loops.kick_and_advance]
             if self.half_step_velocities:
                 step.append(loops.set_velocities)
             if self.world.size == 1:
