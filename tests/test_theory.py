@@ -50,7 +50,7 @@ def failed(*parts, out=None):
     """The numbers of parts of the theory that are out of their bounds, as text."""
     checks, _, interrupted = theory.theory(parts, out, Silent())
     assert checks and not interrupted
-    return [f"{check.scheme}: {check.what}: {check.value}" for check in checks if not check.holds]
+    return [f"{check.subject}: {check.what}: {check.value}" for check in checks if not check.holds]
 
 
 # ---- the tools
@@ -245,6 +245,6 @@ def test_command(tmp_path):
     assert [float(row["value"]) for row in rows] == [check["value"] for check in checks]
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 2 and 'src="http' not in page and "href=" not in page
-    assert page.count('class="met"') == len(checks)
+    assert page.count('class="holds"') == len(checks)
     wrong = subprocess.run([*command[:4], "nothing"], cwd=ROOT, capture_output=True, text=True, timeout=100)
     assert wrong.returncode == 2 and "nothing" in wrong.stderr

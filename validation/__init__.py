@@ -19,6 +19,8 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
     scaling               a verb: what ranks send each other, counted, and a model; with counting, scaling_report
     longrun               a verb: one free body for very many steps
 
+    check                 of paper and theory: a number beside its bounds, its verdict, a table of such
+
     paper                 a verb: the paper's test problems run again; it uses
     paper_peptide         what only the peptide has: constraints, zeros of energy, helix
     paper_claims          from trajectories to numbers, errors, verdicts

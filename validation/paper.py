@@ -2,17 +2,16 @@
 
 Each trajectory is run in pieces that follow one another, each an LAMMPS run of its own that starts from the atoms that the one
 before has left; a piece that is complete in the output folder is not run again, so that the same command goes on
-after a Ctrl-C.  Energies are in the pieces' logs, sampled as they run.
+after a Ctrl-C, unless the code or what it starts from has changed.  Energies are in the pieces' logs, sampled as they run.
 """
 
-import re
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from validation import machine, paper_peptide, run
-from validation.bench import contents, package_hash
-from validation.integrators import PAPER
+from validation.compare import FS_PER_PS
+from validation.integrators import INTEGRATORS, PAPER
 from validation.scenes import SCENES
 
 # What the paper says, in its words; no number is read off its figures.
@@ -25,12 +24,15 @@ STATEMENTS = {
     "gear": "Section IV: far more accurate than standard Gear predictor corrector or Runge-Kutta methods.",
 }
 AVERAGE_MEASURE = 1e-5  # of figure 3, section III
-FS_PER_PS = 1000.0
+LIQUID = 6000.0  # ps, of figure 2b
+TEMPERATURE = {"dimer": 155.0, "water": 295.0, "peptide": 300.0}  # K, of the figures' captions
 PIECE = 25_000  # steps of a piece of a run on a mesh: some minutes
 DIMER_DT, DT = 0.3, 3.0  # fs, of figure 2a, and of figures 2b and 3
 GEAR_DT = 1.0  # fs; Gear's scheme does not bear DT
 SMALL_DT = 0.5  # fs; what is left of the energy's fluctuation is the force field's
-TEMPERATURE = 295.0  # K, of the liquid
+STEPS = 1.5, 2.0, DT  # fs, for the law of the time step
+SAMPLED = 30.0  # fs between samples of the energy where trajectories of several steps or sizes are compared
+ORDERED = "nosquish-123"  # NO_SQUISH with rigid/nve/small's order of axes
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,9 @@ class Lengths:
         dimer: each trajectory of the dimer.  starts: their number.  apart: time between one start and the next.
         liquid: 1,000 waters.  peptide: figure 3's trajectories.
         drifting: the peptide with ``rigid/small``.
-        gear: Gear's trajectories of the liquid and the peptide.
+        gear: Gear's trajectories of the liquid and the peptide.  gear_starts: their number, and of its dimers.
         force_field: runs at a small step.  accuracies: of the mesh, in these.
-        sizes: numbers of waters beside 1,000, and ``size`` how long each.
+        sizes: numbers of waters.  size: how long each, and the peptide with each of `STEPS`.
         every: steps between samples of the energy, where not said otherwise.
     """
 
@@ -54,6 +56,7 @@ class Lengths:
     peptide: float
     drifting: float
     gear: float
+    gear_starts: int
     force_field: float
     accuracies: tuple[str, ...]
     sizes: tuple[int, ...]
@@ -61,10 +64,10 @@ class Lengths:
     every: int
 
 
-SHORT = Lengths(dimer=60.0, starts=6, apart=10.0, liquid=6.0, peptide=6.0, drifting=3.0, gear=0.15, force_field=0.15,
-                accuracies=("1e-4", "1e-6"), sizes=(2000,), size=1.5, every=10)  # fmt: skip
-FULL = Lengths(dimer=300.0, starts=32, apart=30.0, liquid=3000.0, peptide=300.0, drifting=30.0, gear=6.0, force_field=4.0,
-               accuracies=("1e-4", "1e-6", "1e-7"), sizes=(2000, 8000), size=15.0, every=50)  # fmt: skip
+SHORT = Lengths(dimer=50.0, starts=10, apart=60.0, liquid=3.6, peptide=3.6, drifting=2.4, gear=0.15, gear_starts=2, force_field=0.2,
+                accuracies=("1e-6",), sizes=(1000, 2000), size=1.5, every=10)  # fmt: skip
+FULL = Lengths(dimer=300.0, starts=32, apart=1000.0, liquid=3000.0, peptide=300.0, drifting=30.0, gear=2.0, gear_starts=4, force_field=4.0,
+               accuracies=("1e-4", "1e-6", "1e-7"), sizes=(1000, 2000, 8000), size=15.0, every=50)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -96,8 +99,13 @@ class Trajectory:
     start: tuple | None = None
     more: tuple[str, ...] = ()
 
+    @property
+    def pieces(self):
+        """How many pieces there are."""
+        return max(1, -(-self.steps // self.piece))
+
     def jobs(self, out, silence):
-        """The pieces' jobs, in order; one without steps gives the energy of the start.
+        """The pieces' jobs, in order, each when the one before has been done; one without steps gives the energy of the start.
 
         Args:
             out: folder of all trajectories.
@@ -106,13 +114,12 @@ class Trajectory:
         start, done = self.start, 0
         while done < self.steps or not done:
             steps = min(self.piece, self.steps - done)
-            folder = out / re.sub(r"[/ ]", "-", self.name) / f"piece-{done}"
-            setup = list(self.scene.setup)
-            # a change of the input or of the code makes another job
-            setup.append(f"variable origin string {contents(self.scene.folder)}{package_hash() if self.integrator.kind == 'ours' else ''}")
+            folder = out / run.folder_name(self.name) / f"piece-{done}"
+            setup, files = list(self.scene.setup), []
             if start:
                 dump, step = start
                 setup.append(f'read_dump "{dump}" {step} x y z ix iy iz vx vy vz box no replace yes format native')
+                files = [dump] if dump.exists() else []  # else LAMMPS says so
             state = folder.resolve() / "state.dump"
             reach = self.state or max(1, steps)
             more = [
@@ -121,7 +128,8 @@ class Trajectory:
                 *(line.format(folder=folder.resolve()) for line in self.more),
             ]
             yield run.job(replace(self.scene, setup=tuple(setup)), self.integrator, folder, [steps], dt=self.dt, every=self.every,
-                          ranks=self.ranks, silence=silence, more=more)  # fmt: skip
+                          ranks=self.ranks, silence=silence, more=more,
+                          origin=machine.origin(self.scene, self.integrator, *files))  # fmt: skip
             start, done = (state, steps), done + max(1, steps)
 
 
@@ -164,37 +172,48 @@ def plan(lengths, ranks, out):
         return round(time * FS_PER_PS / dt)
 
     def trajectory(scene, integrator, time, dt=DT, **more):
-        one = PAPER[integrator]
+        one = (INTEGRATORS | PAPER)[integrator]
         usual = {"name": f"{scene.name}-{integrator}", "label": f"{scene.name}, {one.label}", "every": every, "ranks": ranks}
         return Trajectory(scene=scene, integrator=one, dt=dt, steps=steps(time, dt), **usual | more)
 
+    def starts(scene, number, apart, dt, **more):
+        """A trajectory that leaves so many starts, and where each is."""
+        name, apart = f"{scene.name}-starts", steps(apart, dt)
+        one = trajectory(scene, "nosquish", 0, dt, name=name, label=f"{scene.name}, starts", state=apart, every=1000, piece=10**9, **more)
+        dump = (out / name / "piece-0" / "state.dump").resolve()
+        return replace(one, steps=number * apart), [(dump, n * apart) for n in range(1, number + 1)]
+
     dimer, liquid, peptide = SCENES["dimer"], SCENES["water"], paper_peptide.scene()
-    apart = steps(lengths.apart, DIMER_DT)
-    whole = {"dt": DIMER_DT, "ranks": 1, "piece": 10**9}
-    starts = trajectory(dimer, "nosquish", lengths.apart * lengths.starts, **whole, name="dimer-starts", label="dimer, starts",
-                        state=apart, every=1000)  # fmt: skip
-    yield starts
-    states = (out / starts.name / "piece-0" / "state.dump").resolve()
-    for number in range(1, lengths.starts + 1):
-        for name in "nosquish", "matubayasi-nakahara", "gear":
-            yield trajectory(dimer, name, lengths.dimer, **whole, name=f"dimer-{name}-{number}", label=f"dimer {number}, {PAPER[name].label}",
-                             start=(states, number * apart), every=2 * every)  # fmt: skip
+    first, states = starts(dimer, lengths.starts, lengths.apart, DIMER_DT, ranks=1)
+    yield first
+    for number, start in enumerate(states, 1):
+        for name in ("nosquish", "matubayasi-nakahara", "gear")[: 3 if number <= lengths.gear_starts else 2]:
+            yield trajectory(dimer, name, lengths.dimer, DIMER_DT, ranks=1, piece=10**9, start=start, every=2 * every,
+                             name=f"dimer-{name}-{number}", label=f"dimer {number}, {PAPER[name].label}")  # fmt: skip
     for scene in liquid, peptide:
         yield trajectory(scene, "gear", lengths.gear, every=2, piece=10**9)
-        for name in "nosquish", "gear":  # and where Gear's scheme does not fail at once
-            yield trajectory(scene, name, lengths.gear, dt=GEAR_DT, every=2, piece=10**9, name=f"{scene.name}-{name}-short-step",
-                             label=f"{scene.name} at {GEAR_DT:g} fs, {PAPER[name].label}")  # fmt: skip
+        first, states = starts(scene, lengths.gear_starts, lengths.gear, DT)
+        yield first  # and where Gear's scheme does not fail at once
+        for number, start in enumerate(states, 1):
+            for name in "nosquish", "gear":
+                yield trajectory(scene, name, lengths.gear, GEAR_DT, every=2, piece=10**9, start=start,
+                                 name=f"{scene.name}-{name}-short-step-{number}",
+                                 label=f"{scene.name} {number} at {GEAR_DT:g} fs, {PAPER[name].label}")  # fmt: skip
     yield trajectory(paper_peptide.alone(peptide), "nosquish", 0, name="peptide-alone", label="peptide without water")
     yield trajectory(paper_peptide.within(peptide), "nosquish", 0, name="peptide-within", label="peptide, Coulomb within")
+    yield trajectory(liquid, "nosquish", lengths.force_field, SMALL_DT, name="water-small-step", label=f"water at {SMALL_DT:g} fs", every=2)
     for name, change in paper_peptide.force_fields(lengths.accuracies).items():
-        yield trajectory(change(peptide), "nosquish", lengths.force_field, dt=SMALL_DT, name=f"force-field-{name}",
-                         label=f"peptide at {SMALL_DT:g} fs, {name}", every=10)  # fmt: skip
+        yield trajectory(change(peptide), "nosquish", lengths.force_field, SMALL_DT, name=f"force-field-{name}",
+                         label=f"peptide at {SMALL_DT:g} fs, {name}", every=2)  # fmt: skip
     for size in lengths.sizes:  # copies that are alike would not be independent
         copies = liquid.of_size(size)
-        copies = replace(copies, setup=(*copies.setup, f"velocity water create {TEMPERATURE:g} {size}"))
-        yield trajectory(copies, "nosquish", lengths.size, name=f"water-{size}", label=f"{size:,} waters")
+        copies = replace(copies, setup=(*copies.setup, f"velocity water create {TEMPERATURE['water']:g} {size}"))
+        yield trajectory(copies, "nosquish", lengths.size, name=f"water-{size}", label=f"{size:,} waters", every=steps(SAMPLED / FS_PER_PS, DT))
+    for dt in STEPS:
+        yield trajectory(peptide, "nosquish", lengths.size, dt, name=f"peptide-at-{dt:g}-fs", label=f"peptide at {dt:g} fs",
+                         every=steps(SAMPLED / FS_PER_PS, dt))  # fmt: skip
     yield trajectory(peptide, "rigid/small", lengths.drifting)
-    for name in "nosquish", "shake", "rigid/nve/small":
+    for name in "nosquish", "shake", "rigid/nve/small", ORDERED:
         yield trajectory(peptide, name, lengths.peptide, more=paper_peptide.dump(steps(1.0, DT)))
     for name in "nosquish", "matubayasi-nakahara":
         yield trajectory(liquid, name, lengths.liquid)
@@ -202,9 +221,9 @@ def plan(lengths, ranks, out):
 
 def do(trajectory, out, silence, meter):
     """Run a trajectory, or take over what is there: a ``Series``, and whether a Ctrl-C ended it."""
-    results, jobs, error, interrupted = [], list(trajectory.jobs(out, silence)), None, False
-    for number, job in enumerate(jobs, 1):
-        meter.begin(trajectory.label + (f" {number}/{len(jobs)}" if len(jobs) > 1 else ""), sum(job.runs))
+    results, error, interrupted = [], None, False
+    for number, job in enumerate(trajectory.jobs(out, silence), 1):
+        meter.begin(trajectory.label + (f" {number}/{trajectory.pieces}" if trajectory.pieces > 1 else ""), sum(job.runs))
         result = run.once(job, meter.at)
         meter.end(result.error)
         results.append((job, result))
@@ -256,11 +275,13 @@ def paper(out, lengths, ranks, silence, meter):
     """
     circumstances = machine.circumstances() | {"interrupted": False, "ranks": ranks}
     found = {}
-    for trajectory in plan(lengths, ranks, out):
-        found[trajectory.name], interrupted = do(trajectory, out, silence, meter)
-        if interrupted:
-            circumstances["interrupted"] = True
-            break
+    try:
+        for trajectory in plan(lengths, ranks, out):
+            found[trajectory.name], circumstances["interrupted"] = do(trajectory, out, silence, meter)
+            if circumstances["interrupted"]:
+                break
+    except KeyboardInterrupt:  # between two runs
+        circumstances["interrupted"] = True
     return found, circumstances
 
 

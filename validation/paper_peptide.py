@@ -105,11 +105,14 @@ def helix(folders, ps_per_step):
 
     Returns:
         dict: ``time`` (frames,) in ps, ``helical`` (frames,) residues that are alpha helix by DSSP, ``rmsd`` (frames,) of the
-        backbone from the first frame, in Angstrom; None if there is no frame.
+        backbone from the first frame, in Angstrom; None if there is no frame, or a piece without frames.
     """
     top, begin, times, frames = topology(), 0, [], []
     for folder, steps in folders:
-        lines = (Path(folder) / "helix.dump").read_text().split("ITEM: TIMESTEP\n")[1:]
+        file = Path(folder) / "helix.dump"
+        if not file.exists():
+            return None
+        lines = file.read_text().split("ITEM: TIMESTEP\n")[1:]
         for frame in lines[1:] if begin else lines:  # a piece starts where the one before has ended
             step, _, rows = frame.partition("\n")
             times.append((begin + int(step)) * ps_per_step)

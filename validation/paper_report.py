@@ -6,10 +6,13 @@ import json
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from validation.paper_figures import draw, thin
-from validation.report import estimate, page
+from validation import check
+from validation.check import number
+from validation.paper import AVERAGE_MEASURE, LIQUID
+from validation.paper_claims import TITLES
+from validation.paper_figures import SHOWN, draw, thin
+from validation.report import page
 
-VERDICTS = {True: "holds", False: "does not hold", None: "not decided"}
 COLUMNS = (  # key, heading, unit
     ("temperature", "temperature", "K"), ("sd", "sd of energy", "kcal/mol"), ("measure", "average measure", ""), ("drift", "drift", "kcal/mol/ps"),
     ("rigidity", "rigidity", "Å"),
@@ -32,29 +35,15 @@ def write(summary, found, out):
         for row in summary["rows"]:
             cells = [cell(row, key) for key, _, _ in COLUMNS]
             writer.writerow([row["name"], row["integrator"], row["dt"], f"{row['ps']:g}", *cells, row["error"] or "ok"])
-    with open(out / "claims.csv", "w", newline="") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["claim", "value", "unit", "bound", "verdict", "source"])
-        for claim in summary["claims"]:
-            writer.writerow([claim["what"], number(claim), claim["unit"], claim["bound"], VERDICTS[claim["holds"]], claim["source"]])
+    check.write(summary["checks"], out / "claims.csv")
     with open(out / "series.csv", "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["trajectory", "t (ps)", "Delta E"])
         for name, one in found.items():
             if name in SHOWN:
                 writer.writerows((name, f"{time:.6g}", f"{error:.4g}") for time, error in zip(*thin(one)))
-    page("paper.html", out / "report.html", draw(found, summary, out), summary=summary, columns=COLUMNS, cell=cell, number=number, verdicts=VERDICTS)
-
-
-SHOWN = "dimer-nosquish-1", "dimer-matubayasi-nakahara-1", "water-nosquish", "water-matubayasi-nakahara", "peptide-nosquish", "peptide-shake"
-
-
-def number(one):
-    """Value ± error in a form that shows both, whatever their size."""
-    value, error = one["value"], one["error"]
-    if not 1e-2 < abs(value) < 1e5:
-        return f"{value:.2e}" + (f" ± {error:.1e}" if error else "")
-    return estimate(value, error)
+    page("paper.html", out / "report.html", draw(found, summary, out), summary=summary, titles=TITLES, columns=COLUMNS, cell=cell, number=number,
+         measured=check.measured, bound=check.bound, certain=check.CERTAIN, aim=AVERAGE_MEASURE, liquid=LIQUID)  # fmt: skip
 
 
 def cell(row, key):
@@ -62,7 +51,7 @@ def cell(row, key):
     value = row.get(key)
     if value is None:
         return "–"
-    return number(value) if isinstance(value, dict) else f"{value:.1e}"
+    return number(**value) if isinstance(value, dict) else f"{value:.1e}"
 
 
 def show(console, summary, out):
@@ -74,12 +63,7 @@ def show(console, summary, out):
     for row in summary["rows"]:
         table.add_row(("✗ " if row["error"] else "") + row["name"], f"{row['dt']:g}", f"{row['ps']:g}", *(cell(row, key) for key, _, _ in COLUMNS))
     console.print(table)
-    table = Table(title="What the paper says", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    for title in "claim", "found", "bound", "verdict":
-        table.add_column(title, overflow="fold")
-    for claim in summary["claims"]:
-        table.add_row(claim["what"], f"{number(claim)} {claim['unit']}", claim["bound"], VERDICTS[claim["holds"]])
-    console.print(table)
+    check.show(console, summary["checks"], TITLES)
     for row in summary["rows"]:
         if row["error"]:
             console.print(f"✗ {row['name']}: {row['error']}", markup=False, soft_wrap=True)

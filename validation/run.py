@@ -36,6 +36,7 @@ class Job:
         setups: how often `run 0`, which makes all of a run's preparations, is timed before the runs.
         ranks: number of MPI ranks.
         silence: s without a word in the log after which the run counts as hung.
+        origin: hash of what the result follows from beside all this (see ``machine.origin``).
     """
 
     directory: str
@@ -46,6 +47,7 @@ class Job:
     setups: int = 0
     ranks: int = 1
     silence: float = 120.0
+    origin: str | None = None
 
 
 @dataclass
@@ -73,7 +75,7 @@ class Result:
     interrupted: bool = False
 
 
-def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0, positions=True, setups=0, more=()):
+def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0, positions=True, setups=0, more=(), origin=None):
     """The job of one integrator on a scene.
 
     Args:
@@ -83,6 +85,7 @@ def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0
         positions: whether they are kept.
         setups: see ``Job``.
         more: LAMMPS commands before the first run.
+        origin: see ``Job``.
     """
     commands = [
         *scene.setup,
@@ -105,7 +108,13 @@ def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0
         setups=setups,
         ranks=ranks,
         silence=silence,
+        origin=origin,
     )
+
+
+def folder_name(name):
+    """The name of an integrator or a run, fit for a folder."""
+    return re.sub(r"[/ ]", "-", name)
 
 
 def run(job, on_step=lambda step: None, environment=()):
@@ -147,7 +156,7 @@ def run(job, on_step=lambda step: None, environment=()):
 
 
 def once(job, on_step=lambda step: None):
-    """Do a job, as `run`, unless its complete result is there."""
+    """Do a job, as `run`, unless the complete result of the same job, its origin included, is there."""
     directory = Path(job.directory)
     known = directory / "job.json"
     if known.exists() and (directory / "done.json").exists() and json.loads(known.read_text()) == asdict(job):

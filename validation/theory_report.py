@@ -1,17 +1,14 @@
 """From the checks of `theory` to files and the terminal: summary.json, table.csv, figures, report.html."""
 
-import csv
 import json
 
 import matplotlib.pyplot as plt
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
-from validation.figures import INK, OTHERS, OURS, PALE, draw_each
-from validation.report import estimate, page
+from validation import check
+from validation.figures import INK, OTHERS, OURS, PALE, THIRD, draw_each
+from validation.report import page
 
-COLUMNS = "part", "scheme", "what", "value", "error", "low", "high", "holds", "why"
 TITLES = {
     "reversal": "Forward and back",
     "symplectic": "Symplectic property (2.42)",
@@ -19,7 +16,6 @@ TITLES = {
     "mrot": "Inner steps of the rotor",
     "recursion": "Recursion relation (2.30)",
 }
-THIRD = "#c06c3e"
 LEAST = 1e-17  # shown for a zero
 
 
@@ -30,42 +26,18 @@ def write(summary, out):
         summary: plain data: ``checks``, ``data`` (what the figures show, by part), ``interrupted`` and the circumstances.
     """
     (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
-    with open(out / "table.csv", "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(summary["checks"])
+    check.write(summary["checks"], out / "table.csv")
     figures = draw_each((reversal, symplectic, conserved, mrot, recursion), out, summary["data"])
-    page("theory.html", out / "report.html", figures, summary=summary, titles=TITLES, value=value, bound=bound)
+    page("theory.html", out / "report.html", figures, summary=summary, titles=TITLES,
+         measured=check.measured, bound=check.bound, certain=check.CERTAIN)  # fmt: skip
 
 
 def show(console, summary, out):
     """Print the checks."""
-    for part, title in TITLES.items():
-        checks = [check for check in summary["checks"] if check["part"] == part]
-        if checks:
-            table = Table("scheme", "number", title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, expand=False)
-            table.add_column("measured", justify="right", no_wrap=True)
-            table.add_column("bound", justify="right", no_wrap=True)
-            table.add_column("")
-            for check in checks:
-                table.add_row(check["scheme"], check["what"], value(check), bound(check), "✓" if check["holds"] else "✗ " + (check["why"] or ""))
-            console.print(table)
-    failed = sum(not check["holds"] for check in summary["checks"])
-    console.print(f"{len(summary['checks'])} numbers, {failed} outside of their bounds." + " Interrupted." * summary["interrupted"])
+    check.show(console, summary["checks"], TITLES)
+    if summary["interrupted"]:
+        console.print("Interrupted.")
     console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
-
-
-def value(check):
-    """A check's number as text, with its standard error if it has one."""
-    if check["value"] is None:
-        return "–"
-    return estimate(check["value"], check["error"]) if check["error"] else f"{check['value']:.3g}"
-
-
-def bound(check):
-    """A check's bounds as text."""
-    low, high = (None if check[key] is None else f"{check[key]:.10g}" for key in ("low", "high"))
-    return f"{low} … {high}" if low and high else f"≥ {low}" if low else f"≤ {high}" if high else "–"
 
 
 def reversal(data):
@@ -147,7 +119,10 @@ def mrot(data):
     axis.set_xlabel("m_rot")
     axis.set_ylabel("largest error of q")
     axis.legend(frameon=False)
-    return figure, f"Free rotors with the dimer's moments at 295 K, Δt = {found['dt_fs']:g} fs, against the exact top in Jacobi's elliptic functions."
+    return figure, (
+        f"Free rotors with the dimer's moments at {found['temperature']:g} K, Δt = {found['dt_fs']:g} fs, against the exact top in "
+        "Jacobi's elliptic functions."
+    )
 
 
 def recursion(data):
