@@ -30,8 +30,8 @@ from .compiled import F1, F2, I1, I2, L1, F, I, inlined, loop
 from .errors import RunError
 from .hosts import hook
 from .kernels import (
-    BLOCK, FORCE, MASS, MATRIX, MOMENT, P, Q, ROWS, SCRATCH, TORQUE, V, X, body_frame_angular_velocity, four, nine, put,
-    rotation_matrices, set_four, set_three, take, three, to_body, write_atoms,
+    BLOCK, FORCE, MASS, MATRIX, MOMENT, P, Q, ROWS, SCRATCH, TORQUE, V, X, body_frame_angular_velocity, four, move_to_images, nine,
+    put, rotation_matrices, set_four, set_three, take, three, to_body, write_atoms,
 )  # fmt: skip
 from .nve import NVE
 from .rotor import dot, mix, s_times
@@ -206,9 +206,7 @@ def step(
         put_bodies(scratch, state, begin, end, dt)
         rotation_matrices(scratch)
         write_atoms(scratch, X, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_x)
-    for a in range(aways[0]):
-        for k in range(3):
-            atom_x[index[away[a]], k] += shift[a, k]
+    move_to_images(away, shift, aways, index, atom_x)
 
 
 class Gear(NVE):

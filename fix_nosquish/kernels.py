@@ -303,6 +303,14 @@ def write_atoms(scratch, row, begin, end, rounds, index, d, atoms):
                 atoms[i, k] = scratch[(ATOM + k) * BLOCK + b]
 
 
+@inlined
+def move_to_images(away, shift, aways, index, atom_x):
+    """Move the atoms that LAMMPS has in another periodic image than their body there; see `settle`."""
+    for a in range(aways[0]):
+        for k in range(3):
+            atom_x[index[away[a]], k] += shift[a, k]
+
+
 @inlined(contract=True)
 def add_forces(scratch, begin, end, d):
     """Add the forces of the atoms of a round, and their torques about the centre of mass."""
@@ -374,9 +382,7 @@ def advance_by(
         put(scratch, state, begin, end, X, P + 4, X)
         rotation_matrices(scratch)
         write_atoms(scratch, X, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_x)
-    for a in range(aways[0]):
-        for k in range(3):
-            atom_x[index[away[a]], k] += shift[a, k]
+    move_to_images(away, shift, aways, index, atom_x)
     return wrong
 
 
@@ -611,6 +617,15 @@ def hashed(key, table):
     return (np.int64(key) * 0x9E3779B1 >> 16) & (table.size - 1)
 
 
+@inlined
+def enter(table, key, value):
+    """Write a value to the first free place of a table from where its key is looked for."""
+    h = hashed(key, table)
+    while table[h] >= 0:
+        h = (h + 1) & (table.size - 1)
+    table[h] = value
+
+
 @loop
 def arrange(
     here: I1, place: I1, body: L1, state: F2, arrived: F2, shared: L1, table: L1, owner: L1, first: L1, number: L1, order: L1, atoms: L1,
@@ -638,10 +653,7 @@ def arrange(
         for k in range(table.size):
             table[k] = -1
         for k in range(shared.size):
-            h = hashed(state[ID, shared[k]], table)
-            while table[h] >= 0:
-                h = (h + 1) & last
-            table[h] = shared[k]
+            enter(table, state[ID, shared[k]], shared[k])
     for j in range(here.size):
         if place[j] >= 0:
             owner[j] = body[place[j]]
@@ -793,10 +805,7 @@ def find_in_table(keys: L1, wanted: L1, table: L1, found: L1):
     """See `find`; table is filled with -1 and its size is a power of two."""
     last = table.size - 1
     for j in range(keys.size):
-        h = hashed(keys[j], table)
-        while table[h] >= 0:
-            h = (h + 1) & last
-        table[h] = j
+        enter(table, keys[j], j)
     for i in range(wanted.size):
         h = hashed(wanted[i], table)
         while table[h] >= 0 and keys[table[h]] != wanted[i]:

@@ -258,8 +258,7 @@ class NVE(Reports):
         if not self.host.waiting:
             self._loops.advance()
         else:
-            if not self._direct or len(self.bodies.sharers.bodies):
-                self._gather()
+            self._gather(every=not self._direct)  # else whole bodies are gathered where they are kicked
             if self._loops.kick_and_advance():
                 self._loops.gather()
                 self._blame_forces()
@@ -365,9 +364,9 @@ class NVE(Reports):
             )
         self._box = box  # a face that is not periodic may follow the atoms
 
-    def _gather(self):
+    def _gather(self, every=True):
         bodies = self.bodies
-        wrong = self._loops.gather()
+        wrong = self._loops.gather() if every else self._loops.gather_shared()
         if bodies.spheres:
             kernels.add_torques(bodies.body, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.load)
         if wrong:

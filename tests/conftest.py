@@ -20,6 +20,22 @@ LAUNCHERS = {
 }
 
 
+class Silent:
+    """A meter (``validation.console.Meter``) that shows nothing, and remembers what was begun."""
+
+    def __init__(self):
+        self.begun = []
+
+    def begin(self, label, total):
+        self.begun.append(label)
+
+    def at(self, step):
+        pass
+
+    def end(self, error):
+        pass
+
+
 class Run(NamedTuple):
     """What a run left: its exit code, screen output (standard error included) and log file."""
 

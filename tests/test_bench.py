@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import BIN, read_thermo
+from conftest import BIN, Silent, read_thermo
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
@@ -23,19 +23,6 @@ for needed in ("rich", "jinja2", "matplotlib"):
 from validation import bandwidth, bench, bench_figures, bench_report, goals, integrators, rounds, run  # noqa: E402
 from validation.integrators import BENCHMARKED, INTEGRATORS, Integrator  # noqa: E402
 from validation.scenes import SCENES, Scene  # noqa: E402
-
-
-class Silent:
-    """A meter that remembers what was begun."""
-
-    def __init__(self):
-        self.begun = []
-
-    def begin(self, label, total):
-        self.begun.append(label)
-
-    def end(self, error):
-        pass
 
 
 def timing(**numbers):

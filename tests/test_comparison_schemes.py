@@ -14,12 +14,9 @@ from systems import apart, known, mixture, simulate, water  # noqa: F401 (known 
 from systems import OURS as NVE
 from test_nve import hot_rods
 from test_respa import TWO, smooth
-from test_rotor import ASYMMETRIC, S, body_momentum, conjugate, energy, exact, product, space_momentum, tops
+from test_rotor import ASYMMETRIC, S, body_momentum, conjugate, energy, exact, one_atom_bodies, product, space_momentum, tops
 
 from fix_nosquish import gear, kernels, matubayasi_nakahara
-from fix_nosquish.bodies import MASS, MOMENT, Bodies
-from fix_nosquish.bodies import P as P_ROWS
-from fix_nosquish.bodies import Q as Q_ROWS
 
 MN, GEAR = (NVE.replace("NVE", name) for name in ("MatubayasiNakahara", "Gear"))
 DIPOLE, E, G = np.array([0.3, -0.5, 0.7]), np.array([0.2, 1.0, -0.4]), np.array([[0.5, 0.2, 0.0], [-0.3, 0.1, 0.4], [0.2, 0.6, -0.2]])
@@ -65,14 +62,9 @@ def start(n, seed, speed=1.0):
 
 
 def make(x, v, q, p, moments=ASYMMETRIC, more_rows=0):
-    n = q.shape[1]
-    state = np.zeros((kernels.ROWS + more_rows, n))
-    state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = 1.0, np.reshape(moments, (3, -1)), q, p
-    state[kernels.X : kernels.X + 3], state[kernels.V : kernels.V + 3] = x, v
-    number = np.arange(n)
-    state[kernels.ID] = number
-    bodies = Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), False, False)
-    np.testing.assert_array_equal(bodies.id, number)
+    bodies = one_atom_bodies(q, p, moments, more_rows)
+    np.testing.assert_array_equal(bodies.id, np.arange(len(bodies)))
+    bodies.x[:], bodies.v[:] = x, v
     return bodies
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Silent
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
@@ -25,19 +26,6 @@ from validation import machine, measures, paper, paper_claims, paper_peptide, pa
 from validation.check import Check  # noqa: E402
 from validation.integrators import PAPER  # noqa: E402
 from validation.scenes import SCENES  # noqa: E402
-
-
-class Silent:
-    """A meter that shows nothing."""
-
-    def begin(self, label, total):
-        pass
-
-    def at(self, step):
-        pass
-
-    def end(self, error):
-        pass
 
 
 def trajectory(integrator="nosquish", steps=300, piece=300, **more):

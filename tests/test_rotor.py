@@ -64,15 +64,18 @@ def tops(n, moments, seed, speed=1.0):
     return q, 2.0 * product(q, np.concatenate([np.zeros((1, n)), L]))
 
 
-def advance(q, p, moments, dt, steps=1, mrot=1):
-    """Bodies without forces, of one atom each: new q and p after some steps. moments: (3,) or (3, n)."""
+def one_atom_bodies(q, p, moments, more_rows=0):
+    """Bodies of mass 1 and one atom each, at rest at the origin, with q and p (4, n); moments: (3,) or (3, n)."""
     n = q.shape[1]
-    state = np.zeros((kernels.ROWS, n))
-    state[MASS], state[Q_ROWS], state[P_ROWS] = 1.0, q, p
-    state[MOMENT] = np.reshape(moments, (3, -1))
-    number = np.arange(n)
-    state[kernels.ID] = number
-    bodies = Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), False, False)
+    state = np.zeros((kernels.ROWS + more_rows, n))
+    state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = 1.0, np.reshape(moments, (3, -1)), q, p
+    state[kernels.ID] = number = np.arange(n)
+    return Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), False, False)
+
+
+def advance(q, p, moments, dt, steps=1, mrot=1):
+    """`one_atom_bodies` without forces: their q and p after some steps."""
+    n, bodies = q.shape[1], one_atom_bodies(q, p, moments)
     step = kernels.advance.bind(bodies.state, bodies.rotors, bodies.extended, 0, *bodies.atoms, bodies.away, bodies.shift,
                                 bodies.aways, np.empty((n, 3)), np.empty((n, 3)), dt, 0.0, False, 0, mrot, bodies.scratch)  # fmt: skip
     for _ in range(steps):

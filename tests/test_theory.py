@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Silent
 from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -26,19 +27,6 @@ from validation.theory_reference import FS, Dimer, Oscillator  # noqa: E402
 from validation.theory_top import free_top  # noqa: E402
 
 SCENE = SCENES["dimer"]
-
-
-class Silent:
-    """A meter that shows nothing."""
-
-    def begin(self, label, total):
-        pass
-
-    def at(self, step):
-        pass
-
-    def end(self, error):
-        pass
 
 
 @pytest.fixture(scope="module")

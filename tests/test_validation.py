@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import Silent
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
@@ -199,19 +200,6 @@ def scene(tmp_path_factory):
         "group water type 1",
     )
     return Scene("tiny", "27 triatomics", folder, setup, "water", "molecule", "b 1 a 1")
-
-
-class Silent:
-    """A meter that shows nothing."""
-
-    def begin(self, label, total):
-        pass
-
-    def at(self, step):
-        pass
-
-    def end(self, error):
-        pass
 
 
 BROKEN = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",))

@@ -27,6 +27,7 @@ def main(words=None):
     _add_paper(verbs)
     _add_theory(verbs)
     arguments = parser.parse_args(words)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the verb's children as Ctrl-C does
     return arguments.function(arguments)
 
 
@@ -63,7 +64,6 @@ def _add_compare(verbs):
 def _compare(arguments):
     from validation import compare, console, figures, report  # heavy: not for --help
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends its children as Ctrl-C does
     scene = SCENES[arguments.scene]
     integrators = [one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)]
     out = arguments.out or Path("results") / f"compare-{scene.name}"
@@ -103,7 +103,6 @@ def _add_long(verbs):
 def _long(arguments):
     from validation import console, longrun  # heavy: not for --help
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     screen = console.console()
     arguments.out.mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, 2 * len(arguments.only) * arguments.steps) as meter:
@@ -145,7 +144,6 @@ def _bench(arguments):
         arguments.parser.error(f"there is no part {unknown[0]}: choose from {', '.join(PARTS)}")
     from validation import bench, bench_figures, bench_report, console  # heavy: not for --help
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     short = arguments.short
     only = arguments.only or (SHORT if short else BENCHMARKED)
     settings = bench.Settings(
@@ -184,7 +182,6 @@ def _add_scaling(verbs):
 def _scaling(arguments):
     from validation import console, machine, scaling, scaling_report  # heavy: not for --help
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     out, screen = arguments.out, console.console()
     out.mkdir(parents=True, exist_ok=True)
     runs = len(scaling.COMPARED) * (len(arguments.ranks) + len({*arguments.ranks, 27}))
@@ -223,7 +220,6 @@ def _theory(arguments):
     unknown = [part for part in arguments.parts if part not in theory.PARTS]
     if unknown:
         arguments.parser.error(f"there is no part {unknown[0]}: choose from {', '.join(theory.PARTS)}")
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     parts = [part for part in theory.PARTS if part in (arguments.parts or theory.PARTS)]
     out, screen = arguments.out, console.console()
     out.mkdir(parents=True, exist_ok=True)
@@ -260,7 +256,6 @@ def _paper(arguments):
 
     from validation import console, paper, paper_claims, paper_report  # heavy: not for --help
 
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     lengths = paper.FULL if arguments.full else paper.SHORT
     if arguments.liquid:
         lengths = replace(lengths, liquid=arguments.liquid)

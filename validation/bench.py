@@ -92,7 +92,7 @@ class ScenePoint:
         label = f"{self.scene} {self.bodies:,} on {self.ranks}"
 
         def job(one, runs, name, **more):
-            directory = runs_folder / f"{one.name.replace('/', '-')}-{name}"
+            directory = runs_folder / f"{run.folder_name(one.name)}-{name}"
             return run.job(scene, one, directory, runs, dt=scene.dt, every=0, ranks=self.ranks, silence=self.settings.silence,
                            positions=False, **more)  # fmt: skip
 

@@ -8,7 +8,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
 
-from validation.figures import INK, OTHERS, OURS, PALE, draw_each  # noqa: E402
+from validation.figures import INK, OTHERS, OURS, PALE, THIRD, draw_each  # noqa: E402
 from validation.goals import ranks_of  # noqa: E402
 
 MARKS = {  # integrator: colour, marker; pale ones are variants of the one before
@@ -17,7 +17,7 @@ MARKS = {  # integrator: colour, marker; pale ones are variants of the one befor
     "rigid": ("#9db4d6", "s"),
     "rigid/nve/omp": ("#2f4b7c", "s"),
     "rigid/omp": ("#b9c6de", "D"),
-    "rigid/nve/small": ("#c06c3e", "^"),
+    "rigid/nve/small": (THIRD, "^"),
     "rigid/small": ("#e0b08f", "^"),
     "rigid/small/omp": ("#8c4a25", "^"),
     "shake": ("#7a5195", "v"),

@@ -45,12 +45,12 @@ def compare(scene, integrators, out, *, ranks, steps, dt, rounds, segment, silen
         runs = [min(DISTANCE_STEPS, steps)] + [steps - DISTANCE_STEPS] * (steps > DISTANCE_STEPS)
         common = dict(dt=dt, ranks=ranks, silence=silence)
         for one in integrators:
-            folder = out / "runs" / one.name.replace("/", "-")
+            folder = out / "runs" / run.folder_name(one.name)
             yield one, one.label, run.job(scene, one, folder, runs, every=EVERY, **common)
         for number in range(1, rounds + 1):
             for one in integrators:
                 if not results[one.name][0].error:
-                    folder = out / "runs" / one.name.replace("/", "-") / f"timing-{number}"
+                    folder = out / "runs" / run.folder_name(one.name) / f"timing-{number}"
                     label = f"{one.label}, timing {number}/{rounds}"
                     lengths = [WARM_UP, segment]
                     yield one, label, run.job(scene, one, folder, lengths, every=0, **common)

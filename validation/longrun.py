@@ -23,7 +23,7 @@ from rich.box import SIMPLE_HEAD  # noqa: E402
 from rich.table import Table  # noqa: E402
 
 from validation import measures, run  # noqa: E402
-from validation.figures import INK, OTHERS, OURS, STYLE  # noqa: E402
+from validation.figures import INK, OTHERS, OURS, STYLE, THIRD  # noqa: E402
 from validation.integrators import INTEGRATORS  # noqa: E402
 
 BOUND = 1e-10
@@ -64,7 +64,7 @@ def long_run(out, steps, names, meter, silence):
     for kind, angle in ANGLES.items():
         for name in names:
             label = f"{INTEGRATORS[name].label}, {kind} step"
-            directory = folder / f"{name.replace('/', '-')}-{kind}"
+            directory = folder / f"{run.folder_name(name)}-{kind}"
             meter.begin(label, steps)
             result = run.once(_job(directory, folder, INTEGRATORS[name], angle / np.linalg.norm(SPIN), steps, silence), meter.at)
             meter.end(result.error)
@@ -161,7 +161,7 @@ def show(console, rows):
 
 def draw(rows, series, out):
     """Relative errors against steps, log-log, a column for each time step; path of the PNG."""
-    colours = dict(zip(NAMES, (OURS, OTHERS, "#c06c3e")))
+    colours = dict(zip(NAMES, (OURS, OTHERS, THIRD)))
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(len(QUANTITIES), len(ANGLES), figsize=(10, 9), sharex=True, sharey="row", layout="constrained")
         for row in rows:

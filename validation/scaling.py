@@ -83,7 +83,7 @@ def _count(out, decomposition, ranks, integrator, meter):
     for line in water.setup:
         lines += [f"processors {block}", line, f"replicate {block}"] if line.startswith("read_data ") else [line]
     scene = replace(water, setup=(*lines, *FORCES))
-    folder = out / f"{decomposition}-{ranks}-{integrator.name.replace('/', '-')}"
+    folder = out / f"{decomposition}-{ranks}-{run.folder_name(integrator.name)}"
     job = run.job(scene, integrator, folder / "run", [WARM_UP, STEPS], dt=scene.dt, every=0, ranks=ranks, positions=False)
     if meter:
         meter.begin(f"{integrator.label}, {decomposition}, {ranks} ranks", WARM_UP + STEPS)
