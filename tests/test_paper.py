@@ -104,7 +104,7 @@ def test_an_interruption_between_runs_keeps_what_there_is(tmp_path, monkeypatch)
         return made(path.name, noise(1.0, 1)), False
 
     monkeypatch.setattr(paper, "do", do)
-    found, circumstances = paper.paper(tmp_path, paper.SHORT, 1, 60, Silent())
+    found, circumstances = paper.paper(tmp_path, paper.plan(paper.SHORT, 1, tmp_path), 1, 60, Silent())
     assert list(found) == done and circumstances["interrupted"]
 
 
@@ -116,6 +116,26 @@ def test_exit_status(tmp_path, monkeypatch, failing, status):
         one.error = "lost atoms" if name == failing else None
     monkeypatch.setattr(paper, "paper", lambda *_: (found, machine.circumstances() | {"interrupted": False}))
     assert command.main(["paper", "--out", str(tmp_path)]) == status
+
+
+def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
+    """Locks out a part that runs other trajectories too, or leaves some of its own out, and a name that is none."""
+    chosen = []
+
+    def gather(out, plan, *_):
+        chosen.extend(one.name for one in plan)
+        return {}, machine.circumstances() | {"interrupted": False}
+
+    monkeypatch.setattr(paper, "paper", gather)
+    words = ["paper", "--out", str(tmp_path)]
+    assert command.main([*words, "dimer", "water-matubayasi"]) == 0
+    names = [one.name for one in paper.plan(paper.SHORT, 2, tmp_path)]
+    assert chosen == [name for name in names if "dimer" in name or name == "water-matubayasi-nakahara"] != []
+    chosen.clear()
+    assert command.main(words) == 0 and chosen == names
+    with pytest.raises(SystemExit):
+        command.main([*words, "dimer", "trimer"])
+    assert "trimer" in capsys.readouterr().err
 
 
 def made(name, total, scene="dimer", dt=3.0, every=10, integrator="nosquish", **more):

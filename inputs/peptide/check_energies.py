@@ -36,6 +36,7 @@ SUMS = {  # LAMMPS's terms as in in.energies, and GROMACS's that they are the su
     "coulomb14": ("Coulomb-14",),
     "potential": ("Potential",),
 }
+TERMS = sorted({part.replace(" ", "-") for parts in SUMS.values() for part in parts})  # as gmx energy takes them
 SINGLE_POINT = {
     "define": "-DFLEXIBLE", "integrator": "md", "nsteps": 0, "nstcalcenergy": 1, "nstenergy": 1, "nstfout": 1, "constraints": "none",
     "cutoff-scheme": "Verlet", "verlet-buffer-tolerance": -1, "rlist": 1.2, "rvdw": 1.2, "vdw-modifier": "None",
@@ -67,7 +68,7 @@ def of_gromacs(x, box):
         parameters(folder / "energies.mdp", SINGLE_POINT)
         gmx(folder, "grompp -f energies.mdp -c displaced.gro -p peptide.top -o energies.tpr -maxwarn 2", program="gmx_d")
         gmx(folder, "mdrun -deffnm energies -nt 1", program="gmx_d")
-        gmx(folder, "energy -f energies.edr -dp -o energies.xvg", "1 2 3 4 5 6 7 8 9 10 11\n\n", program="gmx_d")
+        gmx(folder, "energy -f energies.edr -dp -o energies.xvg", "\n".join(TERMS) + "\n\n", program="gmx_d")
         gmx(folder, "traj -f energies.trr -s energies.tpr -of forces.xvg -xvg none -fp", "0\n", program="gmx_d")
         text = (folder / "energies.xvg").read_text()
         forces = np.loadtxt(folder / "forces.xvg")[1:].reshape(-1, 3) / (10 * KCAL)
