@@ -26,12 +26,30 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
     paper_claims          from trajectories to numbers, errors, verdicts
     paper_figures, paper_report
 
+    sweep                 a verb: error against run time, every integrator with every step; it uses
+    sweep_plan            which points there are, how long they run, what a budget allows
+    starts                starts of any size, and from what an earlier run has left
+    sweep_errors          from runs to errors with standard errors, limits of short steps
+    sweep_structure       what a run's atoms tell
+    sweep_choice, sweep_figures, sweep_report
+    advise                a verb: the fastest point of a sweep that meets a target
+
     theory                a verb: what the paper proves, each a number between bounds; it uses
     theory_reversal       runs of LAMMPS forward and back
     theory_reference      the schemes written straight from the paper's equations
     theory_calculus       Jacobians, brackets, recursions
     theory_top            the exact motion of a free top
     theory_report
+
+    stability             a verb: what breaks where, case by case; it uses
+    stability_cases       the list of cases, which are in
+    stability_molecules, stability_tops, stability_contact
+    stability_bodies      small scenes of bodies, and what their dumps tell
+    stability_report
+
+    published             a verb: the energy's spread in water beside published numbers
+
+    report                a verb: all results on one page; it uses overview, overview_report
 
 A new scene is an entry in ``scenes.py``, a new integrator one in
 ``integrators.py``; a new verb is a module beside ``compare.py``.

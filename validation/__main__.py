@@ -5,7 +5,7 @@ import signal
 import sys
 from pathlib import Path
 
-from validation.integrators import BENCHMARKED, INTEGRATORS
+from validation.integrators import BENCHMARKED, INTEGRATORS, SWEPT
 from validation.scenes import SCENES
 
 COMPARED = [name for name, scene in SCENES.items() if scene.units == "real"]
@@ -26,6 +26,11 @@ def main(words=None):
     _add_scaling(verbs)
     _add_paper(verbs)
     _add_theory(verbs)
+    _add_published(verbs)
+    _add_report(verbs)
+    _add_sweep(verbs)
+    _add_advise(verbs)
+    _add_stability(verbs)
     arguments = parser.parse_args(words)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the verb's children as Ctrl-C does
     return arguments.function(arguments)
@@ -237,9 +242,12 @@ def _add_paper(verbs):
         help="the paper's test problems again: figures 2 and 3, and what it says of them",
         description="Run the water dimer, liquid water and the peptide of Miller et al. (2002) with NO_SQUISH, the paper's reference 12, Gear's "
         "scheme and LAMMPS's own fixes, draw the paper's figures and check its statements. Writes summary.json, table.csv, claims.csv, series.csv, "
-        "figures and a self-contained report.html. Ctrl-C keeps what is computed, and the same command goes on from there.",
+        "figures and a self-contained report.html. Ctrl-C keeps what is computed, and the same command goes on from there. "
+        "Parts can run side by side; the command for all of them then takes over what is there.",
         epilog="Exit status: 0 if all trajectories but Gear's are complete, 1 if one is not, 130 after Ctrl-C.",
     )
+    parser.add_argument("parts", nargs="*", metavar="PART",
+                        help="only the trajectories whose names begin so, as dimer, water, peptide, force-field, water-nosquish (default: all)")
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
     length.add_argument("--full", action="store_true", help="the paper's lengths, but half of its 6,000 ps of liquid: a night")
@@ -248,7 +256,7 @@ def _add_paper(verbs):
     parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
                         help="give a run up that wrote nothing for S seconds (default %(default)g)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/paper; --short: results/paper-short)")
-    parser.set_defaults(function=_paper)
+    parser.set_defaults(function=_paper, parser=parser)
 
 
 def _paper(arguments):
@@ -260,15 +268,217 @@ def _paper(arguments):
     if arguments.liquid:
         lengths = replace(lengths, liquid=arguments.liquid)
     out, screen = arguments.out or Path("results") / ("paper" if arguments.full else "paper-short"), console.console()
+    parts = tuple(arguments.parts) or ("",)
+    chosen = [one for one in paper.plan(lengths, arguments.ranks, out / "runs") if one.name.startswith(parts)]
+    for part in parts:
+        if not any(one.name.startswith(part) for one in chosen):
+            arguments.parser.error(f"no trajectory's name begins with {part}")
     (out / "runs").mkdir(parents=True, exist_ok=True)
-    with console.Meter(screen, paper.steps_of(lengths, arguments.ranks, out / "runs")) as meter:
-        found, circumstances = paper.paper(out / "runs", lengths, arguments.ranks, arguments.silence, meter)
+    with console.Meter(screen, sum(one.steps for one in chosen)) as meter:
+        found, circumstances = paper.paper(out / "runs", chosen, arguments.ranks, arguments.silence, meter)
     summary = circumstances | {"lengths": asdict(lengths)} | paper_claims.judge(found)
     paper_report.write(summary, found, out)
     paper_report.show(screen, summary, out)
     if summary["interrupted"]:
         return 130
     return int(any(one.error for one in found.values() if one.trajectory.integrator.name != "gear"))
+
+
+def _add_published(verbs):
+    parser = verbs.add_parser(
+        "published",
+        help="the energy's spread in water at 1 to 4 fs beside published numbers",
+        description="Run water with a smooth cutoff at 1, 2, 3 and 4 fs and hold the standard deviation of its energy against that of Silveira and "
+        "Abreu (2019). Writes a table to the terminal and summary.json, table.csv, a figure and a self-contained report.html to the output folder. Ctrl-C "
+        "keeps what is computed, and the same command goes on from there.",
+        epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C.",
+    )
+    parser.add_argument("--time", type=_positive, default=24.0, metavar="PS", help="length of each trajectory (default %(default)g)")
+    parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of each run (default %(default)s)")
+    parser.add_argument("--silence", type=_positive, default=120.0, metavar="S",
+                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument("--out", type=Path, default=Path("results/published"), metavar="DIR", help="output folder (default %(default)s)")
+    parser.set_defaults(function=_published)
+
+
+def _published(arguments):
+    from validation import check, console, machine, published  # heavy: not for --help
+
+    out, screen = arguments.out, console.console()
+    out.mkdir(parents=True, exist_ok=True)
+    with console.Meter(screen, published.total(arguments.time)) as meter:
+        found, interrupted = published.published(out / "runs", arguments.time, arguments.ranks, arguments.silence, meter)
+    made = published.checks(found)
+    summary = machine.circumstances() | {"interrupted": interrupted, "time": arguments.time, "checks": [one.plain() for one in made]}
+    published.write(summary, made, out)
+    check.show(screen, summary["checks"], published.TITLES)
+    screen.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
+    return 130 if interrupted else int(not all(one.holds for one in made))
+
+
+def _add_report(verbs):
+    parser = verbs.add_parser(
+        "report",
+        help="all results on one page, to mail",
+        description="Gather what sweep, stability, bench, theory, paper, compare, long and scaling have left into one self-contained HTML page: what is best "
+        "for which scene, what breaks where, what it costs. Results that are not in the folder are taken from those committed in validation/results.",
+        epilog="Exit status: 0 if the page is written, 130 after a Ctrl-C in the runs of --short, which writes the page of what there is.",
+    )
+    parser.add_argument("--results", type=Path, default=Path("results"), metavar="DIR", help="folder of the results' folders (default %(default)s)")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default DIR/report.html)")
+    parser.add_argument("--short", action="store_true",
+                        help="first run sweep --short and stability --short, where DIR has no results of these verbs: a quarter of an hour")
+    parser.set_defaults(function=_report)
+
+
+def _report(arguments):
+    from validation import console, overview_report  # heavy: not for --help
+
+    screen, out, interrupted = console.console(), arguments.out or arguments.results / "report.html", False
+    for verb in ("sweep", "stability") if arguments.short else ():
+        if not interrupted and not overview_report.has(arguments.results, verb):
+            interrupted = overview_report.run_short(verb, arguments.results / f"{verb}-short")
+    out.parent.mkdir(parents=True, exist_ok=True)
+    sections = overview_report.gather(arguments.results)
+    overview_report.write(sections, out)
+    for section in sections:
+        for line in section.warnings:
+            screen.print(f"{section.name}: {line}", markup=False, soft_wrap=True)
+    screen.print(f"page: {out}, {out.stat().st_size / 1e6:.1f} MB", soft_wrap=True)
+    return 130 if interrupted else 0
+
+
+def _add_sweep(verbs):
+    parser = verbs.add_parser(
+        "sweep",
+        help="error against run time: every integrator with every time step",
+        description="Run ours, the comparison schemes and LAMMPS's rigid, shake and rattle fixes with time steps from very short to beyond what is "
+        "stable, from the same equilibrated starts, and draw their errors against their run times. Writes tables to the terminal and summary.json, "
+        "points.csv, fastest.csv, figures and a self-contained report.html to the output folder. Ctrl-C keeps what is measured, and the same command "
+        "goes on from there: what was measured with the same code, input and settings is not measured again. Swept one after the other with the "
+        "same code, the output folder gathers the scenes.",
+        epilog="A step that is too long fails; that is a result. Exit status: 0 if each integrator has a step that does not fail, 1 if one has none, "
+        "130 after Ctrl-C.",
+    )
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="what to simulate (default: all; --short: the small ones)")
+    parser.add_argument("--ranks", type=_whole, default=1, metavar="N", help="MPI ranks of what is larger than the dimer (default %(default)s)")
+    parser.add_argument("--budget", type=_positive, metavar="MINUTES",
+                        help="about how long all scenes may take; of scenes that are named each has its part of it (default: a night; "
+                        "--short: some minutes)")
+    parser.add_argument("--short", action="store_true", help="fewer time steps, some minutes in all, for a first look")
+    parser.add_argument("--only", nargs="+", choices=SWEPT, metavar="NAME", help="integrators, of: %(choices)s (default all)")
+    parser.add_argument("--steps", type=_positives, metavar="FS,FS", help="time steps in fs (default: the scene's)")
+    parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
+                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/sweep; --short: results/sweep-short)")
+    parser.set_defaults(function=_sweep, parser=parser)
+
+
+def _sweep(arguments):
+    from validation import console, sweep, sweep_report  # heavy: not for --help
+
+    unknown = [name for name in arguments.scenes if name not in sweep.SCENES]
+    if unknown:
+        arguments.parser.error(f"there is no scene {unknown[0]} to sweep: choose from {', '.join(sweep.SCENES)}")
+    short = arguments.short
+    names = [name for name in sweep.SCENES if name in (arguments.scenes or (sweep.SHORT_SCENES if short else sweep.SCENES))]
+    lengths = sweep.lengths(names, short, arguments.budget)
+    points = sweep.points(names, short, arguments.only, arguments.steps)
+    out, screen = arguments.out or Path("results") / ("sweep-short" if short else "sweep"), console.console()
+    out.mkdir(parents=True, exist_ok=True)
+    with console.Meter(screen, sweep.total(points, lengths), "runs") as meter:
+        summary = sweep.sweep(points, lengths, out, meter, arguments.ranks, arguments.silence, short)
+    swept = [(name, point) for name, scene in summary["scenes"].items() for point in scene["points"]]
+    summary = sweep_report.gathered(summary, out)
+    sweep_report.write(summary, out)
+    sweep_report.show(screen, summary, out)
+    if summary["interrupted"]:
+        return 130
+    good = {(name, point["integrator"]) for name, point in swept if not point["failed"]}
+    return int(not swept or any((name, point["integrator"]) not in good for name, point in swept))
+
+
+def _add_advise(verbs):
+    parser = verbs.add_parser(
+        "advise",
+        help="which integrator and time step reach a wished accuracy the fastest",
+        description="Print, of the points that a sweep has measured, the fastest one whose errors are all below the targets, what it costs, what is "
+        "as fast, the longest good step of every integrator, and the lines for the input script.",
+        epilog="Exit status: 0 if some point meets the targets by two standard errors, 1 if none does, 2 if there is no sweep, no such scene or "
+        "measure.",
+    )
+    parser.add_argument("scene", metavar="SCENE", help="a scene of the sweep")
+    parser.add_argument("--target", nargs="+", type=_target, required=True, metavar="MEASURE=VALUE",
+                        help="largest errors, in the measures' units, as in energy_sd=0.5 drift=0.01; an unknown measure lists all")
+    parser.add_argument("--from", type=Path, dest="folder", metavar="DIR",
+                        help="folder of the sweep (default results/sweep, else the one that comes with this checkout)")
+    parser.set_defaults(function=_advise, parser=parser)
+
+
+def _advise(arguments):
+    from validation import advise, console  # heavy: not for --help
+
+    try:
+        met = advise.advise(console.console(), advise.load(arguments.folder), arguments.scene, dict(arguments.target))
+    except LookupError as error:
+        arguments.parser.exit(2, f"{error}\n")
+    return int(not met)
+
+
+def _target(word):
+    measure, found, value = word.partition("=")
+    if not found:
+        raise argparse.ArgumentTypeError(f"{word}: MEASURE=VALUE is expected")
+    return measure, _positive(value)
+
+
+def _positives(words):
+    return tuple(_positive(word) for word in words.split(","))
+
+
+def _add_stability(verbs):
+    parser = verbs.add_parser(
+        "stability",
+        help="where integrators break: time step, heat, cold, odd bodies, contact, ranks, long runs",
+        description="Run cases that some integrator does not bear with fix_nosquish's schemes and LAMMPS's own fixes, each judged by a number against "
+        "a bound. Writes a matrix to the terminal and summary.json, table.csv, a figure and a self-contained report.html. Ctrl-C keeps what is there, "
+        "and the same command goes on from there; cases run at other times with the same code and lengths are shown too.",
+        epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, 130 after Ctrl-C.",
+    )
+    parser.add_argument("cases", nargs="*", metavar="CASE", help="which (default: all); --list names them")
+    parser.add_argument("--list", action="store_true", help="name all cases, with their physics, and end")
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
+    length.add_argument("--full", action="store_true", help="some hours")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="integrators, as the table of --list names them (default: all that a case is run with)")
+    parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
+                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/stability; --short: results/stability-short)")
+    parser.set_defaults(function=_stability, parser=parser)
+
+
+def _stability(arguments):
+    from validation import console, stability, stability_report  # heavy: not for --help
+    from validation.stability_cases import CASES
+
+    screen = console.console()
+    if arguments.list:
+        stability_report.list_cases(screen, CASES)
+        return 0
+    for kind, asked, known in ("case", arguments.cases, CASES), ("integrator", arguments.only or (), stability.COMPARED):
+        unknown = [name for name in asked if name not in known]
+        if unknown:
+            arguments.parser.error(f"there is no {kind} {unknown[0]}: choose from {', '.join(known)}")
+    names, full = [name for name in CASES if name in (arguments.cases or CASES)], arguments.full
+    out = arguments.out or Path("results") / ("stability" if full else "stability-short")
+    out.mkdir(parents=True, exist_ok=True)
+    with console.Meter(screen, len(stability.plan(CASES, names, full, arguments.only)), "rows") as meter:
+        summary = stability.stability(CASES, names, out, full, arguments.silence, meter, arguments.only)
+    stability_report.write(summary, out)
+    stability_report.show(screen, summary, out)
+    if summary["interrupted"]:
+        return 130
+    return int(not summary["summary"][0]["holds"])
 
 
 def _wholes(words):

@@ -9,12 +9,9 @@ earlier calls have left in the folder, if they are of the same code and input.
 import hashlib
 import json
 import os
-import shlex
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 
-from validation import bandwidth, counting, goals, lammps_log, machine, measures, passes, rounds, run, startup
+from validation import bandwidth, counting, goals, lammps_log, machine, measures, passes, rounds, run, starts, startup
 from validation.integrators import BENCHMARKED, FREE
 from validation.machine import contents, package_hash
 from validation.scenes import SCENES
@@ -144,19 +141,7 @@ class ScenePoint:
 
     def _start(self, folder):
         """The scene of this size; builds its data file if there is none yet."""
-        scene = SCENES[self.scene]
-        data = None
-        if not scene.is_whole_copies(self.bodies):
-            data = (folder / "starts" / f"{self.scene}-{self.bodies}-{contents(scene.folder)[:8]}.data").resolve()
-            if not data.exists():
-                data.parent.mkdir(parents=True, exist_ok=True)
-                part = data.with_suffix(".part")
-                command = [run.mpirun(), "-np", str(min(4, os.cpu_count())), sys.executable, scene.cutter, str(self.bodies), str(part)]
-                done = subprocess.run(command, cwd=scene.folder, stdin=subprocess.DEVNULL, env={"OMP_NUM_THREADS": "1", **os.environ})
-                if done.returncode:
-                    raise SystemExit(f"no start of {self.bodies} bodies: {shlex.join(command)} failed in {scene.folder}")
-                part.rename(data)
-        sized = scene.of_size(self.bodies, data)
+        sized = starts.of_size(SCENES[self.scene], self.bodies, folder / "starts")
         if any("kspace" in line for line in sized.setup):
             sized = replace(sized, setup=(KSPACE, *sized.setup))
         return sized

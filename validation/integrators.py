@@ -1,6 +1,6 @@
 """Who moves the atoms: each integrator is the LAMMPS lines that set it up."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
 
@@ -104,6 +104,27 @@ BENCHMARKED = {
         rigid("rigid/small/omp"),
         INTEGRATORS["shake"],
         INTEGRATORS["rattle"],
+    )
+}
+
+# what is drawn as error against run time: every scheme with every parameter of its own that trades one for the other
+SWEPT = {
+    integrator.name: integrator
+    for integrator in (
+        nosquish("nosquish", "NO_SQUISH"),
+        nosquish("nosquish-2", "NO_SQUISH mrot 2", " mrot 2"),
+        nosquish("nosquish-4", "NO_SQUISH mrot 4", " mrot 4"),
+        PAPER["matubayasi-nakahara"],
+        PAPER["gear"],
+        rigid("rigid/nve"),
+        rigid("rigid/nve/small"),
+        rigid("rigid"),
+        rigid("rigid/small"),
+        *(
+            replace(constrained(style, tolerance, 200), name=f"{style}-{tolerance}")
+            for style in ("shake", "rattle")
+            for tolerance in ("1e-3", "1e-4", "1e-6", "1e-8")
+        ),
     )
 }
 

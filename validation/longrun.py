@@ -22,7 +22,7 @@ import pandas as pd  # noqa: E402
 from rich.box import SIMPLE_HEAD  # noqa: E402
 from rich.table import Table  # noqa: E402
 
-from validation import measures, run  # noqa: E402
+from validation import machine, measures, run  # noqa: E402
 from validation.figures import INK, OTHERS, OURS, STYLE, THIRD  # noqa: E402
 from validation.integrators import INTEGRATORS  # noqa: E402
 
@@ -139,7 +139,7 @@ def _errors(dump):
 
 
 def _save(rows, out):
-    (Path(out) / "summary.json").write_text(json.dumps({"bound": BOUND, "runs": rows}, indent=1) + "\n")
+    (Path(out) / "summary.json").write_text(json.dumps(machine.circumstances() | {"bound": BOUND, "runs": rows}, indent=1) + "\n")
     pd.DataFrame(rows).to_csv(Path(out) / "table.csv", index=False, float_format="%.3g")
 
 

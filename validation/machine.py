@@ -19,7 +19,7 @@ def circumstances():
         "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
         "date": now(),
         "machine": describe(),
-        "versions": versions(),
+        "versions": versions() | {"package": package_hash()[:12]},  # of this package's files, whatever its version number says
     }
 
 

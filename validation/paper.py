@@ -13,6 +13,7 @@ from validation import machine, paper_peptide, run
 from validation.compare import FS_PER_PS
 from validation.integrators import INTEGRATORS, PAPER
 from validation.scenes import SCENES
+from validation.starts import from_dump
 
 # What the paper says, in its words; no number is read off its figures.
 STATEMENTS = {
@@ -64,7 +65,7 @@ class Lengths:
     every: int
 
 
-SHORT = Lengths(dimer=50.0, starts=10, apart=60.0, liquid=3.6, peptide=3.6, drifting=2.4, gear=0.15, gear_starts=2, force_field=0.2,
+SHORT = Lengths(dimer=50.0, starts=10, apart=60.0, liquid=3.6, peptide=3.6, drifting=2.4, gear=0.15, gear_starts=4, force_field=0.2,
                 accuracies=("1e-6",), sizes=(1000, 2000), size=1.5, every=10)  # fmt: skip
 FULL = Lengths(dimer=300.0, starts=32, apart=1000.0, liquid=3000.0, peptide=300.0, drifting=30.0, gear=2.0, gear_starts=4, force_field=4.0,
                accuracies=("1e-4", "1e-6", "1e-7"), sizes=(1000, 2000, 8000), size=15.0, every=50)  # fmt: skip
@@ -115,11 +116,8 @@ class Trajectory:
         while done < self.steps or not done:
             steps = min(self.piece, self.steps - done)
             folder = out / run.folder_name(self.name) / f"piece-{done}"
-            setup, files = list(self.scene.setup), []
-            if start:
-                dump, step = start
-                setup.append(f'read_dump "{dump}" {step} x y z ix iy iz vx vy vz box no replace yes format native')
-                files = [dump] if dump.exists() else []  # else LAMMPS says so
+            scene = from_dump(self.scene, *start) if start else self.scene
+            files = [start[0]] if start and start[0].exists() else []  # else LAMMPS says so
             state = folder.resolve() / "state.dump"
             reach = self.state or max(1, steps)
             more = [
@@ -127,9 +125,9 @@ class Trajectory:
                 "dump_modify state sort id format float %.17g",
                 *(line.format(folder=folder.resolve()) for line in self.more),
             ]
-            yield run.job(replace(self.scene, setup=tuple(setup)), self.integrator, folder, [steps], dt=self.dt, every=self.every,
-                          ranks=self.ranks, silence=silence, more=more,
-                          origin=machine.origin(self.scene, self.integrator, *files))  # fmt: skip
+            origin = machine.origin(self.scene, self.integrator, *files)
+            yield run.job(scene, self.integrator, folder, [steps], dt=self.dt, every=self.every, ranks=self.ranks, silence=silence, more=more,
+                          origin=origin)  # fmt: skip
             start, done = (state, steps), done + max(1, steps)
 
 
@@ -159,7 +157,7 @@ class Series:
 
 
 def plan(lengths, ranks, out):
-    """All trajectories, in the order in which they run: what is short comes first.
+    """All trajectories, in the order in which they run: those of figures 2a and 3, what is short, those of figure 2b.
 
     Args:
         lengths: a ``Lengths``.
@@ -190,6 +188,8 @@ def plan(lengths, ranks, out):
         for name in ("nosquish", "matubayasi-nakahara", "gear")[: 3 if number <= lengths.gear_starts else 2]:
             yield trajectory(dimer, name, lengths.dimer, DIMER_DT, ranks=1, piece=10**9, start=start, every=2 * every,
                              name=f"dimer-{name}-{number}", label=f"dimer {number}, {PAPER[name].label}")  # fmt: skip
+    for name in "nosquish", "shake", "rigid/nve/small", ORDERED:
+        yield trajectory(peptide, name, lengths.peptide, more=paper_peptide.dump(steps(1.0, DT)))
     for scene in liquid, peptide:
         yield trajectory(scene, "gear", lengths.gear, every=2, piece=10**9)
         first, states = starts(scene, lengths.gear_starts, lengths.gear, DT)
@@ -213,8 +213,6 @@ def plan(lengths, ranks, out):
         yield trajectory(peptide, "nosquish", lengths.size, dt, name=f"peptide-at-{dt:g}-fs", label=f"peptide at {dt:g} fs",
                          every=steps(SAMPLED / FS_PER_PS, dt))  # fmt: skip
     yield trajectory(peptide, "rigid/small", lengths.drifting)
-    for name in "nosquish", "shake", "rigid/nve/small", ORDERED:
-        yield trajectory(peptide, name, lengths.peptide, more=paper_peptide.dump(steps(1.0, DT)))
     for name in "nosquish", "matubayasi-nakahara":
         yield trajectory(liquid, name, lengths.liquid)
 
@@ -262,11 +260,11 @@ def series(trajectory, results, error):
     )  # fmt: skip
 
 
-def paper(out, lengths, ranks, silence, meter):
+def paper(out, chosen, ranks, silence, meter):
     """Run everything that is not there yet.
 
     Args:
-        out: folder.  lengths: a ``Lengths``.  ranks: MPI ranks of what is larger than the dimer.
+        out: folder.  chosen: trajectories of ``plan``.  ranks: MPI ranks of what is larger than the dimer.
         silence: s without a sign of life after which a run is given up.
         meter: a ``console.Meter``.
 
@@ -276,15 +274,10 @@ def paper(out, lengths, ranks, silence, meter):
     circumstances = machine.circumstances() | {"interrupted": False, "ranks": ranks}
     found = {}
     try:
-        for trajectory in plan(lengths, ranks, out):
+        for trajectory in chosen:
             found[trajectory.name], circumstances["interrupted"] = do(trajectory, out, silence, meter)
             if circumstances["interrupted"]:
                 break
     except KeyboardInterrupt:  # between two runs
         circumstances["interrupted"] = True
     return found, circumstances
-
-
-def steps_of(lengths, ranks, out):
-    """Steps of all trajectories together."""
-    return sum(trajectory.steps for trajectory in plan(lengths, ranks, out))

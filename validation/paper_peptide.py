@@ -96,6 +96,11 @@ def dump(every):
     )
 
 
+def helical(frames):
+    """Residues that are alpha helix by DSSP, (frames,), of unwrapped positions of the peptide (frames, atoms, 3) in Angstrom."""
+    return (mdtraj.compute_dssp(mdtraj.Trajectory(frames * NM_PER_ANGSTROM, topology()), simplified=True) == "H").sum(axis=1)
+
+
 def helix(folders, ps_per_step):
     """What becomes of the helix.
 
@@ -124,6 +129,6 @@ def helix(folders, ps_per_step):
     chosen = [atom.index for atom in top.atoms if atom.name in BACKBONE]
     return {
         "time": np.array(times),
-        "helical": (mdtraj.compute_dssp(path, simplified=True) == "H").sum(axis=1),
+        "helical": helical(np.array(frames)),
         "rmsd": mdtraj.rmsd(path, path, 0, atom_indices=chosen) / NM_PER_ANGSTROM,
     }

@@ -37,6 +37,7 @@ class Job:
         ranks: number of MPI ranks.
         silence: s without a word in the log after which the run counts as hung.
         origin: hash of what the result follows from beside all this (see ``machine.origin``).
+        motion: whether velocities, masses and topology are kept with the positions.
     """
 
     directory: str
@@ -48,6 +49,7 @@ class Job:
     ranks: int = 1
     silence: float = 120.0
     origin: str | None = None
+    motion: bool = False
 
 
 @dataclass
@@ -75,7 +77,7 @@ class Result:
     interrupted: bool = False
 
 
-def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0, positions=True, setups=0, more=(), origin=None):
+def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0, positions=True, setups=0, more=(), origin=None, motion=False):
     """The job of one integrator on a scene.
 
     Args:
@@ -85,7 +87,7 @@ def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0
         positions: whether they are kept.
         setups: see ``Job``.
         more: LAMMPS commands before the first run.
-        origin: see ``Job``.
+        origin, motion: see ``Job``.
     """
     commands = [
         *scene.setup,
@@ -109,6 +111,7 @@ def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0
         ranks=ranks,
         silence=silence,
         origin=origin,
+        motion=motion,
     )
 
 
@@ -155,11 +158,17 @@ def run(job, on_step=lambda step: None, environment=()):
     return result
 
 
-def once(job, on_step=lambda step: None):
-    """Do a job, as `run`, unless the complete result of the same job, its origin included, is there."""
+def once(job, on_step=lambda step: None, failures=False):
+    """Do a job, as `run`, unless the complete result of the same job, its origin included, is there.
+
+    Args:
+        job, on_step: as for `run`.
+        failures: whether a run that LAMMPS or a fix ended with a message counts as complete; one that hung or was killed does not.
+    """
     directory = Path(job.directory)
     known = directory / "job.json"
-    if known.exists() and (directory / "done.json").exists() and json.loads(known.read_text()) == asdict(job):
+    complete = (directory / "done.json").exists() or (failures and (directory / "error.txt").exists())
+    if complete and known.exists() and Job(**json.loads(known.read_text())) == job:
         return collect(directory)
     return run(job, on_step)
 

@@ -5,12 +5,13 @@ what is measured is the installed fix_nosquish, found by LAMMPS as a user's woul
 
 The job (written by ``run.py``) holds ``folder``, ``commands``, ``setups`` (how often
 `run 0` is timed), ``runs`` (a list of numbers of steps, done one after the other as one
-trajectory) and ``body_property``.  Left beside job.json:
+trajectory), ``body_property`` and ``motion``.  Left beside job.json:
 
     log.lammps      LAMMPS's log
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
                     order of atom ID; body of each atom; cell vectors (rows); periodicity;
-                    only if there is a ``body_property``
+                    only if there is a ``body_property``; with ``motion`` also ``v``, velocities as the positions,
+                    ``mass`` of each atom, ``bonds`` and ``angles`` as rows of atoms counted from 0
     done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
                     each of ``commands``, of ``setups``, of ``runs``;
                     written last, so its presence means success
@@ -47,6 +48,15 @@ def geometry(lmp):
     return [[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]], np.array(periodic, bool)
 
 
+def topology(lmp):
+    """Mass of each atom, and bonds and angles as rows of atoms counted from 0; every rank must call."""
+    mass = lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
+    rows = {}
+    for name, found, atoms in ("bonds", lmp.gather_bonds(), 2), ("angles", lmp.gather_angles(), 3):
+        rows[name] = np.array(found[1]).reshape(-1, 1 + atoms)[:, 1:] - 1
+    return {"mass": mass, **rows}
+
+
 def work(job, out):
     """Run the job and leave its files in ``out``."""
     os.chdir(job["folder"])
@@ -66,21 +76,22 @@ def work(job, out):
     MPI.Pcontrol(0)
     seconds = {"commands": [timed(command) for command in job["commands"]]}
     seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
-    positions = [gather(lmp, "x", 1, 3)] if job["body_property"] else []
+    kept = {name: [gather(lmp, name, 1, 3)] for name in (("x", "v") if job["motion"] else ("x",))} if job["body_property"] else {}
     seconds["runs"] = []
     for index, steps in enumerate(job["runs"]):
         last = index == len(job["runs"]) - 1
         seconds["runs"].append(timed(f"run {steps}" + (" pre no" if index else ""), counted=last))
-        if job["body_property"]:
-            positions.append(gather(lmp, "x", 1, 3))
+        for name, values in kept.items():
+            values.append(gather(lmp, name, 1, 3))
     bodies = gather(lmp, job["body_property"], 0, 1) if job["body_property"] else None
+    more = topology(lmp) if kept and job["motion"] else {}
     cell, periodic = geometry(lmp)
     version = lmp.version()
     lmp.close()
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     if world.rank == 0:
         if job["body_property"]:
-            np.savez(out / "positions.npz", x=positions, bodies=bodies, cell=cell, periodic=periodic)
+            np.savez(out / "positions.npz", **kept, **more, bodies=bodies, cell=cell, periodic=periodic)
         done = {
             "lammps": version,
             "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),

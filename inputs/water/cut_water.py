@@ -1,4 +1,4 @@
-"""Build a start of any number of molecules, from 1000 on: a cube cut out of copies of data.water.
+"""Build a start of any number of molecules, from 512 on: a cube cut out of copies of data.water.
 
     python cut_water.py 10648 data.water-10648
     mpirun -np 2 python cut_water.py 10648 data.water-10648
@@ -20,6 +20,8 @@ from build_water import (
     OUTPUT as WATER, SEED, TEMPERATURE, centre, gather, lammps, load, make_rigid, make_velocities_rigid, run, side,
     temperature, write_data,
 )  # fmt: skip
+
+LEAST = 512  # molecules; fewer would meet their own images, within cutoff and skin
 
 
 def cut(positions, velocities, molecules):
@@ -47,8 +49,8 @@ def main():
         load(lmp, start)
 
     load(lmp, WATER)
-    if molecules < lmp.get_natoms() // 3:
-        raise SystemExit(f"at least the {lmp.get_natoms() // 3} molecules of {WATER.name} are needed")
+    if molecules < LEAST:
+        raise SystemExit(f"at least {LEAST} molecules are needed")
     positions, velocities = cut(*gather(lmp), molecules)
 
     begin(positions, np.zeros_like(positions))

@@ -1,0 +1,67 @@
+"""The energy's spread beside published numbers: its arithmetic, its runs, its scene."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+from conftest import BIN, Silent, read_thermo
+
+from validation import __main__, published, run
+from validation.integrators import INTEGRATORS
+
+
+def result(sd, error=None):
+    """A complete run whose energy has this standard deviation."""
+    energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0
+    return run.Result(error=error, thermo={"TotEng": energy}, timings=[], positions=None, versions={})
+
+
+def test_energy_of_other_numbers_of_molecules_is_scaled():
+    """Locks out a comparison of 1,000 molecules with 903 as they are, and of variances as if they were standard deviations."""
+    dt, theirs = 2.0, published.PUBLISHED[2.0]
+    made = {one.subject: one for one in published.checks({dt: result(theirs * np.sqrt(1000 / 903)), 4.0: result(2.0)})}
+    assert made["2 fs"].value == pytest.approx(theirs, abs=5 * made["2 fs"].error)
+    assert 0 < made["2 fs"].error < 0.02 * theirs
+    assert made["2 fs"].holds and made["4 fs"].holds is False
+    assert made["1 fs"].value is None and "not begun" in made["1 fs"].note
+
+
+def test_failed_runs_are_no_numbers():
+    """Locks out the spread of what a run left before it failed."""
+    (made,) = [one for one in published.checks({3.0: result(0.487, error="Lost atoms")}) if one.subject == "3 fs"]
+    assert made.value is None and "Lost atoms" in made.note and made.verdict == "cannot tell"
+
+
+@pytest.mark.timeout(120)
+def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
+    """Locks out time steps that do not start from the same atoms, runs that are done twice, and a scene that does not run by itself, or is another
+    one there."""
+    for name, value in (("BATH", 0.008), ("REST", 0.008)):
+        monkeypatch.setattr(published, name, value)
+    first, again = Silent(), Silent()
+    found, interrupted = published.published(tmp_path, 0.008, 1, 60.0, first)
+    assert not interrupted and [one.error for one in found.values()] == [None] * 4
+    starts = np.array([one.thermo["TotEng"][0] for one in found.values()])
+    np.testing.assert_allclose(starts, starts[0], rtol=1e-9)
+    before = (tmp_path / "2-fs" / "log.lammps").stat().st_mtime_ns
+    published.published(tmp_path, 0.008, 1, 60.0, again)
+    assert (tmp_path / "2-fs" / "log.lammps").stat().st_mtime_ns == before
+
+    log = tmp_path / "alone.log"
+    done = subprocess.run([str(BIN / "lmp"), "-in", "in.smooth", "-log", str(log), "-var", "nsteps", "1"],
+                          cwd=published.scene().folder, capture_output=True, text=True, timeout=100)  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    alone = run.run(run.job(published.scene(), INTEGRATORS["nosquish"], tmp_path / "scene", [0], dt=2.0, every=1))
+    assert read_thermo(log.read_text())["PotEng"][0] == pytest.approx(alone.thermo["PotEng"][0], rel=1e-6)
+
+
+def test_command_line_writes_all_files(tmp_path, monkeypatch):
+    """Locks out a report that fails on numbers that are missing, and an exit status that hides them."""
+    found = {dt: result(sd * np.sqrt(1000 / 903)) for dt, sd in published.PUBLISHED.items()}
+    monkeypatch.setattr(published, "published", lambda *arguments: (found, False))
+    assert __main__.main(["published", "--out", str(tmp_path)]) == 0
+    assert {"summary.json", "table.csv", "report.html", "spread.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert json.loads((tmp_path / "summary.json").read_text())["checks"][0]["verdict"] == "holds"
+    found.pop(2.0)
+    assert __main__.main(["published", "--out", str(tmp_path)]) == 1

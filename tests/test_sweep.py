@@ -1,0 +1,352 @@
+"""The sweep: what is run and when not, and errors against values that are known."""
+
+import dataclasses
+import shlex
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import Silent
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+import mdtraj  # noqa: E402
+from scipy import constants  # noqa: E402
+from scipy.spatial.transform import Rotation  # noqa: E402
+
+from validation import paper_peptide, run, sweep, sweep_errors, sweep_plan, sweep_structure  # noqa: E402
+from validation.integrators import SWEPT  # noqa: E402
+
+CELL = np.diag([20.0, 22.0, 24.0])
+SHAPES = {  # one atom, two, three in a line, three, four
+    1: np.zeros((1, 3)),
+    2: np.array([[0.0, 0.0, 0.0], [1.0, 0.2, 0.1]]),
+    3: np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [1.2, 0.0, 0.0]]),
+    4: np.array([[0.0, 0.0, 0.0], [0.9, 0.3, 0.0], [-0.3, 0.9, 0.2]]),
+    5: np.array([[0.0, 0.0, 0.0], [1.1, 0.2, 0.1], [-0.4, 1.0, 0.3], [0.2, -0.5, 1.2]]),
+}
+
+
+def placed(seed):
+    """Bodies of all `SHAPES` before and after known motions: (before, after, body of each atom, mass, distances, angles)."""
+    random = np.random.default_rng(seed)
+    before, after, bodies, masses, distances, angles = [], [], [], [], [], []
+    for body, shape in enumerate([*SHAPES.values()] * 3, 1):
+        mass = random.uniform(1.0, 16.0, len(shape))
+        turn, centre = Rotation.random(random_state=random), random.uniform(0.0, 20.0, 3) * (body % 2)  # each other one is cut
+        r = turn.apply(shape - mass @ shape / mass.sum())
+        angle, shift = 10 ** random.uniform(-6, -0.5), random.normal(0.0, 0.01, 3)
+        axis = random.normal(size=3)
+        if len(shape) in (2, 3) and np.linalg.matrix_rank(r, tol=1e-9) == 1:  # its own axis turns by the angle only about one across it
+            axis = np.cross(axis, r[0])
+        before.append(centre + r)
+        after.append(centre + shift + Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).apply(r))
+        bodies += [body] * len(shape)
+        masses += list(mass)
+        distances.append(np.linalg.norm(shift))
+        angles += [angle] if len(shape) > 1 else []
+    return np.concatenate(before), np.concatenate(after), np.array(bodies), np.array(masses), np.array(distances), np.array(angles)
+
+
+def motion(x, bodies, mass, v=None, bonds=(), angles=()):
+    """A `Motion` of frames ``x``, folded into the cell."""
+    x = np.asarray(x) % np.diag(CELL)
+    return sweep_structure.Motion({
+        "x": x, "v": np.zeros_like(x) if v is None else np.asarray(v), "mass": mass, "bodies": bodies, "cell": CELL, "periodic": np.ones(3, bool),
+        "bonds": np.array(bonds, int).reshape(-1, 2), "angles": np.array(angles, int).reshape(-1, 3),
+    })  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_distance_and_angle_from_a_reference(seed):
+    """Locks out bodies compared where a periodic face cuts them, reflections taken for rotations, linear bodies' own axis, small angles lost."""
+    before, after, bodies, mass, distances, angles = placed(seed)
+    found = motion([before, after], bodies, mass)
+    exact = before % np.diag(CELL)
+    assert any(np.ptp(exact[bodies == body], axis=0).max() > 10 for body in bodies), "no body is cut: nothing is checked"
+    assert found.distance(1, exact)[0] == pytest.approx(np.sqrt(np.mean(distances**2)), rel=1e-9)
+    assert found.angle(1, exact)[0] == pytest.approx(np.sqrt(np.mean(angles**2)), rel=1e-7)
+    for body in np.unique(bodies):  # each alone, so that the smallest angles count
+        chosen = bodies == body
+        if chosen.sum() > 1:
+            alone = motion([before[chosen], after[chosen]], bodies[chosen], mass[chosen])
+            expected = angles[np.sum([np.sum(bodies == other) > 1 for other in range(1, body)], dtype=int)]
+            assert alone.angle(1, exact[chosen])[0] == pytest.approx(expected, rel=1e-5, abs=1e-14)
+
+
+def test_bond_and_angle_errors_are_the_largest():
+    """Locks out a mean for the largest, bonds between bodies, and angles of bodies that fix shake cannot hold as a whole."""
+    water = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    four = SHAPES[5] + 5.0
+    start = np.concatenate([water, four])
+    x = np.array([start, start, start])
+    x[1, 1, 0] += 0.03  # a bond 0.03 longer
+    x[2, 2] = [np.sin(0.02), np.cos(0.02), 0.0]  # an angle 0.02 smaller
+    across = np.cross(four[1] - four[0], [0.0, 0.0, 1.0])
+    x[2, 4] += 0.05 * across / np.linalg.norm(across)  # an angle of a body of four: it does not count
+    x[2, 3:] += 3.0  # all of a body
+    found = motion(x, np.array([1, 1, 1, 2, 2, 2, 2]), np.ones(7), bonds=[[0, 1], [0, 2], [0, 3], [3, 4]], angles=[[1, 0, 2], [4, 3, 5]])
+    assert found.bond_error() == pytest.approx(0.03, rel=1e-9)
+    assert found.angle_error() == pytest.approx(0.02, rel=1e-9)
+
+
+def test_kinetic_energies_of_bodies_are_in_kcal():
+    """Locks out wrong units, and bodies of other degrees of freedom among those of six."""
+    x = np.concatenate([SHAPES[4], SHAPES[5] + 5, SHAPES[3] + 9])
+    v = np.random.default_rng(2).normal(0.0, 0.01, (1, len(x), 3))
+    mass = np.arange(1.0, len(x) + 1)
+    found = motion([x], np.repeat([1, 2, 3], [3, 4, 3]), mass, v).kinetic(slice(None))
+    joule = 0.5 * mass[:3] @ (v[0, :3] ** 2).sum(axis=1) * constants.atomic_mass * (constants.angstrom / constants.femto) ** 2
+    assert found == pytest.approx(np.array([[joule * constants.N_A / 4184]]), rel=1e-6)
+
+
+def test_helicity_of_a_helix_and_of_a_thread():
+    """Locks out a peptide cut by a periodic face, and a helix that is lost and not seen."""
+    helix = mdtraj.load(str(paper_peptide.PDB)).xyz[0] * 10
+    thread = helix + np.linspace(0, 1, len(helix))[:, None] * [0.0, 0.0, 40.0]
+    cell = np.diag([38.0, 38.0, 38.0])
+    found = motion([helix, helix + 17.0, thread], np.zeros(len(helix), int), np.ones(len(helix)))
+    found.cell, found.x = cell, np.array([helix, helix + 17.0, thread]) % 38.0
+    kept = sweep_structure.helicity(found, slice(None))
+    assert kept[:2] == pytest.approx([1.0, 1.0]) and kept[2] < 0.5
+
+
+def result(energy=None, error=None, kinetic=10.0, step=None):
+    """A run that left energies only."""
+    energy = np.zeros(3) if energy is None else np.asarray(energy)
+    step = np.arange(len(energy)) if step is None else step
+    freedom = 30
+    temperature = np.full(len(energy), 2 * kinetic / (freedom * sweep_errors.BOLTZMANN))
+    return run.Result(error, {"Step": step, "TotEng": energy, "KinEng": np.full(len(energy), kinetic), "Temp": temperature}, [], None, {})
+
+
+def test_what_a_failure_is():
+    """Locks out an explosion that LAMMPS survives, taken for a measurement; and an energy that merely fluctuates, taken for one."""
+    allowed = 30 / 2 * sweep_errors.BOLTZMANN * 300
+    assert sweep_errors.degrees_of_freedom(result()) == 30
+    assert sweep_errors.failure(result([0.0, 0.9 * allowed, -0.9 * allowed]), 300.0) is None
+    assert "step 2" in sweep_errors.failure(result([0.0, 0.0, 1.1 * allowed]), 300.0)
+    assert "step 1" in sweep_errors.failure(result([0.0, np.nan, 0.0]), 300.0)
+    assert sweep_errors.failure(result(error="ERROR: Lost atoms"), 300.0) == "ERROR: Lost atoms"
+
+
+def test_a_point_has_the_larger_error():
+    """Locks out errors of short runs that do not see what differs from start to start, and scatter of few starts that is small by chance."""
+    assert sweep_errors.pooled([(1.0, 0.3), (1.0, 0.4)]) == pytest.approx((1.0, 0.25))
+    assert sweep_errors.pooled([(0.0, 0.1), (4.0, 0.1)]) == pytest.approx((2.0, 2.0))
+    assert sweep_errors.pooled([(2.0, 0.1)]) == pytest.approx((2.0, 0.1))
+
+
+STARTS = 4
+
+
+def averages(limit, seed, chance=0.0):
+    """A sweep's record and points of several schemes whose averages are limit + b dt^2, b the scheme's own, with noise and each start's chance."""
+    random = np.random.default_rng(seed)
+    swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("potential",))
+    shared = random.normal(0.0, chance, STARTS)
+    found = {}
+    for name, slope in ("nosquish", 0.02), ("rigid/nve", 0.05), ("matubayasi-nakahara", 3.0), ("rigid", -2.0):
+        for dt in (1.0, 2.0, 3.0, 4.0, 8.0):
+            value = limit + slope * dt**2 + (5.0 if dt > 4 else 0.0) + (1.0 if abs(slope) > 1 else 0.0)  # no law at long steps, or of what drifts
+            found[sweep.Point("water", SWEPT[name], dt)] = [
+                {"potential": (value + shared[start] + random.normal(0.0, 0.01), np.hypot(0.01, chance))} for start in range(STARTS)
+            ]
+    return swept, found
+
+
+@pytest.mark.parametrize("chance", [0.0, 0.3])
+def test_limits_are_those_of_the_symplectic_schemes(chance):
+    """Locks out a limit from schemes that drift or from steps too long for the law, one slope for all schemes, and an error that is none."""
+    off = []
+    for seed in range(60):
+        swept, found = averages(-9.7, seed, chance)
+        limit = sweep_errors.limits(found, swept)["potential"]
+        assert len(limit["starts"]) == STARTS
+        off.append((limit["all"]["value"] + 9.7) / limit["all"]["error"])
+    assert 0.4 < np.std(off) < 1.5 and abs(np.mean(off)) < 0.5
+    few = {point: one for point, one in found.items() if point.dt == 1.0}
+    assert sweep_errors.limits(few, swept) == {}, "one step has no limit"
+
+
+def test_what_starts_share_is_no_error():
+    """Locks out a point held against the limit of other starts, and each start's chance taken for the integrator's error."""
+    swept, found = averages(-9.7, 5, chance=3.0)
+    errors, signed = sweep_errors.of_points(found, sweep_errors.limits(found, swept), swept)[sweep.Point("water", SWEPT["rigid"], 4.0)]
+    assert signed["potential"]["value"] == pytest.approx(-31.0, abs=0.1) and errors["potential"]["value"] == -signed["potential"]["value"]
+    assert 0.001 < errors["potential"]["error"] < 0.1
+    two = {point: numbers[:2] for point, numbers in found.items()}
+    errors, _ = sweep_errors.of_points(two, sweep_errors.limits(two, swept), swept)[sweep.Point("water", SWEPT["rigid"], 4.0)]
+    assert errors["potential"]["error"] > 2, "two starts scatter little by chance"
+
+
+@pytest.mark.parametrize("difference", [0.0, 0.05])
+def test_noise_is_no_difference_of_g(difference):
+    """Locks out a distance between two g(r) that is their noise, and one that is lost with the noise."""
+    random, bins = np.random.default_rng(3), 60
+    swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("g_oo",))
+    first, second = sweep.Point("water", SWEPT["nosquish"], 1.0), sweep.Point("water", SWEPT["shake-1e-4"], 2.0)
+    found = {point: [{"g_oo": 1.0 + off + random.normal(0.0, 0.05, (5, bins))}] for point, off in ((first, 0.0), (second, difference))}
+    errors = sweep_errors.of_points(found, {}, swept)
+    assert errors[first] == ({}, {})
+    value, error = errors[second][0]["g_oo"].values()
+    assert value == pytest.approx(difference, abs=2.5 * error) and error < 0.02
+    noise = np.sqrt(2 / 5) * 0.05
+    assert value < noise or difference > noise
+
+
+def test_physical_validation_tells_right_from_wrong():
+    """Locks out data given to physical_validation in other units or degrees of freedom, and a result that is read wrongly."""
+    random, kt = np.random.default_rng(4), sweep_errors.BOLTZMANN * 300
+    energies = random.gamma(3.0, kt, 20000)
+    assert sweep_structure.distribution(energies, 300.0) < 4
+    assert sweep_structure.distribution(energies, 310.0) > 6
+    assert sweep_structure.distribution(np.full(20000, 3 * kt) + random.normal(0.0, 0.1 * kt, 20000), 300.0) > 20, "the mean only"
+    translation, rotation = (random.normal(150 * kt, 3 * kt, 500) for _ in range(2))
+    assert sweep_structure.equipartition(translation, rotation, 300, 300, 300.0) < 5
+    assert sweep_structure.equipartition(1.02 * translation, 0.98 * rotation, 300, 300, 300.0) > 10
+    noise = random.normal(size=1000)
+    assert sweep_structure.convergence({1.0: noise, 2.0: 4 * noise}) == pytest.approx(0.0, abs=1e-9)
+    assert sweep_structure.convergence({1.0: noise, 2.0: 6 * noise}) == pytest.approx(0.5)
+
+
+def test_budget():
+    """Locks out a budget that is not kept, and a point's own command that would run something else."""
+    for short in False, True:
+        for name in sweep.SCENES:
+            swept = sweep.SWEEPS[name]
+            share = sweep.lengths(sweep.SCENES, short, 900.0)[name]
+            assert sweep.lengths([name], short, float(f"{share.budget:.10g}"))[name] == share
+            bodies = swept.bodies(short)
+            points = sweep.points([name], short)
+            steps = sum(sum(sweep_plan.parts(swept, point.dt, share.time).runs) for point in points)
+            seconds = share.starts * (len(points) * swept.startup + steps * swept.seconds * bodies / swept.scene.unit)
+            assert 0.7 < seconds / (60 * share.minutes) < 1.1
+    assert sum(one.minutes for one in sweep.lengths(sweep.SCENES).values()) == pytest.approx(sweep.BUDGET)
+
+
+def test_every_step_ends_at_the_horizon():
+    """Locks out a trajectory compared at another time than the reference's."""
+    for swept in sweep.SWEEPS.values():
+        for dt in {*swept.steps, *swept.short_steps}:
+            assert swept.horizon / dt == pytest.approx(round(swept.horizon / dt), abs=1e-9)
+        assert set(swept.measures) <= set(sweep.MEASURES)
+
+
+SMALL = {"starts": 2, "time": 0.3, "minutes": 1.0, "budget": 2.0}
+STEPS = 0.2, 0.4
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """The dimer with few steps: what was run, and the summary, of the first call and of a second one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sweep.SWEEPS, "dimer", dataclasses.replace(sweep.SWEEPS["dimer"], apart=0.3, seconds=1e-4))
+        refused = dataclasses.replace(SWEPT["rigid"], lines=(*SWEPT["rigid"].lines, 'if "$(dt>0.3)" then "no_such_command"'))
+        patch.setitem(SWEPT, "rigid", refused)
+        out, original, done = tmp_path_factory.mktemp("sweep"), run.run, []
+        patch.setattr(run, "run", lambda job, on_step=None: done.append(job) or original(job))
+        points = sweep.points(["dimer"], True, ["nosquish", "rigid", "shake-1e-8"], (*STEPS, 0.6))
+        first = sweep.sweep(points, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
+        number = len(done)
+        second = sweep.sweep(points, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
+        yield out, done[:number], done[number:], first, second
+
+
+def row(summary, name, dt):
+    return next(one for one in summary["scenes"]["dimer"]["points"] if (one["integrator"], one["dt"]) == (name, dt))
+
+
+@pytest.mark.timeout(180)
+def test_a_failure_ends_the_longer_steps(small):
+    """Locks out longer steps after a blow-up, a failed point taken as measured, and a failure that is run again from the next start."""
+    _, done, again, summary, second = small
+    failed = row(summary, "rigid", 0.4)
+    assert failed["failed"] and failed["failures"] == 1 and failed["errors"] == {} and failed["cost"] is None
+    longer = row(summary, "rigid", 0.6)
+    assert longer["failed"] == "fails with 0.4 fs" and (longer["failures"], longer["starts"]) == (0, 0)
+    assert row(summary, "rigid", 0.2)["starts"] == 2 and row(summary, "rigid", 0.2)["failed"] is None
+    assert sum("/rigid/0.4-fs" in job.directory for job in done) == 1
+    assert row(summary, "nosquish", 0.6)["failed"] is None
+    assert again == [], "what was complete, or had failed, was run again"
+    assert second["scenes"] == summary["scenes"]
+
+
+def test_starts_take_turns(small):
+    """Locks out repeats of a point that follow each other, and points of other starts than their names tell."""
+    _, done, *_ = small
+    names = [Path(job.directory).relative_to(Path(job.directory).parents[2]).as_posix() for job in done if "-fs/" in job.directory]
+    assert [name.rpartition("/")[2] for name in names] == ["1"] * 8 + ["2"] * 7
+    assert names[:3] == [f"{name}/0.2-fs/1" for name in ("nosquish", "rigid", "shake-1e-8")]
+    read = {line for job in done if job.directory.endswith("-fs/2") for line in job.commands if line.startswith("read_dump")}
+    assert len(read) == 1 and "starts/piece-1000/" in read.pop()
+
+
+def test_samples_and_segments(small):
+    """Locks out output in the timed steps, samples at other steps than told, and costs of other steps than the timed ones."""
+    out, *_, summary, _ = small
+    swept = dataclasses.replace(sweep.SWEEPS["dimer"], seconds=1e-4)
+    parts = sweep_plan.parts(swept, 0.2, SMALL["time"])
+    kept = run.collect(out / "runs/dimer-short/nosquish/0.2-fs/1")
+    samples = range(parts.begin, parts.end + 1, parts.every)
+    assert list(kept.thermo["Step"]) == [0, parts.horizon, *samples, parts.end + parts.timed]
+    assert (samples[-1] - samples[0]) * 0.2e-3 >= SMALL["time"]
+    cost = row(summary, "nosquish", 0.2)["cost"]
+    assert len(cost["values"]) == 2 * 2
+    assert cost["values"][:2] == pytest.approx([kept.timings[n]["loop"] / parts.timed / 0.2 * 1e6 for n in (1, -1)])
+    assert kept.timings[1]["steps"] == kept.timings[-1]["steps"] == parts.timed
+    first, last = parts.frames.indices(len(kept.positions["x"]))[:2]
+    assert np.cumsum([0, *parts.runs])[[first, last - 1]].tolist() == [parts.begin, parts.end]
+    assert len(kept.positions["x"]) == 1 + len(parts.runs)
+
+
+def test_temperatures_are_the_atoms(small):
+    """Locks out kinetic energies of bodies that are LAMMPS's own fix's, or of another step than the positions."""
+    out, *_ = small
+    for name in "nosquish", "shake-1e-8":
+        kept = run.collect(out / f"runs/dimer-short/{name}/0.2-fs/1")
+        v, mass = kept.positions["v"][-1].reshape(2, 3, 3), kept.positions["mass"].reshape(2, 3, 1)
+        centre = (mass * v).sum(axis=1) / mass.sum(axis=1)
+        translation = 0.5 * (mass.sum(axis=1) * centre**2).sum() * 1e7 / 4184
+        rotation = 0.5 * (mass * (v - centre[:, None]) ** 2).sum() * 1e7 / 4184
+        assert kept.thermo["v_translation"][-1] == pytest.approx(translation, rel=1e-6)
+        assert kept.thermo["v_rotation"][-1] == pytest.approx(rotation, rel=1e-6)
+        assert translation + rotation == pytest.approx(kept.thermo["KinEng"][-1], rel=1e-6)
+
+
+def test_errors_fall_with_the_square_of_the_step(small):
+    """Locks out a reference at another time or from another start, and errors of a scheme that are another's."""
+    *_, summary, _ = small
+    for name in "nosquish", "shake-1e-8":
+        for measure in "position", "orientation":
+            short, long = (row(summary, name, dt)["errors"][measure]["value"] for dt in STEPS)
+            assert long / short == pytest.approx(4.0, rel=0.05)
+    assert row(summary, "nosquish", 0.2)["errors"]["bond"]["value"] < 1e-11 < row(summary, "shake-1e-8", 0.2)["errors"]["bond"]["value"] < 1e-8
+    scene = summary["scenes"]["dimer"]
+    assert scene["degrees_of_freedom"] == 9 and scene["bodies"] == 2
+    assert set(row(summary, "nosquish", 0.4)["errors"]) == set(sweep.SWEEPS["dimer"].measures)
+    assert set(scene["limits"]) == {"potential", "equipartition"}
+
+
+def test_command_of_a_point(small):
+    """Locks out a command that another point's, or other starts, would follow."""
+    *_, summary, _ = small
+    words = shlex.split(row(summary, "shake-1e-8", 0.4)["command"])
+    assert words[:4] == ["python", "-m", "validation", "sweep"] and "--short" in words
+    given = dict(zip(words, words[1:]))
+    assert (words[4], given["--only"], given["--steps"], given["--budget"]) == ("dimer", "shake-1e-8", "0.4", "2")
+
+
+def test_an_interruption_keeps_what_is_measured(tmp_path, monkeypatch):
+    """Locks out a traceback in place of a summary, and points after the interruption."""
+    monkeypatch.setattr(run, "once", lambda job, on_step=None, failures=False: run.Result("interrupted", {}, [], None, {}, interrupted=True))
+    points = sweep.points(["dimer", "water"], True)
+    monkeypatch.setattr(sweep.starts, "of_size", lambda scene, bodies, folder: scene)
+    summary = sweep.sweep(points, sweep.lengths(["dimer", "water"], True), tmp_path, Silent(), short=True)
+    assert summary["interrupted"] and list(summary["scenes"]) == ["dimer"] and summary["scenes"]["dimer"]["points"] == []

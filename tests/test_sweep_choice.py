@@ -1,0 +1,404 @@
+"""Choices of a sweep against a search over everything, and what advise and the page say of them."""
+
+import csv
+import itertools
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
+
+for needed in ("rich", "jinja2", "matplotlib"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation import __main__, console, sweep_choice, sweep_figures, sweep_report  # noqa: E402
+from validation.integrators import INTEGRATORS, constrained, nosquish  # noqa: E402
+from validation.scenes import SCENES  # noqa: E402
+
+MEASURES = {
+    "energy_sd": {"title": "sd of energy", "unit": "kcal/mol", "relative_to": "zero", "log": True},
+    "drift": {"title": "drift of energy", "unit": "kT/ns per degree of freedom", "relative_to": "zero", "log": True},
+    "position": {"title": "position", "unit": "Å", "relative_to": "a reference at 1/16 of the step", "log": True},
+    "potential": {"title": "potential energy", "unit": "kcal/mol per body", "relative_to": "the limit of zero step", "log": True},
+    "bond": {"title": "bond length", "unit": "Å", "relative_to": "the rigid body", "log": True},
+}
+INTEGRATED = [
+    # integrator, µs of a step, error over that of NO_SQUISH, longest stable step in fs
+    (INTEGRATORS["nosquish"], 1.0, 1.0, 6.0),
+    (nosquish("nosquish-mrot-2", "fix_nosquish.NVE mrot 2", " mrot 2"), 1.03, 0.97, 6.0),
+    (INTEGRATORS["rigid/nve"], 1.15, 1.02, 6.0),
+    (INTEGRATORS["rigid/nve/small"], 1.3, 1.02, 6.0),
+    (INTEGRATORS["rigid"], 1.16, 12.0, 3.0),
+    (constrained("shake", "1e-4"), 1.02, 1.4, 5.0),
+    (constrained("rattle", "1e-4"), 1.1, 300.0, 1.0),
+]
+STEPS = 0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0
+# at 1 fs, and the floor
+SIZES = {"energy_sd": (0.055, 0.02), "drift": (2e-4, 1e-5), "position": (3e-4, 1e-9), "potential": (2e-4, 1e-4), "bond": (1e-6, 1e-13)}
+
+
+def point(integrator="a", dt=1.0, cost=(1.0,), failed=None, ours=False, **errors):
+    """A point with errors (value, standard error)."""
+    values = sorted(cost or ())
+    spread = {"median": float(np.median(values)), "min": values[0], "max": values[-1], "values": values} if values else None
+    return {
+        "integrator": integrator, "label": integrator, "dt": dt, "steps": 1000, "ps": 10.0, "starts": 3, "failures": 3 * bool(failed), "failed": failed,
+        "ours": ours, "cost": spread, "cpu": spread, "signed": {}, "lines": [f"fix 1 all {integrator}"], "command": f"sweep --only {integrator}",
+        "errors": {name: {"value": value, "error": error} for name, (value, error) in errors.items()},
+    }  # fmt: skip
+
+
+def synthetic(name="water"):
+    """A summary as of a sweep: errors c dt^2 + floor with noise, run times as 1/dt, and steps beyond the stable ones failed."""
+    scene, rng = SCENES[name], np.random.default_rng(1)
+    points = []
+    for integrator, step, factor, longest in INTEGRATED:
+        for dt in STEPS:
+            if dt > longest:
+                one = point(dt=dt, cost=None, failed="Out of range atoms - cannot compute PPPM")
+            else:
+                errors = {}
+                for measure, (size, floor) in SIZES.items():
+                    error = 0.05 * (size * dt**2 + floor)
+                    errors[measure] = abs(factor * size * dt**2 + floor + error * rng.normal()), error
+                times = list(400 * step / dt * (1 + np.abs(rng.normal(0, 0.03, 3))))
+                one = point(dt=dt, cost=times, **errors)
+            ours = integrator.name.startswith("nosquish")
+            points.append(one | {"integrator": integrator.name, "label": integrator.label, "ours": ours, "lines": integrator.commands(scene)})
+    return {
+        "command": "python -m validation sweep water", "date": "2026-01-01", "machine": {"cpu": "a processor"}, "versions": {"lammps": "2025"},
+        "interrupted": False, "ranks": 2, "lengths": {name: {"starts": 3, "time": 10.0}}, "measures": MEASURES,
+        "scenes": {name: {"title": scene.title, "bodies": 1000, "degrees_of_freedom": 6000, "measures": list(SIZES), "starts": 3, "ranks": 2,
+                          "error": None, "limits": {"potential": {"value": -9.6, "error": 0.01}}, "points": points}},
+    }  # fmt: skip
+
+
+# ---- choices against a search over everything
+
+
+def by_hand(points, targets):
+    """Best, ties and perhaps as a `Choice` should have them, by plain comparisons of every point with every other: sets of places in the list."""
+    verdicts = []
+    for one in points:
+        sure, never = not one["failed"], bool(one["failed"])
+        for measure, target in targets.items():
+            found = one["errors"].get(measure)
+            if found is None or found["error"] is None:
+                sure = False
+                continue
+            sure &= found["value"] + 2 * found["error"] <= target
+            never |= found["value"] - 2 * found["error"] > target
+        verdicts.append((sure, never))
+    good = [n for n, (sure, _) in enumerate(verdicts) if sure and points[n]["cost"]]
+    best = [n for n in good if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in good)]
+    usual = points[best[0]]["cost"]["median"] if best else np.inf
+    ties = [n for n in good if n not in best and points[n]["cost"]["min"] <= usual]
+    perhaps = [
+        n for n, (sure, never) in enumerate(verdicts)
+        if not never and n not in good and (points[n]["cost"] is None or points[n]["cost"]["min"] <= usual)
+    ]  # fmt: skip
+    return best, sorted(ties), perhaps
+
+
+def some_points(rng, count=12):
+    """Random points of a few integrators: failed, not timed, without a measure or an error bar among them."""
+    found = []
+    for n in range(count):
+        errors = {
+            name: (10 ** rng.uniform(-2, 1), 10 ** rng.uniform(-3, 0) if rng.random() < 0.85 else None) for name in ("x", "y") if rng.random() < 0.9
+        }
+        cost = list(10 ** rng.uniform(0, 1) * (1 + rng.uniform(0, 0.5, rng.integers(1, 4)))) if rng.random() < 0.9 else ()
+        found.append(point("abc"[n % 3], 0.5 * (n + 1), cost, "exploded" if rng.random() < 0.2 else None, ours=n % 3 == 0, **errors))
+    return found
+
+
+def disagreements(cases=150):
+    """What `choose` and the search say differently, over random points and targets, as text."""
+    rng, found = np.random.default_rng(7), []
+    for case in range(cases):
+        points = some_points(rng)
+        targets = {name: 10 ** rng.uniform(-2, 1.3) for name in ("x", "y")[: rng.integers(1, 3)]}
+        choice = sweep_choice.choose(points, targets)
+        best, ties, perhaps = by_hand(points, targets)
+        places = [[n for n, one in enumerate(points) if any(one is other for other in chosen)]
+                  for chosen in ([choice.best] if choice.best else [], choice.ties, choice.perhaps)]  # fmt: skip
+        if places != [best, ties, perhaps] or choice.verdict != ("met" if best else "cannot tell" if perhaps else "not met"):
+            found.append(f"case {case}: {places}, not {[best, ties, perhaps]}")
+    return found
+
+
+def test_choice_is_that_of_a_search():
+    """Locks out a choice that is not the fastest, forgets a measure, or names wrong ties or doubts."""
+    assert not disagreements()
+
+
+WRONG = {
+    "an error bar counts for nothing": lambda patch: patch.setattr("validation.check.CERTAIN", 0.0),
+    "a failed point may be chosen": lambda patch: patch.setattr(
+        sweep_choice, "meets", lambda one, targets, right=sweep_choice.meets: right(one | {"failed": None}, targets)
+    ),
+    "no telling is good enough": lambda patch: patch.setattr(
+        sweep_choice, "meets", lambda one, targets, right=sweep_choice.meets: right(one, targets) is not False
+    ),
+    "an unknown error bar is none": lambda patch: patch.setattr(
+        sweep_choice, "_within", lambda found, target, right=sweep_choice._within: right(found and found | {"error": found["error"] or 0.0}, target)
+    ),
+    "a measure that was not taken is good": lambda patch: patch.setattr(
+        sweep_choice, "_within", lambda found, target, right=sweep_choice._within: found is None or right(found, target)
+    ),
+    "the longest step is the fastest": lambda patch: patch.setattr(sweep_choice, "_by_cost", lambda one: -one["dt"]),
+}
+
+
+@pytest.mark.parametrize("mistake", WRONG)
+def test_a_wrong_choice_is_found(monkeypatch, mistake):
+    """Locks out a search that agrees with any choice."""
+    WRONG[mistake](monkeypatch)
+    assert disagreements()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_worse_and_failed_points_change_nothing(seed):
+    """Locks out a choice that depends on points that are slower and less accurate, or that failed."""
+    rng = np.random.default_rng(seed)
+    points, targets = some_points(rng), {"x": 3.0, "y": 5.0}
+    before = sweep_choice.choose(points, targets)
+    for one in points:
+        failed = point("d", one["dt"], [1e-6], "exploded", x=(0.0, 0.0), y=(0.0, 0.0))
+        after = sweep_choice.choose([failed, *points], targets)
+        assert (after.best, after.ties, after.perhaps) == (before.best, before.ties, before.perhaps)
+        if one["cost"] and not one["failed"]:
+            errors = {name: (3 * found["value"], found["error"] and 3 * found["error"]) for name, found in one["errors"].items()}
+            worse = point("d", one["dt"], [1.01 * time for time in one["cost"]["values"]], **errors)
+            assert sweep_choice.choose([worse, *points], targets).best == before.best
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_front_is_what_is_chosen(seed):
+    """Locks out a front with a beaten point or without a chosen one, and a ladder that misses a choice or starts where something is met."""
+    points = some_points(np.random.default_rng(100 + seed))
+    chosen = [sweep_choice.choose(points, {"x": target}).best for target in np.geomspace(1e-3, 1e3, 400)]
+    front = sweep_choice.front(points, "x")
+    assert [one for one, _ in itertools.groupby(chosen[::-1]) if one] == front
+    for slow, fast in itertools.combinations(front[::-1], 2):
+        assert slow["cost"]["min"] > fast["cost"]["min"] and sweep_choice.bound(slow, "x") < sweep_choice.bound(fast, "x")
+    rungs = sweep_choice.ladder(points, "x")
+    assert rungs == sorted(set(rungs)) and all(f"{rung:e}"[0] in "125" and rung == float(f"{rung:.0e}") for rung in rungs)
+    if front:
+        assert sweep_choice.choose(points, {"x": rungs[0]}).best is None and sweep_choice.choose(points, {"x": rungs[1]}).best is not None
+        assert sweep_choice.choose(points, {"x": rungs[-1]}).best is front[0]
+
+
+def test_a_bar_across_the_target_is_not_met():
+    """Locks out a point whose value is below the target and whose error bar is not; and one above that is called out of the question."""
+    fast, slow = point("a", cost=[1.0], x=(0.9, 0.06)), point("b", cost=[5.0], x=(0.5, 0.06))
+    choice = sweep_choice.choose([fast, slow], {"x": 1.0})
+    assert choice.best is slow and choice.perhaps == (fast,)
+    assert sweep_choice.choose([fast], {"x": 1.0}).verdict == sweep_choice.choose([fast], {"x": 0.8}).verdict == "cannot tell"
+    assert sweep_choice.choose([fast], {"x": 1.03}).verdict == "met" and sweep_choice.choose([fast], {"x": 0.7}).verdict == "not met"
+    assert sweep_choice.nearest([fast, slow], {"x": 0.1}) == (slow, pytest.approx(6.2))
+
+
+# ---- what is told of them
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with all files of a synthetic sweep."""
+    out = tmp_path_factory.mktemp("sweep")
+    sweep_report.write(sweep_report.gathered(synthetic(), out), out)
+    return out
+
+
+def advise(capsys, folder, *targets, scene="water"):
+    """Exit status and output of the verb."""
+    try:
+        status = __main__.main(["advise", scene, "--target", *targets, "--from", str(folder)])
+    except SystemExit as end:
+        status = end.code
+    captured = capsys.readouterr()
+    return status, captured.out + captured.err
+
+
+def test_advice_is_the_choice(capsys, folder):
+    """Locks out advice that is not the choice, input lines of another integrator or step, and targets of which only one is looked at."""
+    points = synthetic()["scenes"]["water"]["points"]
+    seen = set()
+    for targets in {"energy_sd": 0.3}, {"energy_sd": 0.3, "position": 1e-4}, {"energy_sd": 5.0, "drift": 3e-5}, {"drift": 0.002}, {"drift": 2.2e-5}:
+        status, text = advise(capsys, folder, *(f"{name}={value}" for name, value in targets.items()))
+        best, ties, _ = by_hand(points, targets)
+        best = points[best[0]]
+        assert status == 0 and f"{best['label']} with a time step of {best['dt']:g} fs" in text
+        assert text.count("    timestep ") == 1 and f"    timestep {best['dt']:g}\n    " + "\n    ".join(best["lines"]) in text
+        assert all(sweep_report.named(points[n]) in text for n in ties) and bool(ties) == ("As fast" in text)
+        assert ("This is ours." if best["ours"] else "Ours: ") in text
+        seen.add(best["integrator"])
+    assert len(seen) == 3  # not always the first one
+
+
+def test_advice_where_nothing_is_good_enough(capsys, folder):
+    """Locks out advice that names a point above its target, or does not say how far the nearest one is or that there is no telling."""
+    points = synthetic()["scenes"]["water"]["points"]
+    status, text = advise(capsys, folder, "energy_sd=0.001")
+    point, factor = min(
+        ((one, (one["errors"]["energy_sd"]["value"] + 2 * one["errors"]["energy_sd"]["error"]) / 0.001) for one in points if not one["failed"]),
+        key=lambda pair: pair[1],
+    )
+    assert status == 1 and "No point of the sweep reaches this." in text and "timestep" not in text
+    assert f"The nearest one: {sweep_report.named(point)}, with 2 standard errors {factor:.3g} times the target" in text
+    value, error = (point["errors"]["energy_sd"][part] for part in ("value", "error"))
+    status, text = advise(capsys, folder, f"energy_sd={value + error}")
+    assert status == 1 and "Cannot tell" in text and "--budget" in text
+
+
+@pytest.mark.parametrize(
+    ("scene", "target", "words"),
+    [
+        ("water", "energi=1", ["no measure energi", *MEASURES, "kcal/mol"]),
+        ("butter", "energy_sd=1", ["butter is not in this sweep", "water", "python -m validation sweep butter"]),
+        ("water", "energy_sd", ["MEASURE=VALUE"]),
+        ("water", "energy_sd=-1", ["positive number"]),
+        ("water", "energy_sd=low", ["invalid"]),
+    ],
+)
+def test_advice_refuses(capsys, folder, scene, target, words):
+    """Locks out a traceback, or silence, where something is misspelt."""
+    status, text = advise(capsys, folder, target, scene=scene)
+    assert status == 2 and all(word in text for word in words) and "Traceback" not in text
+
+
+def test_advice_without_a_sweep(capsys, tmp_path):
+    """Locks out a traceback where nothing has been swept, or the file is cut off."""
+    status, text = advise(capsys, tmp_path, "energy_sd=1")
+    assert status == 2 and f"python -m validation sweep --out {tmp_path}" in text
+    (tmp_path / "summary.json").write_text('{"scenes": {')
+    status, text = advise(capsys, tmp_path, "energy_sd=1")
+    assert status == 2 and "not complete" in text
+
+
+def test_tables_hold_every_point(folder):
+    """Locks out points that are dropped on the way to a file, failed ones first of all, and a fastest way that is not the choice."""
+    points = synthetic()["scenes"]["water"]["points"]
+    with open(folder / "points.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["label"], float(row["dt (fs)"]), row["status"]) for row in rows] == [
+        (one["label"], one["dt"], one["failed"] or "ok") for one in points
+    ]
+    for row, one in zip(rows, points):
+        assert row["command"] == one["command"]
+        assert row["energy_sd (kcal/mol)"] == ("" if one["failed"] else str(one["errors"]["energy_sd"]["value"]))
+    with open(folder / "fastest.csv") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["measure"] for row in rows} == set(SIZES)
+    for row in rows:
+        best = by_hand(points, {row["measure"]: float(row["target"])})[0]
+        assert row["fastest"] == (points[best[0]]["label"] if best else "") and (row["verdict"] == "met") == bool(best)
+    page = (folder / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 5 and 'src="http' not in page and "<link" not in page
+    assert all(page.count(f"<td>{one['label']}</td>") >= len(STEPS) for one in points)
+    kept, given = json.loads((folder / "summary.json").read_text()), synthetic()
+    assert kept["scenes"]["water"].items() >= given["scenes"]["water"].items() and kept["measures"] == given["measures"]
+
+
+def test_a_folder_gathers_scenes(monkeypatch, tmp_path):
+    """Locks out a sweep of one scene that wipes out another one's, a scene of older code beside a new one, and an old scene in a new one's place."""
+
+    def sweep(name, date):
+        summary = sweep_report.gathered(synthetic(name) | {"date": date}, tmp_path)
+        (tmp_path / "summary.json").write_text(json.dumps(summary))
+        return {key: scene["swept"]["date"] for key, scene in summary["scenes"].items()}
+
+    assert sweep("dimer", "Monday") == {"dimer": "Monday"}
+    assert sweep("water", "Tuesday") == {"dimer": "Monday", "water": "Tuesday"}
+    assert sweep("dimer", "Wednesday") == {"dimer": "Wednesday", "water": "Tuesday"}
+    monkeypatch.setattr("validation.machine.package_hash", lambda: "other code")
+    assert sweep("water", "Thursday") == {"water": "Thursday"}
+
+
+def nothing(points):
+    return []
+
+
+def all_failed(points):
+    return [one | {"failed": "exploded", "failures": 3, "cost": None, "cpu": None, "errors": {}} for one in points]
+
+
+@pytest.mark.parametrize("spoil", [nothing, all_failed])
+def test_pages_of_nothing(tmp_path, capsys, spoil):
+    """Locks out a crash at the end of a sweep that was interrupted at once or in which everything fails: of an empty maximum, axis or row."""
+    summary = synthetic()
+    scene = summary["scenes"]["water"]
+    scene |= {"points": spoil(scene["points"]), "degrees_of_freedom": None, "limits": {}, "error": "no start"}
+    summary = sweep_report.gathered(summary, tmp_path)
+    sweep_report.write(summary, tmp_path)
+    sweep_report.show(console.console(), summary, tmp_path)
+    assert "no start" in (tmp_path / "report.html").read_text()
+    status, text = advise(capsys, tmp_path, "energy_sd=1")
+    assert status == 1 and "No point" in text and ("failed" in text.split("In the input")[0]) == (spoil is all_failed)
+
+
+def test_figures_mark_failures_and_doubts():
+    """Locks out failures that are drawn as points or not at all, and an error bar that hides that an error may be zero."""
+    summary = synthetic()
+    scene = summary["scenes"]["water"]
+    scene["points"][0]["errors"]["energy_sd"] = {"value": 1e-9, "error": 0.01}
+    scene["points"][1]["errors"]["energy_sd"]["error"] = None
+    scene["points"][2]["failed"] = "exploded from one start of three"
+    looks = sweep_figures.styles(scene["points"])
+    assert len({(look["color"], look["marker"], str(look["ls"])) for look in looks.values()}) == len(looks)
+    figure, caption = sweep_figures._main("water", scene, "energy_sd", MEASURES, looks)
+    top, axis = figure.axes
+    crosses = [line for line in top.lines if line.get_marker() == "x"]
+    assert len(crosses) == sum(bool(one["failed"]) for one in scene["points"]) and "A cross" in caption
+    drawn = {place for container in axis.containers for place in zip(*(container.lines[0].get_xdata(), container.lines[0].get_ydata()))}
+    good = [one for one in scene["points"] if not one["failed"]]
+    heights = [0.02 if n == 0 else one["errors"]["energy_sd"]["value"] for n, one in enumerate(good)]
+    for one, height in zip(good, heights):
+        assert any(np.allclose(place, (one["cost"]["min"], height), rtol=1e-6) for place in drawn), one
+    assert len(drawn) == len(good)
+    low, high = axis.get_ylim()
+    assert low < min(heights) and max(heights) < high
+
+
+def broken(points):
+    """The points with all of ``rigid`` failed."""
+    return [one | ({"failed": "exploded", "failures": 3} if one["integrator"] == "rigid" else {}) for one in points]
+
+
+@pytest.mark.parametrize(("interrupted", "spoil", "status"), [(False, list, 0), (False, broken, 1), (True, broken, 130)])
+def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil, status):
+    """Locks out an exit status that hides an integrator without a result or a Ctrl-C, files that are not written then, and words that are lost."""
+    sweep = pytest.importorskip("validation.sweep", reason="the extra 'validation' is not installed")
+    summary, asked = synthetic() | {"interrupted": interrupted}, {}
+    scene = summary["scenes"]["water"]
+    scene["points"] = spoil(scene["points"])
+
+    def done(points, lengths, out, meter, ranks, silence, short):
+        asked.update(points=points, lengths=lengths, out=out, ranks=ranks, silence=silence, short=short)
+        return summary
+
+    monkeypatch.setattr(sweep, "sweep", done)
+    monkeypatch.setattr(sweep_report, "draw", lambda summary, out: {"water": []})  # takes its time
+    words = f"sweep water --only nosquish rigid --steps 1,2 --ranks 2 --budget 30 --silence 7 --out {tmp_path / 'there'}"
+    assert __main__.main(words.split()) == status
+    assert {path.name for path in (tmp_path / "there").glob("*.*")} >= {"summary.json", "points.csv", "fastest.csv", "report.html"}
+    assert [(one.scene, one.integrator.name, one.dt) for one in asked["points"]] == [
+        ("water", name, dt) for dt in (1, 2) for name in ("nosquish", "rigid")
+    ]
+    assert asked["lengths"] == sweep.lengths(["water"], False, 30.0) and (asked["ranks"], asked["silence"], asked["short"]) == (2, 7.0, False)
+    text = capsys.readouterr().out
+    assert ("Interrupted" in text) == interrupted and "fastest way" in text
+
+
+def test_sweep_refuses(capsys):
+    """Locks out a traceback, or a night's work, where something is misspelt."""
+    pytest.importorskip("validation.sweep", reason="the extra 'validation' is not installed")
+    for words, answer in ("butter", "no scene butter"), ("water --steps 1,-2", "positive"), ("water --only rigit", "rigit"):
+        with pytest.raises(SystemExit) as end:
+            __main__.main(["sweep", *words.split()])
+        assert end.value.code == 2 and answer in capsys.readouterr().err

@@ -1,0 +1,144 @@
+"""The energy's spread of rigid water at several time steps, beside published numbers.
+
+A. J. Silveira and C. R. A. Abreu, J. Chem. Phys. 150, 114110 (2019), integrated TIP3P water with the free rotor's exact solution
+and forces that end smoothly; `inputs/water_smooth` has their potential, but for the form of its end.
+"""
+
+import json
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from validation import check, machine, measures, run
+from validation.check import Check
+from validation.figures import INK, OTHERS, OURS, draw_each
+from validation.integrators import INTEGRATORS
+from validation.report import page
+from validation.scenes import INPUTS, SCENES
+from validation.starts import from_dump
+
+SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
+PUBLISHED = {1.0: 0.060, 2.0: 0.221, 3.0: 0.487, 4.0: 0.887}  # fs: standard deviation of the energy, kcal/mol
+MOLECULES = 903  # of which this is
+TEMPERATURE = 298.0  # K
+WITHIN = 0.10  # of the published numbers
+TITLES = {"spread": "Standard deviation of the energy, 903 TIP3P molecules at 298 K"}
+
+BATH, REST, BATH_DT = 2.0, 1.0, 2.0  # ps with a heat bath, ps after it, and the time step (fs) of both
+SAMPLED = 12.0  # fs between samples of the energy
+FS_PER_PS = 1000.0
+
+
+def scene():
+    """The water of `inputs/water` with forces that end smoothly."""
+    water, folder = SCENES["water"], INPUTS / "water_smooth"
+    setup = "units real", "atom_style full", "read_data ../water/data.water", "include forcefield.smooth", "group water type 1 2"
+    return replace(water, name="water-smooth", title="1,000 TIP3P molecules at 298 K and 1 g/cm³, smooth cutoff", folder=folder, setup=setup)
+
+
+def steps(time, dt):
+    """How many steps of dt (fs) a time (ps) has."""
+    return round(time * FS_PER_PS / dt)
+
+
+def total(time):
+    """Steps of all runs together; time in ps."""
+    return steps(BATH + REST, BATH_DT) + sum(steps(time, dt) for dt in PUBLISHED)
+
+
+def published(out, time, ranks, silence, meter):
+    """Run what is not there yet.
+
+    Args:
+        out: folder.  time: ps of each time step.  ranks: MPI ranks.
+        silence: s without a sign of life after which a run is given up.
+        meter: a ``console.Meter``.
+
+    Returns:
+        (found, interrupted): time step (fs) to ``run.Result``, of those that were begun.
+    """
+    water, ours, start = scene(), INTEGRATORS["nosquish"], out / "start"
+    dump = (start / "state.dump").resolve()
+    bath, rest = steps(BATH, BATH_DT), steps(REST, BATH_DT)
+    data = SCENES["water"].folder / "data.water"
+
+    def do(label, job):
+        meter.begin(label, sum(job.runs))
+        result = run.once(job, meter.at)
+        meter.end(result.error)
+        return result
+
+    more = [
+        f"fix bath {water.group} langevin {TEMPERATURE} {TEMPERATURE} 100.0 7123",
+        f"run {bath}",
+        "unfix bath",
+        "reset_timestep 0",
+        f'dump state all custom {rest} "{dump}" id x y z ix iy iz vx vy vz',
+        "dump_modify state sort id format float %.17g",
+    ]
+    first = do("start", run.job(water, ours, start, [rest], dt=BATH_DT, every=100, ranks=ranks, silence=silence, positions=False, more=more,
+                                origin=machine.origin(water, ours, data)))  # fmt: skip
+    found = {}
+    if first.error:
+        return {dt: first for dt in PUBLISHED}, first.interrupted
+    for dt in sorted(PUBLISHED, reverse=True):
+        job = run.job(from_dump(water, dump, rest), ours, out / f"{dt:g}-fs", [steps(time, dt)], dt=dt, every=max(1, round(SAMPLED / dt)), ranks=ranks,
+                      silence=silence, positions=False, origin=machine.origin(water, ours, data, dump))  # fmt: skip
+        found[dt] = do(f"{dt:g} fs", job)
+        if found[dt].interrupted:
+            return found, True
+    return found, False
+
+
+def checks(found):
+    """What was found over what is published, for each time step.
+
+    Args:
+        found: time step (fs) to ``run.Result``.
+    """
+    made = []
+    molecules = scene().unit
+    for dt, theirs in PUBLISHED.items():
+        result = found.get(dt)
+        value = error = None
+        if result is not None and not result.error:
+            value, error = (x * np.sqrt(MOLECULES / molecules) for x in measures.standard_deviation(result.thermo["TotEng"]))
+        note = "" if value is not None else f"no complete run: {result.error if result else 'not begun'}"
+        made.append(Check("spread", f"{dt:g} fs", "standard deviation of the total energy", value, error or 0.0, theirs * (1 - WITHIN),
+                          theirs * (1 + WITHIN), "kcal/mol", note, f"{SOURCE}: {theirs:g} kcal/mol"))  # fmt: skip
+    return made
+
+
+def spread(made):
+    """The figure: both against the time step."""
+    known = [one for one in made if one.value is not None]
+    if not known:
+        return None, ""
+    figure, axis = plt.subplots(figsize=(5.5, 4), layout="constrained")
+    axis.loglog(list(PUBLISHED), list(PUBLISHED.values()), "o", ms=10, mfc="none", color=OTHERS, label=SOURCE)
+    dts = [float(one.subject.split()[0]) for one in known]
+    axis.errorbar(dts, [one.value for one in known], [one.error for one in known], fmt=".", color=OURS, capsize=3, label="fix_nosquish.NVE")
+    guide = np.array([min(PUBLISHED), max(PUBLISHED)])
+    axis.plot(guide, PUBLISHED[2.0] * (guide / 2.0) ** 2, color=INK, lw=0.8, ls=":", label="Δt²")
+    axis.set_xlabel("time step (fs)")
+    axis.set_ylabel("standard deviation of the energy\n(kcal/mol, 903 molecules)")
+    axis.set_xticks(list(PUBLISHED), [f"{dt:g}" for dt in PUBLISHED])
+    axis.minorticks_off()
+    axis.legend(frameon=False, fontsize=8)
+    return figure, (
+        f"1,000 molecules, times √({MOLECULES}/1000), because the molecules' parts of the error are nearly independent; both with one standard error."
+    )
+
+
+def write(summary, made, out):
+    """Write summary.json, table.csv, the figure and report.html into the folder ``out``.
+
+    Args:
+        summary: plain data: ``checks``, ``interrupted`` and the circumstances.
+        made: the checks themselves.
+    """
+    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    check.write(summary["checks"], out / "table.csv")
+    page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE,
+         measured=check.measured, bound=check.bound, certain=check.CERTAIN)  # fmt: skip

@@ -1,0 +1,165 @@
+"""From the rows of `stability` to files and the terminal: table.csv, a figure, report.html; summary.json is written as rows come."""
+
+import csv
+import textwrap
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.colors import to_rgb
+from matplotlib.patches import Patch
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from validation.check import number
+from validation.figures import INK, draw_each
+from validation.report import page
+from validation.stability import COMPARED
+
+# colours that differ in lightness too, and a sign each
+LOOKS = {
+    "pass": ("#3b7dbf", "", "blue"),
+    "fail": ("#e69f00", "✗", "yellow"),
+    "blow-up": ("#1a1a1a", "✸", "red"),
+    "cannot tell": ("#c9b8d6", "?", "magenta"),
+    "cannot run": ("#f2f2f2", "–", "bright_black"),
+}
+SHADES = 6.0  # decades from the bound at which a colour is full
+COLUMNS = "case", "integrator", "label", "value", "error", "unit", "bound", "verdict", "note", "command"
+
+
+def write(summary, out):
+    """Write all files but summary.json into the folder ``out``.
+
+    Args:
+        summary: plain data, of ``stability.stability``.
+    """
+    with open(out / "table.csv", "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        for case in summary["cases"]:
+            known = {"case": case["name"], "unit": case["unit"], "bound": case["bound"]}
+            writer.writerows({key: (known | row)[key] for key in COLUMNS} for row in case["rows"])
+    page(
+        "stability.html",
+        out / "report.html",
+        draw_each((matrix,), out, summary),
+        summary=summary,
+        cell=cell,
+        number=number,
+        columns=_columns(summary),
+    )
+
+
+def _columns(summary):
+    """Names and labels of the integrators that have rows."""
+    found = {row["integrator"]: row["label"] for case in summary["cases"] for row in case["rows"]}
+    return {name: found[name] for name in COMPARED if name in found}
+
+
+def cell(row):
+    """A row's entry in the matrix as text: sign and number."""
+    if row is None:
+        return ""
+    sign = LOOKS[row["verdict"]][1]
+    value = "" if row["value"] is None else number(row["value"], row["error"] if row["error"] and row["error"] > 1e-3 * abs(row["value"]) else 0.0)
+    return f"{sign} {value}".strip()
+
+
+def list_cases(console, cases):
+    """Print all cases and integrators."""
+    table = Table(title="Cases", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    for heading in "case", "physics", "number", "bound", "why":
+        table.add_column(heading, overflow="fold")
+    for case in cases.values():
+        table.add_row(case.name, case.physics, case.criterion, f"{case.bound} {case.unit}", case.why)
+    console.print(table)
+    console.print("integrators: " + ", ".join(f'"{name}"' if " " in name else name for name in COMPARED), soft_wrap=True)
+
+
+def show(console, summary, out):
+    """Print the matrix, what broke and why, and what all rows together say."""
+    columns = _columns(summary)
+    table = Table(title="Stability", title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.add_column("case\nbound", overflow="fold")
+    for label in columns.values():
+        table.add_column(_narrow(label), justify="right", overflow="fold")
+    for case in summary["cases"]:
+        rows = {row["integrator"]: row for row in case["rows"]}
+        cells = [(_short(rows.get(name)), LOOKS[rows[name]["verdict"]][2] if name in rows else "") for name in columns]
+        table.add_row(f"{case['name']}\n{case['bound']} {case['unit']}", *(f"[{colour}]{text}[/]" if colour else text for text, colour in cells))
+    console.print(table)
+    console.print(", ".join(f"{look[1]} {name}" if look[1] else name for name, look in LOOKS.items()))
+    for case in summary["cases"]:
+        for row in case["rows"]:
+            if row["verdict"] == "blow-up" or row["verdict"] != "pass" and row["integrator"] == "nosquish":
+                console.print(
+                    f"{LOOKS[row['verdict']][1]} {case['name']}, {row['label']}: {row['verdict']} {row['note']}", markup=False, soft_wrap=True
+                )
+    for line in summary["summary"]:
+        console.print(verdict(line), style="bold", markup=False, soft_wrap=True)
+    if summary["interrupted"]:
+        console.print("Interrupted: the same command goes on from here.")
+    console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
+
+
+def verdict(line):
+    """A line of ``stability.told`` as text."""
+    return f"{line['what']}: " + ("yes" if line["holds"] else f"no ({', '.join(line['where'])})")
+
+
+def _narrow(label):
+    return label.replace("fix_nosquish.", "").replace(" + nve", "").replace("/small", "/\nsmall").replace(" ", "\n")
+
+
+def _short(row):
+    if row is None:
+        return ""
+    return f"{LOOKS[row['verdict']][1]} {'' if row['value'] is None else format(row['value'], '.2g')}".strip()
+
+
+def matrix(summary):
+    """Cases by integrators, coloured by verdict, each with its number or its logarithm."""
+    columns, cases = _columns(summary), summary["cases"]
+    if not cases:
+        return None, ""
+    figure, axis = plt.subplots(figsize=(max(7.0, 2.6 + 0.92 * len(columns)), 2.0 + 0.42 * len(cases)), layout="constrained")
+    image = np.ones((len(cases), len(columns), 3))
+    for y, case in enumerate(cases):
+        rows = {row["integrator"]: row for row in case["rows"]}
+        for x, name in enumerate(columns):
+            if name in rows:
+                image[y, x], ink, text = _tile(case, rows[name])
+                axis.text(x, y, text, ha="center", va="center", color=ink, fontsize=8.5)
+    axis.imshow(image, aspect="auto")
+    axis.set_xticks(range(len(columns)), [textwrap.fill(label.replace("fix_nosquish.", "").replace(" + nve", ""), 10) for label in columns.values()])
+    axis.set_yticks(range(len(cases)), [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases])
+    axis.xaxis.tick_top()
+    axis.tick_params(length=0)
+    axis.set_xticks(np.arange(len(columns) - 1) + 0.5, minor=True)
+    axis.set_yticks(np.arange(len(cases) - 1) + 0.5, minor=True)
+    axis.grid(which="minor", color="white", lw=2)
+    axis.tick_params(which="minor", length=0)
+    axis.spines[:].set_visible(False)
+    for label in axis.get_xticklabels():
+        label.set_fontweight("bold" if label.get_text() == "NVE" else "normal")
+    axis.legend(handles=[Patch(facecolor=look[0], edgecolor=INK, lw=0.5, label=f"{name} {look[1]}".strip()) for name, look in LOOKS.items()],
+                loc="upper left", bbox_to_anchor=(0, -0.01), ncols=len(LOOKS), frameon=False)  # fmt: skip
+    return figure, (
+        "Each case's number, as its decimal logarithm where the bound (at the left) is an upper one; the paler the nearer to the bound. "
+        "✗ fails, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run."
+    )
+
+
+def _tile(case, row):
+    """Colour of a tile, of its text, and the text."""
+    colour, sign, _ = LOOKS[row["verdict"]]
+    full, value, bound = np.array(to_rgb(colour)), row["value"], case["low"] if case["high"] is None else case["high"]
+    if row["verdict"] not in ("pass", "fail"):
+        return full, "white" if full.mean() < 0.5 else INK, sign
+    decades = (
+        np.inf if not value else abs(np.log10(abs(value) / bound)) * (1 if case["low"] is None else SHADES)
+    )  # a time step is not far off in decades
+    strength = 0.45 + 0.55 * min(1.0, decades / SHADES)
+    shade = 1 - strength * (1 - full)
+    text = f"{value:.3g}" if case["high"] is None else "−∞" if not value else f"{np.log10(abs(value)):.1f}".replace("-", "−")
+    return shade, "white" if shade @ (0.299, 0.587, 0.114) < 0.55 else INK, f"{sign} {text}".strip()

@@ -1,0 +1,40 @@
+"""Starts of any size, built once and kept; and from the atoms that an earlier run has left."""
+
+import os
+import shlex
+import subprocess
+import sys
+from dataclasses import replace
+
+from validation import run
+from validation.machine import contents
+
+
+def of_size(scene, bodies, folder):
+    """The scene with so many bodies; its data file is built if there is none yet.
+
+    Args:
+        scene: a ``Scene``.
+        bodies: their number.
+        folder: for data files.
+
+    Raises:
+        SystemExit: the scene's cutter failed.
+    """
+    if scene.is_whole_copies(bodies):
+        return scene.of_size(bodies)
+    data = (folder / f"{scene.name}-{bodies}-{contents(scene.folder)[:8]}.data").resolve()
+    if not data.exists():
+        data.parent.mkdir(parents=True, exist_ok=True)
+        part = data.with_suffix(".part")
+        command = [run.mpirun(), "-np", str(min(4, os.cpu_count())), sys.executable, scene.cutter, str(bodies), str(part)]
+        done = subprocess.run(command, cwd=scene.folder, stdin=subprocess.DEVNULL, env={"OMP_NUM_THREADS": "1", **os.environ})
+        if done.returncode:
+            raise SystemExit(f"no start of {bodies} bodies: {shlex.join(command)} failed in {scene.folder}")
+        part.rename(data)
+    return scene.of_size(bodies, data)
+
+
+def from_dump(scene, dump, step):
+    """The scene with positions, images and velocities from a dump of all atoms."""
+    return replace(scene, setup=(*scene.setup, f'read_dump "{dump}" {step} x y z ix iy iz vx vy vz box no replace yes format native'))

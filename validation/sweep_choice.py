@@ -1,0 +1,133 @@
+"""Which measured point of a sweep is the fastest that is accurate enough.  Pure functions; nothing between two points is guessed.
+
+A point is one integrator with one time step, as plain data (see ``sweep``); of it are used ``integrator``, ``dt`` (fs), ``failed``, ``ours``,
+``cost`` (min and median of its run time, s per simulated ns; None if not timed) and ``errors`` (measure to value and standard error).
+Targets are a dictionary from measure to the largest error that is good enough, in the measure's unit.
+"""
+
+import math
+from dataclasses import dataclass
+
+from validation.check import CERTAIN, Check
+
+DECADES = 3.0  # a ladder of targets that spans more has one rung in each decade, else three
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The fastest way to reach the targets.
+
+    Attributes:
+        targets: measure to what its error has to be below.
+        best: the point that meets all targets for sure and has the smallest least run time; None if none does.
+        ties: further such points, from the fastest: their least run time is not above the median of the best one's.
+        perhaps: points of which there is no telling whether they meet the targets, or which are not timed, as fast as the best one or faster.
+    """
+
+    targets: dict
+    best: dict | None
+    ties: tuple
+    perhaps: tuple
+
+    @property
+    def verdict(self):
+        """``met``; else ``cannot tell`` if some point may meet the targets, and ``not met`` if none does."""
+        return "met" if self.best else "cannot tell" if self.perhaps else "not met"
+
+
+def bound(point, measure):
+    """What an error is at most for sure: value + `CERTAIN` standard errors; infinite if the point failed, or if one of the two is not known."""
+    found = point["errors"].get(measure)
+    if point["failed"] or found is None or found["error"] is None:
+        return math.inf
+    most = found["value"] + CERTAIN * found["error"]
+    return most if math.isfinite(most) else math.inf
+
+
+def meets(point, targets):
+    """Whether all errors of a point are within the targets.
+
+    Returns:
+        True if they are by `CERTAIN` standard errors, False if one is above by as many or the point failed, None if there is no telling.
+    """
+    if point["failed"]:
+        return False
+    verdicts = [_within(point["errors"].get(measure), target) for measure, target in targets.items()]
+    return False if False in verdicts else None if None in verdicts else True
+
+
+def _within(found, target):
+    if found is None or found["error"] is None:
+        return None
+    return Check("", "", "", found["value"], found["error"], high=target).holds
+
+
+def choose(points, targets):
+    """The `Choice` among points."""
+    verdicts = [(point, meets(point, targets)) for point in points]
+    good = sorted((point for point, met in verdicts if met and point["cost"]), key=_by_cost)
+    usual = good[0]["cost"]["median"] if good else math.inf
+    perhaps = [
+        point for point, met in verdicts
+        if (met is None or met and not point["cost"]) and (not point["cost"] or point["cost"]["min"] <= usual)
+    ]  # fmt: skip
+    ties = [point for point in good[1:] if point["cost"]["min"] <= usual]
+    return Choice(dict(targets), good[0] if good else None, tuple(ties), tuple(sorted(perhaps, key=_by_cost)))
+
+
+def ours(points, targets):
+    """The `Choice` among this package's own points."""
+    return choose([point for point in points if point["ours"]], targets)
+
+
+def each(points, targets):
+    """The `Choice` of each integrator among its own points, by its name."""
+    names = dict.fromkeys(point["integrator"] for point in points)
+    return {name: choose([point for point in points if point["integrator"] == name], targets) for name in names}
+
+
+def nearest(points, targets):
+    """The point that is the least above the targets, and how many times its worst `bound` is above; None if no point has all these errors."""
+    excess = [(max(bound(point, measure) / target for measure, target in targets.items()), point) for point in points]
+    factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
+    return (point, factor) if factor < math.inf else None
+
+
+def front(points, measure):
+    """The points that no other one beats in both run time and `bound`, from the fastest: those that are chosen for some target."""
+    found, least = [], math.inf
+    for point in sorted((point for point in points if point["cost"]), key=_by_cost):
+        if bound(point, measure) < least:
+            found.append(point)
+            least = bound(point, measure)
+    return found
+
+
+def ladder(points, measure):
+    """Targets over which the choice changes: 1, 2, 5 times powers of ten, or these powers alone.
+
+    From the last one that no point meets for sure to the first one that the fastest point of the `front` meets.
+    """
+    bounds = [most for most in (bound(point, measure) for point in front(points, measure)) if most > 0]
+    if not bounds:
+        return []
+    first, last = math.log10(min(bounds)), math.log10(max(bounds))
+    digits = (1,) if last - first > DECADES else (1, 2, 5)
+    rungs = [float(f"{digit}e{power}") for power in range(math.floor(first) - 1, math.ceil(last) + 2) for digit in digits]
+    low = max(rung for rung in rungs if rung < min(bounds))
+    high = min(rung for rung in rungs if rung >= max(bounds))
+    return [rung for rung in rungs if low <= rung <= high]
+
+
+def fastest(points, measures):
+    """For each of the measures, a `Choice` for each rung of its `ladder`: list of (measure, target, `Choice`, that of `ours`)."""
+    return [
+        (measure, target, choose(points, {measure: target}), ours(points, {measure: target}))
+        for measure in measures
+        for target in ladder(points, measure)
+    ]
+
+
+def _by_cost(point):
+    """From the fastest; of equal ones the longer step first, then by name; those that are not timed last."""
+    return point["cost"]["min"] if point["cost"] else math.inf, -point["dt"], point["integrator"]

@@ -1,0 +1,271 @@
+"""From the runs of a sweep's points to errors with standard errors.
+
+Numbers of one run are pairs (value, standard error), the error from the correlation in time of its samples or from the scatter of
+its bodies.  Those of a point are means over its starts, whose error is the larger one of what the runs tell and what their scatter
+tells.  Averages are held against their limits for steps of zero length, extrapolated, start by start.
+"""
+
+from math import ceil
+
+import numpy as np
+
+from validation import measures, sweep_structure
+from validation.compare import FS_PER_PS
+from validation.sweep_structure import Motion
+
+BOLTZMANN = 0.0019872067  # kcal/mol/K, LAMMPS's
+PS_PER_NS = 1000.0
+FS_PER_NS = 1e6
+APART = 0.25  # ps after which a body's kinetic energy is another one
+ENOUGH = 4  # starts whose scatter is an error by itself
+SYMPLECTIC = "nosquish", "nosquish-2", "nosquish-4", "rigid/nve", "rigid/nve/small", "shake-1e-8"  # whose averages go with dt^2
+AVERAGES = "potential", "equipartition", "pressure"
+LARGEST = "bond", "angle"
+
+# title, unit, what it is held against; all are drawn on logarithmic axes
+MEASURES = {
+    name: {"title": title, "unit": unit, "relative_to": relative_to, "log": True}
+    for name, title, unit, relative_to in (
+        ("energy_sd", "standard deviation of the total energy", "kcal/mol", "its mean"),
+        ("drift", "drift of the total energy", "kT per ns and degree of freedom", "none"),
+        ("paper", "mean of |E − ⟨E⟩| / |⟨E⟩|, the paper's measure", "", "its mean"),
+        ("position", "rms distance of the bodies' centres after the horizon", "Å", "ours at a 16th of the smallest step"),
+        ("orientation", "rms angle of the bodies' orientations after the horizon", "rad", "ours at a 16th of the smallest step"),
+        ("potential", "mean potential energy", "kcal/mol per body", "the limit of short steps"),
+        ("equipartition", "T of translation − T of rotation", "K", "the limit of short steps"),
+        ("pressure", "mean pressure", "atm", "the limit of short steps"),
+        ("g_oo", "rms of g_OO(r), 2 to 8 Å, its noise taken off", "", "ours at the smallest step"),
+        ("helix", "1 − helical residues by DSSP over those of the start", "", "the start"),
+        ("bond", "largest error of a bond's length", "Å", "the start; the largest of all frames, which has no statistical error"),
+        ("angle", "largest error of an angle, in bodies of three atoms", "rad",
+         "the start; the largest of all frames, which has no statistical error"),
+        ("convergence", "energy's deviation over that of the next shorter step, off the square of the steps' ratio (physical_validation)", "",
+         "a deviation ∝ Δt²"),
+        ("ke_distribution", "kinetic energies of single bodies: mean or width off the gamma distribution (physical_validation)",
+         "standard deviations", "the run's temperature"),
+        ("pv_equipartition", "kinetic energy of translation or rotation off the temperature (physical_validation)", "standard deviations",
+         "the run's temperature"),
+    )
+}  # fmt: skip
+
+
+def failure(result, temperature):
+    """None, or in a line why a run is none: it ended early, or its energy has changed by more than all the kinetic energy.
+
+    Args:
+        result: a ``run.Result``.
+        temperature: K, from which the kinetic energy is reckoned.
+    """
+    if result.error:
+        return result.error
+    step, energy = result.thermo["Step"], result.thermo["TotEng"]
+    if not np.isfinite(energy).all():
+        return f"the energy is not finite from step {step[np.argmin(np.isfinite(energy))]:.0f} on"
+    off = np.abs(energy - energy[0]) > degrees_of_freedom(result) * BOLTZMANN * temperature / 2
+    return f"the energy is off by more than the kinetic energy from step {step[np.argmax(off)]:.0f} on" if off.any() else None
+
+
+def degrees_of_freedom(result):
+    """As LAMMPS counts them for the temperature."""
+    return round(2 * result.thermo["KinEng"][0] / (BOLTZMANN * result.thermo["Temp"][0]))
+
+
+def of_run(result, reference, dt, parts, swept):
+    """All numbers of a run.
+
+    Args:
+        result: the complete ``run.Result``.
+        reference: the reference solution's, which ends at the horizon; None if no measure asks for it.
+        dt: fs.
+        parts: the run's ``sweep.Parts``.
+        swept: the ``sweep.Sweep``, whose measures are computed.
+
+    Returns:
+        dict: of the measures a pair (value, standard error), or where only all starts together give one, what it is made of: ``g_oo`` (blocks, bins);
+        ``convergence`` the energy's deviations from its mean, (samples,); ``ke_distribution`` energies of single bodies; ``pv_equipartition`` kinetic
+        energies of translation and rotation, (2, samples).  Also ``cost`` and ``cpu``, lists: s per simulated ns of each timed segment;
+        ``temperature``; degrees of freedom: ``all``, ``moving`` and ``turning``.
+    """
+    sampled = (result.thermo["Step"] >= parts.begin) & (result.thermo["Step"] <= parts.end)
+    thermo = {name: values[sampled] for name, values in result.thermo.items()}
+    energy, time, kelvin, total = thermo["TotEng"], thermo["Step"] * dt / FS_PER_PS, thermo["Temp"].mean(), degrees_of_freedom(result)
+    motion = Motion(result.positions)
+    # LAMMPS's degrees of freedom are three less, for the momentum is kept: these are translations, of bodies and free atoms alike
+    moving = 3 * motion.count * (1 - 1 / (motion.count + motion.free))
+    turning = total - 3 * (motion.count + motion.free - 1)
+    makers = {
+        "energy_sd": lambda: measures.standard_deviation(energy),
+        "drift": lambda: np.multiply(measures.drift(time, energy), PS_PER_NS / (BOLTZMANN * kelvin * total)),
+        "paper": lambda: measures.mean(np.abs(energy - energy.mean()) / abs(energy.mean())),
+        "position": lambda: motion.distance(parts.at_horizon, reference.positions["x"][-1]),
+        "orientation": lambda: motion.angle(parts.at_horizon, reference.positions["x"][-1]),
+        "potential": lambda: measures.mean(thermo["PotEng"] / motion.count),
+        "equipartition": lambda: measures.mean(2 / BOLTZMANN * (thermo["v_translation"] / moving - thermo["v_rotation"] / turning)),
+        "pressure": lambda: measures.mean(thermo["Press"]),
+        "g_oo": lambda: sweep_structure.pair_distribution(motion, parts.frames),
+        "helix": lambda: measures.mean(sweep_structure.helicity(motion, parts.frames)),
+        "bond": lambda: (motion.bond_error(), 0.0),
+        "angle": lambda: (motion.angle_error(), 0.0),
+        "convergence": lambda: energy - energy.mean(),
+        "ke_distribution": lambda: motion.kinetic(parts.frames)[:: ceil(APART * FS_PER_PS / (parts.frame * dt))].ravel(),
+        "pv_equipartition": lambda: np.array([thermo["v_translation"], thermo["v_rotation"]]),
+    }
+    timed = [(one, one["loop"] / one["steps"] / dt * FS_PER_NS) for one in (result.timings[index] for index in parts.segments)]
+    return {name: makers[name]() for name in swept.measures} | {
+        "cost": [seconds for _, seconds in timed],
+        "cpu": [seconds * one["ranks"] * one["cpu"] / 100 for one, seconds in timed if one["cpu"] is not None],
+        "temperature": kelvin, "all": total, "moving": moving, "turning": turning,
+    }  # fmt: skip
+
+
+def pooled(pairs):
+    """The mean over starts, and its standard error: the larger one of what the runs tell and what their scatter tells.
+
+    Args:
+        pairs: of each start (value, error).
+    """
+    values, errors = np.transpose(np.array(pairs, float))
+    told = [np.sqrt(np.sum(errors**2)) / len(values)]
+    if len(values) > 1:
+        told.append(values.std(ddof=1) / np.sqrt(len(values)))
+    return values.mean(), max(told)
+
+
+def limits(found, swept):
+    """Averages at steps of zero length, from the symplectic schemes' points with steps up to ``Sweep.law``.
+
+    Fitted is, start by start, a + b dt^2, weighted, with one a for all and a b for each integrator, which differ in what they leave out.  Runs from
+    the same start are near each other at first, so a limit is not surer than the surest average that it is from.
+
+    Args:
+        found: ``Point`` to the list of its starts' numbers.
+        swept: the ``Sweep``.
+
+    Returns:
+        dict: measure to ``starts``, a list of each start's (limit, error), and ``all``, of all: {"value", "error"}; without those for which
+        there are too few points.
+    """
+    used = [point for point in found if point.integrator.name in SYMPLECTIC and point.dt <= swept.law]
+    number = min((len(found[point]) for point in used), default=0)
+    names = list(dict.fromkeys(point.integrator.name for point in used))
+    matrix = np.array([[1.0, *(point.dt**2 * (point.integrator.name == name) for name in names)] for point in used])
+    if not number or np.linalg.matrix_rank(matrix) < 1 + len(names):
+        return {}
+    fitted = {}
+    for name in set(AVERAGES) & set(swept.measures):
+        each = [_limit(matrix, np.array([found[point][start][name] for point in used])) for start in range(number)]
+        fitted[name] = {"starts": each, "all": _plain(*pooled(each))}
+    return fitted
+
+
+def _limit(matrix, pairs):
+    """Of one start, from pairs (points, 2): the fit's first parameter, and its standard error."""
+    values, errors = pairs.T
+    covariance = np.linalg.inv(matrix.T / errors**2 @ matrix)
+    fit = covariance @ (matrix.T / errors**2 @ values)
+    more = len(values) - len(fit)
+    scale = max(1.0, np.sqrt(np.sum(((values - matrix @ fit) / errors) ** 2) / more)) if more else 1.0
+    return fit[0], max(scale * np.sqrt(covariance[0, 0]), errors.min())
+
+
+def _off_limit(pairs, limit):
+    """An average less its limit, start by start, and its standard error.
+
+    Of ``ENOUGH`` starts that is their scatter, which knows how much of a start's chance both share; else, too large then, as if they shared none.
+    """
+    differences = [(value - at, np.hypot(error, unsure)) for (value, error), (at, unsure) in zip(pairs, limit["starts"])]
+    if len(differences) >= ENOUGH:
+        differences = [(value, 0.0) for value, _ in differences]
+    return pooled(differences)
+
+
+def of_points(found, limits, swept):
+    """The errors of all points.
+
+    Args:
+        found: ``Point`` to the list of its starts' numbers.
+        limits: see `limits`.
+        swept: the ``Sweep``.
+
+    Returns:
+        dict: ``Point`` to (errors, signed), each measure to {"value", "error"}; errors are not negative.
+    """
+    return {point: _of_point(point, found, limits, swept) for point, numbers in found.items() if numbers}
+
+
+def _of_point(point, found, limits, swept):
+    numbers, errors, signed = found[point], {}, {}
+    for name in swept.measures:
+        if name in TOGETHER:
+            pair = TOGETHER[name](point, found)
+            if pair:
+                errors[name] = _plain(*pair)
+            continue
+        pairs = [one[name] for one in numbers]
+        if name in AVERAGES and name not in limits:
+            continue
+        if name in AVERAGES:
+            value, error = _off_limit(pairs, limits[name])
+        elif name in LARGEST:
+            value, error = max(value for value, _ in pairs), 0.0
+        else:
+            value, error = pooled(pairs)
+        if name == "helix":
+            value = 1 - value
+        if name in ("drift", "helix", *AVERAGES):
+            signed[name] = _plain(value, error)
+        errors[name] = _plain(abs(value), error)
+    return errors, signed
+
+
+def _plain(value, error):
+    return {"value": float(value), "error": float(error)}
+
+
+def _pair_distribution(point, found):
+    """The rms difference from ours at the smallest step, without what noise makes of it; None for that point itself."""
+    ours = [one for one in found if one.integrator.name == "nosquish" and found[one]]
+    smallest = min(ours, key=lambda one: one.dt, default=None)
+    if smallest in (None, point):
+        return None
+    blocks, others = (
+        [one["g_oo"].mean(axis=0) for one in found[which]] if len(found[which]) >= ENOUGH else np.concatenate([one["g_oo"] for one in found[which]])
+        for which in (point, smallest)
+    )
+    blocks, others = np.array(blocks), np.array(others)
+    noise = sum(g.var(axis=0, ddof=1) / len(g) for g in (blocks, others))
+    square = (blocks.mean(axis=0) - others.mean(axis=0)) ** 2 - noise
+    # of a normal variable's square, with the mean's own square as far as it shows
+    error = np.sqrt(np.sum(4 * np.maximum(square, 0) * noise + 2 * noise**2)) / len(square)
+    value = np.sqrt(max(square.mean(), 0.0))
+    return value, np.sqrt(value**2 + error) - value
+
+
+def _convergence(point, found):
+    """Against the same integrator's next shorter step; None if there is none."""
+    shorter = [one for one in found if one.integrator is point.integrator and one.dt < point.dt and found[one]]
+    if not shorter:
+        return None
+    pair = point, max(shorter, key=lambda one: one.dt)
+    value = sweep_structure.convergence({one.dt: np.concatenate([numbers["convergence"] for numbers in found[one]]) for one in pair})
+    (first, first_error), (second, second_error) = (pooled([numbers["energy_sd"] for numbers in found[one]]) for one in pair)
+    scaled = first / second * (pair[1].dt / pair[0].dt) ** 2
+    return value, scaled * np.hypot(first_error / first, second_error / second)
+
+
+def _distribution(point, found):
+    """Of all starts together, in standard deviations."""
+    numbers = found[point]
+    energies = np.concatenate([one["ke_distribution"] for one in numbers])
+    return sweep_structure.distribution(energies, np.mean([one["temperature"] for one in numbers])), 1.0
+
+
+def _equipartition(point, found):
+    """Of all starts together, in standard deviations."""
+    numbers = found[point]
+    series = np.concatenate([one["pv_equipartition"] for one in numbers], axis=1)
+    temperature = np.mean([one["temperature"] for one in numbers])
+    return sweep_structure.equipartition(*series, numbers[0]["moving"], numbers[0]["turning"], temperature), 1.0
+
+
+TOGETHER = {"g_oo": _pair_distribution, "convergence": _convergence, "ke_distribution": _distribution, "pv_equipartition": _equipartition}
