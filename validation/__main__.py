@@ -368,8 +368,8 @@ def _add_sweep(verbs):
     parser.add_argument("--short", action="store_true", help="fewer time steps, some minutes in all, for a first look")
     parser.add_argument("--only", nargs="+", choices=SWEPT, metavar="NAME", help="integrators, of: %(choices)s (default all)")
     parser.add_argument("--steps", type=_positives, metavar="FS,FS", help="time steps in fs (default: the scene's)")
-    parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument("--silence", type=_positive, metavar="S",
+                        help="give a run up that wrote nothing for S seconds, as fixes do that hang when they blow up (default 120; --short: 30)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/sweep; --short: results/sweep-short)")
     parser.set_defaults(function=_sweep, parser=parser)
 
@@ -387,7 +387,7 @@ def _sweep(arguments):
     out, screen = arguments.out or Path("results") / ("sweep-short" if short else "sweep"), console.console()
     out.mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, sweep.total(points, lengths), "runs") as meter:
-        summary = sweep.sweep(points, lengths, out, meter, arguments.ranks, arguments.silence, short)
+        summary = sweep.sweep(points, lengths, out, meter, arguments.ranks, arguments.silence or (30.0 if short else 120.0), short)
     swept = [(name, point) for name, scene in summary["scenes"].items() for point in scene["points"]]
     summary = sweep_report.gathered(summary, out)
     sweep_report.write(summary, out)

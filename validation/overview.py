@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from validation import goals, paper_claims, report, sweep_choice, sweep_figures, sweep_report, theory_report
+from validation import goals, paper_claims, published, report, sweep_choice, sweep_figures, sweep_report, theory_report
 from validation.bench_report import spread
 from validation.bench_report import title as point_title
 from validation.check import bound, measured, number
@@ -294,6 +294,11 @@ def _theory(summary):
     return replace(said, figures=[Figure(f"{name}.png", caption) for name, caption in captions.items()])
 
 
+def _published(summary):
+    said = _checks(summary, published.TITLES, "standard deviations of the energy are held against published ones:")
+    return replace(said, figures=[Figure("spread.png", f"Beside {published.SOURCE}.")])
+
+
 def _paper(summary):
     said = _checks(summary, paper_claims.TITLES, "numbers that bear on what the paper says of its test problems")
     failed = [f"{row['name']}: {row['error']}" for row in summary["rows"] if row["error"]]
@@ -400,6 +405,7 @@ PARTS = (
     Part("bench", "What it costs", "bench", _bench),
     Part("theory", "Whether the theory holds", "theory", _theory),
     Part("paper", "The paper's test problems again", "paper --full", _paper),
+    Part("published", "The energy's spread beside published numbers", "published", _published),
     Part("compare-*", "The same start with all fixes", "compare water", _compare),
     Part("long-run", "A free body for very many steps", "long", _long),
     Part("scaling", "What ranks send each other", "scaling", _scaling),

@@ -47,7 +47,7 @@ class Job:
     body_property: str | None
     setups: int = 0
     ranks: int = 1
-    silence: float = 120.0
+    silence: float = field(default=120.0, compare=False)  # no part of what the result follows from
     origin: str | None = None
     motion: bool = False
 
