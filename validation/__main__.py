@@ -293,7 +293,7 @@ def _add_published(verbs):
         "keeps what is computed, and the same command goes on from there.",
         epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C.",
     )
-    parser.add_argument("--time", type=_positive, default=24.0, metavar="PS", help="length of each trajectory (default %(default)g)")
+    parser.add_argument("--time", type=_positive, default=12.0, metavar="PS", help="length of each trajectory (default %(default)g)")
     parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of each run (default %(default)s)")
     parser.add_argument("--silence", type=_positive, default=120.0, metavar="S",
                         help="give a run up that wrote nothing for S seconds (default %(default)g)")
