@@ -37,7 +37,7 @@ def test_failed_runs_are_no_numbers():
 def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
     """Locks out time steps that do not start from the same atoms, runs that are done twice, and a scene that does not run by itself, or is another
     one there."""
-    for name, value in (("BATH", 0.008), ("REST", 0.008)):
+    for name, value in (("BATH", 0.004), ("MEAN", 0.004), ("REST", 0.008)):
         monkeypatch.setattr(published, name, value)
     first, again = Silent(), Silent()
     found, interrupted = published.published(tmp_path, 0.008, 1, 60.0, first)

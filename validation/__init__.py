@@ -18,6 +18,7 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
 
     scaling               a verb: what ranks send each other, counted, and a model; with counting, scaling_report
     longrun               a verb: one free body for very many steps
+    motion                of longrun and stability: dumps of atoms, and what bodies without forces keep
 
     check                 of paper and theory: a number beside its bounds, its verdict, a table of such
 
@@ -44,7 +45,7 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
     stability             a verb: what breaks where, case by case; it uses
     stability_cases       the list of cases, which are in
     stability_molecules, stability_tops, stability_contact
-    stability_bodies      small scenes of bodies, and what their dumps tell
+    stability_bodies      small scenes of bodies
     stability_report
 
     published             a verb: the energy's spread in water beside published numbers

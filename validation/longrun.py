@@ -22,7 +22,7 @@ import pandas as pd  # noqa: E402
 from rich.box import SIMPLE_HEAD  # noqa: E402
 from rich.table import Table  # noqa: E402
 
-from validation import machine, measures, run  # noqa: E402
+from validation import machine, measures, motion, run  # noqa: E402
 from validation.figures import INK, OTHERS, OURS, STYLE, THIRD  # noqa: E402
 from validation.integrators import INTEGRATORS  # noqa: E402
 
@@ -69,7 +69,7 @@ def long_run(out, steps, names, meter, silence):
             result = run.once(_job(directory, folder, INTEGRATORS[name], angle / np.linalg.norm(SPIN), steps, silence), meter.at)
             meter.end(result.error)
             row = {"name": name, "label": INTEGRATORS[name].label, "step": kind, "angle": angle, "error": result.error}
-            errors = _errors(directory / "atoms.dump")
+            errors = _errors(directory)
             if len(errors["steps"]):
                 row["steps"] = int(errors["steps"][-1])
                 row |= {key: float(np.abs(errors[key]).max()) for key in QUANTITIES}
@@ -91,8 +91,7 @@ def _job(directory, folder, integrator, dt, steps, silence):
         commands=[
             "units lj", "atom_style molecular", "atom_modify map yes", "read_data data.body", "pair_style zero 2.0", "pair_coeff * *",
             "neighbor 1.0 bin", f"timestep {dt:.17g}", *integrator.commands(_Scene),
-            f"dump 1 all custom {max(1, steps // FRAMES)} {directory.resolve()}/atoms.dump id mass xu yu zu vx vy vz",
-            "dump_modify 1 sort id format float %.17g flush yes",
+            *(line.format(folder=directory.resolve()) for line in motion.dump(max(1, steps // FRAMES))),
             "thermo_style custom step", f"thermo {max(1, steps // 200)}", "thermo_modify flush yes",
         ],
     )  # fmt: skip
@@ -111,26 +110,15 @@ def _data():
     return "\n".join(lines)
 
 
-def _errors(dump):
-    """Relative errors of what is constant, from a dump: steps (frames,), and for each of QUANTITIES (frames,)."""
-    n = len(MASS)
-    steps, frames, lines = [], [], dump.read_text().splitlines() if dump.exists() else []
-    for begin in range(0, len(lines) - n - 8, n + 9):
-        steps.append(int(lines[begin + 1]))
-        frames.append([[float(word) for word in line.split()] for line in lines[begin + 9 : begin + 9 + n]])
-    if not frames:
+def _errors(folder):
+    """Relative errors of what is constant, from a run's dump: steps (frames,), and for each of QUANTITIES (frames,)."""
+    if not motion.has_frames(folder):
         return {"steps": np.empty(0), **{key: np.empty(0) for key in QUANTITIES}}
-    frames = np.array(frames)
-    mass, x, v = frames[0, :, 1], frames[:, :, 2:5], frames[:, :, 5:8]
-    r = x - (mass @ x / mass.sum())[:, None]
-    u = v - (mass @ v / mass.sum())[:, None]
-    energy = 0.5 * (mass * (v**2).sum(axis=2)).sum(axis=1)
-    momentum = mass @ v
-    angular = (mass[:, None] * np.cross(r, u)).sum(axis=1)
-    i, j = np.triu_indices(n, 1)
-    distance = np.linalg.norm(r[:, i] - r[:, j], axis=2)
+    steps, mass, x, v = motion.frames(folder)
+    energy, momentum, angular = motion.conserved(mass, x, v)
+    distance = motion.distances(x)
     return {
-        "steps": np.array(steps),
+        "steps": steps,
         "energy": energy / energy[0] - 1,
         "angular_momentum": np.linalg.norm(angular - angular[0], axis=1) / np.linalg.norm(angular[0]),
         "momentum": np.linalg.norm(momentum - momentum[0], axis=1) / np.linalg.norm(momentum[0]),

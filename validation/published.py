@@ -25,7 +25,7 @@ TEMPERATURE = 298.0  # K
 WITHIN = 0.10  # of the published numbers
 TITLES = {"spread": "Standard deviation of the energy, 903 TIP3P molecules at 298 K"}
 
-BATH, REST, BATH_DT = 2.0, 1.0, 2.0  # ps with a heat bath, ps after it, and the time step (fs) of both
+BATH, MEAN, REST, BATH_DT = 2.0, 6.0, 1.0, 2.0  # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
 SAMPLED = 12.0  # fs between samples of the energy
 FS_PER_PS = 1000.0
 
@@ -44,7 +44,7 @@ def steps(time, dt):
 
 def total(time):
     """Steps of all runs together; time in ps."""
-    return steps(BATH + REST, BATH_DT) + sum(steps(time, dt) for dt in PUBLISHED)
+    return steps(BATH + MEAN + REST, BATH_DT) + sum(steps(time, dt) for dt in PUBLISHED)
 
 
 def published(out, time, ranks, silence, meter):
@@ -60,7 +60,7 @@ def published(out, time, ranks, silence, meter):
     """
     water, ours, start = scene(), INTEGRATORS["nosquish"], out / "start"
     dump = (start / "state.dump").resolve()
-    bath, rest = steps(BATH, BATH_DT), steps(REST, BATH_DT)
+    rest = steps(REST, BATH_DT)
     data = SCENES["water"].folder / "data.water"
 
     def do(label, job):
@@ -71,8 +71,13 @@ def published(out, time, ranks, silence, meter):
 
     more = [
         f"fix bath {water.group} langevin {TEMPERATURE} {TEMPERATURE} 100.0 7123",
-        f"run {bath}",
+        f"run {steps(BATH, BATH_DT)}",
+        "variable energy equal etotal",
+        f"fix mean {water.group} ave/time 1 1 1 v_energy ave running",
+        f"run {steps(MEAN, BATH_DT)}",
         "unfix bath",
+        f"velocity {water.group} scale $(temp*(1.0+(f_mean-etotal)/ke))",  # to the mean energy, not the one that chance has left
+        "unfix mean",
         "reset_timestep 0",
         f'dump state all custom {rest} "{dump}" id x y z ix iy iz vx vy vz',
         "dump_modify state sort id format float %.17g",

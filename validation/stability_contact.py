@@ -5,7 +5,7 @@ Reduced units; most bodies are bent triatomics, which fix shake can hold too.
 
 import numpy as np
 
-from validation import measures
+from validation import measures, motion
 from validation import stability_bodies as bodies
 from validation.stability import Case, Number
 from validation.stability_molecules import ALLOWED, HEAVY, LONGEST, limit
@@ -122,8 +122,8 @@ def far_away(stand, steps):
     ends, pressures = [], []
     for name, corner in ("near", 0.0), ("far", FAR * BOX):
         scene = _liquid(stand, name, 4, BOX, seed=4, dt=DT, corner=np.full(3, corner))
-        result, folder = stand.run(scene, name, [steps], dt=scene.dt, every=1, more=bodies.dump(steps))
-        ends.append(bodies.frames(folder)[2][-1] - corner)
+        result, folder = stand.run(scene, name, [steps], dt=scene.dt, every=1, more=motion.dump(steps))
+        ends.append(motion.frames(folder)[2][-1] - corner)
         pressures.append(result.thermo["Press"])
     distance = np.linalg.norm(ends[1] - ends[0], axis=1).max()
     pressure = np.abs(pressures[1] / pressures[0] - 1).max()
@@ -135,8 +135,8 @@ def ranks(stand, steps):
     scene = _liquid(stand, "fast", 4, 0.8 * BOX, seed=8, dt=DT, more=("neigh_modify every 2 delay 0 check no", "velocity all set 40 -40 40 sum yes"))
     ends = {}
     for count in (1, *RANKS):
-        _, folder = stand.run(scene, f"{count}", [steps], dt=scene.dt, every=steps, ranks=count, more=bodies.dump(steps))
-        ends[count] = bodies.frames(folder)[2][-1]
+        _, folder = stand.run(scene, f"{count}", [steps], dt=scene.dt, every=steps, ranks=count, more=motion.dump(steps))
+        ends[count] = motion.frames(folder)[2][-1]
     apart = {count: np.linalg.norm(ends[count] - ends[1], axis=1).max() for count in RANKS}
     return Number(max(apart.values()), note=", ".join(f"{count} ranks: {value:.1e}" for count, value in apart.items()))
 
@@ -147,8 +147,8 @@ def beyond_skin(stand, steps):
     for flight in (0.0, *FLIGHTS):
         velocity = flight / DT * ALONG
         scene = bodies.drifting(_liquid(stand, "flight", 4, BOX, seed=8, dt=DT), velocity)
-        _, folder = stand.run(scene, f"{flight:g}", [steps], dt=DT, every=steps, ranks=2, more=bodies.dump(steps))
-        ends[flight] = bodies.frames(folder)[2][-1] - steps * DT * velocity
+        _, folder = stand.run(scene, f"{flight:g}", [steps], dt=DT, every=steps, ranks=2, more=motion.dump(steps))
+        ends[flight] = motion.frames(folder)[2][-1] - steps * DT * velocity
     apart = {flight: np.linalg.norm(ends[flight] - ends[0.0], axis=1).max() for flight in FLIGHTS}
     return Number(max(apart.values()), note=", ".join(f"{flight:g} σ a step: {value:.1e}" for flight, value in apart.items()))
 

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation import measures, paper_peptide
-from validation import stability_bodies as bodies
+from validation import measures, motion, paper_peptide
 from validation.scenes import SCENES
 from validation.stability import COMPARED, Case, Number
 
@@ -135,14 +134,14 @@ def water_cold(stand, time):
 
 def long_dimer(stand, steps):
     """Energy over 1 % of the kinetic energy, momenta over 1e-9, distances over 1e-7."""
-    result, folder = stand.run(SCENES["dimer"], "run", [steps], dt=PAPER_DIMER, every=max(1, steps // 2000), more=bodies.dump(steps // 20))
-    _, mass, x, v = bodies.frames(folder)
+    result, folder = stand.run(SCENES["dimer"], "run", [steps], dt=PAPER_DIMER, every=max(1, steps // 2000), more=motion.dump(steps // 20))
+    _, mass, x, v = motion.frames(folder)
     tenth = len(result.thermo["TotEng"]) // 10
     energy = abs(result.thermo["TotEng"][-tenth:].mean() - result.thermo["TotEng"][:tenth].mean()) / result.thermo["KinEng"].mean()
-    _, momentum, angular = bodies.conserved(mass, x, v)
+    _, momentum, angular = motion.conserved(mass, x, v)
     sizes = np.linalg.norm(mass[:, None] * v[0], axis=1).sum(), np.linalg.norm(mass[:, None] * np.cross(x[0], v[0]), axis=1).sum()
     lost = [np.linalg.norm(a - a[0], axis=1).max() / size for a, size in zip((momentum, angular), sizes)]
-    shape = max(np.abs(d / d[0] - 1).max() for d in (bodies.distances(x[:, :3]), bodies.distances(x[:, 3:])))
+    shape = max(np.abs(d / d[0] - 1).max() for d in (motion.distances(x[:, :3]), motion.distances(x[:, 3:])))
     found = {"energy": (energy, 1e-2), "momentum": (lost[0], 1e-9), "angular momentum": (lost[1], 1e-9), "|q|, by the distances": (shape, 1e-7)}
     note = ", ".join(f"{key} {value:.1e}" for key, (value, _) in found.items())
     return Number(max(value / bound for value, bound in found.values()), note=note)

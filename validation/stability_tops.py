@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 
+from validation import motion
 from validation import stability_bodies as bodies
 from validation.stability import Case, Number
 from validation.theory_top import free_top
@@ -42,7 +43,7 @@ def _row_of(stand, name, shapes, spins, **more):
 
 def _each(folder, size):
     """Mass, positions and velocities of each body of so many atoms, in turn."""
-    _, mass, x, v = bodies.frames(folder)
+    _, mass, x, v = motion.frames(folder)
     for k in range(0, len(mass), size):
         yield mass[k : k + size], x[:, k : k + size], v[:, k : k + size]
 
@@ -50,10 +51,10 @@ def _each(folder, size):
 def _energy(stand, shapes, labels, steps):
     """The largest relative change of a body's kinetic energy, and which body's."""
     scene = _row_of(stand, "tops", shapes, [TURN * SPIN] * len(shapes))
-    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=0, more=bodies.dump(steps // 200))
+    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=0, more=motion.dump(steps // 200))
     changes = []
     for mass, x, v in _each(folder, len(shapes[0][1])):
-        energy = bodies.conserved(mass, x, v)[0]
+        energy = motion.conserved(mass, x, v)[0]
         changes.append(np.abs(energy / energy[0] - 1).max())
     worst = int(np.argmax(changes))
     return Number(changes[worst], note=f"worst: {labels[worst]}")
@@ -75,7 +76,7 @@ def degenerate(stand, steps):
     for name, split in ("equal", 0.0), ("split", SPLIT):
         shapes = [bodies.three_rods(np.array(moment, float) + split * np.array([1, -0.5, 0.3])) for moment in SPLITS.values()]
         scene = _row_of(stand, name, shapes, [TURN * SPIN] * len(shapes))
-        _, folder = stand.run(scene, name, [steps], dt=1.0, every=0, more=bodies.dump(steps))
+        _, folder = stand.run(scene, name, [steps], dt=1.0, every=0, more=motion.dump(steps))
         ends.append([x[-1] for _, x, _ in _each(folder, 6)])
     apart = [np.linalg.norm(one - other, axis=1).max() for one, other in zip(*ends)]
     worst = int(np.argmax(apart))
@@ -85,10 +86,10 @@ def degenerate(stand, steps):
 def turn_per_step(stand, steps):
     """Error of the energy in parts of (|ω|Δt)², for steps of 1e-8 to 10 rad."""
     scene = _row_of(stand, "tops", [(bodies.BENT, bodies.MASSES)] * len(STEPS), [step * _in_frame(SPIN) for step in STEPS], bonded=True)
-    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=0, more=bodies.dump(steps // 200))
+    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=0, more=motion.dump(steps // 200))
     found = []
     for turn, (mass, x, v) in zip(STEPS, _each(folder, 3)):
-        energy = bodies.conserved(mass, x, v)[0]
+        energy = motion.conserved(mass, x, v)[0]
         found.append(np.abs(energy / energy[0] - 1).max() / (turn**2 + 1e-10))
     worst = int(np.argmax(found))
     return Number(found[worst], note=f"worst: |ω|Δt = {STEPS[worst]:.2g}")
@@ -105,9 +106,9 @@ def middle_axis(stand, turns):
     spin = MIDDLE * np.array([TILT, 1.0, TILT])
     steps, window, every = round(turns * 2 * np.pi / MIDDLE), round(200 * 2 * np.pi / MIDDLE), 5
     scene = _row_of(stand, "top", [(bodies.BENT, bodies.MASSES)], [axes @ spin], bonded=True)
-    more = [f"run {steps - window}", *bodies.dump(every)]
+    more = [f"run {steps - window}", *motion.dump(every)]
     _, folder = stand.run(scene, "run", [window], dt=1.0, every=max(1, steps // 200), more=more)
-    at, mass, x, v = bodies.frames(folder)
+    at, mass, x, v = motion.frames(folder)
     r, u = (a - np.einsum("i,fij->fj", mass, a)[:, None] / mass.sum() for a in (x, v))
     L = np.einsum("i,fij->fj", mass, np.cross(r, u))
     shape = bodies.BENT - mass @ bodies.BENT / mass.sum()
@@ -141,12 +142,12 @@ def long_tops(stand, steps):
     spins *= TURN / np.linalg.norm(spins, axis=1)[:, None]
     scene = _row_of(stand, "tops", [(bodies.BENT, bodies.MASSES)] * len(spins), spins, bonded=True)
     scene = bodies.drifting(scene, np.array([0.013, -0.021, 0.017]) * TURN)
-    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=max(1, steps // 200), more=bodies.dump(steps // 20))
+    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=max(1, steps // 200), more=motion.dump(steps // 20))
     worst = {"energy": 0.0, "momentum": 0.0, "angular momentum": 0.0, "|q|, by the distances": 0.0}
     for mass, x, v in _each(folder, 3):
-        energy, momentum, angular = bodies.conserved(mass, x, v)
-        shape = bodies.distances(x)
-        changes = np.abs(energy / energy[0] - 1).max(), bodies.relative(momentum), bodies.relative(angular), np.abs(shape / shape[0] - 1).max()
+        energy, momentum, angular = motion.conserved(mass, x, v)
+        shape = motion.distances(x)
+        changes = np.abs(energy / energy[0] - 1).max(), motion.relative(momentum), motion.relative(angular), np.abs(shape / shape[0] - 1).max()
         worst = {key: max(value, change) for (key, value), change in zip(worst.items(), changes)}
     of = {key: value / (1e-3 if key == "energy" else 1e-10) for key, value in worst.items()}
     return Number(max(of.values()), note=", ".join(f"{key} {value:.1e}" for key, value in worst.items()))
