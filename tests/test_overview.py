@@ -22,6 +22,7 @@ from PIL import Image  # noqa: E402
 
 from validation import __main__ as command  # noqa: E402
 from validation import overview, overview_report  # noqa: E402
+from validation.scenes import SCENES  # noqa: E402
 
 COMMITTED = ROOT / "validation" / "results"
 WHERE = {
@@ -203,11 +204,15 @@ def test_numbers_of_the_committed_results(tmp_path):
     headlines = found["bench"].said.headlines
     assert len(ours) >= 6 and len(headlines) >= len(ours)
     for row, line in zip(ours, headlines):
-        assert line.startswith(f"{row['scene']}, {int(row['bodies']):,} bodies, {row['ranks']} rank")
+        bodies = int(row["bodies"])
+        assert line.startswith(f"{row['scene']}, {bodies:,} {'body' if bodies == 1 else 'bodies'}, {row['ranks']} rank")
         told = float(re.search(r"the fix takes ([\d.]+) ", line)[1])
         assert told == pytest.approx(float(row["Modify median (µs/step)"]), rel=5e-3)
         rivals = [one for one in table if all(one[key] == row[key] for key in ("scene", "bodies", "ranks"))]
         for name in "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve":
+            if name.startswith("shake") and SCENES[row["scene"]].constraints is None:  # it cannot hold these bodies
+                assert name not in line
+                continue
             (ratio,) = (float(one["ours / it median (Modify)"]) for one in rivals if one["integrator"] == name)
             assert float(re.search(rf"([\d.]+) times {re.escape(name)}[,;.]", line)[1]) == pytest.approx(ratio, abs=6e-3)
         loops = [float(one["ours / it median (loop)"]) for one in rivals if one["integrator"].startswith("rigid") and one["ours / it median (loop)"]]
