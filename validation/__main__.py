@@ -59,8 +59,7 @@ def _add_compare(verbs):
                         help="timed segments of each integrator (default %(default)s)")
     parser.add_argument("--segment", type=_whole, default=200, metavar="N",
                         help="steps of a timed segment (default %(default)s)")
-    parser.add_argument("--silence", type=_positive, default=120.0, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    _add_silence(parser, 120.0)
     parser.add_argument("--out", type=Path, metavar="DIR",
                         help="output folder (default results/compare-SCENE)")
     parser.set_defaults(function=_compare)
@@ -99,8 +98,7 @@ def _add_long(verbs):
     parser.add_argument("--steps", type=_whole, default=10_000_000, metavar="N", help="of each run (default %(default)s)")
     parser.add_argument("--only", nargs="+", choices=("nosquish", "rigid/nve", "rigid"), metavar="NAME",
                         default=["nosquish", "rigid/nve", "rigid"], help="integrators, of: %(choices)s")
-    parser.add_argument("--silence", type=_positive, default=120.0, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    _add_silence(parser, 120.0)
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/long-run"), help="output folder (default %(default)s)")
     parser.set_defaults(function=_long)
 
@@ -137,8 +135,7 @@ def _add_bench(verbs):
     parser.add_argument("--seconds", type=_positive, metavar="S", help="length of a timed segment (default 1; --short: 0.2)")
     parser.add_argument("--short", action="store_true", help="some minutes in all, for a first look")
     parser.add_argument("--again", action="store_true", help="measure anew what is there already")
-    parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    _add_silence(parser, 300.0)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/bench; --short: results/bench-short)")
     parser.set_defaults(function=_bench, parser=parser)
 
@@ -213,8 +210,7 @@ def _add_theory(verbs):
     )
     parser.add_argument("parts", nargs="*", metavar="PART",
                         help="what to measure, of: reversal (in LAMMPS), symplectic, conserved, mrot, recursion (default: all)")
-    parser.add_argument("--silence", type=_positive, default=120.0, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    _add_silence(parser, 120.0)
     parser.add_argument("--out", type=Path, default=Path("results/theory"), metavar="DIR", help="output folder (default %(default)s)")
     parser.set_defaults(function=_theory, parser=parser)
 
@@ -253,8 +249,7 @@ def _add_paper(verbs):
     length.add_argument("--full", action="store_true", help="the paper's lengths, but half of its 6,000 ps of liquid: a night")
     parser.add_argument("--liquid", type=_positive, metavar="PS", help="length of the liquid's trajectories")
     parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of what is larger than the dimer (default %(default)s)")
-    parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    _add_silence(parser, 300.0)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/paper; --short: results/paper-short)")
     parser.set_defaults(function=_paper, parser=parser)
 
@@ -295,8 +290,7 @@ def _add_published(verbs):
     )
     parser.add_argument("--time", type=_positive, default=12.0, metavar="PS", help="length of each trajectory (default %(default)g)")
     parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of each run (default %(default)s)")
-    parser.add_argument("--silence", type=_positive, default=120.0, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    _add_silence(parser, 120.0)
     parser.add_argument("--out", type=Path, default=Path("results/published"), metavar="DIR", help="output folder (default %(default)s)")
     parser.set_defaults(function=_published)
 
@@ -451,8 +445,7 @@ def _add_stability(verbs):
     length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
     length.add_argument("--full", action="store_true", help="some hours")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="integrators, as the table of --list names them (default: all that a case is run with)")
-    parser.add_argument("--silence", type=_positive, default=300.0, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    _add_silence(parser, 300.0)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/stability; --short: results/stability-short)")
     parser.set_defaults(function=_stability, parser=parser)
 
@@ -479,6 +472,11 @@ def _stability(arguments):
     if summary["interrupted"]:
         return 130
     return int(not summary["summary"][0]["holds"])
+
+
+def _add_silence(parser, default):
+    parser.add_argument("--silence", type=_positive, default=default, metavar="S",
+                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
 
 
 def _wholes(words):

@@ -1,14 +1,13 @@
 """From a benchmark's summary to files: summary.json, table.csv, passes.csv, goals.csv, report.html; and to the terminal."""
 
 import csv
-import json
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from validation import bandwidth, report
 from validation.goals import ranks_of
-from validation.report import Column
+from validation.report import Column, save
 
 COLUMNS = (
     Column(
@@ -101,7 +100,7 @@ def write(summary, figures, out):
         summary: plain data (see ``bench.bench``).
         figures: list of (PNG path, caption).
     """
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    save(summary, out)
     _write_csv(
         out / "table.csv", ("scene", "bodies", "ranks", "integrator"), (*COLUMNS, *MESSAGE_COLUMNS),
         (((point["scene"], point["bodies"], point["ranks"], row["label"]), row) for point in summary["points"] for row in point["integrators"]),

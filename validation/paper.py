@@ -13,7 +13,7 @@ from validation import machine, paper_peptide, run
 from validation.compare import FS_PER_PS
 from validation.integrators import INTEGRATORS, PAPER
 from validation.scenes import SCENES
-from validation.starts import from_dump
+from validation.starts import from_dump, to_dump
 
 # What the paper says, in its words; no number is read off its figures.
 STATEMENTS = {
@@ -121,8 +121,7 @@ class Trajectory:
             state = folder.resolve() / "state.dump"
             reach = self.state or max(1, steps)
             more = [
-                f'dump state all custom {reach} "{state}" id x y z ix iy iz vx vy vz',
-                "dump_modify state sort id format float %.17g",
+                *to_dump(state, reach),
                 *(line.format(folder=folder.resolve()) for line in self.more),
             ]
             origin = machine.origin(self.scene, self.integrator, *files)

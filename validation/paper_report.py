@@ -1,7 +1,6 @@
 """From ``paper``'s numbers to files and the terminal: summary.json, table.csv, claims.csv, series.csv, figures, report.html."""
 
 import csv
-import json
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -11,7 +10,7 @@ from validation.check import number
 from validation.paper import AVERAGE_MEASURE, LIQUID
 from validation.paper_claims import TITLES
 from validation.paper_figures import SHOWN, draw, thin
-from validation.report import page
+from validation.report import page, save
 
 COLUMNS = (  # key, heading, unit
     ("temperature", "temperature", "K"), ("sd", "sd of energy", "kcal/mol"), ("measure", "average measure", ""), ("drift", "drift", "kcal/mol/ps"),
@@ -26,7 +25,7 @@ def write(summary, found, out):
         summary: circumstances, ``lengths`` and all that ``paper_claims.judge`` gives, as plain data.
         found: name to ``paper.Series``.
     """
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    save(summary, out)
     with open(out / "table.csv", "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(

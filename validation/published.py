@@ -4,7 +4,6 @@ A. J. Silveira and C. R. A. Abreu, J. Chem. Phys. 150, 114110 (2019), integrated
 and forces that end smoothly; `inputs/water_smooth` has their potential, but for the form of its end.
 """
 
-import json
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
@@ -12,11 +11,12 @@ import numpy as np
 
 from validation import check, machine, measures, run
 from validation.check import Check
+from validation.compare import FS_PER_PS
 from validation.figures import INK, OTHERS, OURS, draw_each
 from validation.integrators import INTEGRATORS
-from validation.report import page
+from validation.report import page, save
 from validation.scenes import INPUTS, SCENES
-from validation.starts import from_dump
+from validation.starts import from_dump, to_dump
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 PUBLISHED = {1.0: 0.060, 2.0: 0.221, 3.0: 0.487, 4.0: 0.887}  # fs: standard deviation of the energy, kcal/mol
@@ -27,7 +27,6 @@ TITLES = {"spread": "Standard deviation of the energy, 903 TIP3P molecules at 29
 
 BATH, MEAN, REST, BATH_DT = 2.0, 6.0, 1.0, 2.0  # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
 SAMPLED = 12.0  # fs between samples of the energy
-FS_PER_PS = 1000.0
 
 
 def scene():
@@ -79,8 +78,7 @@ def published(out, time, ranks, silence, meter):
         f"velocity {water.group} scale $(temp*(1.0+(f_mean-etotal)/ke))",  # to the mean energy, not the one that chance has left
         "unfix mean",
         "reset_timestep 0",
-        f'dump state all custom {rest} "{dump}" id x y z ix iy iz vx vy vz',
-        "dump_modify state sort id format float %.17g",
+        *to_dump(dump, rest),
     ]
     first = do("start", run.job(water, ours, start, [rest], dt=BATH_DT, every=100, ranks=ranks, silence=silence, positions=False, more=more,
                                 origin=machine.origin(water, ours, data)))  # fmt: skip
@@ -143,7 +141,7 @@ def write(summary, made, out):
         summary: plain data: ``checks``, ``interrupted`` and the circumstances.
         made: the checks themselves.
     """
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    save(summary, out)
     check.write(summary["checks"], out / "table.csv")
     page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE,
          measured=check.measured, bound=check.bound, certain=check.CERTAIN)  # fmt: skip

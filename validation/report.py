@@ -109,6 +109,14 @@ def busy(summary):
     )
 
 
+def save(summary, out):
+    """Write plain data to summary.json in the folder ``out``, whole or not at all."""
+    path = out / "summary.json"
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    part.replace(path)
+
+
 def write(summary, series, figures, out):
     """Write all files of a comparison into the folder ``out``.
 
@@ -117,7 +125,7 @@ def write(summary, series, figures, out):
         series: integrator name to thermo table.
         figures: list of (PNG path, caption).
     """
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    save(summary, out)
     _write_table(summary, out / "table.csv")
     _write_series(series, out / "series.csv")
     _write_page(summary, figures, out / "report.html")

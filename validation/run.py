@@ -96,8 +96,7 @@ def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0
         f"timestep {dt}",
         *(scene.others if integrator.kind != "free" else []),
         *integrator.commands(scene),
-        THERMO,
-        'thermo_modify norm no flush yes format float "%.15g"',
+        *thermo(),
         f"thermo {every}",
         *more,
     ]
@@ -113,6 +112,11 @@ def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0
         origin=origin,
         motion=motion,
     )
+
+
+def thermo(*more):
+    """LAMMPS commands for the columns of the output that measures ask for, and these."""
+    return [" ".join((THERMO, *more)), 'thermo_modify norm no flush yes format float "%.15g"']
 
 
 def folder_name(name):

@@ -1,14 +1,13 @@
 """From the counts and the model of `scaling` to files: summary.json, counts.csv, model.csv, a figure, report.html."""
 
 import csv
-import json
 
 import matplotlib.pyplot as plt
 from rich.table import Table
 
 from validation.bench_figures import MARKS
 from validation.figures import draw_each
-from validation.report import page
+from validation.report import page, save
 
 COUNTS = ("decomposition", "integrator", "ranks", "bodies", "messages", "bytes", "collectives", "collective_bytes")
 MODEL = ("link", "decomposition", "integrator", "ranks", "bodies", "seconds")
@@ -21,7 +20,7 @@ def write(summary, out):
         summary: with ``counts`` (rows of `scaling.scaling`), ``model`` (rows of `scaling.model`, with the link's name) and
             ``links``, as plain data.
     """
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    save(summary, out)
     for name, columns in ("counts", COUNTS), ("model", MODEL):
         with open(out / f"{name}.csv", "w", newline="") as file:
             writer = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")

@@ -16,27 +16,18 @@ import numpy as np
 
 from validation import machine, run
 from validation.check import Check
-from validation.integrators import INTEGRATORS, PAPER, constrained
+from validation.integrators import INTEGRATORS, SWEPT
+from validation.report import save
 
 BROKEN = "blow-up", "cannot run"
 SURVIVED = "pass", "fail", "cannot tell"
 _WORDS = {True: "pass", False: "fail", None: "cannot tell"}
-ITERATIONS = 200  # at most, of shake and rattle
-
-
-def _tolerances(*pairs):
-    """shake and rattle at tolerances, each by a name of its own."""
-    found = (constrained(style, tolerance, ITERATIONS) for style, tolerance in pairs)
-    return {one.label.removesuffix(" + nve"): one for one in found}
-
 
 # in the order of the table's columns
 COMPARED = {
     "nosquish": INTEGRATORS["nosquish"],
-    "matubayasi-nakahara": PAPER["matubayasi-nakahara"],
-    "gear": PAPER["gear"],
-    **{name: INTEGRATORS[name] for name in ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")},
-    **_tolerances(("shake", "1e-4"), ("shake", "1e-6"), ("shake", "1e-8"), ("rattle", "1e-4"), ("rattle", "1e-8")),
+    **{name: SWEPT[name] for name in ("matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid", "rigid/small")},
+    **{name: SWEPT[name.replace(" ", "-")] for name in ("shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8")},
 }
 # without those that are much like another
 FEW = tuple(name for name in COMPARED if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
@@ -267,10 +258,7 @@ def _save(summary, cases, rows, out):
         for case in cases.values() if any((case.name, name) in rows for name in COMPARED)
     ]  # fmt: skip
     summary["summary"] = told(summary["cases"])
-    path = out / "summary.json"
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
-    part.replace(path)
+    save(summary, out)
 
 
 def told(cases):

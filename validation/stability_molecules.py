@@ -4,21 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation import measures, motion, paper_peptide
+from validation import measures, motion, paper_peptide, starts
+from validation.compare import FS_PER_PS
 from validation.scenes import SCENES
 from validation.stability import COMPARED, Case, Number
 
 ALLOWED, OF_MANY = 0.1, 0.02  # of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
 LONGEST = "longest Δt at which the energy changes by less than {:.0%} of the kinetic energy"
 SAMPLES = 50  # of the energy in a run at one time step
-FS_PER_PS = 1000.0
 PAPER_DIMER = 0.3  # fs, of the paper's figure 2a, for hydrogens of 0.1 amu
 FINE = 1.1  # ratio of one time step to the next
 RANKS = 2
-ATOMS = "id x y z ix iy iz vx vy vz"
 HEAVY = "nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4"  # integrators of the costly cases' short form
-DUMP = 'write_dump all custom "{{folder}}/{name}" ' + ATOMS + " modify sort id format float %.17g"
-LOAD = 'read_dump "{file}" {step} ' + ATOMS.removeprefix("id ") + " box no replace yes format native"
 
 
 def limit(stand, scene, steps_of_time, time, allowed=ALLOWED, **how):
@@ -35,12 +32,13 @@ def limit(stand, scene, steps_of_time, time, allowed=ALLOWED, **how):
     dts = np.asarray(steps_of_time)
     counts = np.maximum(SAMPLES, np.round(time / dts).astype(int) // SAMPLES * SAMPLES)
     apart = 2 * int(counts.max())  # between the runs' numbers of steps
-    lines = [DUMP.format(name="start"), "run 0", "variable first equal $(etotal)", "variable most equal $(ke)",
+    lines = [f'write_dump all custom "{{folder}}/start" id {starts.STATE} modify {starts.EXACT}', "run 0",
+             "variable first equal $(etotal)", "variable most equal $(ke)",
              "variable far equal 1-(abs(etotal-v_first)<v_most)"]  # fmt: skip
     for k, (dt, steps) in enumerate(zip(dts, counts), 1):
         every = steps // SAMPLES
         lines += [
-            LOAD.format(file="{folder}/start", step=0), f"reset_timestep {-(-k * apart // every) * every}", f"timestep {dt:.6g}",
+            starts.read("{folder}/start", 0), f"reset_timestep {-(-k * apart // every) * every}", f"timestep {dt:.6g}",
             f"thermo {every}", f"fix far all halt {every} v_far > 0.5 error hard", f"run {steps}", "unfix far",
         ]  # fmt: skip
     result, _ = stand.attempt(scene, "limit", [0], more=lines, dt=dts[0], every=1, **how)
@@ -107,12 +105,11 @@ def _warmed(stand, temperature, time, dt, damping):
     """Water after some Langevin dynamics with fix_nosquish.NVE, the same for all integrators: the scene with these atoms, and their file."""
     scene = coarse(SCENES["water"])
     steps = round(time / dt)
-    more = [f"fix heat all langevin {temperature} {temperature} {damping} 4928"]
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
-    more += [f'dump state all custom {steps} "{state}" {ATOMS}', "dump_modify state sort id format float %.17g"]
+    more = [f"fix heat all langevin {temperature} {temperature} {damping} 4928", *starts.to_dump(state, steps)]
     outer.run(scene, "start", [steps], integrator=COMPARED["nosquish"], dt=dt, every=100, ranks=RANKS, more=more)
-    return replace(scene, setup=(*scene.setup, LOAD.format(file=state, step=steps))), state
+    return starts.from_dump(scene, state, steps), state
 
 
 def _change(stand, temperature, time, dt, warm):

@@ -9,6 +9,8 @@ from dataclasses import replace
 from validation import run
 from validation.machine import contents
 
+STATE = "x y z ix iy iz vx vy vz"  # of an atom, all that a run goes on from
+EXACT = "sort id format float %.17g"  # of a dump: to the last bit
 
 def of_size(scene, bodies, folder):
     """The scene with so many bodies; its data file is built if there is none yet.
@@ -35,6 +37,16 @@ def of_size(scene, bodies, folder):
     return scene.of_size(bodies, data)
 
 
+def to_dump(dump, every):
+    """LAMMPS commands that dump all atoms every so many steps, for `from_dump`."""
+    return [f'dump state all custom {every} "{dump}" id {STATE}', f"dump_modify state {EXACT}"]
+
+
+def read(dump, step):
+    """The LAMMPS command that gives the atoms of a scene what a dump of them all has."""
+    return f'read_dump "{dump}" {step} {STATE} box no replace yes format native'
+
+
 def from_dump(scene, dump, step):
     """The scene with positions, images and velocities from a dump of all atoms."""
-    return replace(scene, setup=(*scene.setup, f'read_dump "{dump}" {step} x y z ix iy iz vx vy vz box no replace yes format native'))
+    return replace(scene, setup=(*scene.setup, read(dump, step)))

@@ -16,7 +16,7 @@ from pathlib import Path
 from validation import machine, measures, paper, run, starts, sweep_errors
 from validation.integrators import SWEPT
 from validation.sweep_errors import MEASURES
-from validation.sweep_plan import BUDGET, FINER, OURS, SCENES, SHORT_BUDGET, SHORT_SCENES, SWEEPS, Lengths, Point, lengths, parts, points
+from validation.sweep_plan import BUDGET, FINER, OURS, SCENES, SHORT_BUDGET, SHORT_SCENES, SWEEPS, Lengths, Point, lengths, parts, points, total
 
 __all__ = [
     "BUDGET", "MEASURES", "SCENES", "SHORT_BUDGET", "SHORT_SCENES", "SWEEPS", "Lengths", "Point", "lengths", "points", "sweep", "total",
@@ -29,12 +29,7 @@ KINETIC = (
     "variable translation equal sum(c_kinetic[1])",
     "variable rotation equal sum(c_kinetic[2])",
 )
-THERMO = "thermo_style custom step time temp press pe ke etotal v_translation v_rotation"
-
-
-def total(points, lengths):
-    """How many runs there are."""
-    return sum(lengths[point.scene].starts for point in points) + sum(2 * lengths[name].starts for name in {point.scene for point in points})
+COLUMNS = "v_translation", "v_rotation"
 
 
 def sweep(points, lengths, out, meter, ranks=1, silence=300.0, short=False):
@@ -120,7 +115,7 @@ class _Scene:
     def _run(self, point, start, dump, reference):
         one = parts(self.swept, point.dt, self.lengths.time)
         more = [
-            *(line.format(bodies=self.scene.bodies) for line in KINETIC), THERMO, 'thermo_modify norm no flush yes format float "%.15g"',
+            *(line.format(bodies=self.scene.bodies) for line in KINETIC), *run.thermo(*COLUMNS),
             f"variable sample equal {one.samples}", "thermo v_sample",
         ]  # fmt: skip
         job = self._job(point, dump, one.runs, f"{run.folder_name(point.integrator.name)}/{point.dt:g}-fs/{start}", more)

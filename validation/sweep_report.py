@@ -9,7 +9,7 @@ from rich.table import Table
 
 from validation import machine
 from validation.check import CERTAIN, number
-from validation.report import page
+from validation.report import page, save
 from validation.sweep_choice import fastest, front
 from validation.sweep_figures import MAIN, draw
 
@@ -23,7 +23,7 @@ def write(summary, out):
     Args:
         summary: plain data (see `gathered`).
     """
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    save(summary, out)
     _write_points(summary, out / "points.csv")
     ways = {name: fastest(scene["points"], scene["measures"]) for name, scene in summary["scenes"].items()}
     _write_ways(summary, ways, out / "fastest.csv")

@@ -1,13 +1,12 @@
 """From the checks of `theory` to files and the terminal: summary.json, table.csv, figures, report.html."""
 
-import json
 
 import matplotlib.pyplot as plt
 import numpy as np
 
 from validation import check
 from validation.figures import INK, OTHERS, OURS, PALE, THIRD, draw_each
-from validation.report import page
+from validation.report import page, save
 
 TITLES = {
     "reversal": "Forward and back",
@@ -25,7 +24,7 @@ def write(summary, out):
     Args:
         summary: plain data: ``checks``, ``data`` (what the figures show, by part), ``interrupted`` and the circumstances.
     """
-    (out / "summary.json").write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    save(summary, out)
     check.write(summary["checks"], out / "table.csv")
     figures = draw_each((reversal, symplectic, conserved, mrot, recursion), out, summary["data"])
     page("theory.html", out / "report.html", figures, summary=summary, titles=TITLES,
