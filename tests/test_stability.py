@@ -26,7 +26,7 @@ from validation.stability_cases import CASES  # noqa: E402
 
 
 def case(measure, name="test", **more):
-    usual = {"physics": "None.", "criterion": "a number", "unit": "", "why": "none", "short": 1, "full": 2, "high": 1.0}
+    usual = {"physics": "None.", "criterion": "a number", "unit": "", "why": "none", "bars": "none", "short": 1, "full": 2, "high": 1.0}
     return Case(name=name, measure=measure, **usual | more)
 
 
@@ -125,6 +125,37 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
 
 
+@pytest.mark.parametrize("error, told", [(0.0, ""), (0.125, "0.125")])
+def test_error_bars_are_told(tmp_path, error, told):
+    """Locks out a number without an error bar that does not say why, or has one of zero."""
+    cases = {"test": case(lambda stand, length: Number(0.5, error), bars="so and so")}
+    summary = stability.stability(cases, ["test"], tmp_path, False, 60.0, Silent(), ["nosquish"])
+    stability_report.write(summary, tmp_path)
+    with open(tmp_path / "table.csv") as file:
+        (line,) = csv.DictReader(file)
+    assert line["error"] == told and line["error is"] == "so and so"
+    assert "±: so and so." in (tmp_path / "report.html").read_text()
+
+
+def test_cases_side_by_side(tmp_path):
+    """Locks out rows that another process has saved meanwhile and that this one's summary loses, and a command that makes only a part of them."""
+
+    def run_them(name):
+        return stability.stability(cases, [name], tmp_path, False, 60.0, Silent(), ["nosquish"])
+
+    def measure(stand, length):
+        if stand.case.name == "one":
+            run_them("two")
+        return Number(0.5)
+
+    cases = {name: case(measure, name) for name in ("one", "two", "three")}
+    summary = run_them("one")
+    assert [found["name"] for found in summary["cases"]] == ["one", "two"]
+    assert json.loads((tmp_path / "summary.json").read_text())["cases"] == summary["cases"]
+    assert summary["command"] == "python -m validation stability one two --short"
+    assert run_them("three")["command"] == "python -m validation stability --short"
+
+
 @pytest.mark.parametrize("moment", [(1, 1, 1), (1, 1, 1e-12), (1, 1, 2), (1 + 1e-6, 1 + 1e-6, 2), (0.7, 0.9, 1.3)])
 def test_bodies_have_the_moments_that_they_are_named_after(moment):
     """Locks out needles and disks of other moments."""
@@ -165,12 +196,37 @@ def test_cases_tell_integrators_apart(tmp_path, name, length, passes, does_not):
     assert found["verdict"] in ("fail", "blow-up"), found
 
 
+def test_ranks_tell_integrators_apart(tmp_path):
+    """Locks out a liquid in which nothing is added up over ranks, so that they agree to the last bit whatever is run."""
+    found = row(CASES["ranks"], "rigid/nve", tmp_path, 10)
+    assert found["verdict"] == "pass" and found["value"] > 0.0, found
+    found = row(CASES["ranks"], "rattle 1e-4", tmp_path, 10)
+    assert found["verdict"] == "fail" and found["value"] > 1e6 * CASES["ranks"].high, found
+
+
 def test_limit_of_springs(tmp_path):
     """Locks out a limit in other units, or one that is the first or last step tried: velocity Verlet of an oscillator breaks at ω Δt = 2, Gear's
     scheme far below; and the energy's swing below the limit, which grows but is no drift, is not taken for a break."""
     found = row(CASES["springs"], "nosquish", tmp_path, 30)
     assert 1.6 < found["value"] < 2.0, found
     assert row(CASES["springs"], "gear", tmp_path, 30)["value"] < 0.6
+
+
+@pytest.mark.parametrize("good", range(30))
+def test_limit_by_halving(monkeypatch, good):
+    """Locks out a bisection that ends elsewhere than trying all steps does, or tries more than need be."""
+    tried, steps = [], np.arange(5.0, 12.1, 0.25)
+
+    def stable(stand, scene, label, dts, time, allowed, **how):
+        tried.extend(dts)
+        return [bool(dt < 4.9 + 0.25 * good) for dt in dts], "broke"
+
+    monkeypatch.setattr(stability_molecules, "_stable", stable)
+    found = stability_molecules.halved(None, None, steps, 1.0, 0.02)
+    assert len(tried) <= 5
+    every = stability_molecules.limit(None, None, steps, 1.0, 0.02)
+    assert (found.value, found.error) == (every.value, every.error)
+    assert good in (0, 29) or found.value == 4.875 + 0.25 * good and found.error == 0.0625
 
 
 def test_limit_of_a_run_that_breaks_at_once(tmp_path):
@@ -220,7 +276,8 @@ def test_command(tmp_path, monkeypatch, capsys):
         table = list(csv.DictReader(file))
     assert [(line["case"], line["integrator"]) for line in table] == [(a, b) for a in ("needles", "disks") for b in ("shake 1e-8", "rattle 1e-8")]
     page = (tmp_path / "report.html").read_text()
-    assert all(word in page for word in ("needles", "cannot run", "data:image/png;base64", CASES["disks"].criterion))
+    assert all(word in page for word in ("needles", "cannot run", "data:image/png;base64", CASES["disks"].criterion, f"±: {CASES['disks'].bars}."))
+    assert [line["error is"] for line in table] == 2 * [CASES["needles"].bars] + 2 * [CASES["disks"].bars]
     assert 'src="http' not in page and 'href="http' not in page
     shown = capsys.readouterr().out
     assert "Ours has no blow-up that any LAMMPS fix survives: yes" in shown
@@ -231,10 +288,10 @@ def test_command(tmp_path, monkeypatch, capsys):
 
 
 def test_list_names_all_cases(capsys):
-    """Locks out a case without its physics, number, bound and reason."""
+    """Locks out a case without its physics, number, bound, reason, and what its error bar is or why it has none."""
     stability_report.list_cases(console.console(), CASES)
     shown = capsys.readouterr().out
     for found in CASES.values():
         assert found.name in shown
-        assert found.physics and found.criterion and found.why
+        assert found.physics and found.criterion and found.why and found.bars
         assert (found.low is None) != (found.high is None)

@@ -7,13 +7,18 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
 from validation import goals, paper_claims, published, report, sweep_choice, sweep_figures, sweep_report, theory_report
 from validation.bench_report import spread
 from validation.bench_report import title as point_title
 from validation.check import bound, measured, number
+from validation.compare import FS_PER_PS
+from validation.integrators import INTEGRATORS
 from validation.longrun import QUANTITIES
 from validation.paper import STATEMENTS
 from validation.scenes import SCENES
+from validation.sweep_plan import SWEEPS
 
 OURS = "nosquish"
 FEW = 3  # points that are named
@@ -66,6 +71,7 @@ class Said:
         tables: list of `Table`.
         figures: list of `Figure`.
         commands: what makes these results; None takes the summary's own.
+        extent: how long the runs were, in words.
     """
 
     headlines: list
@@ -74,6 +80,7 @@ class Said:
     figures: list = field(default_factory=list)
     best: Table | None = None
     commands: list | None = None
+    extent: str = ""
 
 
 @dataclass(frozen=True)
@@ -104,25 +111,38 @@ def _sweep(summary):
             targets = [target for target in sweep_choice.ladder(usual, measure) if sweep_choice.choose(usual, {measure: target}).best]
             if measure in HEADLINES and targets:
                 best.append(_way(name, scene, measure, measures[measure], min(targets)))
-    columns = "scene", "wanted", "fastest", "s per ns", "ours / fastest", "how sure"
+    columns = "scene", "wanted", "fastest", "wall s per ns, least (median)", "ours / fastest", "how sure"
     steps = ", ".join(f"{name} {SCENES[name].dt:g} fs" for name in summary["scenes"])
     failed = sum(bool(point["failed"]) for point in points)
     broken = [f"{name}: {scene['error']}" for name, scene in summary["scenes"].items() if scene.get("error")]
+    lonely = [f"{name}: {sweep_report.ONE_START}." for name, scene in summary["scenes"].items() if scene["starts"] < 2]
     return Said(
-        [] if best else ["No error of these is reached for sure with a usual time step."],
+        [*lonely, *([] if best else ["No error of these is reached for sure with a usual time step."])],
         [f"{len(points)} points (an integrator with a time step), {goals.ranks_of(summary['ranks'])}; {failed} failed.", *broken],
         [Table("Fastest way to every error", columns, every), _points(summary)],
         [Figure(f"{name}.png", f"{scene['title']}. {sweep_figures.READ}") for name, scene in summary["scenes"].items()],
-        Table(f"The fastest way to the smallest round error that a usual time step or a longer one reaches ({steps})", columns, best),
+        Table(f"The fastest way to the smallest round error that a usual time step or a longer one reaches ({steps}); "
+              "whether it lasts, the next part tells", columns, best),
+        extent=_swept(summary),
     )
+
+
+def _swept(summary):
+    """How many starts of what length each scene has."""
+    told = []
+    for name, scene in summary["scenes"].items():
+        many = f"{scene['bodies']:,} bodies, {scene['starts']} start{'s' if scene['starts'] > 1 else ''}"
+        told += [f"{name} {many} of {summary['lengths'][name]['time']:.3g} ps"] if name in summary["lengths"] else []
+    return "; ".join(told)
 
 
 def _way(scene, data, measure, words, target):
     """A row: who is the fastest, how long that takes, how much longer ours takes, and how sure that is."""
     points, targets = data["points"], {measure: target}
-    wanted = [Cell(scene), Cell(f"{words['title']} ≤ {target:g} {words['unit']}".strip())]
-    choice, ours = sweep_choice.choose(points, targets), sweep_choice.ours(points, targets).best
-    best = choice.best
+    title = words["title"].replace("the horizon", f"{SWEEPS[scene].horizon:g} fs")
+    wanted = [Cell(scene), Cell(f"{title} ≤ {target:g} {words['unit']}".strip())]
+    choice, own = sweep_choice.choose(points, targets), sweep_choice.ours(points, targets)
+    best, ours = choice.best, own.best
     if not best:
         return [*wanted, Cell("–"), Cell("–", math.nan), Cell("–", math.nan), Cell(choice.verdict)]
 
@@ -135,13 +155,14 @@ def _way(scene, data, measure, words, target):
     if rivals:
         sure = f"a tie with {sweep_report.names(rivals, FEW)}"
     elif second:
-        sure = f"clear: {second['label']} takes {second['cost']['min'] / best['cost']['min']:.2f} times as long"
+        longer = second["cost"]["min"] / best["cost"]["min"]
+        sure = f"{'clear' if data['starts'] > 1 else 'ahead'}: {second['label']} takes {longer:.2f} times as long"
     else:
         sure = "nothing else reaches it for sure"
     sure += f"; no telling of {sweep_report.names(maybe, FEW)}" if maybe else ""
     ratio = ours["cost"]["min"] / best["cost"]["min"] if ours else math.nan
     return [*wanted, Cell(sweep_report.named(best)), Cell(sweep_report.seconds(best["cost"]), best["cost"]["min"]),
-            Cell(sweep_report.over(ours, best), ratio), Cell(sure)]  # fmt: skip
+            Cell(sweep_report.over(ours, best) if ours else own.verdict, ratio), Cell(sure)]  # fmt: skip
 
 
 def _points(summary):
@@ -169,28 +190,37 @@ def _stability(summary):
     headlines = []
     for told in summary["summary"]:
         headlines.append(f"{told['what']}: {'yes' if told['holds'] else 'no'}" + (f" ({', '.join(told['where'])})" if told["where"] else "") + ".")
-    others = []
-    for name, rows in found.items():
-        label, passed, ran = rows[0][1]["label"], *(sum(row["verdict"] in some for _, row in rows) for some in (("pass",), RAN))
-        if name == OURS:
-            broken = [f"{case['name']} ({_result(row, case)})" for case, row in rows if row["verdict"] in BROKEN]
-            headlines.append(f"{label} passes {passed} of the {ran} cases that it can run; not: {', '.join(broken) or 'none'}.")
-        else:
-            others.append(f"{label} {passed} of {ran}")
-    headlines += [f"The others pass: {', '.join(others)}."] * bool(others)
+    counts = [(case["name"], len(case["rows"]), len(case["integrators"])) for case in cases]
+    partial = [f"{name} ({there} of {all_})" for name, there, all_ in counts if there < all_]
+    headlines += [f"Not all integrators have had their turn yet in {', '.join(partial)}."] * bool(partial)
     lines = []
     for case in cases:
         broken = [f"{row['label']} ({_result(row, case)})" for row in case["rows"] if row["verdict"] in BROKEN]
         lines += [f"{case['name']} ({case['criterion']}, {_bound(case)}) breaks {', '.join(broken)}."] * bool(broken)
     rows = [
         [Cell(case["name"]), Cell(case["physics"]), Cell(case["criterion"]), Cell(_bound(case)), Cell(row["label"]),
-         Cell(number(row["value"], row["error"] or 0.0), _sortable(row["value"])), Cell(row["verdict"]), Cell(row["note"] or ""), Cell(row["command"])]
+         Cell(number(row["value"], row["error"] or 0.0), _sortable(row["value"])), Cell(case.get("bars", "not told by these results")),
+         Cell(row["verdict"]), Cell(row["note"] or ""), Cell(row["command"])]
         for case in cases for row in case["rows"]
     ]  # fmt: skip
-    columns = "case", "physics", "criterion", "bound", "integrator", "value", "verdict", "note", "command"
+    columns = "case", "physics", "criterion", "bound", "integrator", "value", "± is", "verdict", "note", "command"
+    times = [np.atleast_1d(case["length"])[0] / FS_PER_PS for case in cases if case["unit"] == "fs"]
     return Said(
-        headlines, lines, [_atlas(cases, found), Table("Every number", columns, rows)], [Figure("matrix.png", "Each case with each integrator.")]
-    )
+        headlines, lines, [_atlas(cases, found), Table("Every number", columns, rows)], [Figure("matrix.png", "Each case with each integrator.")],
+        _breaks(found), extent=f"the limits of the time step are those of {min(times):g} to {max(times):g} ps" if times else "",
+    )  # fmt: skip
+
+
+def _breaks(found):
+    """Integrators with the cases that they do not pass."""
+    rows = []
+    for of in found.values():
+        names = {verdict: ", ".join(case["name"] for case, row in of if row["verdict"] == verdict) for verdict in RAN}
+        passed, ran = (sum(row["verdict"] in some for _, row in of) for some in (("pass",), RAN))
+        rows.append([Cell(of[0][1]["label"]), Cell(f"{passed} of {ran}", passed / ran if ran else math.nan),
+                     *(Cell(names[verdict] or "–") for verdict in RAN if verdict != "pass")])  # fmt: skip
+    columns = "integrator", "passes, of what it can run", "outside the bound", "cannot tell", "breaks: not finite, atoms lost, crash or hang"
+    return Table("Cases that an integrator does not pass; each is told in full below", columns, rows)
 
 
 def _bound(case):
@@ -214,25 +244,24 @@ def _atlas(cases, found):
 
 def _bench(summary):
     """Time in the fixes and of the whole step against the fixes of LAMMPS, and the goals."""
-    headlines, rows = [], []
+    headlines, best, rows = [], [], []
     for point in summary["points"]:
+        ratios = {row["name"]: row["modify_ratio"] for row in point["integrators"] if row.get("modify_ratio")}
         ours = next(row for row in point["integrators"] if row["name"] == OURS)
-        rivals = [row for row in point["integrators"] if row.get("modify_ratio")]
-        loops = [row for row in point["integrators"] if row.get("loop_ratio") and row["kind"] == "rigid"]
+        loops = [row["loop_ratio"] for row in point["integrators"] if row.get("loop_ratio") and row["kind"] == "rigid"]
+        fastest = max(loops, key=lambda ratio: ratio["median"], default=None)
         if ours.get("modify"):
-            ratios = ", ".join(f"{row['modify_ratio']['median']:.2f} times {row['label']}" for row in rivals if row["name"] in _USUAL)
-            text = f"{point_title(point)}: the fix takes {spread(ours['modify'])} µs a step" + (f", {ratios}" if ratios else "")
-            if loops:
-                fastest = max(loops, key=lambda row: row["loop_ratio"]["median"])
-                text += f"; the whole step {spread(fastest['loop_ratio'])} times that of the fastest rigid fix, {fastest['label']}"
-            headlines.append(text + ".")
+            best.append([Cell(point_title(point)), _spread(ours["modify"]), *(_spread(ratios.get(name)) for name in _USUAL), _spread(fastest)])
         for row in point["integrators"]:
             rows.append([Cell(point_title(point)), Cell(row["label"]), *(_spread(row.get(key)) for key in ("modify", "modify_ratio", "loop", "loop_ratio")),
                          Cell(row["error"] or "ok")])  # fmt: skip
     slow = {point_title(point): min((row["cpu"] for row in point["integrators"] if row.get("cpu") is not None), default=report.FREE)
             for point in summary["points"]}  # fmt: skip
-    busy = ", ".join(f"{share:.0f} % ({where})" for where, share in slow.items() if share < report.FREE)
-    headlines += [f"The machine was busy, of a core a rank had as little as {busy}: ratios of one round still hold, times are too long."] * bool(busy)
+    busy = [where for where, share in slow.items() if share < report.FREE]
+    if busy:
+        worst = min(busy, key=slow.get)
+        headlines.append(f"The machine was busy, in {len(busy)} of {len(slow)} rows below: of a core a rank had as little as {slow[worst]:.0f} % "
+                         f"({worst}). Ratios of one round still hold, times are too long.")  # fmt: skip
     judged = [goal for goal in summary["goals"] if goal["met"] is not None]
     lines = [f"Of the goals {sum(goal['met'] for goal in judged)} are met, of {len(judged)} that were measured; each is in the first table."]
     for start in summary["starts"]:
@@ -248,6 +277,9 @@ def _bench(summary):
     return Said(
         headlines, lines, [Table("Goals", ("where", "what", "at most", "measured", "verdict"), judgements), Table("Times", columns, rows)],
         [Figure("size.png", "Time in LAMMPS's Modify against the number of molecules."), Figure("scenes.png", "Time in LAMMPS's Modify of each scene.")],
+        Table("Time in the fixes (LAMMPS's Modify), ours, and over that of others; median [minimum–maximum] of rounds", (
+            "bodies, ranks", "ours, µs a step", *(f"ours / {INTEGRATORS[name].label}" for name in _USUAL),
+            "whole step, ours / the fastest rigid fix"), best),
         commands=_bench_commands(summary),
     )  # fmt: skip
 
@@ -271,9 +303,8 @@ def _checks(summary, titles, noun):
     headlines = [
         f"Of {sum(counts.values())} {noun} {counts['holds']} hold, {counts['does not hold']} do not, {counts['cannot tell']} cannot be told."
     ]
-    for verdict in VERDICTS[1:]:
-        some = [f"{check['subject']}, {check['what']}: {measured(check)} ({bound(check)})" for check in checks if check["verdict"] == verdict]
-        headlines += [f"{verdict.capitalize()}: {'; '.join(some)}."] * bool(some)
+    some = [f"{check['subject']}, {check['what']}: {measured(check)} ({bound(check)})" for check in checks if check["verdict"] == "does not hold"]
+    headlines += [f"Does not hold: {'; '.join(some)}."] * bool(some)
     lines = []
     for part, title in titles.items():
         some = [check for check in checks if check["part"] == part and check["verdict"]]

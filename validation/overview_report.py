@@ -86,7 +86,7 @@ def _read(part, name, path):
     if summary.get("interrupted"):
         warnings.append("Interrupted: what had been measured by then. The same command goes on from there.")
     if path.parent.name.endswith("-short") or "--short" in summary.get("command", ""):
-        warnings.append("A short run: for a first look.")
+        warnings.append(f"A short run, for a first look{': ' * bool(said.extent)}{said.extent}.")
     return Section(part, name, path.parent, summary, said, warnings)
 
 
@@ -95,14 +95,27 @@ def _missing(part, name, folder, warnings):
     return Section(part, name, folder, {}, overview.Said([]), [*warnings, "No results: the command below makes them."])
 
 
-def differences(sections):
-    """In what code and machines differ between the sections that have results, and what they do not tell of it; None if nothing."""
-    seen, found = {}, [section for section in sections if section.summary]
-    for section in found:
+def _facts(sections):
+    """Machine and versions: {what: {value: names of the sections that have it}}."""
+    seen = {}
+    for section in sections:
         for facts in section.summary.get("machine", {}), section.summary.get("versions", {}):
             for key, value in facts.items():
                 if key != "load_at_start":
                     seen.setdefault(key.replace("_", " "), {}).setdefault(value, []).append(section.name)
+    return seen
+
+
+def common(sections):
+    """When, where and with what all was measured, as far as the sections do not differ in it, in one line; empty without results."""
+    days = sorted({section.summary["date"][:10] for section in sections if "date" in section.summary})
+    told = [f"{key} {value}" for key, values in _facts(sections).items() if len(values) == 1 for value in values]
+    return ", ".join([f"Measured {' to '.join(dict.fromkeys((days[0], days[-1])))}", *told]) if days else ""
+
+
+def differences(sections):
+    """In what code and machines differ between the sections that have results, and what they do not tell of it; None if nothing."""
+    seen, found = _facts(sections), [section for section in sections if section.summary]
     differing = [
         f"{key} " + ", ".join(f"{value} ({', '.join(names)})" for value, names in values.items()) for key, values in seen.items() if len(values) > 1
     ]
@@ -121,7 +134,7 @@ def write(sections, path):
         path: of the page.
     """
     shown = {section.name: list(_figures(section)) for section in sections}
-    page("overview.html", path, [], sections=sections, shown=shown, where=where, date=machine.now(), commit=commit(),
+    page("overview.html", path, [], sections=sections, shown=shown, where=where, date=machine.now(), commit=commit(), common=common(sections),
          differences=differences(sections))  # fmt: skip
 
 

@@ -2,9 +2,12 @@
 
 A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stability` runs cases with integrators, row by row, and judges
 each number against the case's bound.  Rows are kept in the output folder's summary.json: one that is there already is not run again unless the
-code has changed, and of one that was interrupted the runs that are complete are taken over.
+code has changed, and of one that was interrupted the runs that are complete are taken over.  Cases may run side by side, each in a process of its
+own with the same output folder: what a process saves has the others' rows in it.
 """
 
+import fcntl
+import functools
 import hashlib
 import json
 import shlex
@@ -29,6 +32,10 @@ COMPARED = {
     **{name: SWEPT[name] for name in ("matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid", "rigid/small")},
     **{name: SWEPT[name.replace(" ", "-")] for name in ("shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8")},
 }
+# why a number has the error bar that it has, or none
+LINE = "standard error of the line's slope, from the scatter of blocks of samples about it"
+EXTREME = "none: the largest of all deviations in runs that give the same each time, of which no mean is taken"
+
 # without those that are much like another
 FEW = tuple(name for name in COMPARED if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
 
@@ -66,6 +73,7 @@ class Case:
         criterion: the number, in words.
         unit: of the number; empty for a ratio.
         why: where the bound comes from.
+        bars: what the number's error is, or why there is none.
         measure: function of a `Stand` and a length, which gives a `Number`.
         short, full: lengths (what they count is the function's own).
         low, high: bounds of the number; None for none.
@@ -77,6 +85,7 @@ class Case:
     criterion: str
     unit: str
     why: str
+    bars: str
     measure: Callable
     short: object
     full: object
@@ -167,7 +176,7 @@ def _broken(result):
 
 
 def stability(cases, names, out, full, silence, meter, only=None):
-    """Run what is not there yet.
+    """Run what is not there yet; another process may run other cases into the same folder meanwhile.
 
     Args:
         cases: name to `Case`, all that there are.
@@ -182,7 +191,7 @@ def stability(cases, names, out, full, silence, meter, only=None):
         plain data: ``cases``, each with its ``rows``; ``summary``, what is told of all; ``interrupted``; circumstances.
     """
     summary = machine.circumstances() | {"interrupted": False, "full": full, "cases": []}
-    rows = {key: row for key, row in _known(out).items() if key[0] in cases and row["origin"] == _origin(cases[key[0]], full)}
+    rows = _known(cases, out, full)
     try:
         for name, integrator in plan(cases, names, full, only):
             case = cases[name]
@@ -231,34 +240,54 @@ def _row(case, name, folder, full, silence, meter):
 
 
 def _origin(case, full):
-    """Hash of what a case's rows follow from: versions, the package, this verb's code, lengths."""
-    found = hashlib.sha256(json.dumps([machine.versions(), machine.package_hash(), repr(case.length(full))]).encode())
+    """Hash of what a case's rows follow from: code and length."""
+    return hashlib.sha256(json.dumps([_code(), repr(case.length(full))]).encode()).hexdigest()
+
+
+@functools.cache
+def _code():
+    """Hash of versions, the package and this verb's code, as they are when first asked for: what is edited later does not run in this process."""
+    found = hashlib.sha256(json.dumps([machine.versions(), machine.package_hash()]).encode())
     for path in sorted(Path(__file__).parent.glob("stability*.py")):
         if path.name != "stability_report.py":
             found.update(path.read_bytes())
     return found.hexdigest()
 
 
-def _known(out):
-    """(case, integrator) to row, of an earlier summary."""
+def _known(cases, out, full):
+    """(case, integrator) to row, of an earlier summary or another process's, if it is of the same code and length."""
     path = out / "summary.json"
     if not path.exists():
         return {}
-    return {(case["name"], row["integrator"]): row for case in json.loads(path.read_text())["cases"] for row in case["rows"]}
+    found = {(case["name"], row["integrator"]): row for case in json.loads(path.read_text())["cases"] for row in case["rows"]}
+    origins = {name: _origin(case, full) for name, case in cases.items()}
+    return {key: row for key, row in found.items() if row["origin"] == origins.get(key[0])}
 
 
 def _save(summary, cases, rows, out):
+    """Write the summary of these rows and of those that are in the file; both ``rows`` and ``summary`` then have all."""
+    with open(out / "summary.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        rows |= _known(cases, out, summary["full"]) | rows
+        _fill(summary, cases, rows)
+        save(summary, out)
+
+
+def _fill(summary, cases, rows):
+    """Put the rows into the summary, and what they say."""
     summary["cases"] = [
         {
             "name": case.name, "physics": case.physics, "criterion": case.criterion, "bound": case.bound, "low": case.low, "high": case.high,
-            "unit": case.unit, "why": case.why, "length": case.length(summary["full"]),
+            "unit": case.unit, "why": case.why, "bars": case.bars, "length": case.length(summary["full"]),
             "integrators": case.integrators(summary["full"]),
             "rows": [rows[case.name, name] for name in COMPARED if (case.name, name) in rows],
         }
         for case in cases.values() if any((case.name, name) in rows for name in COMPARED)
     ]  # fmt: skip
     summary["summary"] = told(summary["cases"])
-    save(summary, out)
+    named = [case["name"] for case in summary["cases"]]
+    summary["command"] = shlex.join(["python", "-m", "validation", "stability", *(named if len(named) < len(cases) else []),
+                                     "--full" if summary["full"] else "--short"])  # fmt: skip
 
 
 def told(cases):

@@ -24,7 +24,7 @@ LOOKS = {
     "cannot run": ("#f2f2f2", "–", "bright_black"),
 }
 SHADES = 6.0  # decades from the bound at which a colour is full
-COLUMNS = "case", "integrator", "label", "value", "error", "unit", "bound", "verdict", "note", "command"
+COLUMNS = "case", "integrator", "label", "value", "error", "error is", "unit", "bound", "verdict", "note", "command"
 
 
 def write(summary, out):
@@ -37,8 +37,8 @@ def write(summary, out):
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         for case in summary["cases"]:
-            known = {"case": case["name"], "unit": case["unit"], "bound": case["bound"]}
-            writer.writerows({key: (known | row)[key] for key in COLUMNS} for row in case["rows"])
+            known = {"case": case["name"], "error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
+            writer.writerows({key: (known | row | {"error": row["error"] or None})[key] for key in COLUMNS} for row in case["rows"])
     page(
         "stability.html",
         out / "report.html",
@@ -68,10 +68,10 @@ def cell(row):
 def list_cases(console, cases):
     """Print all cases and integrators."""
     table = Table(title="Cases", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    for heading in "case", "physics", "number", "bound", "why":
+    for heading in "case", "physics", "number", "bound", "why", "±":
         table.add_column(heading, overflow="fold")
     for case in cases.values():
-        table.add_row(case.name, case.physics, case.criterion, f"{case.bound} {case.unit}", case.why)
+        table.add_row(case.name, case.physics, case.criterion, f"{case.bound} {case.unit}", case.why, case.bars)
     console.print(table)
     console.print("integrators: " + ", ".join(f'"{name}"' if " " in name else name for name in COMPARED), soft_wrap=True)
 
@@ -146,7 +146,8 @@ def matrix(summary):
                 loc="upper left", bbox_to_anchor=(0, -0.01), ncols=len(LOOKS), frameon=False)  # fmt: skip
     return figure, (
         "Each case's number, as its decimal logarithm where the bound (at the left) is an upper one; the paler the nearer to the bound. "
-        "✗ fails, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run."
+        "✗ fails, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
+        "What each number's error is, or why it has none, is told case by case."
     )
 
 

@@ -15,6 +15,10 @@ from validation.sweep_figures import MAIN, draw
 
 PARTS = "min", "median", "max"
 ONE_START = "there is one start, so timings of one process only: how run times scatter among processes is not known, and others may be as fast"
+UNTOLD = (
+    "A run time has its median beside it and no standard error, for it is the least of its repeats: what disturbs a run only makes it longer. Nor "
+    "has a ratio of two of them. Nor have bond and angle, for they are the largest error of all frames, not a mean."
+)
 
 
 def write(summary, out):
@@ -33,7 +37,7 @@ def write(summary, out):
         figures += drawn
     page("sweep.html", out / "report.html", figures, places=places, summary=summary, ways={name: distinct(rows) for name, rows in ways.items()},
          fronts=_fronts(summary), certain=CERTAIN, named=named, names=names, seconds=seconds, error_of=error_of, over=over, unit_of=unit_of,
-         number=number, one_start=ONE_START)  # fmt: skip
+         number=number, one_start=ONE_START, untold=UNTOLD)  # fmt: skip
 
 
 def gathered(summary, out):
@@ -120,7 +124,8 @@ def _write_points(summary, path):
         for name, scene in summary["scenes"].items():
             for point in scene["points"]:
                 times = [point[kind][part] if point[kind] else "" for kind in ("cost", "cpu") for part in PARTS]
-                errors = [point["errors"].get(measure, {}).get(part) for measure in measures for part in ("value", "error")]
+                found = (point["errors"].get(measure, {}) for measure in measures)
+                errors = [value for one in found for value in (one.get("value"), one.get("error") or None)]  # the largest of all frames has none
                 here = point["integrator"], point["dt"]
                 writer.writerow([
                     name, point["integrator"], point["label"], point["dt"], point["steps"], point["ps"], point["starts"],
