@@ -182,6 +182,7 @@ def _add_scaling(verbs):
 
 
 def _scaling(arguments):
+    from fix_nosquish import kernels
     from validation import console, machine, scaling, scaling_report  # heavy: not for --help
 
     out, screen = arguments.out, console.console()
@@ -191,7 +192,7 @@ def _scaling(arguments):
         rows = scaling.scaling(out, arguments.ranks, meter)
     links = [scaling.NETWORK, scaling.link()]
     summary = machine.circumstances() | {
-        "interrupted": any(row["error"] == "interrupted" for row in rows), "steps": scaling.STEPS, "counts": rows,
+        "interrupted": any(row["error"] == "interrupted" for row in rows), "steps": scaling.STEPS, "carried": kernels.OF_BODY + kernels.ROWS, "counts": rows,
         "links": [link._asdict() for link in links],
         "model": [{"link": link.name, **row} for link in links for row in scaling.model(rows, link)],
     }  # fmt: skip
