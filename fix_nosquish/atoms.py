@@ -6,12 +6,12 @@ another one, is not needed.
 """
 
 import ctypes
-import math
 from ctypes import c_char_p, c_double, c_int, c_int64, c_void_p
 from functools import cached_property
 
 import numpy as np
 
+from .compiled import F2, I1, L1, array, cells
 from .errors import RunError
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
@@ -49,20 +49,6 @@ def _library():
         function = getattr(lib, "lammps_" + name)
         function.restype, function.argtypes = result, arguments
     return lib
-
-
-_memory = ctypes.pythonapi.PyMemoryView_FromMemory
-_memory.restype, _memory.argtypes = ctypes.py_object, [c_void_p, ctypes.c_ssize_t, c_int]
-_WRITABLE = 0x200  # PyBUF_WRITE
-
-
-def array(address, shape, dtype):
-    """A numpy view of memory that LAMMPS owns."""
-    count = math.prod(shape) * np.dtype(dtype).itemsize
-    if not address or not count:
-        return np.empty(shape, dtype)
-    # (ctypes would make a class for each size)
-    return np.frombuffer(_memory(address, count, _WRITABLE), dtype).reshape(shape)
 
 
 class Box:
@@ -116,6 +102,8 @@ class Lammps:
         self.rank = self.setting("world_rank")
         self._box_then = None
         self._views = {}  # of per-atom arrays, by name, with the address and shape that each is of
+        # what loops that stay bound take of LAMMPS's atoms; a host points the cells at the arrays as they are (see `plugin.host.Host.point`)
+        self.table, self.cells = cells({"atom_x": F2, "atom_v": F2, "atom_f": F2, "groups": I1, "origins": L1, "arrived": F2})
 
     def _global(self, name):
         address = self.lib.lammps_extract_global(self.handle, name.encode())

@@ -5,12 +5,12 @@ quaternion momentum p, with its mass and principal moments.  Every rank keeps th
 bodies of which it owns an atom, and of their atoms only its own.  `build` makes them.
 """
 
-import math
-from functools import cached_property
-
 import numpy as np
 
-from . import kernels
+from . import kernels, spheres
+from .compiled import F1, F2, I1, I2, L1, L2, Cell, F, I, cells
+from .kernels import RENEWED
+from .sharing import ALONE, Agreement, Sharers, places
 
 SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
 _NONE = np.empty(0, np.int64)
@@ -22,9 +22,32 @@ MASS, MOMENT, X, V, Q, P, LOAD, NATOMS, IMAGE, HOME, ID = (slice(row, row + rows
     (kernels.MASS, 1), (kernels.MOMENT, 3), (kernels.X, 3), (kernels.V, 3), (kernels.Q, 4), (kernels.P, 4),
     (kernels.FORCE, 6), (kernels.NATOMS, 1), (kernels.IMAGE, 3), (kernels.HOME, 1), (kernels.ID, 1)))  # fmt: skip
 
+# what the loops take beside RENEWED, by the names of their arguments: what has an entry for each atom, or each body, and room for more
+# (of RENEWED, too), and the rest
+_OF_ATOMS = {"rounds": I1, "index": I1, "body": L1, "away": I1, "shift": F2, "here": I1, "place": I1, "owner": L1, "source": L1}
+_OF_BODIES = {"blocks": I2, "atoms": L1, "number": L1, "order": L1, "first": L1, "next_": L2}
+_OTHERS = {"aways": L1, "scratch": F1, "plane": I, "table": L1, "buckets": L1, "room": L1, "found": L1, "sizes": L1, "cells": L2, "off": F1,
+           "h": F2, "inverse": F2, "lo": F1, "periodic": F1, "near": F}  # fmt: skip
+_WIDTHS = {"blocks": (3,), "shift": (3,), "next_": (2,)}
+_REARRANGING = kernels.arrange, kernels.renew, kernels.carry_over
+_TO_WORK_WITH = "here", "place", "owner", "source", "number", "order", "first", "next_"
+
+
+def _rows(rows):
+    """An attribute that is these rows of the state."""
+    return property(lambda self: self.state[rows])
+
+
+def _cell(name):
+    """An attribute that is the array in a cell."""
+    return property(lambda self: self.cells[name].array)
+
 
 class Bodies:
     """The bodies of which this rank owns atoms, those of one kind side by side.
+
+    The loops find all of it in `cells`, which `follow` sets anew, or the plugin with the same passes: arrays here are views of
+    what is there when they are asked for.
 
     Attributes:
         id: (n,) body IDs.
@@ -40,125 +63,167 @@ class Bodies:
         body: (m,) the body of each of these atoms.
         tag: (m,) their IDs.
         atoms_here: (n,) how many atoms of each body this rank owns.
-        home: (n,) the lowest rank that holds the body.
         away, shift, aways: those of them in another periodic image than their body; see `kernels.settle`.
         sharers: the `Sharers` of these bodies.
         plane: whether they turn in the xy plane only, about their axis 3.
         spheres: whether some atom of a body, on any rank, is a sphere, with a torque of its own.
+        cells: dictionary from the names that arguments of the loops in `kernels` have to `compiled.Cell`.
 
     Args:
-        state (rows, k), body (j,), d (4, j): bodies and atoms of before, or new ones in any order.
-        here: (m,) int32, indices of this rank's atoms in LAMMPS's arrays, ascending.
-        place: (m,) int32, each of these atoms' place among those j, None if they are the same; of one from another rank, -1 minus
-            its row of arrived.
-        arrived: (i, OF_BODY + rows) what another rank told of such atoms.
-        shared: (l,) places of the bodies that other ranks had too.
+        state (rows, n), body (m,), d (4, m): the bodies and their atoms, in any order.
+        here: (m,) int32, indices of these atoms in LAMMPS's arrays, ascending.
+        plane, spheres: see above.
+        world: the `World` or `Alone`.
     """
 
-    def __init__(self, state, body, d, here, plane, spheres, place=None, arrived=None, shared=_NONE):
-        rows, m = len(state), len(here)
-        if place is None:
-            place, arrived = np.arange(m, dtype=np.int32), np.empty((0, kernels.OF_BODY + rows))
-        n, k = state.shape[1] + len(arrived), len(arrived)
-        number, order, self.atoms_here = (np.empty(n, np.int64) for _ in range(3))
-        owner, source, self.body = (np.empty(m, np.int64) for _ in range(3))
-        table, first = np.empty(1 << (2 * (len(shared) + k)).bit_length(), np.int64), np.empty(k, np.int64)
-        next_, buckets, found = np.empty((n, 2), np.int64), np.empty(kernels.BUCKETS, np.int64), np.empty(kernels.GROUPS + 2, np.int64)
-        blocks, rounds, self.index = np.empty((n + 1, 3), np.int32), np.empty(m + 1, np.int32), np.empty(m, np.int32)
-        kernels.arrange(here, place, body, state, arrived, shared, table, owner, first, number, order, self.atoms_here, next_, buckets,
-                        blocks, rounds, self.index, source, self.body, found)  # fmt: skip
-        _, self.rotors, _, self.extended, _, size, n_blocks, n_rounds = found.tolist()
-        self.atoms_here = self.atoms_here[:size]
-        self.blocks, self.rounds = blocks[: n_blocks + 1], rounds[: n_rounds + 1]
-        self.state, self.d = _aligned(rows, size), _aligned(kernels.OF_BODY, m)
-        kernels.carry_over(order, first, source, place, arrived, state, d, self.state, self.d)
-        self.atoms = self.blocks, self.rounds, self.index, self.d
-        self.mass, self.natoms, self.home = self.state[kernels.MASS], self.state[kernels.NATOMS], self.state[kernels.HOME]
-        self.moment, self.plane, self.spheres = self.state[MOMENT], plane, spheres
-        self.x, self.v, self.q, self.p, self.image, self.load = (self.state[rows] for rows in (X, V, Q, P, IMAGE, LOAD))
-        self.force, self.torque = self.load[:3], self.load[3:]
-        self.away, self.shift, self.aways = np.empty(m, np.int32), np.empty((m, 3)), np.zeros(1, np.int64)
-        self.scratch = _aligned(kernels.SCRATCH)
+    def __init__(self, state, body, d, here, plane, spheres, world=ALONE):
+        n, m = state.shape[1], len(here)
+        self.plane, self.spheres, self._world = plane, spheres, world
+        self._room, self._found, self._box = np.zeros(kernels.ROOMS, np.int64), np.zeros(kernels.FOUND, np.int64), None
+        table, self.cells = cells(RENEWED)
+        self.cells |= {name: Cell(kind) for name, kind in (_OF_ATOMS | _OF_BODIES | _OTHERS).items() if name not in RENEWED}
+        self.sharers = Sharers(world, self.cells["load"])
+        self.cells |= {"counts": self.sharers.cells["counts"], "shared": self.sharers.cells["bodies"]}
+        for name in _WIDTHS:
+            self.cells[name].set(_column(name, 0))
+        for name, value in (
+            ("cells", table), ("found", self._found), ("room", self._room), ("sizes", np.empty(kernels.GROUPS + 2, np.int64)),
+            ("buckets", np.empty(kernels.BUCKETS, np.int64)), ("aways", np.zeros(1, np.int64)), ("off", np.empty(2)),
+            ("scratch", _aligned(kernels.SCRATCH)), ("plane", plane), ("state", state), ("d", d), ("body", body),
+        ):  # fmt: skip
+            self.cells[name].set(value)
+        self._columns = {"state": [state], "d": [d]}  # the arrays that these cells, and those of the old ones, point at
+        self._make_room(m, n, 1)
+        self.cells["here"].array[:m], self.cells["place"].array[:m] = here, np.arange(m)
+        self._found[kernels.COUNT] = m
+        bound = self.cells | {"arrived": Cell(F2, np.empty((0, kernels.OF_BODY + len(state))))}
+        for loop in _REARRANGING:
+            loop.bind_to(bound)()
+        # what only that takes is not kept: on one rank it may never be done again
+        self._room[:] = 0
+        for name in _TO_WORK_WITH:
+            self.cells[name].set(_column(name, 0))
+        for name, arrays in self._columns.items():
+            arrays[:] = [one for one in arrays if one.ctypes.data == self.cells[name].numbers[0]]
+        of_sharers = self.sharers.cells | self.cells
+        self._sharing, self._concluding = [], []
+        if world.size > 1:
+            self._sharing = [kernels.partial.bind_to(of_sharers), *self.sharers.finding]
+            self._concluding = [kernels.set_home.bind_to(of_sharers)]  # when all ranks know: until then they meet where they did
 
-    @cached_property
+    rotors, extended = (property(lambda self, name=name: self.cells[name].number) for name in ("rotors", "extended"))
+    state, load, d, blocks, rounds, index, body, away, shift, aways, scratch = map(
+        _cell, ("state", "load", "d", "blocks", "rounds", "index", "body", "away", "shift", "aways", "scratch")
+    )
+    atoms_here = _cell("atoms")
+    mass, natoms, moment, x, v, q, p, image = map(_rows, (kernels.MASS, kernels.NATOMS, MOMENT, X, V, Q, P, IMAGE))
+    force, torque = (property(lambda self, rows=rows: self.load[rows]) for rows in (slice(3), slice(3, 6)))
+
+    @property
+    def atoms(self):
+        return self.blocks, self.rounds, self.index, self.d
+
+    @property
     def id(self):
         return self.state[kernels.ID].astype(np.int64)
 
-    @cached_property
+    @property
     def tag(self):
         return self.d[3].astype(np.int64)
 
     def __len__(self):
-        return self.state.shape[1]
+        return self.cells["state"].numbers[2].item()
 
-    def follow(self, lammps, world, membership, host):
-        """The same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
+    def _make_room(self, atoms, bodies, entries):
+        """Have arrays for so many atoms, bodies (with those that come among them) and entries of the table of `kernels.arrange`."""
+        self._room[:] = atoms, bodies, entries
+        self.cells["table"].set(np.empty(entries, np.int64))
+        for name, size in ("state", bodies), ("d", atoms):
+            now, other, known = self.cells[name], self.cells["old_" + name], {one.ctypes.data: one for one in self._columns[name]}
+            rows, columns = now.numbers[1:].tolist()
+            both = [known.get(cell.numbers[0].item(), _NONE) for cell in (now, other)]
+            if both[0].size < rows * size:
+                both[0] = _aligned(rows * size)
+                both[0][: rows * columns] = now.array.ravel()
+            if both[1].size < rows * size:
+                both[1] = _aligned(rows * size)
+            self._columns[name] = both
+            for cell, one in zip((now, other), both):
+                cell.point(one.ctypes.data, rows, columns)
+        for names, size in (_OF_ATOMS, atoms), (_OF_BODIES, bodies):
+            for name in names:
+                old = self.cells[name].array
+                new = _column(name, max(size + 1, len(old)))
+                new[: len(old)] = old
+                self.cells[name].set(new)
+                if name in RENEWED:
+                    self.cells[name].numbers[1] = len(old)
 
-        Returns:
-            Bodies; these ones, if none of their atoms has moved in LAMMPS's arrays.
+    # ------------------------------------------------------------- after LAMMPS has moved atoms
+
+    def bind(self, lammps, membership):
+        """Bind the passes that follow the atoms of this LAMMPS."""
+        fix_group, body_groups = membership.masks
+        bound = self.cells | lammps.cells
+        self._locate = kernels.locate.bind_to(bound, fix_group=fix_group, body_groups=body_groups, rank=self._world.rank)
+        self._agreement = Agreement(self._world, Cell(L1, self._found[: kernels.MOVED + 1]))
+        self._rearranging = [loop.bind_to(bound) for loop in _REARRANGING]
+        self._settle = kernels.settle.bind_to(bound)
+
+    def following(self):
+        """The passes of `follow`, for the plugin; see `Host.go_alone`."""
+        return self._locate, self._agreement, [*self._rearranging, *self._sharing], self._settle, self._concluding
+
+    def follow(self, lammps, membership, host):
+        """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
+
         Raises:
             RunError: if atoms are missing or new, or stand where this fix has not put them.
         """
-        locate, origins, here, place, gained, lost, found = self._locate(lammps, world, membership, host)
-        result, problem = self, None
-        moved = locate()
-        changed = world.any(moved)
-        if changed:
-            count, arrivals, gone, came = found.tolist()
-            arrived, missing = world.fetch(gained[:arrivals], lost[:gone], self._rows)
-            if came or len(missing):
-                problem = _atoms_changed(lammps, membership, self, missing, origins)
-            if moved:
-                result = Bodies(self.state, self.body, self.d, here[:count], self.plane, self.spheres, place[:count], arrived, self.sharers.bodies)
-            result.find_sharers(world)
-        result.settle(lammps, world, problem)
-        if changed:
-            host.note(result.index)  # after all that may refuse: else places would be those of a list that nobody has
-        return result
+        host.point(lammps.cells)
+        self._locate()
+        came, more, _, moved = self._agreement.total()
+        if came or more:
+            self._world.agree(_atoms_changed(lammps, self._world, membership, self))
+        if moved:
+            arrived = len(lammps.cells["arrived"].array)
+            if self._found[kernels.LACKING]:
+                self._make_room_for(self._found[kernels.COUNT].item(), arrived)
+                self._locate()
+            for one in self._rearranging:
+                one()
+            self.find_sharers()
+            host.note()
+        self._find_images(lammps)
 
-    def _rows(self, places):
-        """What another rank needs to know of atoms, (k, OF_BODY + the state's rows)."""
-        rows = np.empty((len(places), kernels.OF_BODY + len(self.state)))
-        kernels.describe(places, self.body, self.d, self.state, rows)
-        return rows
+    def _make_room_for(self, atoms, arrived):
+        more = 1.25 if self._world.size > 1 else 1.0  # on one rank there are always as many
+        entries = 4 << (2 * (len(self.sharers.bodies) + arrived)).bit_length()
+        self._make_room(int(more * atoms), int(more * (len(self) + arrived)), entries)
 
-    def find_sharers(self, world):
+    def find_sharers(self):
         """Find who shares the bodies; collective."""
-        places = np.flatnonzero(self.atoms_here < self.natoms)  # the others are whole here
-        home, ids = self.state[[[kernels.HOME], [kernels.ID]], places].astype(np.int64)
-        self.sharers = world.sharers(len(self), places, ids, home)
-        self.home[:] = self.sharers.home
+        self.sharers.make_room(max(len(self), self._room[kernels.ROOM_BODIES].item()))
+        for one in (*self._sharing, *self._concluding):
+            self.sharers.do(one)
+        if not self._sharing:
+            self.sharers.none(len(self))
 
-    def settle(self, lammps, world, problem=None):
-        """Find which periodic image of each atom LAMMPS holds, and end the run for this problem, if there is one; collective."""
-        settle, off = self._settle(lammps)
-        wrong = settle()
-        if wrong and not problem:
-            far, atom = off
+    def _find_images(self, lammps):
+        """Find which periodic image of each atom LAMMPS holds, and end the run if an atom is not where its body has it; collective."""
+        box, problem = lammps.box, None
+        if box is not self._box:
+            self._box = box
+            for name, value in ("h", box.h), ("inverse", box.inverse), ("lo", box.lo), ("periodic", box.wrap), ("near", _MOVED * box.size):
+                self.cells[name].set(value)
+        if self._settle():
+            far, atom = self.cells["off"].array
             problem = (
                 f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something else moved "
                 "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
                 "with 'run N pre yes' after it, and not with reinit no or infile, which keep the bodies of the last run"
             )
-        world.agree(problem)
-
-    def stay(self, lammps, world, membership, host):
-        """`follow` as passes, for as long as no atom of the bodies moves in LAMMPS's arrays and these and the box stay."""
-        return [self._locate(lammps, world, membership, host)[0], self._settle(lammps)[0]]
-
-    def _locate(self, lammps, world, membership, host):
-        groups, origins = lammps.groups.view(np.int32), host.origins()
-        n = len(groups)
-        here, place, gained = np.empty(n, np.int32), np.empty(n, np.int32), np.empty(n, np.int64)
-        lost, found = np.empty(len(self.index), np.int64), np.empty(4, np.int64)
-        locate = kernels.locate.bind(groups, *membership.masks, origins, world.rank, self.index, here, place, gained, lost, found)
-        return locate, origins, here, place, gained, lost, found
-
-    def _settle(self, lammps):
-        box, off = lammps.box, np.empty(2)
-        x, near = lammps.per_atom("x", columns=3), _MOVED * box.size
-        return kernels.settle.bind(self.state, *self.atoms, x, box.h, box.inverse, box.lo, box.wrap, self.away, self.shift, self.aways,
-                                   off, near, self.scratch), off  # fmt: skip
+        self._world.agree(problem)
 
     def take_velocities(self, lammps, given=None):
         """Set v and p to the rigid motion with the linear and angular momentum of the atoms' velocities; collective.
@@ -171,7 +236,7 @@ class Bodies:
         kernels.gather(self.state, *self.atoms, mass[:, None] * lammps.per_atom("v", columns=3), momentum, True, self.scratch)
         if self.spheres:
             spin = SPHERE * mass * lammps.per_atom("radius") ** 2
-            kernels.add_torques(self.body, self.index, spin[:, None] * lammps.per_atom("omega", columns=3), momentum)
+            spheres.add_torques(self.body, self.index, spin[:, None] * lammps.per_atom("omega", columns=3), momentum)
         self.sharers.combine(momentum)
         if given is not None:
             momentum[:, given[0]] = given[1]
@@ -204,12 +269,17 @@ class Bodies:
         return 0.5 * np.array([self.mass * (self.v**2).sum(axis=0), turning])
 
 
-def _aligned(*shape):
+def _aligned(size):
     """An array of ones that begins where one of the processor's lines does."""
-    size = math.prod(shape)
     numbers = np.ones(size + kernels.LINE)
     begin = -(numbers.ctypes.data // numbers.itemsize) % kernels.LINE
-    return numbers[begin : begin + size].reshape(shape)
+    return numbers[begin : begin + size]
+
+
+def _column(name, size):
+    """A new array for the cell of this name."""
+    kind = (RENEWED | _OF_ATOMS | _OF_BODIES)[name]
+    return np.empty((size, *_WIDTHS.get(name, ())), kind.dtype)
 
 
 def matrices(q):
@@ -217,8 +287,12 @@ def matrices(q):
     return np.array(kernels.rotation_matrix(*q)).reshape(3, 3, -1)
 
 
-def _atoms_changed(lammps, membership, bodies, gone, origins):
-    """The message for atoms (their places) that bodies lost, or that came in between two steps."""
+def _atoms_changed(lammps, world, membership, bodies):
+    """The message for atoms that bodies lost, or that came in between two steps, None for none on this rank; collective."""
+    atoms, origins = membership.atoms(), lammps.cells["origins"].array
+    of_atoms = origins[atoms]
+    gained = lammps.cells["arrived"].array[-2 - of_atoms[of_atoms < -1], 0].copy().view(np.int64)
+    gone = world.gone(np.setdiff1d(np.arange(len(bodies.index)), places(of_atoms[of_atoms >= 0])), gained)
     if len(gone):
         gone = gone[bodies.tag[gone].argmin()]
         body = bodies.body[gone]
@@ -229,8 +303,9 @@ def _atoms_changed(lammps, membership, bodies, gone, origins):
             "needs a shorter time step or a better start; if not, check the boundary, thermo_modify lost, and fixes that "
             "delete atoms, because bodies keep their atoms during a run (and with reinit no or infile, from run to run)"
         )
-    atoms = membership.atoms()
+    if not (of_atoms == -1).any():
+        return None
     return (
-        f"atom {lammps.tags[atoms[origins[atoms] < 0]].min()} came into the fix's group by step {lammps.step}, but bodies are made when a run "
+        f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by step {lammps.step}, but bodies are made when a run "
         "starts: use a static group, and insert atoms between runs"
     )

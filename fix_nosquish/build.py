@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from . import infile
+from . import compiled, infile, spheres
 from .bodies import HOME, ID, IMAGE, LOAD, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
 from .errors import RunError
 
@@ -92,9 +92,11 @@ def build(lammps, world, membership, path=None, more_rows=0):
     d = np.empty((4, len(atoms)))
     d[:3], d[3] = np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag
     state[LOAD] = np.nan  # no force is known yet
-    spheres = world.any(radius is not None and radius.any())
-    result = Bodies(state, body, d, atoms.astype(np.int32), plane, spheres)
-    result.find_sharers(world)  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
+    has_spheres = world.any(radius is not None and radius.any())
+    if has_spheres:
+        compiled.load(world, spheres.__name__)
+    result = Bodies(state, body, d, atoms.astype(np.int32), plane, has_spheres, world)
+    result.find_sharers()  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
     return result, notes | {"given": given.named if given else ()}

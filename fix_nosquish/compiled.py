@@ -46,7 +46,7 @@ class Kind(NamedTuple):
     def __str__(self):
         return f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions" if self.dimensions else f"a {self.dtype}"
 
-    def slots(self, value):
+    def describe(self, value):
         """A value as integers: a number's bits, or an array's address and shape. Raises: TypeError."""
         if self is I:
             return [operator.index(value)]
@@ -67,6 +67,73 @@ def _address(array):
 F, F1, F2 = (Kind(np.dtype(np.float64), dimensions) for dimensions in range(3))
 I, L1, L2 = (Kind(np.dtype(np.int64), dimensions) for dimensions in range(3))
 I1, I2 = (Kind(np.dtype(np.int32), dimensions) for dimensions in (1, 2))
+
+_memory = ctypes.pythonapi.PyMemoryView_FromMemory
+_memory.restype, _memory.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int]
+_WRITABLE = 0x200  # PyBUF_WRITE
+
+
+def array(address, shape, dtype):
+    """A numpy view of memory that something else owns."""
+    count = math.prod(shape) * np.dtype(dtype).itemsize
+    if not address or not count:
+        return np.empty(shape, dtype)
+    # (ctypes would make a class for each size)
+    return np.frombuffer(_memory(address, count, _WRITABLE), dtype).reshape(shape)
+
+
+class Cell:
+    """Where loops find an argument each time they run: those that are bound to a cell follow it when it is set anew.
+
+    Args:
+        kind: the argument's `Kind`.
+        value: what is in it from the start, or None.
+        numbers: int64, memory for 1 + dimensions numbers; None for its own.
+
+    Attributes:
+        numbers: the value as integers (see `Kind.describe`); whoever writes other ones here sets the cell, too.
+        address: of these integers.
+    """
+
+    def __init__(self, kind, value=None, numbers=None):
+        self.kind = kind
+        self.numbers = (np.zeros(3, np.int64) if numbers is None else numbers)[: 1 + kind.dimensions]
+        self.address = self.numbers.ctypes.data
+        if value is not None:
+            self.set(value)
+
+    def set(self, value):
+        """Put an array, which lives as long, or a number here. Raises: TypeError, if it is not of the kind."""
+        self.numbers[:] = self.kind.describe(value)
+        self._value = value
+
+    def point(self, address, *shape):
+        """Point the cell at memory that something else keeps."""
+        self.numbers[:] = address, *shape
+        self._value = None
+
+    @property
+    def array(self):
+        """A view of the array that is here now."""
+        address, *shape = self.numbers.tolist()
+        return array(address, shape, self.kind.dtype)
+
+    @property
+    def number(self):
+        """The number that is here now."""
+        return self.numbers.view(self.kind.dtype)[0].item()
+
+
+def cells(kinds):
+    """Cells side by side, so that a loop can set them.
+
+    Args:
+        kinds: a dictionary from names to `Kind`.
+    Returns:
+        (cells (len(kinds), 3), dictionary): their integers, and from names to each `Cell`.
+    """
+    table = np.zeros((len(kinds), 3), np.int64)
+    return table, {name: Cell(kind, numbers=numbers) for (name, kind), numbers in zip(kinds.items(), table)}
 
 
 def inlined(function=None, *, contract=False):
@@ -90,25 +157,27 @@ def prefetch(array, row, column):
     """Have the processor fetch an element of a two-dimensional array that a loop will soon need; does nothing in Python."""
 
 
-def load(world):
-    """Make all loops ready now, with the machine code that rank 0 reads or compiles; collective.
+def load(world, *names):
+    """Make the loops of some modules ready now, with the machine code that rank 0 reads or compiles; collective.
 
     Without this a loop's first use does it, on each rank for itself.
 
     Args:
         world: the `World` or `Alone`.
+        names: of the modules, as `__name__`; those without loops are left out.
     Raises:
         RunError: on all ranks, if they cannot be compiled.
     """
-    if not world.any(not all(module.ready for module in _modules.values())):
+    modules = {name: _modules[name] for name in names if name in _modules}
+    if not world.any(not all(module.ready for module in modules.values())):
         return
     sent = None
     with _together(world):
         if world.rank == 0:
-            sent = _processor(), {name: module.code for name, module in _modules.items()}
+            sent = _processor(), {name: module.code for name, module in modules.items()}
     processor, codes = world.share(sent)
     with _together(world):
-        for name, module in _modules.items():
+        for name, module in modules.items():
             if not module.ready:
                 if processor == _processor():
                     module.code = codes[name]
@@ -142,31 +211,38 @@ class Loop:
         return self.bind(*values)()
 
     def bind(self, *values):
-        """Fix the arguments.
+        """Fix the arguments: each a value or the `Cell` that it is in.
 
         Returns:
-            a function without arguments that runs the loop on what is in the arrays then, and returns the
+            a function without arguments that runs the loop on what is in the arrays and cells then, and returns the
             loop's integer, or 0.
         Raises:
             TypeError: for an argument that is not of its kind.
         """
         if len(values) != len(self.kinds):
             raise TypeError(f"{self.name} takes {len(self.kinds)} arguments, not {len(values)}")
-        slots = []
+        used = []
         for (name, kind), value in zip(self.kinds.items(), values):
             try:
-                slots += kind.slots(value)
+                used.append(value if isinstance(value, Cell) else Cell(kind, value))
+                if used[-1].kind != kind:
+                    raise TypeError
             except TypeError:
-                given = type(value).__name__
+                given = value.kind if isinstance(value, Cell) else type(value).__name__
                 if isinstance(value, np.ndarray):
                     layout = "" if value.flags.c_contiguous else ", not contiguous"
                     given = f"{value.dtype} array of {value.ndim} dimensions{layout}"
                 raise TypeError(f"{self.name}: {name} must be {kind}, not a {given}") from None
         if not self.machine_code:
             self.module.load()
-        call = partial(self.machine_code, (ctypes.c_int64 * len(slots))(*slots))
-        call.values = values  # arrays live as long as their addresses are in use
+        call = partial(self.machine_code, (ctypes.c_int64 * len(used))(*[cell.address for cell in used]))
+        call.cells = used  # they live as long as their addresses are in use
         return call
+
+    def bind_to(self, named, **more):
+        """`bind` to those of these values and cells, a dictionary and more, that have the names of its arguments."""
+        named = {**named, **more}
+        return self.bind(*[named[name] for name in self.kinds])
 
 
 class _Module:
@@ -300,7 +376,7 @@ def _teach(function):
 
 
 def _compile(loops):
-    """The machine code of loops, an object file with a function `int64 NAME(int64 *slots)` for each.
+    """The machine code of loops, an object file with a function `int64 NAME(int64 **cells)` for each.
 
     Raises:
         RuntimeError: for a loop that needs Python when it runs.
@@ -371,7 +447,7 @@ def _optimise(module):
 
 
 def _entry(loop):
-    """The C function that takes a loop's arguments out of slots and runs it, as numba's cfunc."""
+    """The C function that takes a loop's arguments out of their cells and runs it, as numba's cfunc."""
     from numba import carray, cfunc, config, types
     from numba.extending import intrinsic
 
@@ -385,17 +461,18 @@ def _entry(loop):
 
         return pointer
 
-    values, n = [], 0
-    for kind in loop.kinds.values():
+    values = []
+    for n, kind in enumerate(loop.kinds.values()):
         if kind.dimensions:
-            shape = "".join(f"integers[{n + k}], " for k in range(1, kind.dimensions + 1))
-            values.append(f"carray({kind.dtype}(integers[{n}]), ({shape}))")
+            shape = "".join(f"cell{n}[{k}], " for k in range(1, kind.dimensions + 1))
+            values.append(f"carray({kind.dtype}(cell{n}[0]), ({shape}))")
         else:
-            values.append(f"{'integers' if kind is I else 'floats'}[{n}]")
-        n += 1 + kind.dimensions
+            values.append(f"cell{n}[0]")
+    cells = [(n, "float64" if kind is F else "int64", 1 + kind.dimensions) for n, kind in enumerate(loop.kinds.values())]
     lines = [
         "def entry(slots):",
-        f"    integers, floats = carray(int64(slots), {n}), carray(float64(slots), {n})",
+        f"    slots = carray(int64(slots), {len(cells)})",
+        *(f"    cell{n} = carray({dtype}(slots[{n}]), {size})" for n, dtype, size in cells),
         f"    result = loop({', '.join(values)})",
         f"    return {'result' if loop.__annotations__.get('return') else 0}",
     ]

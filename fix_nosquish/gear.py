@@ -250,12 +250,11 @@ class Gear(NVE):
             self._started = True
 
     def _bind(self):
-        super()._bind()
-        bodies = self.bodies
-        rest = bodies.state, *bodies.atoms, bodies.away, bodies.shift, bodies.aways, self._xvf[0], self.dt, self.lammps.ftm2v
-        scratch = np.empty(ALL_SCRATCH)
+        loops = super()._bind()
+        more = {"ftm2v": self.lammps.ftm2v, "scratch": np.empty(ALL_SCRATCH)}
         # a step's first half is the prediction, its second half the correction
-        self._loops.advance, self._loops.kick = (step.bind(corrects, *rest, scratch) for corrects in (False, True))
+        loops.advance, loops.kick = (step.bind_to(loops.cells, corrects=corrects, **more) for corrects in (False, True))
+        return loops
 
     def _kick(self, dt):
         """Nothing to do: predicted velocities are those of the end of the step."""

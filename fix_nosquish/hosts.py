@@ -13,7 +13,8 @@ from functools import wraps
 import numpy as np
 
 from .errors import RunError
-from .kernels import find
+from .kernels import OF_BODY
+from .lookup import describe, find
 from .sharing import origin
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
@@ -65,14 +66,37 @@ class OwnFix:
     def call_always(self):
         """This fix does."""
 
-    def note(self, index):
-        """As the plugin's; this LAMMPS takes nothing along with its atoms, so their IDs are kept."""
+    def carry(self, lammps, bodies):
+        """As the plugin's; this LAMMPS takes nothing along with its atoms, so other ranks are asked."""
+        self._bodies = bodies
+
+    def note(self):
+        """As the plugin's: the atoms' IDs are kept."""
+        index = self._bodies.index
         self._tags = self.lammps.tags.astype(np.int64)
         self._origins = np.full(len(self._tags), -1)
         self._origins[index] = origin(self.world.rank, np.arange(len(index)))
 
-    def origins(self):
+    def point(self, cells):
         """As the plugin's; collective."""
+        for name, of in ("atom_x", "x"), ("atom_v", "v"), ("atom_f", "f"):
+            cells[name].set(self.lammps.per_atom(of, columns=3))
+        cells["groups"].set(self.lammps.groups.view(np.int32))
+        origins = self._find_origins()
+        strangers = np.flatnonzero((origins >= 0) & (origins >> 32 != self.world.rank))
+        arrived = self.world.fetch(origins[strangers], self._rows)
+        arrived[:, 0] = origins[strangers].view(float)
+        origins[strangers] = -2 - np.arange(len(strangers))
+        cells["origins"].set(origins)
+        cells["arrived"].set(arrived)
+
+    def _rows(self, places):
+        bodies = self._bodies
+        rows = np.empty((len(places), OF_BODY + len(bodies.state)))
+        describe(places, bodies.body, bodies.d, bodies.state, rows)
+        return rows
+
+    def _find_origins(self):
         world, tags = self.world, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
         stayed = before >= 0

@@ -27,6 +27,7 @@ from math import floor
 
 import numpy as np
 
+from . import packing
 from .compiled import F1, F2, I1, I2, L1, L2, F, I, inlined, loop, prefetch
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
@@ -352,15 +353,19 @@ def gather_block(scratch, bodies, begin, end, rounds, index, d, atom_f):
 
 # ---------------------------------------------------------------- the passes of a step
 
+ALL, WHOLE, SHARED = range(3)  # parts of the bodies
+
 
 @inlined
 def advance_by(
     rotate, state, rotors, extended, plane, blocks, rounds, index, d, away, shift, aways, atom_x, atom_f, dt, dtf, gathers, kicks,
-    mrot, scratch,
+    mrot, part, scratch,
 ):  # fmt: skip
     """As `advance`; rotate(scratch, dt, mrot) is the free rotation of rotors, `rotate_rotors` or another integrator's."""
     wrong = 0
     for k in range(blocks.shape[0] - 1):
+        if part != ALL and blocks[k, 2] != (part == WHOLE):
+            continue
         begin, end = blocks[k, 0], blocks[k + 1, 0]
         fetch_ahead(state, blocks, k + 1, MASS, P + 4, rounds, index, d, atom_f if gathers else atom_x)
         take(scratch, state, begin, end, MASS, P + 4)
@@ -382,14 +387,15 @@ def advance_by(
         put(scratch, state, begin, end, X, P + 4, X)
         rotation_matrices(scratch)
         write_atoms(scratch, X, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_x)
-    move_to_images(away, shift, aways, index, atom_x)
+    if part != WHOLE:
+        move_to_images(away, shift, aways, index, atom_x)
     return wrong
 
 
 @loop
 def advance(
     state: F2, rotors: I, extended: I, plane: I, blocks: I2, rounds: I1, index: I1, d: F2, away: I1, shift: F2, aways: L1,
-    atom_x: F2, atom_f: F2, dt: F, dtf: F, gathers: I, kicks: I, mrot: I, scratch: F1,
+    atom_x: F2, atom_f: F2, dt: F, dtf: F, gathers: I, kicks: I, mrot: I, part: I, scratch: F1,
 ) -> I:  # fmt: skip
     """So many half kicks (dtf), drift and free rotation by dt, the atoms' new positions.
 
@@ -397,12 +403,14 @@ def advance(
     torque of bodies that are whole here are what `gather` would find, and are not kept: with two kicks, the last of one step
     and the first of the next, a whole step is one pass for them.
 
+    It does this to the bodies of one part, ALL, WHOLE here or SHARED with other ranks: if to these two, in this order.
+
     Returns:
         As `gather`, or 0.
     """
     return advance_by(
         rotate_rotors, state, rotors, extended, plane, blocks, rounds, index, d, away, shift, aways, atom_x, atom_f, dt, dtf, gathers,
-        kicks, mrot, scratch,
+        kicks, mrot, part, scratch,
     )  # fmt: skip
 
 
@@ -443,31 +451,6 @@ def set_velocities(state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_v: 
         take(scratch, state, blocks[k, 0], blocks[k + 1, 0], MOMENT, P + 4)
         velocity_matrices(scratch)
         write_atoms(scratch, V, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_v)
-
-
-@loop
-def add_torques(body: L1, index: I1, atom_torque: F2, load: F2):
-    """Add the torques that act on the atoms themselves (spheres) to those on their bodies (atoms,)."""
-    for j in range(index.size):
-        for k in range(3):
-            load[3 + k, body[j]] += atom_torque[index[j], k]
-
-
-@loop
-def set_spins(state: F2, blocks: I2, rounds: I1, index: I1, atom_omega: F2, scratch: F1):
-    """Write the bodies' angular velocity, space frame, as that of their atoms."""
-    for k in range(blocks.shape[0] - 1):
-        take(scratch, state, blocks[k, 0], blocks[k + 1, 0], MOMENT, P + 4)
-        for b in range(BLOCK):
-            q = four(scratch, Q, b)
-            i1, i2, i3 = three(scratch, MOMENT, b)
-            w1, w2, w3 = body_frame_angular_velocity(q, four(scratch, P, b), i1, i2, i3)
-            x, y, z = to_space(rotation_matrix(q[0], q[1], q[2], q[3]), w1, w2, w3)
-            set_three(scratch, ATOM, b, x, y, z)
-        for r in range(blocks[k, 1], blocks[k + 1, 1]):
-            for b in range(rounds[r + 1] - rounds[r]):
-                for c in range(3):
-                    atom_omega[index[rounds[r] + b], c] = scratch[(ATOM + c) * BLOCK + b]
 
 
 @inlined
@@ -528,63 +511,49 @@ def constraint_virial(
 # ---------------------------------------------------------------- after LAMMPS has moved atoms
 
 
+# what `locate` finds: atoms that came from nowhere, how many more there are than before, whether there is room, how many are not where
+# they were; and how many there are
+CAME, MORE, LACKING, MOVED, COUNT, FOUND = range(6)
+# what there can be room for: atoms, bodies, entries of the table of `arrange`
+ROOM_ATOMS, ROOM_BODIES, ROOM_ENTRIES, ROOMS = range(4)
+
+
 @loop
 def locate(
-    groups: I1, fix_group: I, body_groups: I, origins: L1, rank: I, index: I1, here: I1, place: I1, gained: L1, lost: L1, found: L1,
-) -> I:  # fmt: skip
+    groups: I1, fix_group: I, body_groups: I, origins: L1, rank: I, index: I1, state: F2, arrived: F2, counts: L1, here: I1, place: I1,
+    room: L1, found: L1,
+):  # fmt: skip
     """Find the atoms of the bodies in LAMMPS's arrays.
 
     Args:
         groups (natoms,): the bits of each atom's groups; it is in a body if it has some bit of both of the next two.
-        origins (natoms,): where each atom was, rank << 32 | its place in `index`; -1 if in no body.
-        here, place (natoms,): out: index of each atom found, in LAMMPS's order, and its place in `index`; of one that was
-            on another rank, -1 minus its place in gained.
-        gained (natoms,), lost (entries of index,): out: origins of atoms from other ranks; places of atoms no longer here.
-        found (4,): out: how many atoms are here, gained, lost, and how many came from nowhere (they are not in here).
-    Returns:
-        0 if they are the atoms of `index`, each where it was.
+        origins (natoms,): where each atom was: rank << 32 | its place in `index`; if it comes from another rank, -2 minus its row
+            in arrived; -1 if it was in no body.
+        arrived: what came with the atoms from other ranks.  counts: of `packing`.
+        here, place: out: index of each atom found, in LAMMPS's order, and its place in `index`; of one that was
+            on another rank, -1 minus its row in arrived.
+        room (ROOMS,): for how much there is room.
+        found (FOUND,): out: see above; atoms count as moved, too, while it is not known who shares the bodies.
     """
-    count = came = moved = arrivals = 0
-    for j in range(index.size):
-        lost[j] = 1
+    count = came = moved = 0
     for i in range(groups.size):
         if groups[i] & fix_group and groups[i] & body_groups:
-            if origins[i] < 0:
+            if origins[i] == -1:
                 came += 1
                 continue
-            here[count] = i
-            if origins[i] >> 32 == rank:
-                j = origins[i] & 0xFFFFFFFF
-                place[count] = j
-                lost[j] = 0
-                moved += index[j] != i
-            else:
-                gained[arrivals] = origins[i]
-                arrivals += 1
-                place[count] = -arrivals
+            j = origins[i] & 0xFFFFFFFF if origins[i] >= 0 else origins[i] + 1
+            moved += j < 0 or index[j] != i
+            if count < room[ROOM_ATOMS]:
+                here[count], place[count] = i, j
             count += 1
-    gone = 0
-    for j in range(index.size):
-        if lost[j]:
-            lost[gone] = j
-            gone += 1
-    found[0], found[1], found[2], found[3] = count, arrivals, gone, came
-    return moved + arrivals + gone + came
+    lacking = count > room[ROOM_ATOMS] or state.shape[1] + arrived.shape[0] > room[ROOM_BODIES]
+    lacking = lacking or 2 * (counts[packing.SHARED] + arrived.shape[0]) >= room[ROOM_ENTRIES]
+    found[CAME], found[MORE], found[LACKING], found[COUNT] = came, count - index.size, lacking, count
+    found[MOVED] = moved + (count != index.size) + (counts[packing.KNOWN] == 0)
 
 
-# what another rank tells of an atom: its column of d, then its body's of state
-OF_BODY = 4
-
-
-@loop
-def describe(places: L1, body: L1, d: F2, state: F2, rows: F2):
-    """Write for each of the atoms at these places what another rank needs to know of it, to rows (places, OF_BODY + the state's rows)."""
-    for j in range(places.size):
-        p = places[j]
-        for c in range(OF_BODY):
-            rows[j, c] = d[c, p]
-        for row in range(state.shape[0]):
-            rows[j, OF_BODY + row] = state[row, body[p]]
+# what comes with an atom from another rank: its origin, its column of d, then its body's of state
+OF_ATOM, OF_BODY = 1, 5
 
 
 @inlined
@@ -628,33 +597,35 @@ def enter(table, key, value):
 
 @loop
 def arrange(
-    here: I1, place: I1, body: L1, state: F2, arrived: F2, shared: L1, table: L1, owner: L1, first: L1, number: L1, order: L1, atoms: L1,
-    next_: L2, buckets: L1, blocks: I2, rounds: I1, index: I1, source: L1, new_body: L1, found: L1,
+    here: I1, place: I1, found: L1, body: L1, state: F2, arrived: F2, shared: L1, counts: L1, table: L1, owner: L1, first: L1, number: L1,
+    order: L1, atoms: L1, next_: L2, buckets: L1, blocks: I2, rounds: I1, index: I1, source: L1, sizes: L1,
 ):  # fmt: skip
     """Put the bodies and their atoms in the order of the passes: of `bucket`, and as LAMMPS has their first atoms.
 
+    Arrays may be longer than said here.
+
     Args:
-        here (n,): the atoms' indices in LAMMPS's arrays, ascending.
-        place (n,): each atom's place in the list of before; of one that was not in it, -1 minus its row in arrived.
-        body: the body of each atom of that list.  state (rows, m): the bodies.
-        arrived (k, OF_BODY + rows): what `describe` told of atoms from other ranks.
-        shared: those of the bodies that other ranks had too, of which these atoms may be.
-        table: to look their IDs up in; its size is a power of two, above the number of entries of shared and arrived.
+        here, place (n,), found: of `locate`; n is found[COUNT].
+        body: the body of each atom of the list of before; out, (n,): of the new one, as newly numbered.
+        state (rows, m): the bodies.
+        arrived (k, OF_BODY + rows): what came with atoms from other ranks.
+        shared, counts: those of the bodies that other ranks had too, of which these atoms may be; see `packing`.
+        table: to look their IDs up in; its size is a power of two, above twice the number of entries of shared and arrived.
         owner (n,), number (m + k,), buckets (BUCKETS,), next_ (m + k, 2): to work with.
         first (k,): out: for each body that was not here, a row in arrived.
         order (m + k,): out: what has each of the new numbers: a body, or m plus an entry of first.
         atoms (m + k,): out: how many atoms the bodies, as newly numbered, have here.
         blocks (m + k + 1, 3), rounds (n + 1,), index (n,): out: see the head of this file.
-        source (n,), new_body (n,): out: where in `here` each entry of index was, and its body's new number.
-        found (GROUPS + 2,): out: how many bodies are in the groups of `bucket` up to each, how many blocks, how many rounds.
+        source (n,): out: where in `here` each entry of index was.
+        sizes (GROUPS + 2,): out: how many bodies are in the groups of `bucket` up to each, how many blocks, how many rounds.
     """
-    m, strangers, last = state.shape[1], 0, table.size - 1
+    n, m, strangers, last = found[COUNT], state.shape[1], 0, table.size - 1
     if arrived.shape[0]:
         for k in range(table.size):
             table[k] = -1
-        for k in range(shared.size):
+        for k in range(counts[packing.SHARED]):
             enter(table, state[ID, shared[k]], shared[k])
-    for j in range(here.size):
+    for j in range(n):
         if place[j] >= 0:
             owner[j] = body[place[j]]
         else:
@@ -670,7 +641,7 @@ def arrange(
 
     for b in range(m + strangers):
         number[b] = 0
-    for j in range(here.size):
+    for j in range(n):
         number[owner[j]] += 1  # for now the number of atoms
     for k in range(BUCKETS):
         buckets[k] = 0
@@ -680,8 +651,8 @@ def arrange(
     for k in range(1, BUCKETS):
         buckets[k] += buckets[k - 1]
     for k in range(GROUPS):
-        found[k] = buckets[(k + 1) * (BLOCK + 1)]
-    for j in range(here.size):
+        sizes[k] = buckets[(k + 1) * (BLOCK + 1)]
+    for j in range(n):
         b = owner[j]
         if number[b] > 0:  # its first atom
             k = bucket(b, number[b], state, arrived, first)
@@ -693,14 +664,14 @@ def arrange(
     for b in range(m + strangers):
         number[b] = -1 - number[b]
 
-    size, begin, block, round_, entry, group = found[GROUPS - 1], 0, 0, 0, 0, 0
-    while begin < size:
-        while begin >= found[group]:
+    total, begin, block, round_, entry, group = sizes[GROUPS - 1], 0, 0, 0, 0, 0
+    while begin < total:
+        while begin >= sizes[group]:
             group += 1
         blocks[block, 0], blocks[block, 1], blocks[block, 2] = begin, round_, group % 2 == 0
         end = begin + 1
         if atoms[begin] <= BLOCK:
-            end = min(begin + BLOCK, found[group])
+            end = min(begin + BLOCK, sizes[group])
         lanes = end - begin
         for r in range(rounds_of(atoms[begin])):
             rounds[round_] = entry
@@ -710,9 +681,9 @@ def arrange(
             round_ += 1
         begin = end
         block += 1
-    blocks[block, 0], blocks[block, 1], blocks[block, 2] = size, round_, 0
+    blocks[block, 0], blocks[block, 1], blocks[block, 2] = total, round_, 0
     rounds[round_] = entry
-    found[GROUPS], found[GROUPS + 1] = block, round_
+    sizes[GROUPS], sizes[GROUPS + 1] = block, round_
 
     for k in range(block):
         for b in range(blocks[k, 0], blocks[k + 1, 0]):
@@ -720,23 +691,61 @@ def arrange(
                 next_[b, 0], next_[b, 1] = rounds[blocks[k, 1]], -1
             else:  # its next round, its lane
                 next_[b, 0], next_[b, 1] = blocks[k, 1], b - blocks[k, 0]
-    for j in range(here.size):
+    for j in range(n):
         b = number[owner[j]]
         entry = next_[b, 0] if next_[b, 1] < 0 else rounds[next_[b, 0]] + next_[b, 1]
         next_[b, 0] += 1
-        index[entry], source[entry], new_body[entry] = here[j], j, b
+        index[entry], source[entry], body[entry] = here[j], j, b
+
+
+# what `renew` sets: the kinds of these cells, and which of the `compiled.cells` each is
+RENEWED = {"state": F2, "old_state": F2, "load": F2, "d": F2, "old_d": F2, "blocks": I2, "rounds": I1, "index": I1, "body": L1, "atoms": L1,
+           "rotors": I, "extended": I}  # fmt: skip
+STATE_AT, OLD_STATE_AT, LOAD_AT, D_AT, OLD_D_AT, BLOCKS_AT, ROUNDS_AT, INDEX_AT, BODY_AT, ATOMS_AT, ROTORS_AT, EXTENDED_AT = range(12)
 
 
 @loop
-def carry_over(order: L1, first: L1, source: L1, place: I1, arrived: F2, state: F2, d: F2, new_state: F2, new_d: F2):
+def renew(cells: L2, found: L1, sizes: L1):
+    """Set the bodies' cells to the order that `arrange` has found: from now on the bodies and atoms of before are the old ones."""
+    n, m = sizes[GROUPS - 1], found[COUNT]
+    for now, old, size in (STATE_AT, OLD_STATE_AT, n), (D_AT, OLD_D_AT, m):
+        cells[now, 0], cells[old, 0] = cells[old, 0], cells[now, 0]
+        cells[old, 1], cells[old, 2], cells[now, 2] = cells[now, 1], cells[now, 2], size
+    cells[LOAD_AT, 0], cells[LOAD_AT, 1], cells[LOAD_AT, 2] = cells[STATE_AT, 0] + 8 * FORCE * n, TORQUE + 3 - FORCE, n
+    cells[BLOCKS_AT, 1], cells[ROUNDS_AT, 1] = sizes[GROUPS] + 1, sizes[GROUPS + 1] + 1
+    cells[INDEX_AT, 1] = cells[BODY_AT, 1] = m
+    cells[ATOMS_AT, 1] = n
+    cells[ROTORS_AT, 0], cells[EXTENDED_AT, 0] = sizes[1], sizes[3]
+
+
+@loop
+def carry_over(order: L1, first: L1, source: L1, place: I1, arrived: F2, old_state: F2, old_d: F2, state: F2, d: F2):
     """Copy the bodies and their atoms to the order that `arrange` has found."""
     for row in range(state.shape[0]):
-        for b in range(new_state.shape[1]):
-            new_state[row, b] = of_body(row, order[b], state, arrived, first)
+        for b in range(state.shape[1]):
+            state[row, b] = of_body(row, order[b], old_state, arrived, first)
     for c in range(d.shape[0]):
-        for j in range(source.size):
+        for j in range(d.shape[1]):
             p = place[source[j]]
-            new_d[c, j] = d[c, p] if p >= 0 else arrived[-1 - p, c]
+            d[c, j] = old_d[c, p] if p >= 0 else arrived[-1 - p, OF_ATOM + c]
+
+
+@loop
+def partial(state: F2, atoms: L1, asked: L1, ids: L1, meet: L1, counts: L1):
+    """Find the bodies that are not whole here: their numbers, their IDs, and the rank at which their holders meet."""
+    n = 0
+    for b in range(state.shape[1]):
+        if atoms[b] < state[NATOMS, b]:
+            asked[n], ids[n], meet[n] = b, state[ID, b], state[HOME, b]
+            n += 1
+    counts[packing.BODIES], counts[packing.ASKED], counts[packing.KNOWN] = state.shape[1], n, 0
+
+
+@loop
+def set_home(home: L1, state: F2):
+    """Write the rank at which the holders of each body are to meet the next time."""
+    for b in range(state.shape[1]):
+        state[HOME, b] = home[b]
 
 
 @loop
@@ -798,27 +807,3 @@ def settle(
                     off[0], off[1] = far, j + b
     aways[0] = count
     return not off[0] <= near
-
-
-@loop
-def find_in_table(keys: L1, wanted: L1, table: L1, found: L1):
-    """See `find`; table is filled with -1 and its size is a power of two."""
-    last = table.size - 1
-    for j in range(keys.size):
-        enter(table, keys[j], j)
-    for i in range(wanted.size):
-        h = hashed(wanted[i], table)
-        while table[h] >= 0 and keys[table[h]] != wanted[i]:
-            h = (h + 1) & last
-        found[i] = table[h]
-
-
-def find(keys, wanted):
-    """For each entry of `wanted` its place in `keys` (both unique, positive int64), or -1.
-
-    A hash table of the size of the rank's own data: no array grows with the system.
-    """
-    table = np.full(1 << (2 * len(keys) + 3).bit_length(), -1, np.int64)
-    found = np.empty(len(wanted), np.int64)
-    find_in_table(keys, wanted, table, found)
-    return found

@@ -71,12 +71,12 @@ def rotate(scratch, dt, mrot):
 @loop
 def advance(
     state: F2, rotors: I, extended: I, plane: I, blocks: I2, rounds: I1, index: I1, d: F2, away: I1, shift: F2, aways: L1,
-    atom_x: F2, atom_f: F2, dt: F, dtf: F, gathers: I, kicks: I, mrot: I, scratch: F1,
+    atom_x: F2, atom_f: F2, dt: F, dtf: F, gathers: I, kicks: I, mrot: I, part: I, scratch: F1,
 ) -> I:  # fmt: skip
     """As `kernels.advance`, with this free rotation."""
     return kernels.advance_by(
         rotate, state, rotors, extended, plane, blocks, rounds, index, d, away, shift, aways, atom_x, atom_f, dt, dtf, gathers, kicks,
-        mrot, scratch,
+        mrot, part, scratch,
     )  # fmt: skip
 
 

@@ -17,61 +17,71 @@ from math import gcd
 
 import numpy as np
 
-from . import compiled, kernels
+from . import compiled, kernels, lookup, packing, spheres
 from .atoms import Lammps, pointer
 from .build import build, count
 from .command import Command
+from .compiled import Cell, F, I
 from .errors import RunError
 from .hosts import OwnFix, driven_by_plugin, hook
 from .membership import Membership
 from .reports import Reports
-from .sharing import Alone, World
+from .sharing import ALONE, World
 from .switches import Switches
 
 _BLIND = "nve", "rigid", "shake", "rattle"  # fixes that read no velocities but those of their own atoms
 _READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"  # fixes that act at the end of a step and change no velocity
 
 
-class _Loops:
-    """The loops of a step on these bodies and LAMMPS's arrays, each bound to them when it is first used.
+class Loops:
+    """The loops of a step, each bound to the bodies, LAMMPS's arrays and the time step when it is first used.
 
     Args:
-        loop: the integrator's `kernels.advance`.
-        x, v, f: LAMMPS's arrays.  dt: the time step; dtf: what takes a force to half a step's momentum.
-        direct: whether force and torque of a body that is whole here are those that its atoms give, and nothing else.
+        advance: the integrator's `kernels.advance`.
+        cells: `Bodies.cells` and those of `Lammps`, a dictionary.
+        mrot: number of inner steps of the rotation.
+
+    Attributes:
+        cells: all that these loops take: beside the above dt, the time step; dtf, what takes a force to half a step's momentum;
+            kicks, how many of these begin a step; and direct, whether force and torque of a body that is whole here are those that
+            its atoms give, and nothing else.
     """
 
-    def __init__(self, loop, bodies, x, v, f, dt, dtf, mrot, direct):
-        self._bodies, self._v, self._f, self._dtf, self._direct = bodies, v, f, dtf, direct
-        free = bodies.state, bodies.rotors, bodies.extended, bodies.plane, *bodies.atoms, bodies.away, bodies.shift, bodies.aways
-        self._advance = lambda gathers, kicks: loop.bind(*free, x, f, dt, dtf, gathers, kicks, mrot, bodies.scratch)
+    def __init__(self, advance, cells, mrot):
+        self._advance = advance
+        self.cells = cells | {"dt": Cell(F), "dtf": Cell(F), "kicks": Cell(I), "direct": Cell(I), "mrot": Cell(I, mrot)}
 
     @cached_property
     def advance(self):
-        return self._advance(False, 1 if self._dtf else 0)
+        return self._advance.bind_to(self.cells, gathers=False, part=kernels.ALL)
 
     @cached_property
     def kick_and_advance(self):
-        return self._advance(self._direct, 2)
+        return self._kick_and_advance(kernels.ALL)
+
+    @cached_property
+    def kick_and_advance_parts(self):
+        """Bodies that are whole here, which need no other rank; then the others."""
+        return [self._kick_and_advance(part) for part in (kernels.WHOLE, kernels.SHARED)]
+
+    def _kick_and_advance(self, part):
+        return self._advance.bind_to(self.cells, gathers=self.cells["direct"], kicks=2, part=part)
 
     @cached_property
     def gather(self):
-        return self._gather(True)
+        return kernels.gather.bind_to(self.cells, every=True)
 
     @cached_property
     def gather_shared(self):
-        return self._gather(False)
-
-    def _gather(self, every):
-        return kernels.gather.bind(self._bodies.state, *self._bodies.atoms, self._f, self._bodies.load, every, self._bodies.scratch)
+        return kernels.gather.bind_to(self.cells, every=False)
 
     @cached_property
     def kick(self):
-        return kernels.kick.bind(self._bodies.state, self._bodies.blocks, self._dtf, self._bodies.scratch)
+        return kernels.kick.bind_to(self.cells)
 
     @cached_property
     def set_velocities(self):
-        return kernels.set_velocities.bind(self._bodies.state, *self._bodies.atoms, self._v, self._bodies.scratch)
+        return kernels.set_velocities.bind_to(self.cells)
 
 
 class NVE(Reports):
@@ -89,6 +99,7 @@ class NVE(Reports):
         bodies: the `Bodies`, from the first use of the fix on.
         host: what calls this object; set by the plugin, see `hosts`.
         follows_atoms: that the plugin is to keep with each atom where it was (see `host.note`).
+        carries: how many numbers go with an atom to another rank (see `host.carry`).
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
@@ -103,16 +114,16 @@ class NVE(Reports):
 
     host = None
     follows_atoms = True
+    carries = property(lambda self: kernels.OF_BODY + kernels.ROWS + self.more_rows)
     virial = virial_per_atom = None
     advance, more_rows, method, splits = kernels.advance, 0, "NO_SQUISH", True
     _all = weakref.WeakSet()
 
     def __init__(self, ptr, words):
         self.lammps = Lammps(ptr)
-        self.world = World(self.lammps.communicator) if self.lammps.ranks > 1 else Alone()
+        self.world = World(self.lammps.communicator) if self.lammps.ranks > 1 else ALONE
         self.bodies = None
-        self._notes = self._said = None
-        self._xvf = None, None, None
+        self._notes = self._said = self._loops = None
         self._warned = set()
         self._settled = self._half = self._ran = self._heard = self._velocities_set = False
         self._mask = self._file = None
@@ -124,7 +135,10 @@ class NVE(Reports):
 
     @hook
     def _begin(self, words):
-        compiled.load(self.world)
+        more = [packing.__name__] if self.world.size > 1 else []
+        if self.host:
+            more.append(lookup.__name__)
+        compiled.load(self.world, kernels.__name__, *(kind.__module__ for kind in type(self).__mro__), *more)
         self.command = Command.parse(words)
         self.membership = Membership(self.lammps, self.command)
         self._infile = self.command.infile and self.lammps.text(self.command.infile)
@@ -160,7 +174,6 @@ class NVE(Reports):
         self._settled = self._half = self._heard = False
         self.host.call_always()
         self.host.waiting = False
-        self._xvf = None, None, None
         self._known = {}
         self.host.set_bodies(None, None)  # the atoms are not those of the last run
         ours = {mate.host.fix_id for mate in self._mates}
@@ -186,11 +199,17 @@ class NVE(Reports):
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.load.copy())
+        if self.host and self.bodies is not None:
+            self.host.carry(None, None)
         self.bodies = self._loops = None  # there may be no room for both
         self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile, self.more_rows)
         if known and np.array_equal(np.sort(known[0]), np.sort(self.bodies.id)):  # commands like write_data compute no forces
             self.bodies.load[:, np.argsort(self.bodies.id)] = known[1][:, np.argsort(known[0])]
-        self.host.note(self.bodies.index)
+        self.bodies.bind(self.lammps, self.membership)
+        self._loops = self._bind()
+        self._set_time_step()
+        self.host.carry(self.lammps, self.bodies)
+        self.host.note()
         self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
 
@@ -244,8 +263,7 @@ class NVE(Reports):
         if self._settled:
             self._catch_up()
         self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
-        if self._xvf[0] is not None:
-            self._bind()
+        self._set_time_step()
         if self._settled:
             self._leave_to_host()
 
@@ -258,26 +276,23 @@ class NVE(Reports):
         if not self.host.waiting:
             self._loops.advance()
         else:
-            self._gather(every=not self._direct)  # else whole bodies are gathered where they are kicked
-            if self._loops.kick_and_advance():
-                self._loops.gather()
-                self._blame_forces()
+            self._gather()
+            self._loops.kick_and_advance()
         self._moved()
 
     @hook
     def post_neighbor(self):
         """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
         self._refuse_new_box()
-        before = self.bodies, *self._xvf
-        self.bodies = self.bodies.follow(self.lammps, self.world, self.membership, self.host)
-        self._xvf = [self.lammps.per_atom(name, columns=3) for name in "xvf"]
-        if any(now is not then for now, then in zip((self.bodies, *self._xvf), before)):
-            self._mask = self._switches.mask(self.bodies)
-            self._bind()
-            if self.bodies.spheres:
-                body = np.full(len(self._xvf[0]), -1, np.int32)
-                body[self.bodies.index] = self.bodies.body
-                self.host.set_bodies(body, self.bodies.mass)
+        bodies = self.bodies
+        bodies.follow(self.lammps, self.membership, self.host)
+        self._mask = self._switches.mask(bodies)
+        self._direct = self._mask is None and not bodies.spheres
+        self._loops.cells["direct"].set(self._direct)
+        if bodies.spheres:
+            body = np.full(len(self.lammps.groups), -1, np.int32)
+            body[bodies.index] = bodies.body
+            self.host.set_bodies(body, bodies.mass)
         if self._settled:
             self._leave_to_host()
 
@@ -315,12 +330,16 @@ class NVE(Reports):
         self._vflag, self._known = vflag, {}
 
     def _bind(self):
-        """Prepare the loops of a step for the bodies and LAMMPS's arrays as they stand until the next re-neighbouring."""
-        respa = self.respa_dt is not None
-        dt = self.respa_dt[0] if respa else self.dt
-        dtf = 0.0 if respa else 0.5 * dt * self.lammps.ftm2v  # with respa each level kicks by itself
-        self._direct = self._mask is None and not self.bodies.spheres
-        self._loops = _Loops(self.advance, self.bodies, *self._xvf, dt, dtf, self.command.mrot, self._direct)
+        """The loops of a step for these bodies."""
+        return Loops(self.advance, self.bodies.cells | self.lammps.cells, self.command.mrot)
+
+    def _set_time_step(self):
+        """Have the loops use the time step as it is now."""
+        if self._loops:
+            cells, respa = self._loops.cells, self.respa_dt is not None
+            cells["dt"].set(self.respa_dt[0] if respa else self.dt)
+            cells["dtf"].set(0.5 * self.dt * self.lammps.ftm2v)
+            cells["kicks"].set(not respa)  # there each level kicks by itself
 
     def _leave_to_host(self):
         """Have the plugin do itself what needs no Python; not what a class derived from this one does otherwise."""
@@ -328,15 +347,17 @@ class NVE(Reports):
         if self.respa_dt is not None or any(getattr(type(self), name) is not getattr(NVE, name) for name in hooks):
             return
         every = gcd(*self.velocities_every, *(self.command.output[:1] if self._file else ()))
-        step = neighbor = None
+        step = following = None
         if not self._box_may_change and self._direct:
-            loops, exchange = self._loops, self.bodies.sharers.passes(self.bodies.load)
-            step = [*([loops.gather_shared, *exchange] if exchange else []), loops.kick_and_advance]
+            loops, sharers = self._loops, self.bodies.sharers
+            step = [loops.kick_and_advance]
+            if self.world.size > 1:  # messages are under way while the bodies that need none move
+                whole, shared = loops.kick_and_advance_parts
+                step = [loops.gather_shared, *sharers.giving, whole, *sharers.taking, shared]
             if self.half_step_velocities:
                 step.append(loops.set_velocities)
-            if self.world.size == 1:
-                neighbor = self.bodies.stay(self.lammps, self.world, self.membership, self.host)
-        self.host.go_alone(every, step, neighbor)
+            following = self.bodies.following()
+        self.host.go_alone(every, step, following)
 
     def _moved(self):
         self._velocities_set, self._half, self.host.waiting = False, True, False
@@ -344,7 +365,9 @@ class NVE(Reports):
             self._set_velocities()
 
     def _kick(self, dt):
-        kernels.kick(self.bodies.state, self.bodies.blocks, 0.5 * dt * self.lammps.ftm2v, self.bodies.scratch)
+        self._loops.cells["dtf"].set(0.5 * dt * self.lammps.ftm2v)
+        self._loops.kick()
+        self._set_time_step()
 
     def _follow(self):
         if self.host.atoms_moved():
@@ -364,16 +387,16 @@ class NVE(Reports):
             )
         self._box = box  # a face that is not periodic may follow the atoms
 
-    def _gather(self, every=True):
+    def _gather(self):
         bodies = self.bodies
-        wrong = self._loops.gather() if every else self._loops.gather_shared()
+        wrong = self._loops.gather()
         if bodies.spheres:
-            kernels.add_torques(bodies.body, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.load)
+            spheres.add_torques(bodies.body, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.load)
         if wrong:
             self._blame_forces()
-        bodies.sharers.combine(bodies.load)
+        bodies.sharers.add()
         if self._mask is not None:
-            bodies.load *= self._mask
+            np.multiply(bodies.load, self._mask, out=bodies.load)
 
     def _blame_forces(self):
         bodies, step = self.bodies, self.lammps.step - self.host.waiting
@@ -390,7 +413,7 @@ class NVE(Reports):
         else:
             kernels.set_velocities(bodies.state, *bodies.atoms, self.lammps.per_atom("v", columns=3), bodies.scratch)
         if bodies.spheres:
-            kernels.set_spins(bodies.state, *bodies.atoms[:3], self.lammps.per_atom("omega", columns=3), bodies.scratch)
+            spheres.set_spins(bodies.state, *bodies.atoms[:3], self.lammps.per_atom("omega", columns=3), bodies.scratch)
 
     def _velocities_changed(self):
         """Whether the atoms' velocities are not those that the bodies gave them, on any rank; collective."""
@@ -398,7 +421,7 @@ class NVE(Reports):
         n = len(bodies.index)
         expected = np.empty((n, 3))
         kernels.set_velocities(bodies.state, bodies.blocks, bodies.rounds, np.arange(n, dtype=np.int32), bodies.d, expected, bodies.scratch)
-        return self.world.any(not np.array_equal(expected, self._xvf[1][bodies.index]))
+        return self.world.any(not np.array_equal(expected, self.lammps.per_atom("v", columns=3)[bodies.index]))
 
     def _take_changed_velocities(self, step):
         """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with them; collective."""

@@ -56,7 +56,8 @@ class Reports:
         if virial is None:
             return
         bodies, of_atoms = self.bodies, self.virial_per_atom
-        kernels.constraint_virial(bodies.state, *bodies.atoms, self.lammps.masses[bodies.index], self.lammps.ftm2v, self._xvf[2], virial,
+        kernels.constraint_virial(bodies.state, *bodies.atoms, self.lammps.masses[bodies.index], self.lammps.ftm2v,
+                                  self.lammps.per_atom("f", columns=3), virial,
                                   np.empty((0, 6)) if of_atoms is None else of_atoms, bodies.scratch)  # fmt: skip
 
     def _virial_of_all(self):

@@ -13,16 +13,17 @@ and these learn that no more will come from a barrier (`World.deliver`).
 `World` is the world of several ranks.  All methods of both are collective.
 """
 
-import ctypes
 from itertools import count
 
 import numpy as np
 
 from . import packing
+from .compiled import F1, F2, I, L1, Cell
 from .errors import RunError
 
 _BITS = 32  # an atom's origin is rank << 32 | place
 _QUESTIONS, _ANSWERS, _PARTS = (0, 1), 2, 3  # tags of messages
+LOAD = 6  # numbers of a body's force and torque
 
 
 def origin(rank, places):
@@ -30,10 +31,15 @@ def origin(rank, places):
     return np.int64(rank << _BITS) | places
 
 
+def places(origins):
+    """The places in these origins."""
+    return origins & ((1 << _BITS) - 1)
+
+
 class Alone:
     """One rank: every method gives back what it was given."""
 
-    size, rank = 1, 0
+    size, rank, handle = 1, 0, 0
 
     def agree(self, problem):
         """End the run if there is a problem (a message, or None for none)."""
@@ -58,13 +64,20 @@ class Alone:
         """As `World.look_up`; what this rank has it need not ask for."""
         return np.full(len(wanted), -1)
 
-    def fetch(self, origins, lost, rows_of):
+    def fetch(self, origins, rows_of):
         """As `World.fetch`; no atom can have come."""
-        return rows_of(lost[:0]), lost
+        return rows_of(origins)
+
+    def gone(self, lost, gained):
+        """As `World.gone`."""
+        return lost
 
     def sharers(self, n, places, ids, home):
         """As `World.sharers`; nobody else holds bodies."""
-        return Sharers.none(n)
+        return Sharers(self).find(n, places[:0], ids[:0], home[:0])
+
+
+ALONE = Alone()
 
 
 class World:
@@ -85,7 +98,7 @@ class World:
         if not theirs.Get_attr(World._attribute):
             theirs.Set_attr(World._attribute, (theirs.Dup(), count()))
         self.comm, self._rounds = theirs.Get_attr(World._attribute)
-        self.mpi, self.size, self.rank = MPI, self.comm.size, self.comm.rank
+        self.mpi, self.size, self.rank, self.handle = MPI, self.comm.size, self.comm.rank, self.comm.py2f()
         self._number, self._status = np.empty(1, np.int64), MPI.Status()
 
     def _reduce(self, number, operation):
@@ -200,25 +213,41 @@ class World:
 
         return self.ask(wanted % self.size, wanted, answer)[:, 0]
 
-    def fetch(self, origins, lost, rows_of):
-        """Bring each gained atom what the rank that lost it knew of it.
+    def fetch(self, origins, rows_of):
+        """Ask for what the ranks that lost atoms know of them.
 
         Args:
             origins: (m,) int64, where each atom gained was before: a rank, not this one, and the atom's place there.
-            lost: (k,) places of atoms that this rank no longer has.
             rows_of: a function of (n,) places that gives (n, width) float64, what goes with these atoms.
         Returns:
-            (m, width) rows, in the order of origins; (l,) the places of lost atoms that no rank gained.
+            (m, width) rows, in the order of origins.
         """
-        missing = lost
+        return self.ask(origins >> _BITS, places(origins), rows_of)
 
-        def answer(places):
-            nonlocal missing
-            # an atom is on one rank: if as many are asked for as are lost, they are the same
-            missing = lost[:0] if len(places) == len(lost) else np.setdiff1d(lost, places)
-            return rows_of(places)
+    def gone(self, lost, gained):
+        """Which of the places of lost atoms are of atoms that no rank has.
 
-        return self.ask(origins >> _BITS, origins & ((1 << _BITS) - 1), answer), missing
+        Args:
+            lost: (k,) places of atoms that this rank no longer has.  gained: origins of atoms from other ranks.
+        """
+        gained = np.sort(gained)
+        told = self.deliver(_split(gained >> _BITS, places(gained)), np.int64)
+        return np.setdiff1d(lost, _join(told.values(), np.int64))
+
+    def exchange(self, partners, counts, sent, received):
+        """Begin to send each partner its part, and to fill `received` with what they send.
+
+        Args:
+            partners: the ranks.  counts: how many numbers each sends and receives.
+            sent, received: the parts, one after the other.
+        Returns:
+            a function that waits for the end of it.
+        """
+        requests, end = [], 0
+        for rank, n in zip(partners, counts):
+            part = slice(end, end := end + n)
+            requests += [self.comm.Irecv(received[part], rank, _PARTS), self.comm.Isend(sent[part], rank, _PARTS)]
+        return lambda: self.mpi.Request.Waitall(requests)
 
     def sharers(self, n, places, ids, home):
         """Find who else holds some of this rank's bodies.
@@ -229,11 +258,7 @@ class World:
             ids: (m,) int64, their IDs, each once.
             home: (m,) int64, the rank at which all holders of each body meet: any on which they agree.
         """
-        # in an order on which two holders of the same bodies agree
-        order = np.lexsort((ids, home))
-        questions = _split(home[order], ids[order])
-        answers = self.deliver(_holders(self.deliver(questions, np.int64)), np.int64, questions)
-        return Sharers(self, n, places[order], [len(part) for part in questions.values()], _join(answers.values(), np.int64))
+        return Sharers(self).find(n, places, ids, home)
 
 
 def _split(keys, rows):
@@ -247,15 +272,84 @@ def _join(parts, dtype):
     return np.concatenate([np.empty(0, dtype), *parts])
 
 
-def _holders(asked):
-    """What to answer ranks (keys) that ask who holds bodies; see `packing.answer`."""
-    ids = _join(asked.values(), np.int64)
-    order, bounds = np.argsort(ids, kind="stable"), np.cumsum([0, *map(len, asked.values())], dtype=np.int64)
-    (first, many), ends = np.empty((2, len(ids)), np.int64), np.empty(len(asked) + 1, np.int64)
-    answers = np.empty(packing.meet(ids, order, first, many), np.int64)
-    packing.answer(ids, order, first, many, bounds, np.array([*asked], np.int64), answers, ends)
-    ends = ends.tolist()
-    return {rank: answers[begin:end] for rank, begin, end in zip(asked, ends, ends[1:])}
+class Delivery:
+    """`World.deliver` of int64, as a pass: what to send, and what has come, is in cells (see `compiled.Cell`).
+
+    Args:
+        world: the `World`.
+        to, many, parts: the ranks, how many numbers go to each, and the numbers, one after the other.  ranks: how many ranks.
+        senders, sent, numbers: out: the same of what has come.
+        sources, of: the ranks that send something to this one, and their number; None if they are to be found out.
+    """
+
+    def __init__(self, world, to, many, parts, ranks, senders, sent, numbers, sources=None, of=None):
+        self.world = world
+        self.cells = [to, many, parts, ranks, senders, sent, numbers, *([sources, of] if sources else [])]
+
+    def __call__(self):
+        """Send and receive."""
+        to, many, parts, ranks, senders, sent, numbers, *known = self.cells
+        n = ranks.number
+        ends = np.cumsum(many.array[:n])
+        outgoing = dict(zip(to.array[:n].tolist(), np.split(parts.array[: ends[-1] if n else 0], ends[:-1])))
+        got = self.world.deliver(outgoing, np.int64, known[0].array[: known[1].number].tolist() if known else None)
+        senders.set(np.array([*got], np.int64))
+        sent.set(np.array([len(part) for part in got.values()], np.int64))
+        numbers.set(_join(got.values(), np.int64))
+        return 0
+
+
+class Exchange:
+    """`World.exchange`, as a pass: all that it takes is in cells.  Its end is another pass, `Completion`.
+
+    Args:
+        world: the `World`.
+        partners, shares: the other ranks, and how many bodies are shared with each.  ranks: how many partners.
+        rows: how many numbers go with each body.
+        sent, received: the numbers.
+    """
+
+    def __init__(self, world, partners, shares, ranks, rows, sent, received):
+        self.world = world
+        self.cells = [partners, shares, ranks, rows, sent, received]
+
+    def __call__(self):
+        """Begin to send and receive."""
+        partners, shares, ranks, rows, sent, received = self.cells
+        n = ranks.number
+        self.wait = self.world.exchange(partners.array[:n].tolist(), (rows.number * shares.array[:n]).tolist(), sent.array, received.array)
+
+
+class Completion:
+    """The end of an `Exchange`, as a pass."""
+
+    def __init__(self, exchange):
+        self.exchange, self.world, self.cells = exchange, exchange.world, []
+
+    def __call__(self):
+        """Wait until all is sent and received."""
+        self.exchange.wait()
+
+
+# arrays of `Sharers`, with an entry for each body of this rank, or for each number that is answered or received
+_OF_BODIES = "asked", "ids", "meet", "order", "spare", "places", "questions", "homes", "many", "home", "bodies", "first"
+_OF_ANSWERS = "sorted", "work", "owner", "equal", "answers", "parts", "partners", "shares", "source", "sent"
+_RECEIVED = "askers", "wanted", "wanted_ids", "answerers", "answered", "holders"
+
+
+class Agreement:
+    """The sums over all ranks of what `kernels.locate` has found, up to MOVED, as a pass.
+
+    Args:
+        world: the `World` or `Alone`.  found: the `Cell` of these numbers.
+    """
+
+    def __init__(self, world, found):
+        self.world, self.cells = world, [found]
+
+    def total(self):
+        """The sums, a list; collective."""
+        return self.world.total(self.cells[0].array).astype(int).tolist()
 
 
 class Sharers:
@@ -263,34 +357,98 @@ class Sharers:
 
     Args:
         world: the `World` or `Alone`.
-        n: number of bodies on this rank.
-        places: (k,) the places of those that may be shared, in an order on which holders of the same bodies agree.
-        asked: how many of these each rank was asked for.  answers: what these ranks answered; see `packing.connect`.
+        load: the `Cell` of force and torque (6, n), which `add` adds up.
 
     Attributes:
         bodies: (m,) places of the shared bodies in this rank's list of bodies.
-        owned: (n,) bool, whether this rank is the lowest of those that hold the body:
-            what has to be counted once is counted there.
-        home: (n,) that lowest rank.
+        home: (n,) the lowest rank of those that hold each body.
+        owned: (n,) bool, whether this rank is it: what has to be counted once is counted there.
+        cells: dictionary from names to `compiled.Cell`; of interest to others: asked, ids, meet, home, bodies, counts.
+        counts: numbers; see `packing`.
+        finding: the passes that find the sharers of the bodies in asked, ids and meet; a loop that lacks room returns 1.
+        giving, taking: the passes that do `combine(load)`, between which nothing may change it for shared bodies.  All lists are
+            empty on one rank.
     """
 
-    def __init__(self, world, n, places, asked, answers):
-        self.home = np.full(n, world.rank)
-        partners, counts, self._source, sent = np.empty((4, len(answers)), np.int64)
-        bodies, self._first = np.empty(len(places), np.int64), np.zeros(len(places) + 1, np.int64)
-        sizes = np.empty(2, np.int64)
-        packing.connect(places, np.array(asked, np.int64), answers, world.rank, self.home, partners, counts, bodies, self._first, self._source, sent, sizes)
-        shared, others = sizes.tolist()
-        self.bodies, self.owned = bodies[:shared], self.home == world.rank
-        self._partners, self._counts = partners[:others].tolist(), counts[:others].tolist()
-        self._sent = sent[: sum(self._counts)]
-        self._world, self._values, self._links = world, None, {}
+    def __init__(self, world, load=None):
+        self._world, self.counts = world, np.zeros(packing.COUNTS, np.int64)
+        self.cells = cells = {name: Cell(L1) for name in (*_OF_BODIES, *_OF_ANSWERS, *_RECEIVED)}
+        cells |= {"counts": Cell(L1, self.counts), "load": load or Cell(F2), "packed": Cell(F1), "received": Cell(F1)}
+        self._bodies = self._numbers = -1  # for how many there is room
+        self.finding, self.giving, self.taking = [], [], []
+        if world.size == 1:
+            return
+        homes, partners = (Cell(I, numbers=self.counts[k : k + 1]) for k in (packing.HOMES, packing.PARTNERS))
+        questions = Delivery(world, cells["homes"], cells["many"], cells["questions"], homes, *(cells[name] for name in _RECEIVED[:3]))
+        answers = Delivery(world, cells["askers"], cells["parts"], cells["answers"], Cell(I, numbers=cells["askers"].numbers[1:]),
+                           *(cells[name] for name in _RECEIVED[3:]), cells["homes"], homes)  # fmt: skip
+        self.finding = [
+            packing.ask.bind_to(cells, home=cells["meet"]),
+            questions,
+            packing.answer.bind_to(cells, ids=cells["wanted_ids"], asked=cells["wanted"], order=cells["sorted"], spare=cells["work"],
+                                   first=cells["equal"]),
+            answers,
+            packing.connect.bind_to(cells, answers=cells["holders"], own=world.rank),
+        ]  # fmt: skip
+        rows = Cell(I, LOAD)
+        exchange = Exchange(world, cells["partners"], cells["shares"], partners, rows, cells["packed"], cells["received"])
+        self.giving = [packing.pack.bind_to(cells, values=cells["load"]), exchange]
+        self.taking = [Completion(exchange), packing.add.bind_to(cells, values=cells["load"])]
 
-    @classmethod
-    def none(cls, n):
-        """No body is shared."""
-        none = np.empty(0, np.int64)
-        return cls(Alone(), n, none, [], none)
+    def make_room(self, bodies=0, numbers=0):
+        """Make room for so many bodies, and for so many numbers of what is answered, which is lost."""
+        if bodies > self._bodies:
+            self._bodies = bodies
+            for name in _OF_BODIES:
+                old, new = self.cells[name].array, np.empty(bodies + 1, np.int64)
+                new[: len(old)] = old
+                self.cells[name].set(new)
+        if numbers > self._numbers:
+            self._numbers = numbers
+            for name in _OF_ANSWERS:
+                self.cells[name].set(np.empty(numbers, np.int64))
+            for name in "packed", "received":
+                self.cells[name].set(np.empty(LOAD * numbers))
+
+    def find(self, n, places, ids, home):
+        """Find the sharers; see `World.sharers`. Returns: self."""
+        m = len(places)
+        self.make_room(n)
+        for name, values in ("asked", places), ("ids", ids), ("meet", home):
+            self.cells[name].array[:m] = values
+        self.none(n)
+        self.counts[packing.ASKED] = m
+        for one in self.finding:
+            self.do(one)
+        return self
+
+    def do(self, one):
+        """Do one of the passes `finding`, and make the room that it lacks."""
+        while one():
+            self.make_room(numbers=2 * int(self.counts[packing.LACKING]))
+
+    def none(self, n):
+        """There are n bodies, and nobody else holds them."""
+        self.make_room(n)
+        self.cells["home"].array[:] = self._world.rank
+        self.counts[[packing.BODIES, packing.KNOWN]] = n, 1
+
+    @property
+    def bodies(self):
+        return self.cells["bodies"].array[: self.counts[packing.SHARED]]
+
+    @property
+    def home(self):
+        return self.cells["home"].array[: self.counts[packing.BODIES]]
+
+    @property
+    def owned(self):
+        return self.home == self._world.rank
+
+    def add(self):
+        """`combine(load)`, bound."""
+        for one in (*self.giving, *self.taking):
+            one()
 
     def combine(self, values, operation=np.add):
         """Combine the ranks' parts of shared bodies, in place: one exchange.
@@ -299,68 +457,18 @@ class Sharers:
             values: (components, n) float64, contiguous: this rank's parts; bodies that are not shared stay as they are.
             operation: numpy.add, maximum or minimum.
         """
-        if not len(self.bodies):
+        shared, ranks, n = self.counts[[packing.SHARED, packing.PARTNERS, packing.SENT]].tolist()
+        if not shared:
             return
-        self._bind(values)
-        self._pack()
-        self._link.exchange()
+        cells, rows = self.cells, len(values)
+        sent, received = np.empty((2, rows * n))
+        packing.pack(values, cells["sent"], sent, self.counts)
+        partners, shares = (cells[name].array[:ranks] for name in ("partners", "shares"))
+        self._world.exchange(partners.tolist(), (rows * shares).tolist(), sent, received)()
         if operation is np.add:
-            self._add()
+            packing.add(values, cells["bodies"], cells["first"], cells["source"], received, self.counts)
         else:
-            parts = np.concatenate([self._link.received.reshape(-1, len(values)).T, values[:, self.bodies]], axis=1)
-            first = self._first[: len(self.bodies) + 1]
-            source, own = self._source[: first[-1]], len(self._sent) + np.repeat(np.arange(len(self.bodies)), np.diff(first))
+            parts = np.concatenate([received.reshape(-1, rows).T, values[:, self.bodies]], axis=1)
+            first = cells["first"].array[: shared + 1]
+            source, own = cells["source"].array[: first[-1]], n + np.repeat(np.arange(shared), np.diff(first))
             values[:, self.bodies] = operation.reduceat(parts[:, np.where(source < 0, own, source)], first[:-1], axis=1)
-
-    def passes(self, values):
-        """`combine(values)` as passes, for others to do in this order: loops, and the exchange between them; no pass if nothing is shared."""
-        if not len(self.bodies):
-            return []
-        self._bind(values)
-        return [self._pack, self._link, self._add]
-
-    def _bind(self, values):
-        if values is self._values:
-            return
-        rows = len(values)
-        if rows not in self._links:
-            self._links[rows] = _Link(self._world, rows, self._partners, self._counts)
-        self._values, self._link = values, self._links[rows]
-        self._pack = packing.pack.bind(values, self._sent, self._link.sent)
-        self._add = packing.add.bind(values, self.bodies, self._first, self._source, self._link.received)
-
-
-class _Link:
-    """A connection to other ranks that carries the same amount of numbers each time.
-
-    Args:
-        world: the `World`.
-        rows: how many numbers go with each body.
-        partners: the other ranks.  counts: how many bodies are shared with each.
-
-    Attributes:
-        sent, received: the numbers, flat, rank by rank.
-        requests: the persistent requests.
-    """
-
-    def __init__(self, world, rows, partners, counts):
-        self.sent, self.received = np.empty((2, rows * sum(counts)))
-        self._mpi, self.requests, end = world.mpi, [], 0
-        for rank, count in zip(partners, counts):
-            part = slice(end, end := end + rows * count)
-            self.requests.append(world.comm.Recv_init(self.received[part], rank, _PARTS))
-            self.requests.append(world.comm.Send_init(self.sent[part], rank, _PARTS))
-
-    def exchange(self):
-        """Send what stands in `sent` and fill `received`."""
-        self._mpi.Prequest.Startall(self.requests)
-        self._mpi.Request.Waitall(self.requests)
-
-    def handles(self):
-        """The requests as MPI has them, one after the other, in a buffer."""
-        return ctypes.create_string_buffer(b"".join(ctypes.string_at(self._mpi._addressof(one), self._mpi._sizeof(one)) for one in self.requests))
-
-    def __del__(self):
-        if not self._mpi.Is_finalized():
-            for request in self.requests:
-                request.Free()

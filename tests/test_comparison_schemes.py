@@ -73,7 +73,7 @@ def move_mn(bodies, dt, steps, mrot=1, force=field):
     x, f = np.empty((2, len(bodies), 3))
     advance = matubayasi_nakahara.advance.bind(
         bodies.state, bodies.rotors, bodies.extended, 0, *bodies.atoms, bodies.away, bodies.shift, bodies.aways, x, f, dt, 0.5 * dt, False, 1,
-        mrot, bodies.scratch,
+        mrot, kernels.ALL, bodies.scratch,
     )  # fmt: skip
     bodies.load[:] = force(bodies.x, bodies.q)
     for _ in range(steps):

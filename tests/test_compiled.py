@@ -124,7 +124,7 @@ if case == "failure":
         raise OSError("no memory")
     compiled._compile = fail
 try:
-    compiled.load(world)
+    compiled.load(world, "loops")
     said = [int(loops.total(np.arange(10), world.rank)), "numba" in sys.modules]
 except RunError as error:
     said = [error.everywhere, str(error)]
@@ -188,6 +188,28 @@ def use(folder, **keywords):
 
 
 # ---------------------------------------------------------------- what they compute
+
+
+def test_cells(loops):
+    """Locks out a bound loop that keeps the number, array or length that it was bound to, where these have changed in their cells, and
+    cells of another kind than the argument."""
+    numbers, start = compiled.Cell(compiled.L1, np.arange(3)), compiled.Cell(compiled.I, 10)
+    total = loops.total.bind_to({"numbers": numbers, "more": 5}, start=start)
+    assert total() == 13
+    numbers.set(np.arange(5))
+    start.set(20)
+    assert total() == 30
+    numbers.numbers[1] = 2  # as a loop writes it
+    assert total() == 21 and numbers.array.tolist() == [0, 1] and start.number == 20
+    table, cells = compiled.cells({"scale": compiled.F, "x": compiled.F1})
+    cells["scale"].set(0.5)
+    cells["x"].set(np.arange(7.0))
+    assert cells["scale"].number == 0.5 and table[1, 1] == 7
+    table[1, 0] += 16
+    table[1, 1] = 3
+    assert cells["x"].array.tolist() == [2.0, 3.0, 4.0]
+    with pytest.raises(TypeError, match="numbers must be a C-contiguous int64 array of 1 dimensions, not a .*float64"):
+        loops.total.bind(cells["x"], 0)
 
 
 def test_a_loop_computes_what_python_computes(loops):

@@ -77,7 +77,7 @@ def advance(q, p, moments, dt, steps=1, mrot=1):
     """`one_atom_bodies` without forces: their q and p after some steps."""
     n, bodies = q.shape[1], one_atom_bodies(q, p, moments)
     step = kernels.advance.bind(bodies.state, bodies.rotors, bodies.extended, 0, *bodies.atoms, bodies.away, bodies.shift,
-                                bodies.aways, np.empty((n, 3)), np.empty((n, 3)), dt, 0.0, False, 0, mrot, bodies.scratch)  # fmt: skip
+                                bodies.aways, np.empty((n, 3)), np.empty((n, 3)), dt, 0.0, False, 0, mrot, kernels.ALL, bodies.scratch)  # fmt: skip
     for _ in range(steps):
         step()
     order = np.argsort(bodies.id)

@@ -11,6 +11,8 @@ import sys
 import numpy as np
 import pytest
 
+from fix_nosquish.compiled import Cell
+
 RANKS = 1, 2, 4, 8, 16
 SIDE = 4  # molecules along each edge of a rank's cube
 SPACING = 3.1
@@ -56,6 +58,8 @@ def arrays(thing, name="", seen=None):
     seen[id(thing)] = thing
     if isinstance(thing, np.ndarray):
         return {name: thing.size}
+    if isinstance(thing, Cell):
+        return {name: thing.array.size} if thing.kind.dimensions else {}
     parts = {}
     if isinstance(thing, dict):
         parts = thing
@@ -128,7 +132,7 @@ def test_counts(counts):
 def test_arrays(counts):
     """Locks out an array on each rank of the size of the whole system, or with an entry for each rank."""
     names = [name for name, size in counts[4][1].items() if size > 100]
-    assert ".bodies.state" in names and any(".sharers" in name for name in names)
+    assert ".bodies.cells.state" in names and any(".sharers" in name for name in names)
     for name, size in counts[16][1].items():
         before = counts[4][1].get(name, 0)
         assert size < 1.4 * before + 16, f"{name}: {size} entries on 16 ranks, {before} on 4"

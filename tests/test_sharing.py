@@ -102,19 +102,18 @@ def check_fetch(world):
         lost = place[(old == world.rank) & (new != world.rank)]
         gained = np.random.default_rng(world.rank).permutation(np.flatnonzero((new == world.rank) & (old != world.rank)))
         origins = np.array([origin(r, p) for r, p in zip(old[gained], place[gained])], np.int64)
-        got, missing = world.fetch(origins, lost, lambda places: there[places])
-        assert np.array_equal(got, rows[gained]) and not len(missing)
+        assert np.array_equal(world.fetch(origins, lambda places: there[places]), rows[gained])
+        assert not len(world.gone(lost, origins))
 
 
 def check_atoms_lost(world):
-    """World.fetch tells the rank that lost them of atoms that nobody has."""
+    """World.gone tells the rank that lost them of atoms that nobody has."""
     from fix_nosquish.sharing import origin
 
     last = world.size - 1
     origins = np.array([origin(last, 5)] if world.rank == 0 else [], np.int64)
     lost = np.array([3, 5, 7] if world.rank == last else [], np.int64)
-    _, missing = world.fetch(origins, lost, lambda places: np.zeros((len(places), 2)))
-    assert missing.tolist() == ([3, 7] if world.rank == last else [])
+    assert world.gone(lost, origins).tolist() == ([3, 7] if world.rank == last else [])
 
 
 def check_one_communicator(world):

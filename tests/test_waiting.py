@@ -1,5 +1,6 @@
 """The end of a step that nothing looks at waits for the next step: nothing may come of that but time."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -78,3 +79,55 @@ thermo_style custom step c_ke
         files[every] = [(tmp_path / name).read_text() for name in ("print.txt", "ave.txt", "dump.txt")] + [run.screen.splitlines()[-2]]
     assert files[1] == files[60]
     assert len(files[1][2].splitlines()) > 100
+
+
+FOLLOWING = """
+from mpi4py import MPI
+from fix_nosquish.bodies import Bodies
+from fix_nosquish.nve import NVE
+
+class Lazy(NVE):
+    calls = 0
+
+    def post_run(self):
+        super().post_run()
+        calls = MPI.COMM_WORLD.reduce(Lazy.calls, MPI.MAX)
+        self.host.log(f"FOLLOWED {calls} {self.lammps.neighbor_builds:.0f}\\n")
+
+def follow(bodies, *arguments, plain=Bodies.follow):
+    Lazy.calls += 1
+    return plain(bodies, *arguments)
+
+Bodies.follow = follow
+
+class Busy(Lazy):
+    def init(self):
+        super().init()
+        alone = self.host.go_alone
+        self.host.go_alone = lambda every, step, following: alone(every, step, None)
+
+def __getattr__(name):
+    if name.startswith("__"):
+        raise AttributeError(name)
+    kind, words = name.split(" ", 1)
+    return lambda ptr: {"Lazy": Lazy, "Busy": Busy}[kind](ptr, "NVE " + words)
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4, 8])
+def test_following_without_python(simulate, known, run_lammps, tmp_path, ranks):
+    """Locks out a plugin that follows the atoms in another way than the class does, by a bit, where bodies go from rank to rank, are shared
+    by two to eight, and arrays grow; and one that leaves it to Python when there is no need."""
+    (tmp_path / "following.py").write_text(FOLLOWING)
+    system = mixture("solid row pair", temperature=8.0)
+    results, counts = [], []
+    steps = 240 if ranks <= 2 else 80
+    for name in "Busy", "Lazy":
+        run = simulate(system, OURS.replace("fix_nosquish.NVE", f"following.{name}"), steps, every=steps, ranks=ranks,
+                       before="neigh_modify every 2 delay 0 check no\natom_modify sort 9 1.2")  # fmt: skip
+        results.append(run)
+        counts.append([int(word) for word in re.findall(r"FOLLOWED (\d+) (\d+)", run.log)[-1]])
+    for name in "x", "v":
+        np.testing.assert_array_equal(getattr(results[0], name), getattr(results[1], name))
+    (busy, builds), (lazy, _) = counts
+    assert builds > 0.45 * steps and busy > builds and lazy < 15, counts

@@ -13,12 +13,16 @@ from ctypes import (
     CFUNCTYPE, POINTER, PYFUNCTYPE, Structure, addressof, byref, c_char, c_char_p, c_double, c_int, c_int32,
     c_int64, c_void_p, memset, py_object, pythonapi, sizeof,
 )  # fmt: skip
+from functools import partial
 
 from ..errors import RunError
 from .host import Host
 
 # What a hook returns. Zero is what C gets when the callback itself breaks, as on an interrupt.
 DONE, FAILED_ALIKE, FAILED_HERE = 1, 2, 3
+
+# What a pass is; 0 is after the last one.
+LOOP, KINDS = 1, {"Delivery": 2, "Exchange": 3, "Completion": 4, "Agreement": 5}
 
 REQUIRED = "initial_integrate", "final_integrate"
 
@@ -66,19 +70,19 @@ class FixFacts(Structure):
 class Pass(Structure):
     """struct Pass of python_move.cpp."""
 
-    _fields_ = [("loop", c_void_p), ("slots", c_void_p), ("requests", c_void_p), ("nrequests", c_int32)]
+    _fields_ = [("kind", c_int32), ("comm", c_int32), ("loop", c_void_p), ("cells", c_void_p)]
 
 
 def passes(each):
     """An array of `Pass` for C, and what has to live as long; see `Host.go_alone`."""
     array, kept = (Pass * (len(each) + 1))(), []
     for entry, one in zip(array, each):
-        if hasattr(one, "handles"):
-            handles = one.handles()
-            entry.requests, entry.nrequests = addressof(handles), len(one.requests)
-            kept.append(handles)
+        if isinstance(one, partial):
+            entry.kind, entry.loop, entry.cells = LOOP, one.func.address, addressof(one.args[0])
         else:
-            entry.loop, entry.slots = one.func.address, addressof(one.args[0])
+            addresses = (c_int64 * (len(one.cells) + 1))(*[cell.address for cell in one.cells])
+            entry.kind, entry.comm, entry.cells = KINDS[type(one).__name__], one.world.handle, addressof(addresses)
+            kept.append(addresses)
     return array, (each, kept)
 
 
@@ -93,6 +97,7 @@ class Bridge(Structure):
         ("writes_restart_file", c_int32),
         ("rigid", c_int32),
         ("follows_atoms", c_int32),
+        ("carries", c_int32),  # numbers that go with an atom to another rank
         ("vector_size", c_int32),
         ("array_columns", c_int32),
         ("array_rows", c_int32),  # -1: not known from the start
@@ -115,12 +120,19 @@ class Bridge(Structure):
         ("waiting", c_int32),
         ("step", POINTER(Pass)),
         ("neighbor", POINTER(Pass)),
+        ("moving", c_int32),  # how many passes of neighbor are for atoms that have moved
+        ("arrays", c_void_p),  # cells for LAMMPS's arrays
+        ("index", c_void_p),  # cells of the bodies
+        ("body_of", c_void_p),
+        ("d", c_void_p),
+        ("state", c_void_p),
         ("log", CFUNCTYPE(None, c_void_p, c_char_p)),
         ("nth_fix", CFUNCTYPE(c_int, c_void_p, c_int, POINTER(FixFacts))),
         ("ghost_velocity", CFUNCTYPE(c_int, c_void_p)),
         ("set_array_rows", CFUNCTYPE(None, c_void_p, c_int)),
         ("note", CFUNCTYPE(None, c_void_p, c_int, c_void_p)),
         ("keep", CFUNCTYPE(None, c_void_p)),
+        ("point", CFUNCTYPE(None, c_void_p)),
         *HOOKS.items(),
         ("release", CFUNCTYPE(None, c_void_p)),
         ("message", c_char * 4096),
@@ -219,6 +231,7 @@ def _announce(bridge, instance):
         bridge.writes_restart_file = bool(getattr(instance, "restart_file", False))
     bridge.rigid = bool(getattr(instance, "rigid_flag", False))
     bridge.follows_atoms = bool(getattr(instance, "follows_atoms", False))
+    bridge.carries = int(getattr(instance, "carries", 0))
     if has("compute_vector"):
         extensive = tuple(map(bool, instance.vector_extensive))
         bridge.vector_size = len(extensive)
@@ -286,6 +299,7 @@ def _release(address):
         setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
     bridge.may_wait = bridge.waiting = False
     bridge.step = bridge.neighbor = bridge.body = bridge.masstotal = None
+    bridge.arrays = bridge.index = bridge.body_of = bridge.d = bridge.state = None
 
 
 @atexit.register

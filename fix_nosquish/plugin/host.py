@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..atoms import array
+from ..compiled import array
 
 
 class OtherFix(NamedTuple):
@@ -36,7 +36,7 @@ class Host:
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
         self._natoms = c_int.from_address(bridge.nlocal)
-        self._note, self._keep = bridge.note, bridge.keep  # ctypes makes a function at each access
+        self._note, self._keep, self._point = bridge.note, bridge.keep, bridge.point  # ctypes makes a function at each access
 
     def log(self, text):
         """Print text on LAMMPS's screen and in its log file; ranks other than 0 print nothing."""
@@ -87,21 +87,30 @@ class Host:
     def waiting(self, value):
         self._bridge.waiting = value
 
-    def go_alone(self, look_every, step, neighbor):
+    def go_alone(self, look_every, step, following):
         """Have the fix leave out calls of this class from now on, until ``call_always``.
 
         final_integrate is not called on steps without output, virial and multiples of look_every (0: of none); the fix then
         is ``waiting``, and the next initial_integrate has to do both.
 
+        A pass is a loop that is bound (see `compiled.Loop.bind`), which returns 0 if all is well (if not, the class is called), or
+        what `sharing` has for messages.
+
         Args:
-            step: passes that the fix does instead of such an initial_integrate, or None; each a loop that is bound (see
-                `compiled.Loop.bind`), which returns 0 if all is well (if not, the class is called), or an exchange (see
-                `sharing.Sharers.passes`).
-            neighbor: the same instead of post_neighbor, as long as LAMMPS's arrays and box stay as they are, or None.
+            step: passes that the fix does instead of such an initial_integrate, or None.
+            following: what it does instead of post_neighbor, as long as the box stays as it is, or None; all ranks the same.
+                A tuple: the pass that finds the atoms; the `sharing.Agreement`; passes that follow them if some have moved on
+                any rank, after which the atoms are noted anew; the pass that is done in any case; and passes that conclude it
+                if some have moved, when all went well on all ranks.
         """
         from .bridge import passes
 
-        bridge, self._passes = self._bridge, [each and passes(each) for each in (step, neighbor)]
+        bridge = self._bridge
+        if following:
+            first, agreement, moved, always, last = following
+            following = [first, agreement, *moved, always, *last]
+            bridge.moving = len(moved)
+        self._passes = [each and passes(each) for each in (step, following)]
         bridge.step, bridge.neighbor = (each and cast(each[0], type(bridge.step)) for each in self._passes)
         self._keep(bridge.fix)
         bridge.may_wait, bridge.look_every = True, look_every
@@ -111,19 +120,42 @@ class Host:
         self._bridge.may_wait, self._bridge.step, self._bridge.neighbor = False, None, None
         self._passes = None
 
-    def note(self, index):
+    def note(self, index=None):
         """Have LAMMPS take along with each of these atoms, wherever it moves them, where it is now.
 
         The class asks for it with an attribute ``follows_atoms``, true when the instance is made.
 
         Args:
             index: (m,) int32, contiguous: indices of atoms of this rank, places 0 to m - 1 of a list; of other
-                atoms nothing is noted.
+                atoms nothing is noted.  None: the atoms of the bodies that it is to ``carry``.
         Raises:
             AttributeError: if the class has not asked for it.
         """
         self._need_origins()
+        if index is None:
+            index = self._carried.index
         self._note(self._bridge.fix, len(index), index.ctypes.data)
+
+    def carry(self, lammps, bodies):
+        """Have LAMMPS take along, with atoms of these bodies that go to another rank, what that rank needs to know of them.
+
+        The class asks for it with an attribute ``carries``, the number of numbers that go with an atom (see `kernels.OF_BODY`).
+
+        Args:
+            lammps: the `Lammps` whose cells ``point`` sets.  bodies: the `Bodies`; None, None for no more.
+        """
+        self._carried, bridge = bodies, self._bridge
+        bridge.arrays = lammps and lammps.table.ctypes.data
+        for name, of_bodies in ("index", "index"), ("body_of", "body"), ("d", "d"), ("state", "state"):
+            setattr(bridge, name, None if bodies is None else bodies.cells[of_bodies].address)
+
+    def point(self, cells):
+        """Point the cells of ``carry`` at LAMMPS's arrays as they are, and at the atoms' ``origins``.
+
+        There an atom that came from another rank with what was carried has -2 minus its row in the cell ``arrived``; a row has
+        the atom's origin, its column of the bodies' d, its body's column of their state.
+        """
+        self._point(self._bridge.fix)
 
     def origins(self):
         """Where the atoms of this rank were when ``note`` was last called.

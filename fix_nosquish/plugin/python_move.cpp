@@ -137,14 +137,28 @@ struct FixFacts {
   int32_t box_change;
 };
 
-// Compiled loops that Python has bound to their arguments, and exchanges with other ranks.
+// Compiled loops that Python has bound to their arguments, and messages between ranks. Each works on cells: a few
+// integers each, which are a number, or an array's address and shape.
+
+enum PassKind : int32_t { END = 0, LOOP = 1, DELIVERY = 2, EXCHANGE = 3, COMPLETION = 4, AGREEMENT = 5 };
 
 struct Pass {
-  int64_t (*loop)(const int64_t *);    // returns 0 if all is well; null for an exchange
-  const int64_t *slots;
-  MPI_Request *requests;    // persistent; null after the last pass
-  int32_t nrequests;
+  int32_t kind;
+  int32_t comm;    // as Fortran has it
+  int64_t (*loop)(const int64_t *);    // returns 0 if all is well
+  const int64_t *cells;    // their addresses; 0 after the last one of a pass that is no loop
+
+  int64_t *cell(int k) const { return reinterpret_cast<int64_t *>(cells[k]); }
+  int64_t *array(int k) const { return reinterpret_cast<int64_t *>(cell(k)[0]); }
+  MPI_Comm world() const { return MPI_Comm_f2c(comm); }
 };
+
+// what an agreement adds up over all ranks
+enum Found { CAME, MORE, LACKING, MOVED, SUMMED };
+// cells for LAMMPS's arrays
+enum Arrays { X_CELL, V_CELL, F_CELL, MASK_CELL, ORIGIN_CELL, ARRIVED_CELL };
+// tags of messages; those of an exchange are the same in sharing.py, as a rank may do it there
+enum Tag { EXCHANGE_TAG = 3, QUESTION_TAG = 10, ANSWER_TAG = 12 };
 
 struct Bridge {
   // facts
@@ -156,6 +170,7 @@ struct Bridge {
   int32_t writes_restart_file;
   int32_t rigid;                    // it is a rigid fix to those that ask for the bodies
   int32_t follows_atoms;            // it asks where its atoms were
+  int32_t carries;                  // numbers that go with an atom to another rank
   int32_t vector_size;
   int32_t array_columns;
   int32_t array_rows;    // -1: not known from the start
@@ -177,14 +192,18 @@ struct Bridge {
   int32_t look_every;         // but not where its number is a multiple of this (0: of none)
   int32_t waiting;            // it does
   const Pass *step;           // instead of initial_integrate, after a step that waits; null if Python must
-  const Pass *neighbor;       // instead of post_neighbor, if nothing has moved; null if Python must
+  const Pass *neighbor;       // instead of post_neighbor; null if Python must
+  int32_t moving;             // how many of these passes are for atoms that have moved
+  int64_t *arrays;            // cells for LAMMPS's arrays
+  const int64_t *index, *body_of, *d, *state;    // cells of the bodies; null if there are none
   // functions of the fix
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, FixFacts *);    // 0 past the last; id is null for this fix
   int (*ghost_velocity)(void *fix);
   void (*set_array_rows)(void *fix, int n);
   void (*note)(void *fix, int n, const int32_t *index);
-  void (*keep)(void *fix);    // the passes are for LAMMPS's arrays and box as they are now
+  void (*keep)(void *fix);    // the passes are for the box as it is now
+  void (*point)(void *fix);   // point the cells for LAMMPS's arrays at them
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);
@@ -247,16 +266,23 @@ class FixPythonMove : public Fix {
   bool respa = false;
   std::vector<int> extensive;
   int last_vflag = 0;
-  std::vector<const void *> kept_arrays;
   std::vector<double> kept_box;
-  int64_t *origin = nullptr;    // of each atom: rank << 32 | place when it was noted, -1 if it was not
+  int64_t *origin = nullptr;    // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it
+  std::vector<double> arrived;  // came with that row here
+  std::vector<MPI_Request> requests;
+  std::vector<int64_t> senders[2], sent[2], numbers[2];    // what came with questions, with answers
+  int rounds = 0;
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   int describe(int, FixFacts *) const;
   void note(int, const int32_t *);
-  std::vector<const void *> arrays() const;
+  void point();
   std::vector<double> box() const;
-  bool run(const Pass *) const;
+  bool run(const Pass *);
+  bool follow();
+  void exchange(const Pass &);
+  void complete();
+  bool deliver(const Pass &, bool);
   std::string problem(const std::string &text) const
   {
     return "Fix " + std::string(id) + " python/move: " + text;
@@ -301,10 +327,8 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.ghost_velocity = [](void *fix) { return self(fix)->comm->ghost_velocity; };
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
   bridge.note = [](void *fix, int n, const int32_t *index) { self(fix)->note(n, index); };
-  bridge.keep = [](void *fix) {
-    self(fix)->kept_arrays = self(fix)->arrays();
-    self(fix)->kept_box = self(fix)->box();
-  };
+  bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
+  bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.natoms = -1;
   bridge.next_output = &output->next;
   bridge.nlocal = &atom->nlocal;
@@ -340,7 +364,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
 
   if (bridge.follows_atoms) {
     create_attribute = 1;
-    maxexchange = 1;
+    maxexchange = std::max(1, bridge.carries);
     atom->add_callback(Atom::GROW);
     grow_arrays(atom->nmax);
     note(0, nullptr);
@@ -385,7 +409,7 @@ void FixPythonMove::min_setup(int vflag)
 
 void FixPythonMove::post_neighbor()
 {
-  if (bridge.neighbor && arrays() == kept_arrays && box() == kept_box && run(bridge.neighbor)) return;
+  if (bridge.neighbor && box() == kept_box && follow()) return;
   call(bridge.post_neighbor);
 }
 
@@ -499,13 +523,23 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
   return 1;
 }
 
-// What the passes without Python rely on.
+// Point the cells for LAMMPS's arrays at them as they are.
 
-std::vector<const void *> FixPythonMove::arrays() const
+void FixPythonMove::point()
 {
-  const bool any = atom->nlocal > 0;
-  return {any ? atom->x[0] : nullptr, any ? atom->v[0] : nullptr, any ? atom->f[0] : nullptr, atom->mask, origin,
-          reinterpret_cast<const void *>(static_cast<intptr_t>(atom->nlocal))};
+  const int64_t n = atom->nlocal, width = bridge.carries;
+  auto set = [this](int cell, const void *array, int64_t rows, int64_t columns) {
+    auto numbers = bridge.arrays + 3 * cell;
+    numbers[0] = reinterpret_cast<int64_t>(array);
+    numbers[1] = rows;
+    numbers[2] = columns;
+  };
+  set(X_CELL, n ? atom->x[0] : nullptr, n, 3);
+  set(V_CELL, n ? atom->v[0] : nullptr, n, 3);
+  set(F_CELL, n ? atom->f[0] : nullptr, n, 3);
+  set(MASK_CELL, atom->mask, n, 0);
+  set(ORIGIN_CELL, origin, n, 0);
+  set(ARRIVED_CELL, arrived.data(), arrived.size() / width, width);
 }
 
 std::vector<double> FixPythonMove::box() const
@@ -518,26 +552,160 @@ std::vector<double> FixPythonMove::box() const
 
 // Do passes without Python; returns whether all went well. If not, Python does it all again, and says why.
 
-bool FixPythonMove::run(const Pass *pass) const
+bool FixPythonMove::run(const Pass *pass)
 {
-  for (; pass->loop || pass->requests; pass++) {
-    if (pass->loop) {
-      if (pass->loop(pass->slots)) return false;
-    } else {
-      MPI_Startall(pass->nrequests, pass->requests);
-      MPI_Waitall(pass->nrequests, pass->requests, MPI_STATUSES_IGNORE);
+  for (; pass->kind != END; pass++) {
+    if (pass->kind == EXCHANGE) {
+      exchange(*pass);
+    } else if (pass->kind == COMPLETION) {
+      complete();
+    } else if (pass->loop(pass->cells)) {
+      complete();
+      return false;
     }
   }
   return true;
 }
 
+// Follow the atoms without Python, as Bodies.follow does; on all ranks or on none. All ranks take part in all messages, whatever
+// went wrong on one of them, and agree at the end.
+
+bool FixPythonMove::follow()
+{
+  point();
+  const Pass *pass = bridge.neighbor;
+  (pass->loop)(pass->cells);
+  pass++;
+
+  const Pass &agreement = *pass++;
+  int64_t sums[SUMMED];
+  std::copy_n(agreement.array(0), (int) SUMMED, sums);
+  if (comm->nprocs > 1) MPI_Allreduce(MPI_IN_PLACE, sums, SUMMED, MPI_INT64_T, MPI_SUM, agreement.world());
+  if (sums[CAME] || sums[MORE] || (sums[MOVED] && sums[LACKING])) return false;
+
+  int failed = 0;
+  if (sums[MOVED]) {
+    for (int k = 0; k < bridge.moving; k++) {
+      if (pass[k].kind == DELIVERY)
+        failed |= !deliver(pass[k], failed);
+      else
+        failed = failed || pass[k].loop(pass[k].cells);
+    }
+    note(bridge.index[1], reinterpret_cast<const int32_t *>(bridge.index[0]));
+  }
+  pass += bridge.moving;
+  failed = failed || pass->loop(pass->cells);
+  if (comm->nprocs > 1) MPI_Allreduce(MPI_IN_PLACE, &failed, 1, MPI_INT, MPI_MAX, agreement.world());
+  return !failed && (!sums[MOVED] || run(pass + 1));
+}
+
+// As World.exchange: begin to send each partner its part, and to receive theirs.
+
+void FixPythonMove::exchange(const Pass &pass)
+{
+  const int64_t *partners = pass.array(0), *shares = pass.array(1);
+  const int64_t n = *pass.cell(2), rows = *pass.cell(3);
+  auto send = reinterpret_cast<const double *>(pass.array(4));
+  auto receive = reinterpret_cast<double *>(pass.array(5));
+  requests.resize(2 * n);
+  for (int64_t p = 0, done = 0; p < n; done += rows * shares[p++]) {
+    const int count = rows * shares[p];
+    MPI_Irecv(receive + done, count, MPI_DOUBLE, partners[p], EXCHANGE_TAG, pass.world(), &requests[2 * p]);
+    MPI_Isend(send + done, count, MPI_DOUBLE, partners[p], EXCHANGE_TAG, pass.world(), &requests[2 * p + 1]);
+  }
+}
+
+void FixPythonMove::complete()
+{
+  if (!requests.empty()) MPI_Waitall(requests.size(), requests.data(), MPI_STATUSES_IGNORE);
+  requests.clear();
+}
+
+// As World.deliver: send each of some ranks its part, and receive what others send to this one: from whom is known if these are
+// answers. A rank that has failed has none, and where an answer is missing that rank has failed: returns whether all have come.
+
+bool FixPythonMove::deliver(const Pass &pass, bool failed)
+{
+  const int64_t *to = pass.array(0), *many = pass.array(1), *part = pass.array(2);
+  const MPI_Comm world = pass.world();
+  const bool answers = pass.cells[7];
+  const int tag = answers ? ANSWER_TAG : QUESTION_TAG + (rounds++ & 1);
+  auto &from = senders[answers], &counts = sent[answers], &all = numbers[answers];
+  from.clear();
+  counts.clear();
+  all.clear();
+  std::vector<std::pair<int, std::vector<int64_t>>> parts;
+
+  requests.clear();
+  for (int64_t r = 0; r < *pass.cell(3); part += many[r++]) {
+    const int count = failed ? 0 : many[r];
+    if (to[r] == comm->me) {
+      parts.emplace_back(comm->me, std::vector<int64_t>(part, part + count));
+    } else {
+      requests.emplace_back();
+      if (answers)
+        MPI_Isend(part, count, MPI_INT64_T, to[r], tag, world, &requests.back());
+      else
+        MPI_Issend(part, count, MPI_INT64_T, to[r], tag, world, &requests.back());
+    }
+  }
+  auto receive = [&](MPI_Message message, const MPI_Status &status) {
+    int count;
+    MPI_Get_count(&status, MPI_INT64_T, &count);
+    parts.emplace_back(status.MPI_SOURCE, std::vector<int64_t>(count));
+    MPI_Mrecv(parts.back().second.data(), count, MPI_INT64_T, &message, MPI_STATUS_IGNORE);
+  };
+  MPI_Message message;
+  MPI_Status status;
+  if (answers) {
+    const int64_t *sources = pass.array(7);
+    for (int64_t r = 0; r < *pass.cell(8); r++) {
+      if (sources[r] == comm->me) continue;
+      MPI_Mprobe(sources[r], tag, world, &message, &status);
+      receive(message, status);
+    }
+    complete();
+  } else {
+    // the barrier is entered when all that was sent is being received (see World.deliver)
+    MPI_Request barrier;
+    for (int entered = 0, over = 0; !over;) {
+      int there, done;
+      MPI_Improbe(MPI_ANY_SOURCE, tag, world, &there, &message, &status);
+      if (there) {
+        receive(message, status);
+      } else if (!entered) {
+        MPI_Testall(requests.size(), requests.data(), &done, MPI_STATUSES_IGNORE);
+        if (done) entered = MPI_Ibarrier(world, &barrier) == MPI_SUCCESS;
+      } else {
+        MPI_Test(&barrier, &over, MPI_STATUS_IGNORE);
+      }
+    }
+  }
+  requests.clear();
+  std::sort(parts.begin(), parts.end());
+  for (const auto &one : parts) {
+    from.push_back(one.first);
+    counts.push_back(one.second.size());
+    all.insert(all.end(), one.second.begin(), one.second.end());
+    if (answers && one.second.empty()) failed = true;
+  }
+  for (int k = 0; k < 3; k++) {
+    const auto &values = k == 0 ? from : k == 1 ? counts : all;
+    pass.cell(4 + k)[0] = reinterpret_cast<int64_t>(values.data());
+    pass.cell(4 + k)[1] = values.size();
+  }
+  return !failed;
+}
+
 // Where each atom was when the class last noted its atoms. LAMMPS takes the number along when it sorts atoms,
-// moves them to other ranks, adds and deletes some.
+// moves them to other ranks, adds and deletes some. What a class has lent of its bodies goes along to other ranks: there
+// it is a row of what has arrived, from which it goes on if the atom does.
 
 void FixPythonMove::note(int n, const int32_t *index)
 {
   std::fill_n(origin, atom->nlocal, -1);
   for (int place = 0; place < n; place++) origin[index[place]] = (int64_t) comm->me << 32 | place;
+  arrived.clear();
 }
 
 void FixPythonMove::grow_arrays(int n)
@@ -548,14 +716,36 @@ void FixPythonMove::grow_arrays(int n)
 
 int FixPythonMove::pack_exchange(int i, double *buffer)
 {
-  buffer[0] = ubuf(origin[i]).d;
-  return 1;
+  const int64_t from = origin[i];
+  buffer[0] = ubuf(from).d;
+  if (!bridge.carries || from == -1) return 1;
+  if (from < -1) {
+    std::copy_n(&arrived[(-2 - from) * bridge.carries], bridge.carries, buffer);
+  } else if (bridge.state) {
+    const int64_t place = from & 0xffffffff;
+    const int64_t body = reinterpret_cast<const int64_t *>(bridge.body_of[0])[place];
+    auto column = [&buffer](const int64_t *cell, int64_t k) {
+      auto values = reinterpret_cast<const double *>(cell[0]);
+      for (int64_t row = 0; row < cell[1]; row++) *++buffer = values[row * cell[2] + k];
+    };
+    column(bridge.d, place);
+    column(bridge.state, body);
+  } else {
+    buffer[0] = ubuf((int64_t) -1).d;
+    return 1;
+  }
+  return bridge.carries;
 }
 
 int FixPythonMove::unpack_exchange(int i, double *buffer)
 {
-  origin[i] = ubuf(buffer[0]).i;
-  return 1;
+  const int64_t from = origin[i] = ubuf(buffer[0]).i;
+  if (!bridge.carries || from == -1) return 1;
+  if (from >> 32 != comm->me) {    // else it is where its body knows it
+    origin[i] = -2 - (int64_t) (arrived.size() / bridge.carries);
+    arrived.insert(arrived.end(), buffer, buffer + bridge.carries);
+  }
+  return bridge.carries;
 }
 
 double FixPythonMove::memory_usage()
