@@ -92,7 +92,6 @@ class Bodies:
             ("scratch", _aligned(kernels.SCRATCH)), ("plane", plane), ("state", state), ("d", d), ("body", body),
         ):  # fmt: skip
             self.cells[name].set(value)
-        self._columns = {"state": [state], "d": [d]}  # the arrays that these cells, and those of the old ones, point at
         self._make_room(m, n, 1)
         self.cells["here"].array[:m], self.cells["place"].array[:m] = here, np.arange(m)
         self._found[kernels.COUNT] = m
@@ -103,8 +102,9 @@ class Bodies:
         self._room[:] = 0
         for name in _TO_WORK_WITH:
             self.cells[name].set(_column(name, 0))
-        for name, arrays in self._columns.items():
-            arrays[:] = [one for one in arrays if one.ctypes.data == self.cells[name].numbers[0]]
+        for name in "state", "d":
+            address = self.cells[name].numbers[0].item()
+            self.cells[name].owners = self.cells["old_" + name].owners = {address: self.cells[name].owners[address]}
         of_sharers = self.sharers.cells | self.cells
         self._sharing, self._concluding = [], []
         if world.size > 1:
@@ -112,11 +112,11 @@ class Bodies:
             self._concluding = [kernels.set_home.bind_to(of_sharers)]  # when all ranks know: until then they meet where they did
 
     rotors, extended = (property(lambda self, name=name: self.cells[name].number) for name in ("rotors", "extended"))
-    state, load, d, blocks, rounds, index, body, away, shift, aways, scratch = map(
-        _cell, ("state", "load", "d", "blocks", "rounds", "index", "body", "away", "shift", "aways", "scratch")
+    state, d, blocks, rounds, index, body, away, shift, aways, scratch = map(
+        _cell, ("state", "d", "blocks", "rounds", "index", "body", "away", "shift", "aways", "scratch")
     )
     atoms_here = _cell("atoms")
-    mass, natoms, moment, x, v, q, p, image = map(_rows, (kernels.MASS, kernels.NATOMS, MOMENT, X, V, Q, P, IMAGE))
+    mass, natoms, moment, x, v, q, p, load, image = map(_rows, (kernels.MASS, kernels.NATOMS, MOMENT, X, V, Q, P, LOAD, IMAGE))
     force, torque = (property(lambda self, rows=rows: self.load[rows]) for rows in (slice(3), slice(3, 6)))
 
     @property
@@ -136,20 +136,20 @@ class Bodies:
 
     def _make_room(self, atoms, bodies, entries):
         """Have arrays for so many atoms, bodies (with those that come among them) and entries of the table of `kernels.arrange`."""
-        self._room[:] = atoms, bodies, entries
+        atoms, bodies, entries = self._room[:] = np.maximum(self._room, (atoms, bodies, entries)).tolist()
         self.cells["table"].set(np.empty(entries, np.int64))
         for name, size in ("state", bodies), ("d", atoms):
-            now, other, known = self.cells[name], self.cells["old_" + name], {one.ctypes.data: one for one in self._columns[name]}
+            now, other = self.cells[name], self.cells["old_" + name]
             rows, columns = now.numbers[1:].tolist()
-            both = [known.get(cell.numbers[0].item(), _NONE) for cell in (now, other)]
+            both = [now.owners.get(cell.numbers[0].item(), _NONE) for cell in (now, other)]
             if both[0].size < rows * size:
                 both[0] = _aligned(rows * size)
                 both[0][: rows * columns] = now.array.ravel()
             if both[1].size < rows * size:
                 both[1] = _aligned(rows * size)
-            self._columns[name] = both
+            now.owners = other.owners = {one.ctypes.data: one for one in both}
             for cell, one in zip((now, other), both):
-                cell.point(one.ctypes.data, rows, columns)
+                cell.numbers[:] = one.ctypes.data, rows, columns
         for names, size in (_OF_ATOMS, atoms), (_OF_BODIES, bodies):
             for name in names:
                 old = self.cells[name].array
@@ -165,7 +165,7 @@ class Bodies:
         """Bind the passes that follow the atoms of this LAMMPS."""
         fix_group, body_groups = membership.masks
         bound = self.cells | lammps.cells
-        self._locate = kernels.locate.bind_to(bound, fix_group=fix_group, body_groups=body_groups, rank=self._world.rank)
+        self._locate = kernels.locate.bind_to(bound, fix_group=fix_group, body_groups=body_groups)
         self._agreement = Agreement(self._world, Cell(L1, self._found[: kernels.MOVED + 1]))
         self._rearranging = [loop.bind_to(bound) for loop in _REARRANGING]
         self._settle = kernels.settle.bind_to(bound)
@@ -195,11 +195,13 @@ class Bodies:
             self.find_sharers()
             host.note()
         self._find_images(lammps)
+        host.keep_box()
 
     def _make_room_for(self, atoms, arrived):
-        more = 1.25 if self._world.size > 1 else 1.0  # on one rank there are always as many
-        entries = 4 << (2 * (len(self.sharers.bodies) + arrived)).bit_length()
-        self._make_room(int(more * atoms), int(more * (len(self) + arrived)), entries)
+        bodies, entries = len(self) + arrived, 4 << (2 * (len(self.sharers.bodies) + arrived)).bit_length()
+        if self._world.size > 1:  # on one rank there are always as many
+            atoms, bodies = (size * 5 // 4 + kernels.BLOCK for size in (atoms, bodies))
+        self._make_room(atoms, bodies, entries)
 
     def find_sharers(self):
         """Find who shares the bodies; collective."""

@@ -5,6 +5,7 @@ import numpy as np
 from . import compiled, infile, spheres
 from .bodies import HOME, ID, IMAGE, LOAD, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
 from .errors import RunError
+from .sharing import Sharers
 
 ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
 _EQUAL_MOMENTS = 1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
@@ -118,7 +119,7 @@ def count(lammps, world, membership):
 
 def _sharers(world, ids):
     """The `Sharers` of bodies of which nothing else is known."""
-    return world.sharers(len(ids), np.arange(len(ids)), ids, ids % world.size)
+    return Sharers(world).find(len(ids), np.arange(len(ids)), ids, ids % world.size)
 
 
 def _notes(bodies, lammps, world, membership, rebuilt):

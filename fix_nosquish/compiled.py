@@ -93,29 +93,27 @@ class Cell:
     Attributes:
         numbers: the value as integers (see `Kind.describe`); whoever writes other ones here sets the cell, too.
         address: of these integers.
+        owners: arrays, by their addresses, that live as long as the cell: those at which it may be pointed.
     """
 
     def __init__(self, kind, value=None, numbers=None):
         self.kind = kind
         self.numbers = (np.zeros(3, np.int64) if numbers is None else numbers)[: 1 + kind.dimensions]
-        self.address = self.numbers.ctypes.data
+        self.address, self.owners = self.numbers.ctypes.data, {}
         if value is not None:
             self.set(value)
 
     def set(self, value):
-        """Put an array, which lives as long, or a number here. Raises: TypeError, if it is not of the kind."""
+        """Put an array or a number here. Raises: TypeError, if it is not of the kind."""
         self.numbers[:] = self.kind.describe(value)
-        self._value = value
-
-    def point(self, address, *shape):
-        """Point the cell at memory that something else keeps."""
-        self.numbers[:] = address, *shape
-        self._value = None
+        self.owners = {self.numbers[0].item(): value} if self.kind.dimensions else {}
 
     @property
     def array(self):
-        """A view of the array that is here now."""
+        """A view of the array that is here now; it keeps the memory if the cell's owners do."""
         address, *shape = self.numbers.tolist()
+        if address in self.owners:
+            return self.owners[address].reshape(-1)[: math.prod(shape)].reshape(shape)
         return array(address, shape, self.kind.dtype)
 
     @property

@@ -60,11 +60,14 @@ class OwnFix:
     def set_array_rows(self, n):
         """Of no use here."""
 
-    def go_alone(self, look_every, step, neighbor):
+    def go_alone(self, look_every, step, following):
         """This fix calls always."""
 
     def call_always(self):
         """This fix does."""
+
+    def keep_box(self):
+        """Of no use here."""
 
     def carry(self, lammps, bodies):
         """As the plugin's; this LAMMPS takes nothing along with its atoms, so other ranks are asked."""
@@ -82,9 +85,9 @@ class OwnFix:
         for name, of in ("atom_x", "x"), ("atom_v", "v"), ("atom_f", "f"):
             cells[name].set(self.lammps.per_atom(of, columns=3))
         cells["groups"].set(self.lammps.groups.view(np.int32))
-        origins = self._find_origins()
+        origins, moved = self._find_origins()
         strangers = np.flatnonzero((origins >= 0) & (origins >> 32 != self.world.rank))
-        arrived = self.world.fetch(origins[strangers], self._rows)
+        arrived = self.world.fetch(origins[strangers], self._rows) if moved else self._rows(strangers)
         arrived[:, 0] = origins[strangers].view(float)
         origins[strangers] = -2 - np.arange(len(strangers))
         cells["origins"].set(origins)
@@ -97,15 +100,17 @@ class OwnFix:
         return rows
 
     def _find_origins(self):
+        """Where each atom was, and whether any has come to or gone from any rank; collective."""
         world, tags = self.world, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
         stayed = before >= 0
         origins = np.where(stayed, self._origins[before], -1) if len(self._tags) else np.full(len(tags), -1)
         gone = self._origins >= 0
         gone[before[stayed]] = False
-        if world.any(gone.any() or not stayed.all()):
+        moved = world.any(gone.any() or not stayed.all())
+        if moved:
             origins[~stayed] = world.look_up(self._tags[gone], self._origins[gone], tags[~stayed])
-        return origins
+        return origins, moved
 
     def atoms_moved(self):
         """Whether LAMMPS has re-neighboured since this was last asked."""

@@ -353,7 +353,7 @@ def gather_block(scratch, bodies, begin, end, rounds, index, d, atom_f):
 
 # ---------------------------------------------------------------- the passes of a step
 
-ALL, WHOLE, SHARED = range(3)  # parts of the bodies
+ALL, WHOLE, DIVIDED = range(3)  # parts of the bodies
 
 
 @inlined
@@ -403,7 +403,7 @@ def advance(
     torque of bodies that are whole here are what `gather` would find, and are not kept: with two kicks, the last of one step
     and the first of the next, a whole step is one pass for them.
 
-    It does this to the bodies of one part, ALL, WHOLE here or SHARED with other ranks: if to these two, in this order.
+    It does this to the bodies of one part, ALL, WHOLE here or DIVIDED between ranks: if to these two, in this order.
 
     Returns:
         As `gather`, or 0.
@@ -520,7 +520,7 @@ ROOM_ATOMS, ROOM_BODIES, ROOM_ENTRIES, ROOMS = range(4)
 
 @loop
 def locate(
-    groups: I1, fix_group: I, body_groups: I, origins: L1, rank: I, index: I1, state: F2, arrived: F2, counts: L1, here: I1, place: I1,
+    groups: I1, fix_group: I, body_groups: I, origins: L1, index: I1, state: F2, arrived: F2, counts: L1, here: I1, place: I1,
     room: L1, found: L1,
 ):  # fmt: skip
     """Find the atoms of the bodies in LAMMPS's arrays.
@@ -542,6 +542,9 @@ def locate(
                 came += 1
                 continue
             j = origins[i] & 0xFFFFFFFF if origins[i] >= 0 else origins[i] + 1
+            if j >= index.size or -j > arrived.shape[0]:  # of a list that is no more
+                came += 1
+                continue
             moved += j < 0 or index[j] != i
             if count < room[ROOM_ATOMS]:
                 here[count], place[count] = i, j

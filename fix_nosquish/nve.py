@@ -34,7 +34,7 @@ _READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"  # fixes that a
 
 
 class Loops:
-    """The loops of a step, each bound to the bodies, LAMMPS's arrays and the time step when it is first used.
+    """The loops of a step, each bound when it is first used to the cells of the bodies, LAMMPS's arrays and the time step.
 
     Args:
         advance: the integrator's `kernels.advance`.
@@ -62,7 +62,7 @@ class Loops:
     @cached_property
     def kick_and_advance_parts(self):
         """Bodies that are whole here, which need no other rank; then the others."""
-        return [self._kick_and_advance(part) for part in (kernels.WHOLE, kernels.SHARED)]
+        return [self._kick_and_advance(part) for part in (kernels.WHOLE, kernels.DIVIDED)]
 
     def _kick_and_advance(self, part):
         return self._advance.bind_to(self.cells, gathers=self.cells["direct"], kicks=2, part=part)

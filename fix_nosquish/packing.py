@@ -2,9 +2,9 @@
 
 from .compiled import F1, F2, I, L1, inlined, loop
 
-# what these loops count, in `counts`: bodies of this rank, those that may be shared, ranks asked for their holders, numbers that
-# these are answered with; shared bodies, partners, bodies sent to them; numbers for which there was no room; whether all is found
-BODIES, ASKED, HOMES, ANSWERED, SHARED, PARTNERS, SENT, LACKING, KNOWN, COUNTS = range(10)
+# what these loops count, in `counts`: bodies of this rank, those that may be shared, ranks asked for their holders; shared bodies,
+# partners, bodies sent to them; numbers for which there was no room; whether all is found
+BODIES, ASKED, HOMES, SHARED, PARTNERS, SENT, NEEDED, KNOWN, COUNTS = range(9)
 
 
 @inlined
@@ -62,14 +62,14 @@ def answer(ids: L1, askers: L1, asked: L1, order: L1, spare: L1, owner: L1, firs
     Args:
         ids (n,): the IDs that askers[r] asks for are the next asked[r] entries.
         order, spare, owner, first: to work with.
-        answers (counts[ANSWERED],): out: for each asker how many hold each of its bodies, then which ranks, body by body.
+        answers: out: for each asker how many hold each of its bodies, then which ranks, body by body.
         parts: out: how many numbers each asker's part has.
     Returns:
-        0, or 1 if there is no room: counts[LACKING] numbers.
+        0, or 1 if there is no room: counts[NEEDED] numbers.
     """
     n, total, begin, i = ids.size, 0, 0, 0
     if n > order.size or askers.size > parts.size:
-        counts[LACKING] = max(n, askers.size)
+        counts[NEEDED] = max(n, askers.size)
         return 1
     for r in range(askers.size):
         for _ in range(asked[r]):
@@ -85,9 +85,8 @@ def answer(ids: L1, askers: L1, asked: L1, order: L1, spare: L1, owner: L1, firs
         total += (end - begin) * (1 + end - begin)
         begin = end
     if total > answers.size:
-        counts[LACKING] = total
+        counts[NEEDED] = total
         return 1
-    counts[ANSWERED] = total
     total = i = 0
     for r in range(askers.size):
         begin, end = i, i + asked[r]
@@ -116,10 +115,10 @@ def connect(places: L1, homes: L1, many: L1, answers: L1, own: I, home: L1, part
     source[first[i + 1]], and -1 there is this rank's part.  counts: see the head of this file.
 
     Returns:
-        0, or 1 if there is no room: counts[LACKING] numbers.
+        0, or 1 if there is no room: counts[NEEDED] numbers.
     """
     if answers.size > source.size:
-        counts[LACKING] = answers.size
+        counts[NEEDED] = answers.size
         return 1
     for b in range(counts[BODIES]):
         home[b] = own

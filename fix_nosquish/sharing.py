@@ -23,7 +23,7 @@ from .errors import RunError
 
 _BITS = 32  # an atom's origin is rank << 32 | place
 _QUESTIONS, _ANSWERS, _PARTS = (0, 1), 2, 3  # tags of messages
-LOAD = 6  # numbers of a body's force and torque
+_LOAD = 6  # numbers of a body's force and torque
 
 
 def origin(rank, places):
@@ -71,10 +71,6 @@ class Alone:
     def gone(self, lost, gained):
         """As `World.gone`."""
         return lost
-
-    def sharers(self, n, places, ids, home):
-        """As `World.sharers`; nobody else holds bodies."""
-        return Sharers(self).find(n, places[:0], ids[:0], home[:0])
 
 
 ALONE = Alone()
@@ -249,17 +245,6 @@ class World:
             requests += [self.comm.Irecv(received[part], rank, _PARTS), self.comm.Isend(sent[part], rank, _PARTS)]
         return lambda: self.mpi.Request.Waitall(requests)
 
-    def sharers(self, n, places, ids, home):
-        """Find who else holds some of this rank's bodies.
-
-        Args:
-            n: how many bodies this rank has.
-            places: (m,) those that it does not know to be whole here.
-            ids: (m,) int64, their IDs, each once.
-            home: (m,) int64, the rank at which all holders of each body meet: any on which they agree.
-        """
-        return Sharers(self).find(n, places, ids, home)
-
 
 def _split(keys, rows):
     """The rows of each key, a dictionary; keys are sorted."""
@@ -390,7 +375,7 @@ class Sharers:
             answers,
             packing.connect.bind_to(cells, answers=cells["holders"], own=world.rank),
         ]  # fmt: skip
-        rows = Cell(I, LOAD)
+        rows = Cell(I, _LOAD)
         exchange = Exchange(world, cells["partners"], cells["shares"], partners, rows, cells["packed"], cells["received"])
         self.giving = [packing.pack.bind_to(cells, values=cells["load"]), exchange]
         self.taking = [Completion(exchange), packing.add.bind_to(cells, values=cells["load"])]
@@ -408,10 +393,19 @@ class Sharers:
             for name in _OF_ANSWERS:
                 self.cells[name].set(np.empty(numbers, np.int64))
             for name in "packed", "received":
-                self.cells[name].set(np.empty(LOAD * numbers))
+                self.cells[name].set(np.empty(_LOAD * numbers))
 
     def find(self, n, places, ids, home):
-        """Find the sharers; see `World.sharers`. Returns: self."""
+        """Find who else holds some of this rank's bodies; collective.
+
+        Args:
+            n: how many bodies this rank has.
+            places: (m,) those that it does not know to be whole here.
+            ids: (m,) int64, their IDs, each once.
+            home: (m,) int64, the rank at which all holders of each body meet: any on which they agree.
+        Returns:
+            Sharers: self.
+        """
         m = len(places)
         self.make_room(n)
         for name, values in ("asked", places), ("ids", ids), ("meet", home):
@@ -425,7 +419,7 @@ class Sharers:
     def do(self, one):
         """Do one of the passes `finding`, and make the room that it lacks."""
         while one():
-            self.make_room(numbers=2 * int(self.counts[packing.LACKING]))
+            self.make_room(numbers=2 * int(self.counts[packing.NEEDED]))
 
     def none(self, n):
         """There are n bodies, and nobody else holds them."""

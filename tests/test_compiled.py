@@ -191,8 +191,8 @@ def use(folder, **keywords):
 
 
 def test_cells(loops):
-    """Locks out a bound loop that keeps the number, array or length that it was bound to, where these have changed in their cells, and
-    cells of another kind than the argument."""
+    """Locks out a bound loop that keeps the number, array or length that it was bound to, where these have changed in their cells, views
+    of memory that goes with the cell, and cells of another kind than the argument."""
     numbers, start = compiled.Cell(compiled.L1, np.arange(3)), compiled.Cell(compiled.I, 10)
     total = loops.total.bind_to({"numbers": numbers, "more": 5}, start=start)
     assert total() == 13
@@ -201,6 +201,10 @@ def test_cells(loops):
     assert total() == 30
     numbers.numbers[1] = 2  # as a loop writes it
     assert total() == 21 and numbers.array.tolist() == [0, 1] and start.number == 20
+    view = numbers.array
+    while isinstance(view.base, np.ndarray):
+        view = view.base
+    assert view.flags.owndata  # it outlives the cell
     table, cells = compiled.cells({"scale": compiled.F, "x": compiled.F1})
     cells["scale"].set(0.5)
     cells["x"].set(np.arange(7.0))

@@ -25,13 +25,15 @@ def scenes(size):
 
 def check_combine(world):
     """Sharers.combine equals the parts added up in the order of the ranks; one rank owns each body."""
+    from fix_nosquish.sharing import Sharers
+
     for rng, ids, holds, parts in scenes(world.size):
         mine = np.random.default_rng(world.rank).permutation(np.flatnonzero(holds[:, world.rank]))
         # a rank that knows its body to be whole does not ask for sharers; where holders meet does not matter
         partial = ~(holds[mine].sum(axis=1) == 1) | (rng.random() < 0.5)
         home = rng.integers(0, world.size, len(ids))
         asked = np.flatnonzero(partial)
-        sharers = world.sharers(len(mine), asked, ids[mine[asked]], home[mine[asked]])
+        sharers = Sharers(world).find(len(mine), asked, ids[mine[asked]], home[mine[asked]])
         shared = np.flatnonzero(holds[mine].sum(axis=1) > 1)
         assert np.array_equal(np.sort(sharers.bodies), shared)
         assert np.array_equal(sharers.home, holds[mine].argmax(axis=1))
@@ -50,9 +52,11 @@ def check_combine(world):
 
 def check_next_step(world):
     """Sharers.combine does the same with the next step's parts, with other arrays and numbers of rows in between."""
+    from fix_nosquish.sharing import Sharers
+
     holds = np.random.default_rng(3).random((9, world.size)) < 0.7
     mine = np.flatnonzero(holds[:, world.rank])
-    sharers = world.sharers(len(mine), np.arange(len(mine)), mine, mine % world.size)
+    sharers = Sharers(world).find(len(mine), np.arange(len(mine)), mine, mine % world.size)
     load = np.empty((6, len(mine)))
     for step in range(3):
         for array in load, np.empty((2, len(mine))), load:

@@ -102,23 +102,29 @@ class Host:
                 A tuple: the pass that finds the atoms; the `sharing.Agreement`; passes that follow them if some have moved on
                 any rank, after which the atoms are noted anew; the pass that is done in any case; and passes that conclude it
                 if some have moved, when all went well on all ranks.
+        Raises:
+            AttributeError: for following, if nothing is to be carried.
         """
         from .bridge import passes
 
         bridge = self._bridge
         if following:
+            self._need_carried()
             first, agreement, moved, always, last = following
             following = [first, agreement, *moved, always, *last]
             bridge.moving = len(moved)
         self._passes = [each and passes(each) for each in (step, following)]
         bridge.step, bridge.neighbor = (each and cast(each[0], type(bridge.step)) for each in self._passes)
-        self._keep(bridge.fix)
         bridge.may_wait, bridge.look_every = True, look_every
 
     def call_always(self):
         """Have the fix call every method of the class again."""
         self._bridge.may_wait, self._bridge.step, self._bridge.neighbor = False, None, None
         self._passes = None
+
+    def keep_box(self):
+        """Have the fix do what follows the atoms by itself as long as the box is as it is now."""
+        self._keep(self._bridge.fix)
 
     def note(self, index=None):
         """Have LAMMPS take along with each of these atoms, wherever it moves them, where it is now.
@@ -154,7 +160,11 @@ class Host:
 
         There an atom that came from another rank with what was carried has -2 minus its row in the cell ``arrived``; a row has
         the atom's origin, its column of the bodies' d, its body's column of their state.
+
+        Raises:
+            AttributeError: if nothing is to be carried.
         """
+        self._need_carried()
         self._point(self._bridge.fix)
 
     def origins(self):
@@ -162,12 +172,16 @@ class Host:
 
         Returns:
             (natoms,) int64, rank << 32 | place for an atom that was in that rank's list, -1 for another one:
-            a view, of use until LAMMPS moves atoms.
+            a view, of use until LAMMPS moves atoms.  (For atoms that came with what was carried see ``point``.)
         Raises:
             AttributeError: as ``note``.
         """
         self._need_origins()
         return array(self._bridge.origins, (self._natoms.value,), np.int64)
+
+    def _need_carried(self):
+        if not (self._bridge.carries and self._bridge.arrays):
+            raise AttributeError("a class that follows its atoms in passes has an attribute carries, and calls carry() before")
 
     def _need_origins(self):
         if not self._bridge.follows_atoms:

@@ -157,8 +157,8 @@ struct Pass {
 enum Found { CAME, MORE, LACKING, MOVED, SUMMED };
 // cells for LAMMPS's arrays
 enum Arrays { X_CELL, V_CELL, F_CELL, MASK_CELL, ORIGIN_CELL, ARRIVED_CELL };
-// tags of messages; those of an exchange are the same in sharing.py, as a rank may do it there
-enum Tag { EXCHANGE_TAG = 3, QUESTION_TAG = 10, ANSWER_TAG = 12 };
+// tags of messages; that of an exchange is the same in sharing.py
+enum Tag { EXCHANGE_TAG = 3, QUESTION_TAG, ANSWER_TAG };
 
 struct Bridge {
   // facts
@@ -186,7 +186,7 @@ struct Bridge {
   int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
   const int64_t *next_output;    // the step of the next output
   const int *nlocal;             // the number of local atoms
-  const int64_t *origins;        // where each of them was when it was noted
+  const int64_t *origins;        // where each of them was when it was noted; see FixPythonMove
   // set by Python: what goes without it
   int32_t may_wait;           // the end of a step may wait for the next step
   int32_t look_every;         // but not where its number is a multiple of this (0: of none)
@@ -267,11 +267,11 @@ class FixPythonMove : public Fix {
   std::vector<int> extensive;
   int last_vflag = 0;
   std::vector<double> kept_box;
-  int64_t *origin = nullptr;    // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it
-  std::vector<double> arrived;  // came with that row here
+  // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has arrived
+  int64_t *origin = nullptr;
+  std::vector<double> arrived;
   std::vector<MPI_Request> requests;
   std::vector<int64_t> senders[2], sent[2], numbers[2];    // what came with questions, with answers
-  int rounds = 0;
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   int describe(int, FixFacts *) const;
@@ -629,7 +629,7 @@ bool FixPythonMove::deliver(const Pass &pass, bool failed)
   const int64_t *to = pass.array(0), *many = pass.array(1), *part = pass.array(2);
   const MPI_Comm world = pass.world();
   const bool answers = pass.cells[7];
-  const int tag = answers ? ANSWER_TAG : QUESTION_TAG + (rounds++ & 1);
+  const int tag = answers ? ANSWER_TAG : QUESTION_TAG;
   auto &from = senders[answers], &counts = sent[answers], &all = numbers[answers];
   from.clear();
   counts.clear();
@@ -637,8 +637,8 @@ bool FixPythonMove::deliver(const Pass &pass, bool failed)
   std::vector<std::pair<int, std::vector<int64_t>>> parts;
 
   requests.clear();
-  for (int64_t r = 0; r < *pass.cell(3); part += many[r++]) {
-    const int count = failed ? 0 : many[r];
+  for (int64_t r = 0; r < *pass.cell(3); r++) {
+    const int64_t count = failed ? 0 : many[r];
     if (to[r] == comm->me) {
       parts.emplace_back(comm->me, std::vector<int64_t>(part, part + count));
     } else {
@@ -648,6 +648,7 @@ bool FixPythonMove::deliver(const Pass &pass, bool failed)
       else
         MPI_Issend(part, count, MPI_INT64_T, to[r], tag, world, &requests.back());
     }
+    part += count;
   }
   auto receive = [&](MPI_Message message, const MPI_Status &status) {
     int count;
@@ -666,7 +667,8 @@ bool FixPythonMove::deliver(const Pass &pass, bool failed)
     }
     complete();
   } else {
-    // the barrier is entered when all that was sent is being received (see World.deliver)
+    // The barrier is entered when all that was sent is being received (see World.deliver). No rank is a round ahead: the
+    // agreement at the end of follow() keeps rounds apart.
     MPI_Request barrier;
     for (int entered = 0, over = 0; !over;) {
       int there, done;
@@ -750,7 +752,7 @@ int FixPythonMove::unpack_exchange(int i, double *buffer)
 
 double FixPythonMove::memory_usage()
 {
-  return bridge.follows_atoms ? (double) atom->nmax * sizeof(int64_t) : 0.0;
+  return bridge.follows_atoms ? (double) atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0;
 }
 
 // What LAMMPS has logged must not wait in a buffer when a signal ends the run.
