@@ -13,7 +13,6 @@ from .kernels import RENEWED
 from .sharing import ALONE, Agreement, Sharers, places
 
 SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
-_NONE = np.empty(0, np.int64)
 _MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
 
 # rows of a body's state
@@ -141,7 +140,7 @@ class Bodies:
         for name, size in ("state", bodies), ("d", atoms):
             now, other = self.cells[name], self.cells["old_" + name]
             rows, columns = now.numbers[1:].tolist()
-            both = [now.owners.get(cell.numbers[0].item(), _NONE) for cell in (now, other)]
+            both = [now.owners.get(cell.numbers[0].item(), np.empty(0)) for cell in (now, other)]
             if both[0].size < rows * size:
                 both[0] = _aligned(rows * size)
                 both[0][: rows * columns] = now.array.ravel()
