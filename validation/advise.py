@@ -73,6 +73,9 @@ def advise(console, summary, name, targets):
     say(f"{name}: {scene['title']}")
     say(f"Swept {scene['swept']['date']} on {scene['ranks']} rank(s) of {summary['machine']['cpu']}; run times are this machine's: the least of the "
         "repeats, and their median in brackets.")  # fmt: skip
+    sampled = [point["starts"] * point["ps"] for point in points if not point["failed"]]
+    if sampled:
+        say(f"Errors and averages are of {min(sampled):.3g} to {max(sampled):.3g} ps a point: what lasts longer is not known from here.")
     if scene["swept"]["interrupted"]:
         say("The sweep was interrupted: points may be missing.")
     wanted = "; ".join(f"{_title(summary, key)} below {most:g}" for key, most in targets.items())
