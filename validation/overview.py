@@ -199,7 +199,7 @@ def _stability(summary):
         lines += [f"{case['name']} ({case['criterion']}, {_bound(case)}) breaks {', '.join(broken)}."] * bool(broken)
     rows = [
         [Cell(case["name"]), Cell(case["physics"]), Cell(case["criterion"]), Cell(_bound(case)), Cell(row["label"]),
-         Cell(number(row["value"], row["error"] or 0.0), _sortable(row["value"])), Cell(case.get("bars", "not told by these results")),
+         Cell(number(row["value"], row["error"] or 0.0), _sortable(row["value"])), Cell(case["bars"]),
          Cell(row["verdict"]), Cell(row["note"] or ""), Cell(row["command"])]
         for case in cases for row in case["rows"]
     ]  # fmt: skip
