@@ -42,14 +42,13 @@ class Loops:
         mrot: number of inner steps of the rotation.
 
     Attributes:
-        cells: all that these loops take: beside the above dt, the time step; dtf, what takes a force to half a step's momentum;
-            kicks, how many of these begin a step; and direct, whether force and torque of a body that is whole here are those that
-            its atoms give, and nothing else.
+        cells: all that these loops take: beside the above dt, the time step; dtf, what takes a force to half a step's momentum; and
+            kicks, how many of these begin a step.
     """
 
     def __init__(self, advance, cells, mrot):
         self._advance = advance
-        self.cells = cells | {"dt": Cell(F), "dtf": Cell(F), "kicks": Cell(I), "direct": Cell(I), "mrot": Cell(I, mrot)}
+        self.cells = cells | {"dt": Cell(F), "dtf": Cell(F), "kicks": Cell(I), "mrot": Cell(I, mrot)}
 
     @cached_property
     def advance(self):
@@ -57,15 +56,20 @@ class Loops:
 
     @cached_property
     def kick_and_advance(self):
-        return self._kick_and_advance(kernels.ALL)
+        return self._advance.bind_to(self.cells, gathers=False, kicks=2, part=kernels.ALL)
 
     @cached_property
-    def kick_and_advance_parts(self):
-        """Bodies that are whole here, which need no other rank; then the others."""
-        return [self._kick_and_advance(part) for part in (kernels.WHOLE, kernels.DIVIDED)]
+    def step(self):
+        """`kick_and_advance` that also gathers, where force and torque of a body that is whole here are those that its atoms give."""
+        return self._step(kernels.ALL)
 
-    def _kick_and_advance(self, part):
-        return self._advance.bind_to(self.cells, gathers=self.cells["direct"], kicks=2, part=part)
+    @cached_property
+    def step_of_parts(self):
+        """`step` of bodies that are whole here, which need no other rank; then of the others."""
+        return [self._step(part) for part in (kernels.WHOLE, kernels.DIVIDED)]
+
+    def _step(self, part):
+        return self._advance.bind_to(self.cells, gathers=True, kicks=2, part=part)
 
     @cached_property
     def gather(self):
@@ -288,7 +292,6 @@ class NVE(Reports):
         bodies.follow(self.lammps, self.membership, self.host)
         self._mask = self._switches.mask(bodies)
         self._direct = self._mask is None and not bodies.spheres
-        self._loops.cells["direct"].set(self._direct)
         if bodies.spheres:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
@@ -350,9 +353,9 @@ class NVE(Reports):
         step = following = None
         if not self._box_may_change and self._direct:
             loops, sharers = self._loops, self.bodies.sharers
-            step = [loops.kick_and_advance]
+            step = [loops.step]
             if self.world.size > 1:  # messages are under way while the bodies that need none move
-                whole, shared = loops.kick_and_advance_parts
+                whole, shared = loops.step_of_parts
                 step = [loops.gather_shared, *sharers.giving, whole, *sharers.taking, shared]
             if self.half_step_velocities:
                 step.append(loops.set_velocities)

@@ -316,12 +316,6 @@ class Completion:
         self.exchange.wait()
 
 
-# arrays of `Sharers`, with an entry for each body of this rank, or for each number that is answered or received
-_OF_BODIES = "asked", "ids", "meet", "order", "spare", "places", "questions", "homes", "many", "home", "bodies", "first"
-_OF_ANSWERS = "sorted", "work", "owner", "equal", "answers", "parts", "partners", "shares", "source", "sent"
-_RECEIVED = "askers", "wanted", "wanted_ids", "answerers", "answered", "holders"
-
-
 class Agreement:
     """The sums over all ranks of what `kernels.locate` has found, up to MOVED, as a pass.
 
@@ -335,6 +329,12 @@ class Agreement:
     def total(self):
         """The sums, a list; collective."""
         return self.world.total(self.cells[0].array).astype(int).tolist()
+
+
+# arrays of `Sharers`, with an entry for each body of this rank, or for each number that is answered or received
+_OF_BODIES = "asked", "ids", "meet", "order", "spare", "places", "questions", "homes", "many", "home", "bodies", "first"
+_OF_ANSWERS = "sorted", "work", "owner", "equal", "answers", "parts", "partners", "shares", "source", "sent"
+_RECEIVED = "askers", "wanted", "wanted_ids", "answerers", "answered", "holders"
 
 
 class Sharers:

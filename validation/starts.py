@@ -12,6 +12,7 @@ from validation.machine import contents
 STATE = "x y z ix iy iz vx vy vz"  # of an atom, all that a run goes on from
 EXACT = "sort id format float %.17g"  # of a dump: to the last bit
 
+
 def of_size(scene, bodies, folder):
     """The scene with so many bodies; its data file is built if there is none yet.
 
