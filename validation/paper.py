@@ -43,7 +43,7 @@ class Lengths:
     Attributes:
         dimer: each trajectory of the dimer.  starts: their number.  apart: time between one start and the next.
         liquid: 1,000 waters.  peptide: figure 3's trajectories.
-        drifting: the peptide with ``rigid/small``.
+        ordered: the peptide with `ORDERED`.  drifting: with ``rigid/small``.
         gear: Gear's trajectories of the liquid and the peptide.  gear_starts: their number, and of its dimers.
         force_field: runs at a small step.  accuracies: of the mesh, in these.
         sizes: numbers of waters.  size: how long each, and the peptide with each of `STEPS`.
@@ -55,6 +55,7 @@ class Lengths:
     apart: float
     liquid: float
     peptide: float
+    ordered: float
     drifting: float
     gear: float
     gear_starts: int
@@ -65,9 +66,9 @@ class Lengths:
     every: int
 
 
-SHORT = Lengths(dimer=50.0, starts=10, apart=60.0, liquid=3.6, peptide=3.6, drifting=2.4, gear=0.15, gear_starts=4, force_field=0.2,
+SHORT = Lengths(dimer=50.0, starts=10, apart=60.0, liquid=3.6, peptide=3.6, ordered=3.6, drifting=2.4, gear=0.15, gear_starts=4, force_field=0.2,
                 accuracies=("1e-6",), sizes=(1000, 2000), size=1.5, every=10)  # fmt: skip
-FULL = Lengths(dimer=300.0, starts=32, apart=1000.0, liquid=3000.0, peptide=300.0, drifting=30.0, gear=2.0, gear_starts=4, force_field=4.0,
+FULL = Lengths(dimer=300.0, starts=32, apart=1000.0, liquid=3000.0, peptide=300.0, ordered=75.0, drifting=30.0, gear=2.0, gear_starts=4, force_field=4.0,
                accuracies=("1e-4", "1e-6", "1e-7"), sizes=(1000, 2000, 8000), size=15.0, every=50)  # fmt: skip
 
 
@@ -188,7 +189,7 @@ def plan(lengths, ranks, out):
             yield trajectory(dimer, name, lengths.dimer, DIMER_DT, ranks=1, piece=10**9, start=start, every=2 * every,
                              name=f"dimer-{name}-{number}", label=f"dimer {number}, {PAPER[name].label}")  # fmt: skip
     for name in "nosquish", "shake", "rigid/nve/small", ORDERED:
-        yield trajectory(peptide, name, lengths.peptide, more=paper_peptide.dump(steps(1.0, DT)))
+        yield trajectory(peptide, name, lengths.ordered if name == ORDERED else lengths.peptide, more=paper_peptide.dump(steps(1.0, DT)))
     for scene in liquid, peptide:
         yield trajectory(scene, "gear", lengths.gear, every=2, piece=10**9)
         first, states = starts(scene, lengths.gear_starts, lengths.gear, DT)
