@@ -18,13 +18,14 @@ an integer. Nothing checks its indices.
 """
 
 import ctypes
+import gc
 import importlib.util
 import math
 import operator
 import os
 import sys
 import warnings
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache, cached_property, partial, update_wrapper
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -385,8 +386,9 @@ def _compile(loops):
         _teach(function)
     _teach_prefetch()
     linked = llvm.parse_assembly("")
-    for loop in loops:
-        entry = _entry(loop)
+    with _only_what_is_needed():
+        entries = [(loop, _entry(loop)) for loop in loops]
+    for loop, entry in entries:
         module = llvm.parse_assembly(entry.inspect_llvm())
         for value in (*module.functions, *module.global_variables):
             if not value.is_declaration and value.name != entry.native_name:
@@ -446,7 +448,7 @@ def _optimise(module):
 
 def _entry(loop):
     """The C function that takes a loop's arguments out of their cells and runs it, as numba's cfunc."""
-    from numba import carray, cfunc, config, types
+    from numba import carray, cfunc, types
     from numba.extending import intrinsic
 
     def pointer(dtype):
@@ -476,9 +478,31 @@ def _entry(loop):
     ]
     names = {"loop": loop.__wrapped__, "carray": carray, **{kind.dtype.name: pointer(kind.dtype) for kind in (I, F, *loop.kinds.values())}}
     exec("\n".join(lines), names)
-    # numba would optimise each function, and each again in all that call it: `_optimise` does it once, when all are one
-    level, config.OPT = config.OPT, type(config.OPT)(0)
-    try:
-        return cfunc(types.int64(types.int64), forceinline=True)(names["entry"])
-    finally:
-        config.OPT = level
+    return cfunc(types.int64(types.int64), forceinline=True)(names["entry"])
+
+
+@contextmanager
+def _only_what_is_needed():
+    """Have numba put functions into LLVM's language, and nothing else.
+
+    It would optimise each function, and each again in all that call it, and make machine code of all these, which `_compile` does once,
+    when all are one.  And Python would look for garbage all the time among very many objects.
+    """
+    from unittest.mock import patch
+
+    from numba import config
+    from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+
+    left_out = (JITCodeLibrary, "_finalize_specific"), (JITCPUCodegen, "_add_module"), (JITCPUCodegen, "set_env")
+    collects = gc.isenabled()
+    with ExitStack() as stack:
+        stack.enter_context(patch.object(config, "OPT", type(config.OPT)(0)))
+        if all(hasattr(*one) for one in left_out):  # they are not for the public, and a later numba may have others
+            for one in left_out:
+                stack.enter_context(patch.object(*one, lambda *_: None))
+        gc.disable()
+        try:
+            yield
+        finally:
+            if collects:
+                gc.enable()

@@ -103,7 +103,23 @@ print(json.dumps([result.tolist(), "numba" in sys.modules, [str(w.message) for w
 """
 EXPECTED = [26.0, 10.0, 26.0]
 
-# the same on several ranks; a processor's name can be changed on one of them, a loop be used before on another
+# the same, and then numba for something else
+USE_NUMBA = f"""
+import gc
+import numba
+level = numba.config.OPT
+{USE}
+import helpers
+
+@numba.njit
+def both(a):
+    return a.sum() + helpers.square(a[1], a[1])
+
+assert both(np.array([1.0, 3.0])) == 22.0
+assert gc.isenabled() and numba.config.OPT == level
+"""
+
+# the same as USE on several ranks; a processor's name can be changed on one of them, a loop be used before on another
 USE_RANKS = """
 import sys
 import numpy as np
@@ -305,6 +321,12 @@ def test_later_processes_do_without_numba(written):
     """Locks out: a start that imports numba though there is a file."""
     assert len(files(written)) == 1
     assert use(written) == [EXPECTED, False, []]
+
+
+def test_numba_is_left_as_it_was(tmp_path):
+    """Locks out: functions that another user of numba in this process compiles having no machine code, which ends the process, or being slow."""
+    write(tmp_path)
+    assert use(tmp_path, code=USE_NUMBA) == [EXPECTED, True, []]
 
 
 @pytest.mark.parametrize(
