@@ -10,19 +10,16 @@ import os
 import sys
 import traceback
 from ctypes import (
-    CFUNCTYPE, POINTER, PYFUNCTYPE, Structure, addressof, byref, c_char, c_char_p, c_double, c_int, c_int32,
-    c_int64, c_void_p, memset, py_object, pythonapi, sizeof,
+    CFUNCTYPE, POINTER, PYFUNCTYPE, Structure, byref, c_char, c_char_p, c_double, c_int, c_int32, c_int64,
+    c_void_p, memset, py_object, pythonapi, sizeof,
 )  # fmt: skip
-from functools import partial
 
 from ..errors import RunError
 from .host import Host
+from .passes import Pass
 
 # What a hook returns. Zero is what C gets when the callback itself breaks, as on an interrupt.
 DONE, FAILED_ALIKE, FAILED_HERE = 1, 2, 3
-
-# What a pass is; 0 is after the last one.
-LOOP, KINDS = 1, {"Delivery": 2, "Exchange": 3, "Completion": 4, "Agreement": 5}
 
 REQUIRED = "initial_integrate", "final_integrate"
 
@@ -65,25 +62,6 @@ class FixFacts(Structure):
         ("final_integrate", c_int32),
         ("box_change", c_int32),
     ]
-
-
-class Pass(Structure):
-    """struct Pass of python_move.cpp."""
-
-    _fields_ = [("kind", c_int32), ("comm", c_int32), ("loop", c_void_p), ("cells", c_void_p)]
-
-
-def passes(each):
-    """An array of `Pass` for C, and what has to live as long; see `Host.go_alone`."""
-    array, kept = (Pass * (len(each) + 1))(), []
-    for entry, one in zip(array, each):
-        if isinstance(one, partial):
-            entry.kind, entry.loop, entry.cells = LOOP, one.func.address, addressof(one.args[0])
-        else:
-            addresses = (c_int64 * (len(one.cells) + 1))(*[cell.address for cell in one.cells])
-            entry.kind, entry.comm, entry.cells = KINDS[type(one).__name__], one.world.handle, addressof(addresses)
-            kept.append(addresses)
-    return array, (each, kept)
 
 
 class Bridge(Structure):

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..compiled import array
+from .passes import passes
 
 
 class OtherFix(NamedTuple):
@@ -105,8 +106,6 @@ class Host:
         Raises:
             AttributeError: for following, if nothing is to be carried.
         """
-        from .bridge import passes
-
         bridge = self._bridge
         if following:
             self._need_carried()

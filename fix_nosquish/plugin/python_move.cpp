@@ -120,7 +120,7 @@ void run_python(const std::string &line)
 }
 
 // ----------------------------------------------------------------------
-// what the two sides share, mirrored in bridge.py
+// what the two sides share, mirrored in bridge.py and passes.py
 // ----------------------------------------------------------------------
 
 // what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
