@@ -193,8 +193,8 @@ def dimers(scatter, count=16):
     means = np.random.default_rng(3).normal(size=(2, count))
     means *= [[0.1], [0.1 * scatter]] / means.std(axis=1, keepdims=True)
     names = "nosquish", "matubayasi-nakahara"
-    return {
-        f"dimer-{name}-{n + 1}": made("x", noise(1.0, 100 * k + n, level=-9000 + means[k, n]), temperature=np.full(4000, 155.0 + n % 2))
+    return {"dimer-starts": made("x", noise(1.0, 99), temperature=noise(20.0, 98, level=154.0))} | {
+        f"dimer-{name}-{n + 1}": made("x", noise(1.0, 100 * k + n, level=-9000 + means[k, n]))
         for k, name in enumerate(names) for n in range(count)
     }  # fmt: skip
 
@@ -208,7 +208,8 @@ def test_who_wanders_from_start_to_start(scatter, holds):
     assert one["verdict"] == WORD[holds]
     soon = claim(found, "first 0.5 ps")
     assert soon["value"] == pytest.approx(1.0, abs=4 * soon["error"])
-    assert claim(found, "mean temperature")["value"] == pytest.approx(155.5)
+    warm = claim(found, "mean temperature")
+    assert warm["value"] == pytest.approx(154.0, abs=5 * warm["error"]) and warm["error"] == pytest.approx(20.0 / np.sqrt(4000), rel=0.5)
 
 
 @pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
