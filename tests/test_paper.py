@@ -132,6 +132,8 @@ def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
     names = [one.name for one in paper.plan(paper.SHORT, 2, tmp_path)]
     assert chosen == [name for name in names if "dimer" in name or name == "water-matubayasi-nakahara"] != []
     chosen.clear()
+    assert command.main([*words, "peptide-nosquish"]) == 0 and chosen == ["peptide-nosquish"]  # of all that begin so
+    chosen.clear()
     assert command.main(words) == 0 and chosen == names
     with pytest.raises(SystemExit):
         command.main([*words, "dimer", "trimer"])
