@@ -165,7 +165,7 @@ def _members(lammps, world, membership):
     bad = ~(mass >= 0)
     world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
-    far = np.abs(ids) > _LARGEST_ID
+    far = (ids > _LARGEST_ID) | (ids < -_LARGEST_ID)
     world.agree(f"{membership.name(ids[far][0])} has too large an ID: at most 2^53 is possible" if far.any() else None)
     return atoms, ids, body, mass, tag, None if radius is None else radius[atoms]
 

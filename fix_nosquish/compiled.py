@@ -492,7 +492,9 @@ def _only_what_is_needed():
 
     from numba import config
     from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
+    from numba.core.registry import cpu_target
 
+    cpu_target.target_context  # makes, at the level that is set now, what all other users of numba have in this process
     left_out = (JITCodeLibrary, "_finalize_specific"), (JITCPUCodegen, "_add_module"), (JITCPUCodegen, "set_env")
     collects = gc.isenabled()
     with ExitStack() as stack:

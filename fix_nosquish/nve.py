@@ -129,7 +129,7 @@ class NVE(Reports):
         self.bodies = None
         self._notes = self._said = self._loops = None
         self._warned = set()
-        self._settled = self._half = self._ran = self._heard = self._velocities_set = False
+        self._settled = self._half = self._ran = self._over = self._heard = self._velocities_set = False
         self._mask = self._file = None
         self._known, self.late = {}, []
         self.half_step_velocities, self.velocities_every = True, (1,)
@@ -180,6 +180,7 @@ class NVE(Reports):
         self.host.waiting = False
         self._known = {}
         self.host.set_bodies(None, None)  # the atoms are not those of the last run
+        self.membership = Membership(self.lammps, self.command)  # nor are the groups: deleted ones leave their bits to others
         ours = {mate.host.fix_id for mate in self._mates}
         fixes = [fix for fix in self.host.fixes() if fix.id not in ours]
         self.late = [fix for fix in fixes if fix.end_of_step and not fix.style.startswith(_READERS)]
@@ -242,12 +243,11 @@ class NVE(Reports):
         """The forces of the start are known; LAMMPS is about to print its step."""
         self._gather()
         if self._ran and not self.command.reinit:
-            if self._velocities_changed():
-                self.host.log("The velocities of the bodies' atoms were changed between runs: without effect, because the bodies go on (reinit no)\n")
+            self._say_ignored("reinit no")
             self._set_velocities()
         if vflag:
             self._constraint_virial()
-        self._settled = self._ran = True
+        self._settled, self._ran, self._over = True, True, False
         self._leave_to_host()
         if not isinstance(self.host, OwnFix):  # which comes here in the next step only
             self._say(bool(vflag))
@@ -291,8 +291,9 @@ class NVE(Reports):
         bodies = self.bodies
         bodies.follow(self.lammps, self.membership, self.host)
         self._mask = self._switches.mask(bodies)
-        self._direct = self._mask is None and not bodies.spheres
-        if bodies.spheres:
+        lent = getattr(self, "rigid_flag", False)  # granular pair styles look bodies up then, those of points too
+        self._direct = self._mask is None and not bodies.spheres and not lent
+        if lent:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
             self.host.set_bodies(body, bodies.mass)
@@ -320,7 +321,7 @@ class NVE(Reports):
     def _catch_up(self):
         """Do what the last step has left to the next one."""
         if self.host.waiting:
-            self.host.waiting = self._velocities_set = False
+            self.host.waiting = self._half = self._velocities_set = False
             self._gather()
             self._loops.kick()
 
@@ -330,6 +331,9 @@ class NVE(Reports):
             self.setup(0)
         elif self.late:
             self._take_changed_velocities(self.lammps.step - 1)
+        if self._over:
+            self._over = False
+            self._say_ignored("pre no")
         self._vflag, self._known = vflag, {}
 
     def _bind(self):
@@ -426,6 +430,10 @@ class NVE(Reports):
         kernels.set_velocities(bodies.state, bodies.blocks, bodies.rounds, np.arange(n, dtype=np.int32), bodies.d, expected, bodies.scratch)
         return self.world.any(not np.array_equal(expected, self.lammps.per_atom("v", columns=3)[bodies.index]))
 
+    def _say_ignored(self, why):
+        if self._velocities_changed():
+            self.host.log(f"The velocities of the bodies' atoms were changed between runs: without effect, because the bodies go on ({why})\n")
+
     def _take_changed_velocities(self, step):
         """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with them; collective."""
         due = [fix.id for fix in self.late if step % fix.nevery == 0]
@@ -451,7 +459,7 @@ class NVE(Reports):
             if not self._velocities_set:
                 self._set_velocities()
             self._take_changed_velocities(self.lammps.step)
-            self._known = {}
+            self._known, self._over = {}, True
 
     # ------------------------------------------------------------- one step of run_style respa
 

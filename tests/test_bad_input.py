@@ -123,7 +123,10 @@ CASES = {
     "variable that is not atom-style": Case("all custom v_body", ("variable body", "not an atom-style", "variable body atom"), before="variable body equal 1"),
     "integrator that does not exist": Case("water molecule", ("integrator 'NVTT'", "expected one of NVE"), module="fix_nosquish.NVTT"),
     "integrator without words": Case("", ("integrator 'NVTT'", "expected one of NVE"), module="fix_nosquish.NVTT"),
+    "variable too large": Case("all custom v_body", ("v_body", "too large an ID", "2^53"), before="variable body atom 1e20*(id-9)"),
     # the atoms
+    "group deleted between runs": Case("all group 2 a b", ("no group 'a'", "define it before the fix"),
+                                       before="group a molecule 1\ngroup b molecule 2", after="run 1\ngroup a delete\ngroup c molecule 3"),
     "group without atoms": Case("none molecule", ("no atom", "group 'none'", "fill the group"), before="group none empty"),
     "atom style without molecules": Case("all molecule", ("molecule-ID", "atom_style molecular or full"), atom_style="atomic", create="1 box"),
     "atom in two bodies": Case(

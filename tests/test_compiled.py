@@ -107,7 +107,10 @@ EXPECTED = [26.0, 10.0, 26.0]
 USE_NUMBA = f"""
 import gc
 import numba
-level = numba.config.OPT
+from numba.core.codegen import CPUCodegen
+
+level, levels, begin = numba.config.OPT, [], CPUCodegen._init
+CPUCodegen._init = lambda *arguments: (levels.append(numba.config.OPT), begin(*arguments))
 {USE}
 import helpers
 
@@ -116,7 +119,7 @@ def both(a):
     return a.sum() + helpers.square(a[1], a[1])
 
 assert both(np.array([1.0, 3.0])) == 22.0
-assert gc.isenabled() and numba.config.OPT == level
+assert gc.isenabled() and numba.config.OPT == level and levels == [level]
 """
 
 # the same as USE on several ranks; a processor's name can be changed on one of them, a loop be used before on another
@@ -324,7 +327,7 @@ def test_later_processes_do_without_numba(written):
 
 
 def test_numba_is_left_as_it_was(tmp_path):
-    """Locks out: functions that another user of numba in this process compiles having no machine code, which ends the process, or being slow."""
+    """Locks out: functions that another user of numba in this process compiles having no machine code, which ends the process, or slow code."""
     write(tmp_path)
     assert use(tmp_path, code=USE_NUMBA) == [EXPECTED, True, []]
 

@@ -419,6 +419,30 @@ def test_damped_spheres(run_clumps):
         close(result[:, :3], theirs[:, :3], 1e-9)
 
 
+def test_points_beside_grains(run_clumps):
+    """Locks out a crash of granular pair styles, which look the bodies up, where the bodies themselves have no sphere."""
+    script, data = clumps()
+    script += """group points id 4 8 12
+variable dot atom radius==0
+group dots variable dot
+group rest subtract dots points
+group grains subtract all dots
+fix 2 grains nve/sphere
+fix 3 rest nve
+"""
+    fixes = (RIGID, 1), (LIKE_LAMMPS, 1), (LIKE_LAMMPS, 2)
+    theirs, *ours = (run_clumps((script, data), fix.format(group="points", words="group 1 points"), steps=20, ranks=n)[0] for fix, n in fixes)
+    for result in ours:
+        close(result[:, :3], theirs[:, :3], 1e-9)
+
+
+def test_minimisation_of_grains(run_lammps, tmp_path):
+    """Locks out a crash of granular pair styles before a minimisation is refused."""
+    script, data = clumps()
+    lines = script, LIKE_LAMMPS.format(group="all", words="molecule"), "minimize 0 0 10 10"
+    assert_ended(run_lammps("\n".join(lines), files={"data.clumps": data}, check=False, timeout=SECONDS), ("tear the rigid bodies",), tmp_path)
+
+
 def test_spin_at_the_start(run_clumps):
     """Locks out omegas of the start that do not count in a body's angular momentum."""
     still, spinning = clumps(velocity=0.0), clumps(velocity=0.0)
@@ -493,11 +517,11 @@ def test_restart_file_before_any_run(simulate, run_lammps, tmp_path):
     assert len(written) == system.molecule.max() and written[0, 0] == 1 and written[0, 1] == 9.0
 
 
-def test_velocities_set_between_runs_with_reinit_no(run_lammps):
+def test_velocities_set_between_runs_that_go_on(run_lammps):
     """Locks out silence where velocities that a script sets have no effect, because the bodies go on."""
     system = mixture("solid planar")
-    for reinit, count in ("no", 1), ("yes", 0):
+    for reinit, how, count in ("no", "", 1), ("yes", "", 0), ("yes", "pre no", 1), ("no", "pre no", 1):
         fix = LIKE_LAMMPS.format(group="all", words=f"molecule reinit {reinit}")
         for between, said in ("velocity all scale 3.0", count), ("", 0):
-            log = run_lammps(f"{system.setup}\n{fix}\nrun 5\n{between}\nrun 5\n", files=system.files).log
+            log = run_lammps(f"{system.setup}\n{fix}\nrun 5\n{between}\nrun 5 {how}\nrun 5 {how}\n", files=system.files).log
             assert log.count("without effect, because the bodies go on") == said

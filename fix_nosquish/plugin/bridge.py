@@ -138,7 +138,7 @@ class Bridge(Structure):
                 sys.stderr.write("".join(traceback.format_exception(kind, problem, trace)))
                 sys.stderr.flush()
         room = Bridge.message.size - 1
-        self.message = text.encode()[:room].decode(errors="ignore").encode()
+        self.message = text.encode(errors="replace")[:room].decode(errors="ignore").encode()
         return FAILED_ALIKE if alike else FAILED_HERE
 
 

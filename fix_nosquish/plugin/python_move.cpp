@@ -393,6 +393,7 @@ void FixPythonMove::init()
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     error->all(FLERR, problem("its class has no methods for run_style respa"));
+  if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
   call(bridge.init);
 }
 
