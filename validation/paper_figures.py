@@ -79,9 +79,10 @@ def figure_3(found, summary):
     figure, axes = plt.subplots(len(panels), 1, figsize=(7.5, 0.8 + 1.7 * len(panels)), sharex=True, sharey=True, squeeze=False, layout="constrained")
     for axis, (name, label), colour in zip(axes[:, 0], panels, (OURS, OTHERS)):
         time, error = thin(found[name])
-        axis.axhspan(-AVERAGE_MEASURE * 1e5, AVERAGE_MEASURE * 1e5, color=PALE, alpha=0.5, lw=0)
+        axis.axhspan(-AVERAGE_MEASURE * 1e5, AVERAGE_MEASURE * 1e5, color=PALE, alpha=0.5, lw=0, label=f"the paper's average, {AVERAGE_MEASURE:g}")
         axis.plot(time, error * 1e5, lw=0.7, color=colour)
         axis.set_title(label, loc="left", fontsize=10)
+    axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
     axes[-1, 0].set_xlabel("t (ps)")
     figure.supylabel("ΔE(t) × 10$^5$", fontsize=10)
     return figure, (
