@@ -120,6 +120,7 @@ class NVE(Reports):
     follows_atoms = True
     carries = property(lambda self: kernels.OF_BODY + kernels.ROWS + self.more_rows)
     virial = virial_per_atom = None
+    rigid_flag = False
     advance, more_rows, method, splits = kernels.advance, 0, "NO_SQUISH", True
     _all = weakref.WeakSet()
 
@@ -291,9 +292,8 @@ class NVE(Reports):
         bodies = self.bodies
         bodies.follow(self.lammps, self.membership, self.host)
         self._mask = self._switches.mask(bodies)
-        lent = getattr(self, "rigid_flag", False)  # granular pair styles look bodies up then, those of points too
-        self._direct = self._mask is None and not bodies.spheres and not lent
-        if lent:
+        self._direct = self._mask is None and not bodies.spheres
+        if self.rigid_flag:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
             self.host.set_bodies(body, bodies.mass)
@@ -363,7 +363,7 @@ class NVE(Reports):
                 step = [loops.gather_shared, *sharers.giving, whole, *sharers.taking, shared]
             if self.half_step_velocities:
                 step.append(loops.set_velocities)
-            following = self.bodies.following()
+            following = None if self.rigid_flag else self.bodies.following()
         self.host.go_alone(every, step, following)
 
     def _moved(self):

@@ -244,7 +244,8 @@ def _add_paper(verbs):
         epilog="Exit status: 0 if all trajectories but Gear's are complete, 1 if one is not, 130 after Ctrl-C.",
     )
     parser.add_argument("parts", nargs="*", metavar="PART",
-                        help="only the trajectory of this name, or those whose names begin so: dimer, water, peptide, force-field, water-nosquish ... (default: all)")
+                        help="only the trajectory of this name, or those whose names begin so: dimer, water, peptide, force-field, "
+                        "water-nosquish ... (default: all)")
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
     length.add_argument("--full", action="store_true", help="the paper's lengths, but half of its 6,000 ps of liquid: a night")
@@ -265,12 +266,13 @@ def _paper(arguments):
         lengths = replace(lengths, liquid=arguments.liquid)
     out, screen = arguments.out or Path("results") / ("paper" if arguments.full else "paper-short"), console.console()
     plan = list(paper.plan(lengths, arguments.ranks, out / "runs"))
-    names = [one.name for one in plan]
-    parts = {part: {part} & {*names} or {name for name in names if name.startswith(part)} for part in arguments.parts or ("",)}
-    for part, found in parts.items():
+    names, wanted = {one.name for one in plan}, set()
+    for part in arguments.parts or ("",):
+        found = {part} & names or {name for name in names if name.startswith(part)}
         if not found:
             arguments.parser.error(f"no trajectory's name begins with {part}")
-    chosen = [one for one in plan if one.name in set.union(*parts.values())]
+        wanted |= found
+    chosen = [one for one in plan if one.name in wanted]
     (out / "runs").mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, sum(one.steps for one in chosen)) as meter:
         found, circumstances = paper.paper(out / "runs", chosen, arguments.ranks, arguments.silence, meter)
