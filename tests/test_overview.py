@@ -1,6 +1,8 @@
 """The report of all verbs: what it says are the summaries' numbers, whatever is missing or broken, and the page works in a browser."""
 
+import base64
 import csv
+import io
 import json
 import re
 import shutil
@@ -18,10 +20,11 @@ if str(ROOT) not in sys.path:
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from PIL import Image  # noqa: E402
+import numpy as np  # noqa: E402
+from PIL import Image, ImageColor  # noqa: E402
 
 from validation import __main__ as command  # noqa: E402
-from validation import overview, overview_report  # noqa: E402
+from validation import overview, overview_report, overview_stability, stability_report  # noqa: E402
 from validation.scenes import SCENES  # noqa: E402
 
 COMMITTED = ROOT / "validation" / "results"
@@ -141,7 +144,7 @@ def test_page_of_all_results(results, capsys):
     page = Page(text)
     assert len(page.loaded) > 8 and all(source.startswith("data:image/png;base64,") for source in page.loaded)
     assert all(link.startswith("#") and f'id="{link[1:]}"' in text for link in page.links)
-    assert len(page.links) == len(overview.PARTS)
+    assert all(f'id="{section.name}"' in text for section in overview_report.gather(results))
     assert not re.search(r"@import|url\(|fetch\(|<link|<iframe|src=\"http", text)
     for section in overview_report.gather(results):
         said = " ".join(" ".join(page.text).split())
@@ -149,72 +152,143 @@ def test_page_of_all_results(results, capsys):
             assert " ".join(line.split()) in said
 
 
-def test_best_for_a_scene(results):
-    """Locks out a fastest way that is another point than the least run time among those that meet the target, and a tie told as a win.
+def advice(results, summary):
+    """What a sweep's page says first, scene by scene."""
+    (results / "sweep" / "summary.json").write_text(json.dumps(summary))
+    return {line.split(":")[0]: line for line in sections(results)["sweep"].said.headlines}
 
-    By hand: at its usual 2 fs, or more, water has sd 0.231 + 2 x 0.004 at best, so below 0.5 (of 0.1, 0.2, 0.5); all but shake at 1 fs and what
-    failed meet 0.5 for sure (shake: 0.43 + 0.02), the fastest of them ours at 2 fs, which takes 1000 s; the next of others 1234 s.  1234 is above
-    1100, the median of the best one, so it is no tie, and 1050 s is ours, too, with another mrot.  Of the distance it is 0.01, the same points.  The dimer's 10.5 s is a tie with 10 s.
+
+def test_what_to_use(results):
+    """Locks out an advice that is not the least run time among what is accurate enough, a tie told as a win, and a scene without a word.
+
+    By hand: water has kT √(f/2) = 0.0019872067 x 295 x √3000 = 32.1 kcal/mol, so 0.32 are wanted; ours at 2 fs has 0.231 + 2 x 0.004 and takes
+    1000 s; the next one that is not ours takes 1234 s, above 1100 s, the median of the best, so it is no tie; shake has 0.43.  The dimer: 0.01 x
+    0.0019872067 x 155 x √6 = 0.0075; 10.5 s is a tie with 10 s.
     """
-    best = rows(sections(results)["sweep"].said.best)
-    assert best == [
-        ["water", "sd of energy ≤ 0.5 kcal/mol", "fix_nosquish.NVE, 2 fs", "1,000 (1,100)", "1.00", "clear: rigid/nve takes 1.23 times as long"],
-        ["water", "distance ≤ 0.01 Å", "fix_nosquish.NVE, 2 fs", "1,000 (1,100)", "1.00", "clear: rigid/nve takes 1.23 times as long"],
-        ["dimer", "sd of energy ≤ 0.01 kcal/mol", "fix_nosquish.NVE, 0.3 fs", "10 (11)", "1.00", "a tie with rigid/nve, 0.3 fs"],
-    ]
+    told = advice(results, sweep())
+    assert told["water"] == (
+        "water: use fix_nosquish.NVE with 2 fs. Energy's standard deviation 0.2310 ± 0.0040 kcal/mol (wanted below 0.32); "
+        "a ns takes 1,000 (1,100) s. How sure: clear, rigid/nve takes 1.23 times as long; 3 starts."
+    )
+    assert told["dimer"].startswith("dimer: use fix_nosquish.NVE with 0.3 fs. ") and "(wanted below 0.0075)" in told["dimer"]
+    assert "How sure: a tie with rigid/nve, 0.3 fs; 3 starts." in told["dimer"]
+    assert told["peptide"] == "peptide: not measured; this adds it: python -m validation sweep peptide."
 
 
-def test_best_follows_the_numbers(results):
-    """Locks out an integrator that wins whatever was measured, and an uncertain error that counts as reached."""
+def test_what_to_use_follows_the_numbers(results):
+    """Locks out an integrator that is advised whatever was measured, an uncertain error that counts as reached, and one that drifts for sure."""
     summary = sweep()
-    for one in (one for one in summary["scenes"]["water"]["points"] if one["ours"]):
+    points = summary["scenes"]["water"]["points"]
+    for one in (one for one in points if one["ours"]):
         one["cost"] = {"median": 9100.0, "min": 9000.0, "max": 9200.0, "values": [9000.0, 9100.0, 9200.0]}
-    (results / "sweep" / "summary.json").write_text(json.dumps(summary))
-    first = rows(sections(results)["sweep"].said.best)[0]
-    assert first[2:] == ["rigid/nve, 1 fs", "1,234 (1,357)", "7.29", "clear: shake takes 2.43 times as long"]
-    summary["scenes"]["water"]["points"][2]["errors"]["energy_sd"]["error"] = 0.4
-    (results / "sweep" / "summary.json").write_text(json.dumps(summary))
-    first = rows(sections(results)["sweep"].said.best)[0]
-    assert first[2:] == ["rigid/nve, 2 fs", "1,700 (1,870)", "5.29", "clear: shake takes 1.76 times as long"]
-    summary["scenes"]["water"]["points"][4] = point("shake", 1.0, 900.0, {"energy_sd": (0.43, 0.3)})
-    (results / "sweep" / "summary.json").write_text(json.dumps(summary))
-    first = rows(sections(results)["sweep"].said.best)[0]
-    assert first[2:] == ["rigid/nve, 2 fs", "1,700 (1,870)", "5.29", "clear: fix_nosquish.NVE takes 5.29 times as long; no telling of shake, 1 fs"]
+    told = advice(results, summary)["water"]
+    assert told.startswith("water: use rigid/nve with 1 fs. ") and "How sure: clear, fix_nosquish.NVE takes 7.29 times as long" in told
+    assert told.endswith("Ours: fix_nosquish.NVE, 2 fs, takes 7.29 times as long.")
+    points[2]["errors"]["drift"] = {"value": 0.4, "error": 0.1}
+    told = advice(results, summary)["water"]
+    assert told.startswith("water: use rigid/nve with 2 fs. ")
+    points[2]["errors"]["drift"] = {"value": 0.4, "error": 0.2}
+    told = advice(results, summary)["water"]
+    assert told.startswith("water: use rigid/nve with 1 fs. ")
+    assert "drift 0.40 ± 0.20 kT per ns and degree of freedom (no telling whether below 0.1); a ns" in told
+    points[2]["errors"]["drift"] = {"value": 0.04, "error": 0.02}
+    assert "drift 0.040 ± 0.020 kT per ns and degree of freedom; a ns" in advice(results, summary)["water"]
+    points[2]["errors"]["energy_sd"]["error"] = 0.4
+    told = advice(results, summary)["water"]
+    assert told.startswith("water: use rigid/nve with 2 fs. ") and "no telling of rigid/nve, 1 fs" not in told  # its own other step is no rival
+    points[4] = point("shake", 1.0, 900.0, {"energy_sd": (0.3, 0.2)})
+    assert "; no telling of shake, 1 fs; 3 starts" in advice(results, summary)["water"]
+    for one in points:
+        one["errors"].pop("energy_sd", None)
+    assert advice(results, summary)["water"].startswith("water: cannot tell. No step has for sure ")
+    summary["scenes"]["water"] |= {"points": [], "degrees_of_freedom": None, "error": "no start: lost atoms"}
+    assert advice(results, summary)["water"] == "water: cannot tell. No run is complete: no start: lost atoms."
+
+
+def test_every_way(results):
+    """Locks out a rung of the table of fastest ways that is of another measure or run time.
+
+    By hand: of the distances 0.0021 … 0.5 (each with 2 errors) 0.01 is met by all but shake and rigid, 0.005 by the steps of 1 fs alone.
+    """
+    every = rows(sections(results)["sweep"].said.tables[0])
+    distances = [row for row in every if row[:1] == ["water"] and row[1].startswith("distance")]
+    assert ["water", "distance ≤ 0.01 Å", "fix_nosquish.NVE, 2 fs", "1,000 (1,100)", "1.00", "clear, rigid/nve takes 1.23 times as long"] in distances
+    assert [row[2:5] for row in distances if row[1] == "distance ≤ 0.002 Å"] == [["–", "–", "–"]]
+    assert {row[0] for row in every} == {"water", "dimer"}
 
 
 def test_one_start_is_told(results):
     """Locks out a run time of one process that is told as sure as that of several."""
     summary = sweep()
     summary["scenes"]["water"]["starts"] = 1
-    (results / "sweep" / "summary.json").write_text(json.dumps(summary))
-    said = sections(results)["sweep"].said
-    assert [line.split(":")[0] for line in said.headlines] == ["water"] and "one process only" in said.headlines[0]
-    assert [row[-1].split(":")[0] for row in rows(said.best)] == ["ahead", "ahead", "a tie with rigid/nve, 0.3 fs"]
+    told = advice(results, summary)
+    assert "How sure: ahead, rigid/nve" in told["water"] and "; 1 start: there is one start, so timings of one process only" in told["water"]
+    assert "one process" not in told["dimer"]
 
 
-def test_what_breaks(results):
-    """Locks out a case that is told of another integrator, and one that could not be run counted as passed or broken."""
+def test_what_breaks(results, monkeypatch):
+    """Locks out a case that is told of another integrator, one that could not be run counted as broken, and one that was not run as a yes."""
+    monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far"])
     said = sections(results)["stability"].said
-    assert said.headlines == [
-        "Ours has no blow-up that any LAMMPS fix survives: yes.",
+    assert said.headlines == ["Ours has no blow-up that any LAMMPS fix survives: yes."]
+    longest, matrix, cases = said.best
+    assert longest.columns == ("integrator", "hot (≥ 4)") and matrix.file == "matrix.png"
+    assert rows(longest) == [["fix_nosquish.NVE", "5.75 ± 0.25"], ["rigid/nve", "5.50 ± 0.25"], ["rattle", "blow-up"]]
+    assert [row[1].style for row in longest.rows] == ["holds", "holds", "does-not-hold"]
+    assert rows(cases) == [
+        ["hot", "Water at 1500 K.", "longest stable step ≥ 4 fs", "5.75 ± 0.25 fs", "rattle breaks: lost atoms"],
+        ["needle", "A thin top.", "error of the axis ≤ 0.01 rad", "0.00 ± 0.25 rad", "rigid/nve 37.50 ± 0.25 rad"],
+        ["far", "Far from the origin.", "energy change ≤ 1e-06", "4.25 ± 0.25", "rigid/nve 8.50 ± 0.25; rattle 2.50 ± 0.25"],
     ]
-    assert rows(said.best) == [
-        ["fix_nosquish.NVE", "2 of 3", "far", "–", "–"],
-        ["rigid/nve", "1 of 3", "needle, far", "–", "–"],
-        ["rattle", "0 of 2", "far", "–", "hot"],
-    ]
+    assert [row[3].style for row in cases.rows] == ["holds", "holds", "does-not-hold"]
+    assert [row[6] for row in rows(said.tables[0])] == 3 * ["how finely it was tried"] + 6 * ["none: an extreme"]
     assert said.extent.endswith("those of 0.4 to 0.4 ps")
+
+
+def test_what_was_not_run(results, monkeypatch):
+    """Locks out a yes where a case, or one of ours, is missing, and a limit that was not reached told as one."""
+    monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far", "cold"])
+    yes = "Ours has no blow-up that any LAMMPS fix survives: "
     summary = stability()
-    summary["cases"][0]["rows"].pop()
+    assert told(results, summary).headlines == [f"{yes}cannot tell.", "Cases that were not run: cold."]
+    summary["summary"] = [{"what": yes[:-2], "holds": False, "where": ["hot"]}]
+    assert told(results, summary).headlines[0] == f"{yes}no (hot)."
+    monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far"])
+    summary = stability()
+    del summary["cases"][0]["rows"][0]
+    summary["cases"][0]["rows"][0]["error"] = 0.0
+    said = told(results, summary)
+    assert said.headlines == [f"{yes}cannot tell.", "Not all integrators have had their turn yet in hot (2 of 3)."]
+    assert [row[1] for row in rows(said.best[0])] == ["–", "≥ 5.5", "blow-up"] and rows(said.best[2])[0][3] == "not run"
+    assert said.best[2].rows[0][3].style == "cannot-tell"
+
+
+def told(results, summary):
+    """What is said of an atlas."""
     (results / "stability" / "summary.json").write_text(json.dumps(summary))
-    assert sections(results)["stability"].said.headlines[-1] == "Not all integrators have had their turn yet in hot (2 of 3)."
-    assert [row[6] for row in rows(said.tables[1])] == 3 * ["how finely it was tried"] + 6 * ["none: an extreme"]
-    assert said.lines == [
-        "hot (longest stable step, ≥ 4 fs) breaks rattle (blow-up).",
-        "needle (error of the axis, ≤ 0.01 rad) breaks rigid/nve (fail, 37.50 ± 0.25 rad).",
-        "far (energy change, ≤ 1e-06) breaks fix_nosquish.NVE (fail, 4.25 ± 0.25), rigid/nve (fail, 8.50 ± 0.25), rattle (fail, 2.50 ± 0.25).",
-    ]
-    assert rows(said.tables[0]) == [["hot", "pass", "pass", "blow-up"], ["needle", "pass", "fail", "cannot run"], ["far", "fail", "fail", "fail"]]
+    return sections(results)["stability"].said
+
+
+def test_light_keeps_verdicts(tmp_path):
+    """Locks out a figure whose verdicts change colour as it is made light: each one's colour of the committed matrix, wherever it is."""
+    path = COMMITTED / "stability" / "matrix.png"
+    with Image.open(path) as image:
+        before = image.convert("RGB")
+    before.thumbnail((overview_report.WIDEST, before.size[1]), Image.Resampling.LANCZOS)
+    after = Image.open(io.BytesIO(base64.b64decode(overview_report.light(path)))).convert("RGB")
+    before, after = (np.asarray(image, int) for image in (before, after))
+    for name, (colour, *_) in stability_report.LOOKS.items():
+        here = np.abs(before - ImageColor.getrgb(colour)).max(axis=-1) <= 1
+        assert here.sum() > 100, name
+        assert np.abs(after[here] - before[here]).max() <= 5, name
+
+
+def test_older_names(results):
+    """Locks out a name of a scheme that the page does not explain."""
+    summary = stability()
+    for case in summary["cases"]:
+        case["rows"][2]["label"] = "reference 12"
+    assert told(results, summary).best[0].rows[-1][0].text == "Matubayasi-Nakahara"
 
 
 def test_numbers_of_the_committed_results(tmp_path):
@@ -223,7 +297,7 @@ def test_numbers_of_the_committed_results(tmp_path):
     with open(COMMITTED / "bench" / "table.csv") as file:
         table = list(csv.DictReader(file))
     ours = [row for row in table if row["integrator"] == "fix_nosquish.NVE"]
-    shown = rows(found["bench"].said.best)
+    shown = rows(found["bench"].said.best[0])
     assert len(ours) >= 6 and len(shown) == len(ours)
     for row, (title, modify, *ratios, loop) in zip(ours, shown):
         bodies = int(row["bodies"])
@@ -249,13 +323,13 @@ def test_numbers_of_the_committed_results(tmp_path):
 
     with open(COMMITTED / "compare-water" / "table.csv") as file:
         for row in csv.DictReader(file):
-            (told,) = re.findall(rf"[:,] {re.escape(row['integrator'])} ([\d.]+) ± ([\d.]+)[,.]", found["compare-water"].said.headlines[0])
+            (told,) = re.findall(rf"[:,] {re.escape(row['integrator'])} ([\d.]+) ± ([\d.]+)[,.]", found["compare-water"].said.lines[0])
             assert [float(number.rstrip(".")) for number in told] == pytest.approx(
                 [float(row[f"sd of energy{word} (kcal/mol)"]) for word in ("", " error")], rel=0.05
             )
 
     with open(COMMITTED / "long-run" / "table.csv") as file:
-        for row, line in zip(csv.DictReader(file), found["long-run"].said.lines, strict=True):
+        for row, line in zip(csv.DictReader(file), found["long-run"].said.lines[1:], strict=True):
             keys = {"kinetic energy": "energy", "angular momentum": "angular_momentum", "momentum": "momentum", "distances between atoms": "shape"}
             for what, key in keys.items():
                 assert float(re.search(rf"[:,] {what} ([\d.e+-]+?)[,.]?(?= |$|,)", line)[1]) == pytest.approx(float(row[key]), rel=0.06)
@@ -267,7 +341,7 @@ def test_nothing_there(tmp_path, monkeypatch):
     assert command.main(["report", "--results", str(tmp_path / "none"), "--out", str(tmp_path / "page.html")]) == 0
     text = (tmp_path / "page.html").read_text()
     for part in overview.PARTS:
-        assert f"<pre>python -m validation {part.verb}</pre>" in text
+        assert f"No results: python -m validation {part.verb} makes them." in text
 
 
 @pytest.mark.parametrize(
@@ -279,7 +353,7 @@ def test_broken_results(results, broken):
     (results / "stability" / "summary.json").write_text(broken)
     found = sections(results)
     assert f"{results}/stability/summary.json is not what `stability` writes" in found["stability"].warnings[0]
-    assert found["sweep"].said.best.rows and not found["stability"].said.headlines
+    assert found["sweep"].said.headlines and not found["stability"].said.headlines
     overview_report.write([found["stability"]], results / "page.html")
     assert "is not what `stability` writes" in (results / "page.html").read_text()
 
@@ -293,7 +367,7 @@ def test_partial_results(results):
     (results / "sweep" / "dimer.png").write_bytes((results / "sweep" / "dimer.png").read_bytes()[:500])
     section = sections(results)["sweep"]
     assert section.warnings[0].startswith("Interrupted") and section.warnings[1].startswith("A short run")
-    assert [row[0] for row in rows(section.said.best)] == ["dimer"]
+    assert [line.split(".")[0] for line in section.said.headlines[:2]] == ["water: not met", "dimer: use fix_nosquish"]
     overview_report.write([section], results / "page.html")
     text = (results / "page.html").read_text()
     assert "water.png is not there." in text and "dimer.png cannot be shown" in text
@@ -313,27 +387,49 @@ def test_paper_with_what_it_says(results):
     (results / "paper-short" / "summary.json").write_text(json.dumps(summary))
     section = sections(results)["paper"]
     assert section.said.headlines[0].endswith("2 hold, 1 do not, 1 cannot be told.") and "Of 4 numbers" in section.said.headlines[0]
-    assert section.said.headlines[1] == "Does not hold: NO_SQUISH, drift: 7.50 ± 0.50 (≤ 1.25)."
+    assert rows(section.said.best[0]) == [
+        ["The light water dimer, figure 2a", "NO_SQUISH: drift", "7.50 ± 0.50", "≤ 1.25", "does not hold"],
+        ["The light water dimer, figure 2a", "NO_SQUISH: drift", "1.00 ± 0.50", "≤ 1.25", "cannot tell"],
+    ]
     assert "Not complete: water-gear: lost atoms." in section.said.lines
     assert all(figure.words.startswith("Section III, figure") for figure in section.said.figures)
+
+
+def test_published(results):
+    """Locks out a cross-check that is not told at the top, whatever came of it."""
+    (results / "published").mkdir()
+    checks = [{"part": "spread", "subject": f"{dt} fs", "what": "sd", "value": value, "error": 0.01, "unit": "kcal/mol", "low": 0.2, "high": 0.25,
+               "verdict": verdict, "note": "", "source": ""} for dt, value, verdict in ((2, 0.22, "holds"), (4, 0.5, "does not hold"))]  # fmt: skip
+    (results / "published" / "summary.json").write_text(json.dumps(WHERE | {"command": "python -m validation published", "checks": checks}))
+    said = sections(results)["published"].said
+    assert said.headlines[0].endswith("1 hold, 1 do not, 0 cannot be told.")
+    assert [row[1:] for row in rows(said.best[0])] == [
+        ["2 fs: sd", "0.220 ± 0.010 kcal/mol", "0.2 … 0.25", "holds"], ["4 fs: sd", "0.500 ± 0.010 kcal/mol", "0.2 … 0.25", "does not hold"]
+    ]  # fmt: skip
 
 
 def test_where_it_was_measured(results):
     """Locks out results of several machines or versions that are told as those of one."""
     two = [section for section in overview_report.gather(results) if section.name in ("sweep", "stability")]
-    assert "same machine" not in overview_report.differences(two)
+    assert "package not told" in overview_report.common(two)
+    assert overview_report.differing(two) == {}
+    table = overview_report.circumstances(two)
+    assert table.columns == ("part", "measured", "results", "command")
+    assert [row[1] for row in rows(table)] == ["2026-01-01"] * 2 and rows(table)[0][-1] == "python -m validation sweep"
     for summary in (section.summary for section in two):
         summary["versions"]["package"] = "abc"
-    assert overview_report.differences(two) is None
     shared = overview_report.common(two)
-    assert shared.startswith("Measured 2026-01-01, cpu Abacus, ") and "package abc" in shared and "load" not in shared
+    assert shared.startswith("cpu Abacus, ") and "package abc" in shared and "load" not in shared
     two[0].summary["machine"]["load_at_start"] = 7.0
-    assert overview_report.differences(two) is None, "the load is not the machine"
+    assert overview_report.differing(two) == {}, "the load is not the machine"
     two[0].summary["versions"]["package"] = "def"
     two[0].summary["machine"]["cpu"] = "Slide rule"
-    told = overview_report.differences(two)
-    assert "Abacus" not in overview_report.common(two) and "lammps 2025.7.22.4.0" in overview_report.common(two)
-    assert "package def (sweep), abc (stability)" in told and "cpu Slide rule (sweep), Abacus (stability)" in told and "lammps" not in told
+    del two[1].summary["date"], two[1].summary["versions"]["package"]
+    two[1].summary["versions"]["lammps"] = "1999"
+    assert "Abacus" not in overview_report.common(two) and "numpy 2.4.6" in overview_report.common(two)
+    table = overview_report.circumstances(two)
+    assert table.columns == ("part", "measured", "cpu", "package", "lammps", "results", "command")
+    assert [row[1:5] for row in rows(table)] == [["2026-01-01", "Slide rule", "def", "2025.7.22.4.0"], ["not told", "Abacus", "not told", "1999"]]
 
 
 def test_own_results_before_committed_ones(tmp_path):

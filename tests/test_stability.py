@@ -2,8 +2,11 @@
 
 import csv
 import dataclasses
+import fcntl
 import json
+import shutil
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +20,11 @@ if str(ROOT) not in sys.path:
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from scipy.special import ellipk  # noqa: E402
-
 from validation import __main__ as command  # noqa: E402
-from validation import console, run, stability, stability_bodies, stability_molecules, stability_report, stability_tops  # noqa: E402
+from validation import console, measures, run, stability, stability_bodies, stability_molecules, stability_report, stability_tops  # noqa: E402
 from validation.stability import BlowUp, CannotRun, Case, Number  # noqa: E402
 from validation.stability_cases import CASES  # noqa: E402
+from validation.theory_top import free_top  # noqa: E402
 
 
 def case(measure, name="test", **more):
@@ -55,10 +57,14 @@ def raises(error):
         (lambda stand, length: Number(np.inf), {"high": None, "low": 1.0}, "blow-up"),
         (raises(BlowUp("after step 7: lost atoms")), {}, "blow-up"),
         (raises(CannotRun("no such cluster")), {}, "cannot run"),
+        (raises(np.linalg.LinAlgError("singular")), {}, "blow-up"),
+        (raises(ZeroDivisionError()), {}, "blow-up"),
+        (lambda stand, length: np.empty(3)[length + 2], {}, "blow-up"),
     ],
 )
 def test_verdicts(tmp_path, measure, bounds, verdict):
-    """Locks out a number that is not finite and passes, an error bar that is forgotten, a lower bound taken for an upper one."""
+    """Locks out a number that is not finite and passes, an error bar that is forgotten, a lower bound taken for an upper one, and an analysis of a broken
+    run that ends the atlas."""
     found = row(case(measure, **bounds), folder=tmp_path)
     assert found["verdict"] == verdict
     assert (found["value"] is None) == (verdict in stability.BROKEN)
@@ -76,21 +82,44 @@ def rows(**verdicts):
     }
 
 
+@pytest.mark.parametrize("size", [1e80, 1e150, 1e200])
+def test_drift_of_what_blew_up(size):
+    """Locks out squares that overflow: the slope of a series that explodes is that of the same one with numbers of order one, times its size."""
+    t = np.linspace(0.0, 1.0, 1000)
+    x = np.exp(40 * (t - 1)) + 1e-3 * np.sin(1e5 * t)
+    with np.errstate(all="ignore"):
+        slope, error = measures.drift(t, size * x)
+    np.testing.assert_allclose((slope / size, error / size), measures.drift(t, x), rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     "verdicts, holds",
     [
-        ({"nosquish": "blow-up", "rigid": "fail"}, (False, True, True)),
-        ({"nosquish": "blow-up", "shake": "pass"}, (False, False, True)),
-        ({"nosquish": "cannot run", "rigid": "blow-up", "shake": "cannot tell"}, (False, True, True)),
-        ({"nosquish": "blow-up", "rigid": "blow-up", "gear": "pass"}, (True, True, True)),
-        ({"nosquish": "fail", "rigid": "pass"}, (True, False, True)),
-        ({"nosquish": "pass", "rigid": "pass", "shake": "cannot run"}, (True, True, False)),
-        ({"nosquish": "pass", "gear": "blow-up"}, (True, True, True)),
+        ({"nosquish": "blow-up", "rigid": "fail"}, (False, True, True, True)),
+        ({"nosquish": "blow-up", "shake": "pass"}, (False, False, True, True)),
+        ({"nosquish": "cannot run", "rigid": "blow-up", "shake": "cannot tell"}, (False, True, True, True)),
+        ({"nosquish": "blow-up", "rigid": "blow-up", "gear": "pass"}, (True, True, True, True)),
+        ({"nosquish": "fail", "rigid": "pass"}, (True, False, True, True)),
+        ({"nosquish": "pass", "rigid": "pass", "shake": "cannot run"}, (True, True, False, False)),
+        ({"nosquish": "pass", "rigid": "cannot tell"}, (True, True, False, False)),
+        ({"nosquish": "pass", "gear": "blow-up"}, (True, True, True, False)),
+        ({"nosquish": "pass", "gear": "fail", "shake": "fail"}, (True, True, True, True)),
+        ({"rigid": "pass", "shake": "fail"}, (None, None, True, True)),
     ],
 )
 def test_what_all_rows_say(verdicts, holds):
-    """Locks out a blow-up of ours that is not told, one that is told though every LAMMPS fix has it, and a case that tells nothing apart."""
-    assert tuple(line["holds"] for line in stability.told([rows(**verdicts)])) == holds
+    """Locks out a blow-up of ours that is not told, one that is told though every LAMMPS fix has it, a case that tells nothing apart, or only Gear
+    from all others, and a yes of what has not been run."""
+    told = stability.told([rows(**verdicts)])
+    assert tuple(line["holds"] for line in told) == holds
+    assert [line["where"] for line in told] == [[] if line["holds"] else ["test"] for line in told]
+    assert ["cannot tell" in stability_report.verdict(line) for line in told] == [one is None for one in holds]
+
+
+def test_a_blow_up_is_told_before_all_rows_are_there():
+    """Locks out one of ours that hides behind a case that ours has not run."""
+    line = stability.told([rows(nosquish="blow-up", rigid="pass"), rows(rigid="pass") | {"name": "other"}])[0]
+    assert line["holds"] is False and line["where"] == ["test"]
 
 
 def test_a_case_that_is_not_complete_is_not_called_blunt():
@@ -123,6 +152,50 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "summary.json").read_text())["cases"] == summary["cases"]
     run_them(["one"], full=True)
     assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
+    other = stability._code()
+    monkeypatch.setattr(stability, "_code", lambda: other[::-1])
+    summary = run_them(["two"])
+    assert [found["name"] for found in summary["cases"]] == ["two"] and len(done) == 9
+    monkeypatch.undo()
+    assert [found["name"] for found in run_them(["two"])["cases"]] == ["one", "two"] and len(done) == 9
+
+
+def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
+    """Locks out rows that stay though a module that made them, or a scene, is another; and rows that are lost by what only shows."""
+    copy = tmp_path / "validation"
+    shutil.copytree(ROOT / "validation", copy, ignore=shutil.ignore_patterns("results", "__pycache__"))
+    monkeypatch.setattr(stability, "__file__", str(copy / "stability.py"))
+
+    def code():
+        stability._code.cache_clear()
+        return stability._code()
+
+    before = code()
+    for shows in "stability_report", "figures", "overview", "__main__":
+        (copy / f"{shows}.py").write_text("")
+    assert code() == before
+    found = {before}
+    for follows in "measures", "motion", "starts", "theory_top", "integrators", "paper_peptide", "scenes", "run", "worker", "check", "stability_tops":
+        (copy / f"{follows}.py").write_text("")
+        found.add(code())
+    monkeypatch.setattr(stability.machine, "contents", lambda folder: "another")
+    found.add(code())
+    assert len(found) == 13
+    stability._code.cache_clear()
+
+
+def test_a_length_of_some_is_a_tenth(tmp_path):
+    """Locks out slow schemes that run for all the length, a tenth that others get, and a row of one length that passes for another's."""
+    done = {}
+
+    def measure(stand, length):
+        done[stand.integrator.name] = length
+        return Number(0.5)
+
+    found = case(measure, full=1000, tenth=stability.SLOW)
+    summary = stability.stability({"test": found}, ["test"], tmp_path, True, 60.0, Silent(), ["nosquish", "gear"])
+    assert done == {"nosquish": 1000, "gear": 100} and [one["length"] for one in summary["cases"][0]["rows"]] == [1000, 100]
+    assert found.length(False, "gear") == 1
 
 
 @pytest.mark.parametrize("error, told", [(0.0, ""), (0.125, "0.125")])
@@ -135,6 +208,34 @@ def test_error_bars_are_told(tmp_path, error, told):
         (line,) = csv.DictReader(file)
     assert line["error"] == told and line["error is"] == "so and so"
     assert "±: so and so." in (tmp_path / "report.html").read_text()
+
+
+def tile(value, error, verdict="pass", **bounds):
+    return stability_report._tile({"low": None, "high": None} | bounds, {"value": value, "error": error, "verdict": verdict})
+
+
+@pytest.mark.parametrize(
+    "value, error, verdict, bounds, text",
+    [
+        (2e-4, 4e-4, "pass", {"high": 0.05}, "<−3.0"),
+        (2e-4, 0.0, "fail", {"high": 1e-5}, "✗ −3.7"),
+        (8e-4, 1e-4, "pass", {"high": 0.05}, "−3.0"),
+        (0.0, 0.0, "pass", {"high": 0.05}, "−∞"),
+        (6.1, 0.24, "cannot tell", {"low": 6.0}, "? 6.1±0.2"),
+        (9.75, 0.125, "pass", {"low": 6.0}, "9.8±0.1"),
+        (0.0, 0.0, "fail", {"low": 6.0}, "✗ 0"),
+        (None, None, "blow-up", {"low": 6.0}, "✸"),
+    ],
+)
+def test_tiles(value, error, verdict, bounds, text):
+    """Locks out a figure that ranks noise: what it shows of a number is what is judged, the number and two errors, or its error beside it."""
+    assert tile(value, error, verdict, **bounds)[2] == text
+
+
+def test_tiles_are_no_darker_by_chance():
+    """Locks out a tile that looks better than another because noise came out small."""
+    chance, sure = tile(7e-6, 7e-4, high=2.5e-3)[0], tile(2e-4, 1e-5, high=2.5e-3)[0]
+    assert (sure < chance).all()
 
 
 def test_cases_side_by_side(tmp_path):
@@ -156,6 +257,26 @@ def test_cases_side_by_side(tmp_path):
     assert run_them("three")["command"] == "python -m validation stability --short"
 
 
+def test_a_case_is_one_process_alone(tmp_path):
+    """Locks out two processes in one case's folder, and one that waits while there are other cases."""
+    done = []
+
+    def measure(stand, length):
+        done.append(stand.case.name)
+        return Number(0.5)
+
+    cases = {name: case(measure, name) for name in ("one", "two")}
+    (tmp_path / "runs" / "one").mkdir(parents=True)
+    with open(tmp_path / "runs" / "one" / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        run_them = threading.Thread(target=stability.stability, args=(cases, ["one", "two"], tmp_path, False, 60.0, Silent(), ["nosquish"]))
+        run_them.start()
+        run_them.join(1.0)
+        assert run_them.is_alive() and done == ["two"]
+    run_them.join(10.0)
+    assert done == ["two", "one"]
+
+
 @pytest.mark.parametrize("moment", [(1, 1, 1), (1, 1, 1e-12), (1, 1, 2), (1 + 1e-6, 1 + 1e-6, 2), (0.7, 0.9, 1.3)])
 def test_bodies_have_the_moments_that_they_are_named_after(moment):
     """Locks out needles and disks of other moments."""
@@ -164,26 +285,56 @@ def test_bodies_have_the_moments_that_they_are_named_after(moment):
     np.testing.assert_allclose(tensor, np.diag(moment), rtol=1e-3, atol=1e-16)
 
 
-def test_time_between_turns_over():
-    """Locks out a wrong exact answer: the angular momentum's middle component is sn, of period 4 K (Landau and Lifshitz, section 37)."""
+@pytest.mark.parametrize("tilt", stability_tops.TILTS)
+def test_time_between_turns_over(tilt):
+    """Locks out a wrong exact answer: the exact motion, position by position, turns over as often."""
     moments, _ = stability_bodies.moments(stability_bodies.BENT, stability_bodies.MASSES)
-    spin = stability_tops.MIDDLE * np.array([stability_tops.TILT, 1.0, stability_tops.TILT])
-    i3, i2, i1 = moments  # there the smallest comes first
-    square, twice = ((moments * spin) ** 2).sum(), (moments * spin**2).sum()
-    if square < twice * i2:
-        i1, i3 = i3, i1
-    m = (i2 - i1) * (twice * i3 - square) / ((i3 - i2) * (square - twice * i1))
-    rate = np.sqrt((i3 - i2) * (square - twice * i1) / (i1 * i2 * i3))
-    np.testing.assert_allclose(stability_tops.exact_interval(), 2 * ellipk(m) / rate, rtol=1e-5)
+    start = moments * stability_tops.MIDDLE * np.array([tilt, 1.0, tilt])
+    exact = stability_tops.exact_interval(tilt)
+    times = np.linspace(0.0, 3.2 * exact, 2000)
+    along = np.array([free_top(np.array([1.0, 0, 0, 0]), start, moments, time)[1][1] for time in times])
+    between = np.diff(stability_tops._turns_over(times, along))
+    assert len(between) >= 2
+    np.testing.assert_allclose(between, exact, rtol=1e-5)
+
+
+@pytest.mark.parametrize("moment", [(1.0, 1.0, 1.0), (1.0, 1.0, 0.1), (1.0, 1.0, 1.9)])
+def test_exact_symmetric_top(moment):
+    """Locks out a wrong exact answer: angular momentum and energy stay, and Euler's equations hold at each moment."""
+    moment, spin, turn = np.array(moment), np.array([0.6, -0.5, 0.7]), stability_bodies.turned(1)
+    h = 1e-4
+    for time in 0.0, 1.0, 30.0:
+        before, now, after = (stability_bodies.symmetric_top(turn, spin, moment, time + step) for step in (-h, 0.0, h))
+        omega = (now.inv() * after * (now.inv() * before).inv()).as_rotvec() / (2 * h)  # in the top's frame
+        np.testing.assert_allclose(now.apply(moment * omega), turn.apply(moment * spin), atol=1e-6)
+        np.testing.assert_allclose(moment @ omega**2, moment @ spin**2, rtol=1e-6)
+    np.testing.assert_allclose(stability_bodies.symmetric_top(turn, spin, moment, 0.0).as_matrix(), turn.as_matrix())
+
+
+@pytest.mark.parametrize("pace, sure", [(1.0, True), (1.0 + 1e-3, True), (None, False)])
+def test_phase_of_turning_over(pace, sure):
+    """Locks out turns over that are miscounted between windows, and a count that is taken for sure though the pace changes."""
+    exact, rng = 100.0, np.random.default_rng(3)
+    paces = [pace, pace, pace] if pace else [1.0, 1.001, 1.002]
+    windows, at = [], 0
+    for one, start in zip(paces, (0, 5000, 60_000)):
+        at = max(at, start)
+        windows.append((at + np.arange(120)) * exact * one + 1e-3 * rng.normal(size=120))
+    found = stability_tops._phase(windows, exact, 10_000_000)
+    assert ("turned over 60119 times" in found.note) == sure
+    expected = pace - 1 if pace else 2e-3
+    assert abs(found.value - expected) < (1e-8 if pace else 1e-5)
 
 
 # each with a length that is short, who passes and who does not
 APART = [
-    ("degenerate", 4000, "nosquish", "rigid/nve"),
-    ("turn-per-step", 4000, "nosquish", "rigid"),
-    ("turn-per-step", 400, "rigid/nve", "shake 1e-8"),
-    ("long-tops", 2000, "nosquish", "shake 1e-4"),
-    ("long-tops", 2000, "rigid/nve", "matubayasi-nakahara"),
+    ("needles", 20_000, "nosquish", "rigid/nve"),
+    ("disks", 4000, "rigid/nve", "matubayasi-nakahara"),
+    ("degenerate", 20_000, "rigid/nve", "rigid"),
+    ("middle-axis", 1000, "nosquish", "rigid"),
+    ("turn-per-step", 10_000, "shake 1e-8", "rigid"),
+    ("long-tops", 2000, "nosquish", "rigid"),
+    ("contact", 200_000, "nosquish", "gear"),
     ("far-away", 50, "nosquish", "rigid/nve/small"),
 ]
 
@@ -212,31 +363,57 @@ def test_limit_of_springs(tmp_path):
     assert row(CASES["springs"], "gear", tmp_path, 30)["value"] < 0.6
 
 
-@pytest.mark.parametrize("good", range(30))
-def test_limit_by_halving(monkeypatch, good):
-    """Locks out a bisection that ends elsewhere than trying all steps does, or tries more than need be."""
-    tried, steps = [], np.arange(5.0, 12.1, 0.25)
+def changing(monkeypatch, bears):
+    """Put energies that change in place of runs; gives the list of the time steps tried."""
+    tried = []
 
-    def stable(stand, scene, label, dts, time, allowed, **how):
+    def changes(stand, scene, label, dts, time, allowed, **how):
         tried.extend(dts)
-        return [bool(dt < 4.9 + 0.25 * good) for dt in dts], "broke"
+        return np.array([0.01 * allowed if bears(dt, scene) else np.inf for dt in dts]), "broke"
 
-    monkeypatch.setattr(stability_molecules, "_stable", stable)
+    monkeypatch.setattr(stability_molecules, "changes", changes)
+    return tried
+
+
+@pytest.mark.parametrize("good", range(48))
+def test_limit_by_halving(monkeypatch, good):
+    """Locks out a bisection that ends elsewhere than trying all steps does, tries more than need be, or invents a limit below the first step."""
+    steps = np.arange(0.5, 12.1, 0.25)
+    tried = changing(monkeypatch, lambda dt, scene: dt < 0.4 + 0.25 * good)
     found = stability_molecules.halved(None, None, steps, 1.0, 0.02)
-    assert len(tried) <= 5
-    every = stability_molecules.limit(None, None, steps, 1.0, 0.02)
+    assert len(tried) <= 7
+    assert good < 4 or any(0.7 < 2 * dt / found.value < 1.3 for dt in tried)
+    every = stability_molecules.limit(None, [None], steps, 1.0)
     assert (found.value, found.error) == (every.value, every.error)
-    assert good in (0, 29) or found.value == 4.875 + 0.25 * good and found.error == 0.0625
+    if good == 0:
+        assert found.value == found.error == 0.0 and found.note.startswith("not even at 0.5 fs")
+    elif good < 47:
+        assert (found.value, found.error) == (0.375 + 0.25 * good, 0.0625)
+
+
+def test_limit_of_steps_that_are_bad_below_good_ones(monkeypatch):
+    """Locks out a limit of the step where shorter steps break too, as where an energy drifts with any step."""
+    changing(monkeypatch, lambda dt, scene: 4.0 < dt < 8.1 or dt < 0.6)
+    found = stability_molecules.halved(None, None, np.arange(0.5, 12.1, 0.5), 1.0, 0.02)
+    assert (found.value, found.error) == (0.75, 0.125) and "again at 8 fs" in found.note
+
+
+def test_limit_is_a_mean_over_starts(monkeypatch):
+    """Locks out an error bar without what another start gives."""
+    changing(monkeypatch, lambda dt, scene: dt < scene)
+    found = stability_molecules.limit(None, [4.1, 5.1, 6.1, 7.1], np.arange(1.0, 12.0), 1.0)
+    assert found.value == 6.0
+    np.testing.assert_allclose(found.error, np.hypot(np.std([4, 5, 6, 7], ddof=1) / 2, 0.25))
 
 
 def test_limit_of_a_run_that_breaks_at_once(tmp_path):
     """Locks out a crash of the atlas, and a limit, where not even the first step is borne."""
 
     def measure(stand, length):
-        return stability_molecules.limit(stand, stability_molecules.dimer_of(0.1), [50.0, 60.0], length)
+        return stability_molecules.limit(stand, [stability_molecules.dimer_of(0.1)], [50.0, 60.0], length)
 
     found = row(case(measure, high=None, low=1.0), folder=tmp_path, length=5000.0)
-    assert found["value"] == 25.0 and found["note"].startswith("not at 50 fs") or found["verdict"] == "blow-up", found
+    assert (found["verdict"], found["value"]) == ("fail", 0.0) and found["note"].startswith("not even at 50 fs"), found
 
 
 def test_dimer_of_other_masses_has_the_same_energy(tmp_path):
@@ -280,7 +457,7 @@ def test_command(tmp_path, monkeypatch, capsys):
     assert [line["error is"] for line in table] == 2 * [CASES["needles"].bars] + 2 * [CASES["disks"].bars]
     assert 'src="http' not in page and 'href="http' not in page
     shown = capsys.readouterr().out
-    assert "Ours has no blow-up that any LAMMPS fix survives: yes" in shown
+    assert "Ours has no blow-up that any LAMMPS fix survives: cannot tell, ours has no row yet (needles, disks)" in shown
     for words in ["nonsense"], ["needles", "--only", "nonsense"]:
         with pytest.raises(SystemExit):
             command.main(["stability", *words, "--out", out])

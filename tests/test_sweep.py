@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation  # noqa: E402
 
 from validation import paper_peptide, run, sweep, sweep_errors, sweep_plan, sweep_structure  # noqa: E402
 from validation.integrators import SWEPT  # noqa: E402
+from validation.scenes import SCENES  # noqa: E402
 
 CELL = np.diag([20.0, 22.0, 24.0])
 SHAPES = {  # one atom, two, three in a line, three, four
@@ -139,8 +140,15 @@ def test_what_a_failure_is():
 def test_a_point_has_the_larger_error():
     """Locks out errors of short runs that do not see what differs from start to start, and scatter of few starts that is small by chance."""
     assert sweep_errors.pooled([(1.0, 0.3), (1.0, 0.4)]) == pytest.approx((1.0, 0.25))
-    assert sweep_errors.pooled([(0.0, 0.1), (4.0, 0.1)]) == pytest.approx((2.0, 2.0))
     assert sweep_errors.pooled([(2.0, 0.1)]) == pytest.approx((2.0, 0.1))
+
+
+@pytest.mark.parametrize("starts", [2, 4])
+def test_few_starts_have_an_honest_scatter(starts):
+    """Locks out an error from the scatter of two or four values that covers less often than a standard error does."""
+    values = np.random.default_rng(1).normal(0.0, 1.0, (2000, starts))
+    covered = np.mean([abs(mean) < error for mean, error in (sweep_errors.pooled([(value, 0.0) for value in row]) for row in values)])
+    assert covered == pytest.approx(0.683, abs=0.03)
 
 
 STARTS = 4
@@ -175,6 +183,20 @@ def test_limits_are_those_of_the_symplectic_schemes(chance):
     assert sweep_errors.limits(few, swept) == {}, "one step has no limit"
 
 
+def test_another_model_is_held_against_nothing_of_ours():
+    """Locks out shake's freely bending CH3 groups taken for an integrator's error, and mixed into the limit of rigid ones."""
+    swept, found = averages(-9.7, 3)
+    odd = [{"potential": (5.0, 0.001)} for _ in range(STARTS)]
+    shake = {sweep.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
+    peptide = dataclasses.replace(swept, differs="CH3 bends")
+    assert sweep_errors.limits(found | shake, peptide) == sweep_errors.limits(found, swept) != sweep_errors.limits(found | shake, swept)
+    errors = sweep_errors.of_points(found | shake, sweep_errors.limits(found, swept), peptide)
+    assert all(errors[point] == ({}, {}) for point in shake) and all("potential" in errors[point][0] for point in found)
+    assert sweep.SWEEPS["peptide"].measures_of(SWEPT["nosquish"]) == list(sweep.SWEEPS["peptide"].measures)
+    assert not {"position", "orientation", "potential"} & set(sweep.SWEEPS["peptide"].measures_of(SWEPT["shake-1e-8"]))
+    assert {"position", "potential"} < set(sweep.SWEEPS["water"].measures_of(SWEPT["shake-1e-8"]))
+
+
 def test_what_starts_share_is_no_error():
     """Locks out a point held against the limit of other starts, and each start's chance taken for the integrator's error."""
     swept, found = averages(-9.7, 5, chance=3.0)
@@ -186,19 +208,49 @@ def test_what_starts_share_is_no_error():
     assert errors["potential"]["error"] > 2, "two starts scatter little by chance"
 
 
+@pytest.mark.parametrize("starts", [1, 4])
 @pytest.mark.parametrize("difference", [0.0, 0.05])
-def test_noise_is_no_difference_of_g(difference):
-    """Locks out a distance between two g(r) that is their noise, and one that is lost with the noise."""
-    random, bins = np.random.default_rng(3), 60
+def test_noise_is_no_difference_of_g(difference, starts):
+    """Locks out a distance between two g(r) that is their noise or what their starts share, one that is lost with it, and an error bar that is wrong."""
+    random, bins, off = np.random.default_rng(3), 60, []
     swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("g_oo",))
-    first, second = sweep.Point("water", SWEPT["nosquish"], 1.0), sweep.Point("water", SWEPT["shake-1e-4"], 2.0)
-    found = {point: [{"g_oo": 1.0 + off + random.normal(0.0, 0.05, (5, bins))}] for point, off in ((first, 0.0), (second, difference))}
-    errors = sweep_errors.of_points(found, {}, swept)
-    assert errors[first] == ({}, {})
-    value, error = errors[second][0]["g_oo"].values()
-    assert value == pytest.approx(difference, abs=2.5 * error) and error < 0.02
-    noise = np.sqrt(2 / 5) * 0.05
-    assert value < noise or difference > noise
+    first, second, third = (sweep.Point("water", SWEPT[name], dt) for name, dt in (("nosquish", 1.0), ("rigid/nve", 0.5), ("shake-1e-4", 2.0)))
+    for _ in range(100):
+        shared = random.normal(0.0, 0.3, (starts, 1, bins))  # of all runs from a start
+        found = {
+            point: [{"g_oo": 1.0 + chance + added + random.normal(0.0, 0.05, (5, bins))} for chance in shared]
+            for point, added in ((first, 0.0), (second, 0.0), (third, difference))
+        }
+        errors = sweep_errors.of_points(found, {}, swept)
+        value, error = errors[third][0]["g_oo"].values()
+        assert error < 0.03
+        off.append((value - difference) / error if difference else value > 2 * error)
+    if difference:
+        assert abs(np.mean(off)) < 0.4 and 0.4 < np.std(off) < 1.5
+    else:
+        assert np.mean(off) < 0.08
+    assert sweep_errors.of_points({first: found[first], third: []}, {}, swept)[first] == ({}, {}), "held against itself"
+
+
+@pytest.mark.parametrize("starts", [1, 4])
+def test_equipartition_of_correlated_samples(starts):
+    """Locks out starts that are taken for one series, correlated samples for independent ones, and a difference of temperatures that is not seen."""
+    random, kt, number = np.random.default_rng(5), sweep_errors.BOLTZMANN * 300, 400
+    point = sweep.Point("water", SWEPT["nosquish"], 1.0)
+
+    def found(off):
+        each = []
+        for _ in range(starts):
+            noise = random.normal(0.0, np.sqrt(1 - 0.9**2), (2, number))
+            noise[:, 0] /= np.sqrt(1 - 0.9**2)
+            for k in range(1, number):
+                noise[:, k] += 0.9 * noise[:, k - 1]
+            energies = 750 * kt * (1 + 0.02 * noise + off * np.array([[1.0], [-1.0]]))
+            each.append({"pv_equipartition": energies, "moving": 1500, "turning": 1500, "temperature": 300 * energies.mean() / (750 * kt)})
+        return sweep_errors._equipartition(point, {point: each})[0]
+
+    assert np.mean([found(0.0) > 3 for _ in range(60)]) < 0.05
+    assert found(0.05) > 6
 
 
 def test_physical_validation_tells_right_from_wrong():
@@ -216,19 +268,39 @@ def test_physical_validation_tells_right_from_wrong():
     assert sweep_structure.convergence({1.0: noise, 2.0: 6 * noise}) == pytest.approx(0.5)
 
 
-def test_budget():
-    """Locks out a budget that is not kept, and a point's own command that would run something else."""
-    for short in False, True:
-        for name in sweep.SCENES:
-            swept = sweep.SWEEPS[name]
-            share = sweep.lengths(sweep.SCENES, short, 900.0)[name]
-            assert sweep.lengths([name], short, float(f"{share.budget:.10g}"))[name] == share
-            bodies = swept.bodies(short)
-            points = sweep.points([name], short)
-            steps = sum(sum(sweep_plan.parts(swept, point.dt, share.time).runs) for point in points)
-            seconds = share.starts * (len(points) * swept.startup + steps * swept.seconds * bodies / swept.scene.unit)
-            assert 0.7 < seconds / (60 * share.minutes) < 1.1
-    assert sum(one.minutes for one in sweep.lengths(sweep.SCENES).values()) == pytest.approx(sweep.BUDGET)
+@pytest.mark.parametrize("short", [False, True])
+@pytest.mark.parametrize("times", [1.0, 1.01, 2.0, 7.0])
+def test_budget(short, times):
+    """Locks out a budget that is not kept, runs too short to fail, and a point's own command that would run something else."""
+    scenes = sweep.SHORT_SCENES if short else sweep.SCENES
+    budget = times * (sweep.SHORT_BUDGET if short else sweep.BUDGET)
+    minutes = 0.0
+    for name, one in sweep.lengths(scenes, short, budget).items():
+        swept, points = sweep.SWEEPS[name], sweep.points([name], short)
+        assert sweep.lengths([name], short, float(f"{one.budget:.10g}"))[name] == one
+        assert one.time >= (0.1 if short else swept.least)
+        steps = swept.apart * 1000 / swept.scene.dt + 16 * swept.horizon / min(point.dt for point in points)
+        for point in points:
+            parts = sweep_plan.parts(swept, point.dt, one.time)
+            sampled = (parts.end - parts.begin) * point.dt
+            assert sampled >= 250 * point.dt and (point.dt < swept.fine or sampled > 999 * one.time)
+            steps += sum(parts.runs)
+        cost = one.starts * (steps * swept.seconds + (len(points) + 2) * swept.startup) / 60
+        assert 0.7 * one.minutes < cost <= one.minutes
+        minutes += one.minutes
+    assert minutes == pytest.approx(budget)
+
+
+@pytest.mark.parametrize("short", [False, True])
+def test_too_small_a_budget(short):
+    """Locks out a sweep that takes longer than it may, or is too short to tell anything, and a message with a number that is refused again."""
+    scenes = sweep.SHORT_SCENES if short else sweep.SCENES
+    with pytest.raises(ValueError, match="needed") as refused:
+        sweep.lengths(scenes, short, 3.0)
+    enough = int(str(refused.value).split()[-3])
+    assert set(sweep.lengths(scenes, short, enough)) == set(scenes)
+    with pytest.raises(ValueError):
+        sweep.lengths(scenes, short, enough - 1)
 
 
 def test_every_step_ends_at_the_horizon():
@@ -241,11 +313,12 @@ def test_every_step_ends_at_the_horizon():
 
 SMALL = {"starts": 2, "time": 0.3, "minutes": 1.0, "budget": 2.0}
 STEPS = 0.2, 0.4
+LIMITS = {"potential", "equipartition"}
 
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    """The dimer with few steps: what was run, and the summary, of the first call and of a second one."""
+    """The dimer with few steps: what was run, and the summary, of the first call and of a second one, which asks for one point."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sweep.SWEEPS, "dimer", dataclasses.replace(sweep.SWEEPS["dimer"], apart=0.3, seconds=1e-4))
         refused = dataclasses.replace(SWEPT["rigid"], lines=(*SWEPT["rigid"].lines, 'if "$(dt>0.3)" then "no_such_command"'))
@@ -255,7 +328,8 @@ def small(tmp_path_factory):
         points = sweep.points(["dimer"], True, ["nosquish", "rigid", "shake-1e-8"], (*STEPS, 0.6))
         first = sweep.sweep(points, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
         number = len(done)
-        second = sweep.sweep(points, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
+        one = [point for point in points if (point.integrator.name, point.dt) == ("rigid", 0.4)]
+        second = sweep.sweep(one, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
         yield out, done[:number], done[number:], first, second
 
 
@@ -266,7 +340,7 @@ def row(summary, name, dt):
 @pytest.mark.timeout(180)
 def test_a_failure_ends_the_longer_steps(small):
     """Locks out longer steps after a blow-up, a failed point taken as measured, and a failure that is run again from the next start."""
-    _, done, again, summary, second = small
+    _, done, again, summary, _ = small
     failed = row(summary, "rigid", 0.4)
     assert failed["failed"] and failed["failures"] == 1 and failed["errors"] == {} and failed["cost"] is None
     longer = row(summary, "rigid", 0.6)
@@ -275,7 +349,29 @@ def test_a_failure_ends_the_longer_steps(small):
     assert sum("/rigid/0.4-fs" in job.directory for job in done) == 1
     assert row(summary, "nosquish", 0.6)["failed"] is None
     assert again == [], "what was complete, or had failed, was run again"
-    assert second["scenes"] == summary["scenes"]
+
+
+def test_what_is_there_is_measured_too(small):
+    """Locks out one point's sweep that forgets the others, or that has no limits and g(r) to be held against."""
+    *_, first, second = small
+    assert second["scenes"]["dimer"]["begun"] == first["scenes"]["dimer"]["begun"] and set(second["scenes"]["dimer"]["limits"]) == LIMITS
+    kept, found = (
+        [one | {"errors": set(one["errors"]), "signed": None} for one in summary["scenes"]["dimer"]["points"] if one["starts"]] for summary in (first, second)
+    )
+    assert found == [one for one in kept if one["dt"] != 0.6], "all but those of an unusual step"
+
+
+def test_a_hang_is_kept(tmp_path, monkeypatch):
+    """Locks out a hang that is waited for again each time, and one that is taken for a hang where more time is allowed now."""
+    scene, original, done = dataclasses.replace(SCENES["dimer"], setup=(*SCENES["dimer"].setup, "shell sleep 60")), run.run, []
+    monkeypatch.setattr(run, "run", lambda job, on_step=None: done.append(job) or original(job))
+
+    def runs(silence, failures):
+        found = run.once(run.job(scene, SWEPT["rigid"], tmp_path / "job", [1], dt=0.1, every=0, silence=silence), failures=failures)
+        assert "no sign of life" in found.error
+        return len(done)
+
+    assert [runs(1.0, True), runs(1.0, True), runs(0.9, True), runs(1.1, True), runs(1.1, False)] == [1, 1, 1, 2, 3]
 
 
 def test_starts_take_turns(small):
@@ -322,7 +418,9 @@ def test_temperatures_are_the_atoms(small):
 
 def test_errors_fall_with_the_square_of_the_step(small):
     """Locks out a reference at another time or from another start, and errors of a scheme that are another's."""
-    *_, summary, _ = small
+    out, *_, summary, _ = small
+    reference = run.collect(out / "runs/dimer-short/reference/1").thermo["Step"]
+    assert set(np.diff(reference)) == {100}, "no sign of life from a long run"
     for name in "nosquish", "shake-1e-8":
         for measure in "position", "orientation":
             short, long = (row(summary, name, dt)["errors"][measure]["value"] for dt in STEPS)
@@ -331,7 +429,7 @@ def test_errors_fall_with_the_square_of_the_step(small):
     scene = summary["scenes"]["dimer"]
     assert scene["degrees_of_freedom"] == 9 and scene["bodies"] == 2
     assert set(row(summary, "nosquish", 0.4)["errors"]) == set(sweep.SWEEPS["dimer"].measures)
-    assert set(scene["limits"]) == {"potential", "equipartition"}
+    assert set(scene["limits"]) == LIMITS
 
 
 def test_command_of_a_point(small):

@@ -355,15 +355,16 @@ def _add_sweep(verbs):
         "stable, from the same equilibrated starts, and draw their errors against their run times. Writes tables to the terminal and summary.json, "
         "points.csv, fastest.csv, figures and a self-contained report.html to the output folder. Ctrl-C keeps what is measured, and the same command "
         "goes on from there: what was measured with the same code, input and settings is not measured again. Swept one after the other with the "
-        "same code, the output folder gathers the scenes.",
+        "same code and budget, the output folder gathers scenes, integrators and steps; with another budget a scene is measured anew, in the old one's "
+        "place.",
         epilog="A step that is too long fails; that is a result. Exit status: 0 if each integrator has a step that does not fail, 1 if one has none, "
         "130 after Ctrl-C.",
     )
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="what to simulate (default: all; --short: the small ones)")
     parser.add_argument("--ranks", type=_whole, default=1, metavar="N", help="MPI ranks of what is larger than the dimer (default %(default)s)")
     parser.add_argument("--budget", type=_positive, metavar="MINUTES",
-                        help="about how long all scenes may take; of scenes that are named each has its part of it (default: a night; "
-                        "--short: some minutes)")
+                        help="how long all scenes may take on one core, by what a step nominally costs; of scenes that are named each has its part of "
+                        "it (default: five hours; --short: some minutes)")
     parser.add_argument("--short", action="store_true", help="fewer time steps, some minutes in all, for a first look")
     parser.add_argument("--only", nargs="+", choices=SWEPT, metavar="NAME", help="integrators, of: %(choices)s (default all)")
     parser.add_argument("--steps", type=_positives, metavar="FS,FS", help="time steps in fs (default: the scene's)")
@@ -381,8 +382,11 @@ def _sweep(arguments):
         arguments.parser.error(f"there is no scene {unknown[0]} to sweep: choose from {', '.join(sweep.SCENES)}")
     short = arguments.short
     names = [name for name in sweep.SCENES if name in (arguments.scenes or (sweep.SHORT_SCENES if short else sweep.SCENES))]
-    lengths = sweep.lengths(names, short, arguments.budget)
-    points = sweep.points(names, short, arguments.only, arguments.steps)
+    try:
+        lengths = sweep.lengths(names, short, arguments.budget)
+        points = sweep.points(names, short, arguments.only, arguments.steps)
+    except ValueError as error:
+        arguments.parser.error(str(error))
     out, screen = arguments.out or Path("results") / ("sweep-short" if short else "sweep"), console.console()
     out.mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, sweep.total(points, lengths), "runs") as meter:
@@ -441,14 +445,15 @@ def _add_stability(verbs):
         help="where integrators break: time step, heat, cold, odd bodies, contact, ranks, long runs",
         description="Run cases that some integrator does not bear with fix_nosquish's schemes and LAMMPS's own fixes, each judged by a number against "
         "a bound. Writes a matrix to the terminal and summary.json, table.csv, a figure and a self-contained report.html. Ctrl-C keeps what is there, "
-        "and the same command goes on from there; cases run at other times with the same code and lengths are shown too.",
+        "and the same command goes on from there; cases run at other times with the same code and lengths are shown too, those of other code or lengths "
+        "are kept and not shown. The same command in several processes at once shares the cases among them.",
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, 130 after Ctrl-C.",
     )
     parser.add_argument("cases", nargs="*", metavar="CASE", help="which (default: all); --list names them")
     parser.add_argument("--list", action="store_true", help="name all cases, with their physics, and end")
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
-    length.add_argument("--full", action="store_true", help="about three hours on two cores; cases can run side by side into one folder")
+    length.add_argument("--full", action="store_true", help="about three hours of one core; start it once for each core to share the cases")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="integrators, as the table of --list names them (default: all that a case is run with)")
     _add_silence(parser, 300.0)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/stability; --short: results/stability-short)")
@@ -476,7 +481,7 @@ def _stability(arguments):
     stability_report.show(screen, summary, out)
     if summary["interrupted"]:
         return 130
-    return int(not summary["summary"][0]["holds"])
+    return int(summary["summary"][0]["holds"] is False)
 
 
 def _add_silence(parser, default):

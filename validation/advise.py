@@ -7,7 +7,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from validation.check import CERTAIN
-from validation.sweep_choice import choose, each, meets, nearest, ours
+from validation.sweep_choice import choose, each, meets, nearest, ours, resolution
 from validation.sweep_report import ONE_START, error_of, named, names, over, seconds
 
 FOLDERS = Path("results/sweep"), Path(__file__).parent / "results" / "sweep"  # looked into in this order
@@ -78,6 +78,10 @@ def advise(console, summary, name, targets):
         say(f"Errors and averages are of {min(sampled):.3g} to {max(sampled):.3g} ps a point: what lasts longer is not known from here.")
     if scene["swept"]["interrupted"]:
         say("The sweep was interrupted: points may be missing.")
+    for measure, most in targets.items():
+        if most < (least := resolution(points, measure)):
+            say(f"Not resolved by this sampling: half of the points whose {measure} cannot be told from zero are only known to be below {least:.2g} or more; "
+                "which one is below the target for sure is chance.")  # fmt: skip
     wanted = "; ".join(f"{_title(summary, key)} below {most:g}" for key, most in targets.items())
     say(f"Wanted, sure by {CERTAIN:g} standard errors: {wanted}\n")
     if choice.best:
@@ -112,7 +116,8 @@ def _say_best(say, choice, targets):
 def _say_none(say, choice, points, targets, name):
     if choice.perhaps:
         say(f"Cannot tell: {UNSURE}: {names(choice.perhaps, 4)}.")
-        say(f"Longer runs tell: python -m validation sweep {name} --budget MINUTES, with more of them.")
+        say(f"Longer runs tell: python -m validation sweep {name} --budget MINUTES --out DIR, with more minutes, and another folder: in this one "
+            "they would take the place of what is there.")  # fmt: skip
     else:
         say("No point of the sweep reaches this.")
     near = nearest(points, targets)

@@ -61,10 +61,11 @@ def drift(t, x):
         slope and its standard error, in units of ``x`` over units of ``t``.
     """
     t, x = _block_means(t, x, BLOCKS)
+    size = np.abs(x).max() or 1.0  # the squares of a run that blew up would overflow
     weights = np.linalg.pinv(_line(t))[1]
-    white, walk, _ = _noise(t, x, WORTH)
+    white, walk, _ = _noise(t, x / size, WORTH)
     covariance = white * np.eye(len(x)) + walk * _walk(len(x))
-    return weights @ x, np.sqrt(weights @ covariance @ weights)
+    return weights @ x, size * np.sqrt(weights @ covariance @ weights)
 
 
 def random_walk(t, x, blocks=32):

@@ -10,10 +10,10 @@ from pathlib import Path
 
 from PIL import Image
 
-from validation import machine, overview
+from validation import machine, overview, overview_pieces
 from validation.report import page
 
-WIDEST, COLOURS = 1400, 128  # of a figure: pixels; lines and text need no more
+WIDEST, COLOURS = 1400, 256  # of a figure: pixels; lines and text need no more, and a PNG's palette has no more
 INTERRUPTED = 130  # exit status of a verb after a Ctrl-C
 COMMITTED = Path(__file__).parent / "results"
 ROOT = Path(__file__).resolve().parent.parent
@@ -28,7 +28,7 @@ class Section:
         name: of the folder that was looked for.
         folder: where the results are; None if nowhere.
         summary: as it was read; empty if it could not be.
-        said: what it ``overview.Said``.
+        said: what it ``overview_pieces.Said``.
         warnings: why something is missing.
     """
 
@@ -36,7 +36,7 @@ class Section:
     name: str
     folder: Path | None
     summary: dict
-    said: overview.Said
+    said: overview_pieces.Said
     warnings: list
 
     @property
@@ -77,7 +77,10 @@ def has(results, name):
 def _read(part, name, path):
     """The section of a summary, whatever its file holds."""
     try:
-        summary = json.loads(path.read_text())
+        text = path.read_text()
+        for old, new in overview.NAMES.items():
+            text = text.replace(old, new)
+        summary = json.loads(text)
         said = part.says(summary)
     except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as problem:
         why = f"{_place(path)} is not what `{part.verb}` writes ({type(problem).__name__}: {str(problem)[:80]})."
@@ -92,38 +95,38 @@ def _read(part, name, path):
 
 def _missing(part, name, folder, warnings):
     """The section of results that are not there."""
-    return Section(part, name, folder, {}, overview.Said([]), [*warnings, "No results: the command below makes them."])
+    return Section(part, name, folder, {}, overview_pieces.Said(), [*warnings, f"No results: python -m validation {part.verb} makes them."])
 
 
 def _facts(sections):
     """Machine and versions: {what: {value: names of the sections that have it}}."""
     seen = {}
     for section in sections:
-        for facts in section.summary.get("machine", {}), section.summary.get("versions", {}):
-            for key, value in facts.items():
-                if key != "load_at_start":
-                    seen.setdefault(key.replace("_", " "), {}).setdefault(value, []).append(section.name)
+        known = {"package": "not told"} | section.summary.get("versions", {})
+        for key, value in (section.summary.get("machine", {}) | known).items():
+            if key != "load_at_start":
+                seen.setdefault(key.replace("_", " "), {}).setdefault(value, []).append(section.name)
     return seen
 
 
 def common(sections):
-    """When, where and with what all was measured, as far as the sections do not differ in it, in one line; empty without results."""
-    days = sorted({section.summary["date"][:10] for section in sections if "date" in section.summary})
-    told = [f"{key} {value}" for key, values in _facts(sections).items() if len(values) == 1 for value in values]
-    return ", ".join([f"Measured {' to '.join(dict.fromkeys((days[0], days[-1])))}", *told]) if days else ""
+    """With what all was measured, as far as the sections do not differ in it, in one line."""
+    return ", ".join(f"{key} {value}" for key, values in _facts(sections).items() if len(values) == 1 for value in values)
 
 
-def differences(sections):
-    """In what code and machines differ between the sections that have results, and what they do not tell of it; None if nothing."""
-    seen, found = _facts(sections), [section for section in sections if section.summary]
-    differing = [
-        f"{key} " + ", ".join(f"{value} ({', '.join(names)})" for value, names in values.items()) for key, values in seen.items() if len(values) > 1
-    ]
-    told = {name for values in seen.get("package", {}).values() for name in values}
-    silent = [section.name for section in found if section.name not in told]
-    sentences = [f"Not all was measured with the same code on the same machine: {'; '.join(differing)}."] * bool(differing)
-    sentences += [f"Which commit's code was measured is not told by: {', '.join(silent)}."] * bool(silent)
-    return " ".join(sentences) or None
+def differing(sections):
+    """In which of the machine and versions the sections differ: {what: {value: names of the sections that have it}}."""
+    return {key: values for key, values in _facts(sections).items() if len(values) > 1}
+
+
+def circumstances(sections):
+    """A ``overview_pieces.Table``: when and by which command each section was measured, and in what its machine and versions differ from others'."""
+    seen, rows = differing(sections), []
+    for section in sections:
+        of_it = [", ".join(str(value) for value, names in values.items() if section.name in names) or "not told" for values in seen.values()]
+        date = section.summary.get("date", "not told")[:10]
+        rows.append([overview_pieces.Cell(text) for text in (section.part.title, date, *of_it, _place(section.folder), "; ".join(section.commands))])
+    return overview_pieces.Table("Each part", ("part", "measured", *seen, "results", "command"), rows)
 
 
 def write(sections, path):
@@ -133,31 +136,20 @@ def write(sections, path):
         sections: list of `Section`.
         path: of the page.
     """
-    shown = {section.name: list(_figures(section)) for section in sections}
-    page("overview.html", path, [], sections=sections, shown=shown, where=where, date=machine.now(), commit=commit(), common=common(sections),
-         differences=differences(sections))  # fmt: skip
+    found = [section for section in sections if section.folder]
+    page("overview.html", path, [], sections=sections, picture=picture, date=machine.now(), commit=commit(), common=common(found),
+         differing=differing(found), circumstances=circumstances(found), renamed=" and ".join(overview.NAMES))  # fmt: skip
 
 
-def _figures(section):
-    """A section's figures: (data, or why there is none, the ``overview.Figure``) of each file."""
-    for figure in section.said.figures:
-        paths = sorted(section.folder.glob(figure.file))
-        if not paths:
-            yield None, f"{_place(section.folder / figure.file)} is not there.", figure
-        for path in paths:
-            try:
-                yield light(path), None, figure
-            except (OSError, SyntaxError) as problem:  # what Pillow raises of a file that is no image, or is cut short
-                yield None, f"{_place(path)} cannot be shown: {problem}.", figure
-
-
-def where(section):
-    """When, where and with what a section's results were measured, in one line."""
-    if not section.folder:
-        return ""
-    told = [pair for group in ("machine", "versions") for pair in section.summary.get(group, {}).items()]
-    facts = [f"{key.replace('_', ' ')} {round(value, 2) if isinstance(value, float) else value}" for key, value in told]
-    return " · ".join([f"Results: {_place(section.folder)}", *([f"measured {section.summary['date']}"] if "date" in section.summary else []), *facts])
+def picture(section, figure):
+    """A section's ``overview_pieces.Figure``: its data, and why there is none."""
+    path = section.folder / figure.file
+    try:
+        return light(path), None
+    except FileNotFoundError:
+        return None, f"{_place(path)} is not there."
+    except (OSError, SyntaxError) as problem:  # what Pillow raises of a file that is no image, or is cut short
+        return None, f"{_place(path)} cannot be shown: {problem}."
 
 
 def _place(path):
@@ -182,7 +174,7 @@ def run_short(verb, out):
 
 
 def light(path):
-    """A figure as base64 text of a PNG that is not larger than need be: no wider than `WIDEST`, with `COLOURS` colours.
+    """A figure as base64 text of a PNG that is not larger than need be: no wider than `WIDEST`, with `COLOURS` colours, those of its areas kept.
 
     Raises:
         OSError, SyntaxError: the file is not a whole image.
@@ -193,7 +185,7 @@ def light(path):
         made = image.convert("RGB")
     made.thumbnail((WIDEST, shape[1]), Image.Resampling.LANCZOS)
     buffer = io.BytesIO()
-    made.quantize(COLOURS, dither=Image.Dither.NONE).save(buffer, "PNG", optimize=True)
+    made.quantize(COLOURS, kmeans=1, dither=Image.Dither.NONE).save(buffer, "PNG", optimize=True)
     return base64.b64encode(min(original, buffer.getvalue(), key=len)).decode()
 
 

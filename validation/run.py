@@ -151,6 +151,7 @@ def run(job, on_step=lambda step: None, environment=()):
         try:
             if _watch(process, directory / "log.lammps", job.silence, on_step):
                 why = f"no sign of life for {job.silence:g} s, ended"
+                (directory / "error.txt").write_text(why)
         except KeyboardInterrupt:
             why = INTERRUPTED
         finally:
@@ -166,15 +167,25 @@ def once(job, on_step=lambda step: None, failures=False):
     """Do a job, as `run`, unless the complete result of the same job, its origin included, is there.
 
     Args:
-        job, on_step: as for `run`.
-        failures: whether a run that LAMMPS or a fix ended with a message counts as complete; one that hung or was killed does not.
+        job, on_step, failures: as for `run` and `is_there`.
+    """
+    return collect(job.directory) if is_there(job, failures) else run(job, on_step)
+
+
+def is_there(job, failures=False):
+    """Whether the complete result of the same job, its origin included, is in its directory.
+
+    Args:
+        job: a ``Job``.
+        failures: whether a run that LAMMPS or a fix ended with a message, or that hung for no less than ``job.silence``, counts as complete; one
+            that was killed does not.
     """
     directory = Path(job.directory)
-    known = directory / "job.json"
-    complete = (directory / "done.json").exists() or (failures and (directory / "error.txt").exists())
-    if complete and known.exists() and Job(**json.loads(known.read_text())) == job:
-        return collect(directory)
-    return run(job, on_step)
+    if not (directory / "job.json").exists():
+        return False
+    known = Job(**json.loads((directory / "job.json").read_text()))
+    failed = failures and (directory / "error.txt").exists() and known.silence >= job.silence
+    return known == job and (failed or (directory / "done.json").exists())
 
 
 INTERRUPTED = "interrupted"
@@ -182,6 +193,7 @@ INTERRUPTED = "interrupted"
 
 def collect(directory):
     """The result in a job's directory, complete or not."""
+    directory = Path(directory)
     log = _read(directory / "log.lammps")
     output = _read(directory / "output.txt")
     positions = None

@@ -60,6 +60,21 @@ def three_rods(moment):
     return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
 
 
+def symmetric_top(turn, spin, moment, time):
+    """Where a free top with two equal moments is turned to after some time, exactly: its axis circles about the angular momentum, and it turns
+    about its axis, both at constant rates (Landau and Lifshitz, Mechanics, section 33).
+
+    Args:
+        turn: ``Rotation`` from the top's frame to space at time 0.
+        spin: (3,) angular velocity then, in the top's frame.
+        moment: (3,) principal moments, the first two equal.
+    Returns:
+        the ``Rotation`` then.
+    """
+    about = spin[2] * (1 - moment[2] / moment[0])
+    return Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0]) * turn * Rotation.from_rotvec([0, 0, time * about])
+
+
 def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, name="bodies", **more):
     """Write a data file and give the ``Scene`` of it.
 

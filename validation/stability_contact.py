@@ -9,8 +9,8 @@ import numpy as np
 
 from validation import measures, motion
 from validation import stability_bodies as bodies
-from validation.stability import EXTREME, LINE, Case, Number
-from validation.stability_molecules import ALLOWED, HEAVY, LONGEST, TRIED, limit
+from validation.stability import EXTREME, LINE, BlowUp, Case, Number
+from validation.stability_molecules import ALLOWED, HEAVY, LONGEST, SOME, STARTS, changes, limit
 
 REPULSIVE = (
     "pair_style lj/cut 1.122462048309373",
@@ -24,7 +24,9 @@ FAR = 1e6  # box lengths
 ROUNDING = 1e-15  # σ, of positions in a box of 8 σ
 DT = 0.004
 FLIGHTS = 0.5, 2.0, 4.0  # in a step, where the skin is 0.4 and a rank's part of the box 5 wide
-DRIFT = "|drift of the energy in the run| over the kinetic energy"
+DRIFT = "|drift of the energy in {}| over the kinetic energy"
+BOUNCES, HITS = 100.0, 160.0  # τ: some 300 bounces, some 1e4 collisions
+RESONANT = np.arange(0.9, 1.505, 0.01)  # ωΔt: 2 sin(π/n) = 1, 1.18, 1.41 is n = 6, 5, 4 steps in a period, as velocity Verlet has it
 ALONG = np.array([0.8, 0.0, 0.6])
 
 
@@ -52,11 +54,11 @@ def _turn(rng, place, others, box, least):
             return turn
 
 
-def _drift(result):
-    """|change of the energy, by a straight line| over the mean kinetic energy, in the whole run."""
+def _drift(result, span=None):
+    """|change of the energy, by a straight line| over the mean kinetic energy, in a span of time, or in the whole run."""
     time = result.thermo["Time"]
     slope, error = measures.drift(time, result.thermo["TotEng"])
-    scale = time[-1] / result.thermo["KinEng"].mean()
+    scale = (span or time[-1]) / result.thermo["KinEng"].mean()
     return abs(slope) * scale, error * scale
 
 
@@ -66,7 +68,7 @@ def mass_ratio(stand, steps):
     masses[13] = 1e6
     scene = _liquid(stand, "masses", 3, 6.0, seed=3, dt=0.008, masses=masses)
     result, _ = stand.run(scene, "run", [steps], dt=scene.dt, every=max(1, steps // 1000))
-    return Number(*_drift(result))
+    return Number(*_drift(result, HITS))
 
 
 def contact(stand, steps):
@@ -83,11 +85,11 @@ def contact(stand, steps):
     )
     scene = bodies.scene(stand.folder.parent, found, setup, box=40.0, corner=(-20, -20, -20), dt=0.001, name="pair", bonded=True)
     result, _ = stand.run(scene, "run", [steps], dt=scene.dt, every=max(1, steps // 1000))
-    return Number(*_drift(result))
+    return Number(*_drift(result, BOUNCES))
 
 
 def springs(stand, periods):
-    """Two equal bodies with a stiff spring between each two like atoms: the longest Δt times the highest frequency."""
+    """Two equal bodies with a stiff spring between each two like atoms: the longest Δt times the highest frequency, for so many periods from each start."""
     stiffness, M = 1000.0, bodies.MASSES.sum()
     r = bodies.BENT - bodies.MASSES @ bodies.BENT / M
     cross = np.array([[[0, -z, y], [z, 0, -x], [-y, x, 0]] for x, y, z in r])
@@ -96,10 +98,6 @@ def springs(stand, periods):
     mobility = np.zeros((6, 6))
     mobility[:3, :3], mobility[3:, 3:] = np.eye(3) * 2 / M, 2 * np.linalg.inv(inertia)
     omega = np.sqrt(np.linalg.eigvals(mobility @ np.einsum("iab,iac->bc", jacobian, jacobian) * stiffness).real.max())
-    found = [
-        bodies.body(bodies.BENT, bodies.MASSES, velocity=velocity, spin=spin)
-        for velocity, spin in (((0.3, 0.1, -0.2), (1.0, -0.7, 0.4)), ((-0.3, -0.1, 0.2), (-1.2, 0.9, 0.6)))
-    ]
     setup = [*bodies.FREE, "neighbor 3.0 bin", "neigh_modify once yes"]
     for k in (1, 2, 3):
         setup += [
@@ -108,9 +106,15 @@ def springs(stand, periods):
             f"fix s{k} a{k} spring couple b{k} {stiffness} 0 0 0 0.0",
             f"fix_modify s{k} energy yes",
         ]
-    scene = bodies.scene(stand.folder.parent, found, setup, box=40.0, corner=(-20, -20, -20), dt=1 / omega, name="springs", bonded=True)
-    result = limit(stand, scene, np.arange(0.1, 2.3, 0.1) / omega, periods * 2 * np.pi / omega)
-    return Number(result.value * omega, result.error * omega, result.note.replace(" fs", " τ") + f", ω = {omega:.4g}/τ")
+    scenes = []
+    for seed in range(STARTS):
+        rng = np.random.default_rng(seed)
+        velocity = 0.3 * rng.normal(size=3)
+        found = [bodies.body(bodies.BENT, bodies.MASSES, velocity=sign * velocity, spin=rng.normal(size=3)) for sign in (1, -1)]
+        scenes.append(bodies.scene(stand.folder.parent, found, setup, box=40.0, corner=(-20, -20, -20), dt=1 / omega, name=f"springs-{seed}",
+                                   bonded=True))  # fmt: skip
+    result = limit(stand, scenes, np.arange(0.1, 2.3, 0.1) / omega, periods * 2 * np.pi / omega, unit=1 / omega, name="")
+    return replace(result, note=f"ω = {omega:.4g}/τ; {result.note}")
 
 
 def gradient(stand, steps):
@@ -131,7 +135,7 @@ def gradient(stand, steps):
 
 
 def far_away(stand, steps):
-    """The same bodies in a box at the origin and in one far off: positions over 1e-6 σ, pressure over 1e-6 of itself."""
+    """The same bodies in a box at the origin and in one far off: positions over 1e-6 σ, pressure over 1e-3 of itself."""
     ends, pressures = [], []
     for name, corner in ("near", 0.0), ("far", FAR * BOX):
         scene = _liquid(stand, name, 4, BOX, seed=4, dt=DT, corner=np.full(3, corner))
@@ -140,7 +144,7 @@ def far_away(stand, steps):
         pressures.append(result.thermo["Press"])
     distance = np.linalg.norm(ends[1] - ends[0], axis=1).max()
     pressure = np.abs(pressures[1] / pressures[0] - 1).max()
-    return Number(max(distance, pressure) / 1e-6, note=f"distance {distance:.1e} σ, pressure {pressure:.1e}")
+    return Number(max(distance / 1e-6, pressure / 1e-3), note=f"motion: {distance:.1e} σ; pressure: {pressure:.1e} of itself")
 
 
 def ranks(stand, steps):
@@ -175,48 +179,57 @@ def beyond_skin(stand, steps):
 
 
 def resonance(stand, periods):
-    """Bodies with a loose atom each on a stiff spring, ω its frequency: the longest ωΔt, and whether steps in resonance with it break below."""
-    stiffness, length, count, loose = 5000.0, 1.0, 6, 1.0
+    """Bodies with a loose atom each on a stiff spring, ω its frequency: the largest change of the energy with steps about those in resonance with it,
+    in so many periods from each start."""
+    stiffness, rest, count, loose = 5000.0, 1.0, 6, 1.0
     r = bodies.BENT[1] - bodies.MASSES @ bodies.BENT / bodies.MASSES.sum()
     outward = np.array([r[1], -r[0], 0.0]) / np.linalg.norm(r)  # across, so that the spring turns the body
     moments, axes = bodies.moments(bodies.BENT, bodies.MASSES)
     lever = np.cross(r, outward) @ axes
     omega = np.sqrt(stiffness * (1 / loose + 1 / bodies.MASSES.sum() + (lever**2 / moments).sum()))
-    rng, found, atoms = np.random.default_rng(12), [], []
-    for k in range(count):
-        turn, place = bodies.turned(k), 3.2 * np.array([k % 2, k // 2 % 2, k // 4]) + 1.6
-        found.append(bodies.body(bodies.BENT, bodies.MASSES, place=place, turn=turn, velocity=rng.normal(size=3), spin=rng.normal(size=3)))
-        atoms.append(bodies.body(np.zeros((1, 3)), [loose], place=place + turn.apply(r + length * outward), velocity=rng.normal(size=3)))
     setup = [*REPULSIVE, "neighbor 0.4 bin", f"group held molecule <= {count}", "group loose subtract all held"]
     for k in range(count):
         setup += [
             f"group a{k} id {3 * k + 2}",
             f"group b{k} id {3 * count + k + 1}",
-            f"fix s{k} a{k} spring couple b{k} {stiffness} 0 0 0 {length}",
+            f"fix s{k} a{k} spring couple b{k} {stiffness} 0 0 0 {rest}",
         ]
         setup += [f"fix_modify s{k} energy yes"]
-    scene = bodies.scene(stand.folder.parent, found + atoms, setup, box=6.4, dt=1 / omega, name="loose", bonded=True, group="held",
-                         others=("fix others loose nve",))  # fmt: skip
-    result = limit(stand, scene, np.arange(0.2, 2.2, 0.05) / omega, periods * 2 * np.pi / omega)
-    return Number(result.value * omega, result.error * omega, result.note.replace(" fs", " τ") + f", ω = {omega:.4g}/τ")
+    worst, at = [], []
+    for seed in range(12, 12 + STARTS):
+        rng, found, atoms = np.random.default_rng(seed), [], []
+        for k in range(count):
+            turn, place = bodies.turned(k), 3.2 * np.array([k % 2, k // 2 % 2, k // 4]) + 1.6
+            found.append(bodies.body(bodies.BENT, bodies.MASSES, place=place, turn=turn, velocity=rng.normal(size=3), spin=rng.normal(size=3)))
+            atoms.append(bodies.body(np.zeros((1, 3)), [loose], place=place + turn.apply(r + rest * outward), velocity=rng.normal(size=3)))
+        scene = bodies.scene(stand.folder.parent, found + atoms, setup, box=6.4, dt=1 / omega, name=f"loose-{seed}", bonded=True, group="held",
+                             others=("fix others loose nve",))  # fmt: skip
+        change, error = changes(stand, scene, f"start {seed}", RESONANT / omega, periods * 2 * np.pi / omega, ALLOWED)
+        k = int(np.argmax(change))
+        if error:
+            raise BlowUp(f"at ωΔt = {RESONANT[k]:.2f}: {error}")
+        worst.append(change[k])
+        at.append(f"{RESONANT[k]:.2f}")
+    error = np.std(worst, ddof=1) / np.sqrt(STARTS)
+    return Number(float(np.mean(worst)), float(error), f"the largest changes at ωΔt = {', '.join(at)}; ω = {omega:.4g}/τ")
 
 
 CASES = (
     Case(
-        "mass-ratio", "A body of 1e6 times the mass of those that hit it.", DRIFT, "",
-        "a few per cent in some 1e4 collisions", LINE, mass_ratio, 20_000, 2_000_000, high=5e-2,
+        "mass-ratio", "A body of 1e6 times the mass of those that hit it.", DRIFT.format(f"{HITS:g} τ"), "",
+        "two per cent in some 1e4 collisions: what the swing of the energy lets a short run tell", LINE, mass_ratio, 40_000, 400_000, high=2e-2,
     ),
     Case(
-        "contact", "Two bodies pressed against each other's r⁻¹² walls by a spring of 300 ε/σ².", DRIFT,
-        "", "a few per cent in some 1e4 bounces", LINE, contact, 100_000, 10_000_000, high=5e-2,
+        "contact", "Two bodies pressed against each other's r⁻¹² walls by a spring of 300 ε/σ².", DRIFT.format(f"{BOUNCES:g} τ"),
+        "", "one part in a thousand in some 300 bounces, so that 1e5 of them do not heat it by a third", LINE, contact, 200_000, 2_000_000, high=1e-3,
     ),
     Case(
         "springs", "Two bodies joined by stiff springs from atom to atom, ω the highest frequency.",
-        LONGEST.format(ALLOWED).replace("Δt", "ωΔt"), "", "velocity Verlet of an oscillator is stable below 2", TRIED,
-        springs, 300, 20_000, low=1.0,
+        LONGEST.format("ωΔt", ALLOWED, "100 periods", "5,000"), "", "six steps in a period; velocity Verlet of an oscillator is stable below 2", SOME,
+        springs, 100, 5000, low=1.0,
     ),
     Case(
-        "gradient", "Dipolar bodies in a field whose gradient changes it over their own length.", DRIFT, "",
+        "gradient", "Dipolar bodies in a field whose gradient changes it over their own length.", DRIFT.format("the run"), "",
         "a few per cent in some 1e3 librations", LINE, gradient, 10_000, 500_000, high=5e-2,
     ),
     Case(
@@ -226,18 +239,20 @@ CASES = (
     ),
     Case(
         "far-away", "Bodies that collide, 1e6 box lengths from the origin.",
-        "largest distance from the same bodies at the origin, and change of pressure, over 1e-6", "",
-        "positions there are rounded to 2e-9 σ; collisions amplify that", EXTREME, far_away, 100, 100, high=1.0,
+        "largest distance from the same bodies at the origin over 1e-6 σ, or relative change of the pressure over 1e-3", "",
+        "positions there are rounded to 2e-9 σ, and collisions amplify that; a pressure off by 1e-3 is below what any run of a small box can tell",
+        EXTREME, far_away, 100, 100, high=1.0,
     ),
     Case(
         "ranks", "Fast bodies of a dense liquid, each atom with dozens in reach, on 1, 2, 4 and 8 ranks, owners new every other step.",
         "largest distance from the trajectory of one rank, over how far that one gets when its start is moved by rounding, 1e-15 σ", "",
-        "the sums over ranks are rounded at each of up to 1e3 steps, the moved start once; collisions amplify both alike",
-        EXTREME, ranks, 40, 400, high=1e3, few=HEAVY,
+        "the sums over ranks are rounded at each of up to 200 steps, the moved start once; collisions amplify both alike",
+        EXTREME, ranks, 40, 200, high=1e3, few=HEAVY,
     ),
     Case(
         "resonance", "Rigid bodies that collide, each with a loose atom on a stiff spring, the stiffest bond of the scene, of frequency ω.",
-        LONGEST.format(ALLOWED).replace("Δt", "ωΔt"), "", "six steps in a period of the stiffest bond, and no resonance at seven or more",
-        TRIED, resonance, 100, 10_000, low=2 * np.pi / 6,
+        "largest change of the energy over the kinetic energy with ωΔt from 0.9 to 1.5, by 0.01", "",
+        "the energy swings by some per cent with such long steps; a resonance, as of 6, 5 or 4 steps in a period, would add up",
+        f"standard error of the mean of {STARTS} starts", resonance, 50, 1000, high=ALLOWED,
     ),
 )  # fmt: skip

@@ -7,62 +7,102 @@ import numpy as np
 from validation import measures, motion, paper_peptide, starts
 from validation.compare import FS_PER_PS
 from validation.scenes import SCENES
-from validation.stability import COMPARED, EXTREME, LINE, Case, Number
+from validation.stability import COMPARED, EXTREME, LESS, LINE, SLOW, Case, Number
 
 ALLOWED, OF_MANY = 0.1, 0.02  # of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
-LONGEST = "longest Δt at which the energy changes by less than {:.0%} of the kinetic energy"
-TRIED = "how finely steps were tried: a quarter of the way from the last good one to the first bad one; each run gives the same every time"
+GIVEN_UP = 10  # times that, by which the energy is off when a run is ended
+MOST = 4000  # steps that a step limit of many molecules is worth
+LONGEST = "longest {} at which the energy changes by less than {:.0%} of the kinetic energy in {} (--full: {})"
+GRID = "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
+ONE = f"{GRID}; one start, so what another would give is not in it"
+STARTS = 4  # of a limit or a change that is a mean over them
+SOME = f"standard error of the mean of {STARTS} starts, and {GRID}"
 SAMPLES = 50  # of the energy in a run at one time step
 PAPER_DIMER = 0.3  # fs, of the paper's figure 2a, for hydrogens of 0.1 amu
 FINE = 1.1  # ratio of one time step to the next
-RANKS = 2
+BODIES = 512  # of water
+SPACING = 2000  # steps between the dimer's starts
 HEAVY = "nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4"  # integrators of the costly cases' short form
 
 
-def limit(stand, scene, steps_of_time, time, allowed=ALLOWED, **how):
-    """The time step up to which runs from one start keep their energy: it is never off by the kinetic energy, nor differs between the first and
-    the last fifth of the run by more than a part of that.
+def limit(stand, scenes, steps_of_time, time, unit=1.0, name=" fs", **how):
+    """The time step up to which runs keep their energy: it is never off by the kinetic energy, nor differs between the first and
+    the last fifth of the run by more than `ALLOWED` of that; a mean over starts.
 
-    All time steps are tried in one LAMMPS run, from the shortest, until one breaks it.
+    From each start all time steps are tried in one LAMMPS run, from the shortest, until one breaks it.
 
     Args:
-        scene: a ``Scene``.  steps_of_time: ascending, fs.
-        time: that each covers, fs.
-        allowed: that part.
+        scenes: a ``Scene`` for each start.  steps_of_time: ascending, in the scene's unit of time.
+        time: that each run covers, in that unit.
+        unit: that the limit is given in.  name: of it, after a blank.
+        how: as ``Stand.run`` has it.
     """
-    dts = np.asarray(steps_of_time)
-    stable, error = _stable(stand, scene, "limit", dts, time, allowed, **how)
-    first = stable.index(False) if False in stable else len(dts)
-    again = f", but again at {dts[first + stable[first:].index(True)]:.4g} fs" if any(stable[first:]) else ""
-    return _between(dts, first, error, again if first else "")
+    dts, found = np.asarray(steps_of_time), []
+    for k, scene in enumerate(scenes, 1):
+        change, error = changes(stand, scene, f"start {k}", dts, time, ALLOWED, **how)
+        stable = change < ALLOWED
+        bad = len(dts) if stable.all() else int(np.argmin(stable))
+        again = bad + np.flatnonzero(stable[bad:])
+        more = f", but again at {dts[again[0]] / unit:.4g}{name}" if len(again) and bad else ""
+        found.append(_between(dts / unit, bad, error, more, name))
+    values = [one.value for one in found]
+    error = np.hypot(np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else 0.0, np.mean([one.error for one in found]))
+    return Number(float(np.mean(values)), float(error), "; ".join(one.note for one in found))
 
 
 def halved(stand, scene, steps_of_time, time, allowed, **how):
-    """As `limit`, for a costly scene: by bisection, for which a step that is longer than a bad one is bad."""
-    dts, good, bad, why = np.asarray(steps_of_time), -1, len(steps_of_time), None
-    while bad - good > 1:
-        k = (good + bad) // 2
-        (stable,), error = _stable(stand, scene, f"{dts[k]:g} fs", dts[k : k + 1], time, allowed, **how)
-        good, bad, why = (k, bad, why) if stable else (good, k, error)
-    return _between(dts, bad, why, ", by bisection")
+    """As `limit`, for a costly scene: from one start, of up to `MOST` steps, by bisection, and with a step of half the limit after it.
+
+    If that is bad then the limit is below it.
+    """
+    dts, tried = np.asarray(steps_of_time), {}
+
+    def bad_at(k):
+        if k not in tried:
+            (change,), error = changes(stand, scene, f"{dts[k]:g} fs", dts[k : k + 1], min(time, MOST * dts[k]), allowed, **how)
+            tried[k] = None if change < allowed else error or f"energy off by {change:.2g} of the kinetic energy"
+        return tried[k]
+
+    bad, more = len(dts), ""
+    while True:
+        good = -1
+        while bad - good > 1:
+            k = (good + bad) // 2
+            good, bad = (good, k) if bad_at(k) else (k, bad)
+        half = int(np.searchsorted(dts, dts[max(good, 0)] / 2, side="right")) - 1
+        if half < 0:
+            break
+        if not bad_at(half):
+            more += f", good at {dts[half]:g} fs"
+            break
+        bad, more = half, f", but again at {dts[good]:g} fs"
+    return _between(dts, bad, tried.get(bad), more)
 
 
-def _between(dts, first, error, more):
+def _between(dts, first, error, more, name=" fs"):
     """The limit where ``dts[first]`` is the first bad step."""
     if first == 0:
-        return Number(dts[0] / 2, dts[0] / 4, f"not at {dts[0]:g} fs" + (f": {error}" if error else ""))
+        return Number(0.0, 0.0, f"not even at {dts[0]:.4g}{name}, the shortest step tried" + (f": {error}" if error else ""))
     if first == len(dts):
-        return Number(dts[-1], 0.0, "the longest step tried, so no error: the limit is at least that")
+        return Number(dts[-1], 0.0, f"stable at {dts[-1]:.4g}{name}, the longest step tried, so no error: the limit is at least that")
     longest, shortest = dts[first - 1], dts[first]
-    return Number((shortest + longest) / 2, (shortest - longest) / 4, f"stable at {longest:.4g} fs, not at {shortest:.4g} fs{more}")
+    return Number((shortest + longest) / 2, (shortest - longest) / 4, f"stable at {longest:.4g}{name}, not at {shortest:.4g}{name}{more}")
 
 
-def _stable(stand, scene, label, dts, time, allowed, **how):
-    """Whether each of these time steps is good, a list, and what ended the run if something did."""
+def changes(stand, scene, label, dts, time, allowed, **how):
+    """By how much of the kinetic energy at the start the energy differs between the first and the last fifth of a run.
+
+    Args:
+        dts: time steps, all tried in one LAMMPS run in this order.
+        time: that each covers.
+        allowed: a run is ended when the energy is off by `GIVEN_UP` times this.
+    Returns:
+        (time steps,), infinite for a run that is not complete and for those after it; and what ended it.
+    """
     counts = np.maximum(SAMPLES, np.round(time / dts).astype(int) // SAMPLES * SAMPLES)
     apart = 2 * int(counts.max())  # between the runs' numbers of steps
     lines = [f'write_dump all custom "{{folder}}/start" id {starts.STATE} modify {starts.EXACT}', "run 0",
-             "variable first equal $(etotal)", "variable most equal $(ke)",
+             "variable first equal $(etotal)", f"variable most equal $(ke*{GIVEN_UP * allowed})",
              "variable far equal 1-(abs(etotal-v_first)<v_most)"]  # fmt: skip
     for k, (dt, steps) in enumerate(zip(dts, counts), 1):
         every = steps // SAMPLES
@@ -71,13 +111,15 @@ def _stable(stand, scene, label, dts, time, allowed, **how):
             f"thermo {every}", f"fix far all halt {every} v_far > 0.5 error hard", f"run {steps}", "unfix far",
         ]  # fmt: skip
     result, _ = stand.attempt(scene, label, [0], more=lines, dt=dts[0], every=1, **how)
-    stable = []
+    found = np.full(len(dts), np.inf)
     for k in range(1, len(dts) + 1):
         mine = result.thermo.get("Step", np.empty(0)) // apart == k
         total, kinetic = result.thermo["TotEng"][mine], result.thermo["KinEng"][mine]
-        whole, fifth = mine.sum() == SAMPLES + 1, SAMPLES // 5
-        stable.append(bool(whole and abs(total[-fifth:].mean() - total[:fifth].mean()) < allowed * kinetic[0]))
-    return stable, result.error
+        if mine.sum() == SAMPLES + 1 and np.isfinite(total).all():
+            fifth = SAMPLES // 5
+            found[k - 1] = abs(total[-fifth:].mean() - total[:fifth].mean()) / kinetic[0]
+    why = f"energy off by {GIVEN_UP * allowed:g} of the kinetic energy" if "Fix halt" in (result.error or "") else result.error
+    return found, why
 
 
 def coarse(scene):
@@ -85,14 +127,19 @@ def coarse(scene):
     return replace(scene, setup=("variable kspace_accuracy index 1e-4", *scene.setup))  # the first definition is kept
 
 
+def water(stand):
+    """Some water, the same for all integrators."""
+    return coarse(starts.of_size(SCENES["water"], BODIES, stand.folder.parent / "data"))
+
+
 def water_dt(stand, length):
     time, between = length
-    return halved(stand, coarse(SCENES["water"]), np.arange(5.0, 12.1, between), time, OF_MANY, ranks=RANKS)
+    return halved(stand, water(stand), np.arange(0.5, 12.1, between), time, OF_MANY, ranks=stand.ranks)
 
 
 def peptide_dt(stand, length):
     time, between = length
-    return halved(stand, coarse(paper_peptide.scene()), np.arange(2.0, 8.1, between), time, OF_MANY, ranks=RANKS)
+    return halved(stand, coarse(paper_peptide.scene()), np.arange(0.5, 8.1, between), time, OF_MANY, ranks=stand.ranks)
 
 
 def dimer_of(mass):
@@ -112,42 +159,48 @@ def dimer_dt(mass):
     root = np.sqrt(mass)  # all times of the rotation scale with it
 
     def measure(stand, time):
-        return limit(stand, dimer_of(mass), root * FINE ** np.arange(32), root * time)
+        scenes, state = later(stand, dimer_of(mass), SPACING, PAPER_DIMER * root, count=STARTS)
+        return limit(stand, scenes, root * FINE ** np.arange(32), root * time, files=[state])
 
     return Case(
         f"dimer-{mass:g}", f"The bound water dimer with hydrogens of {mass:g} amu, which turn the faster the lighter they are.",
-        LONGEST.format(ALLOWED), "fs",
+        LONGEST.format("Δt", ALLOWED, f"{1 * root:.1g} ps", f"{25 * root:.2g} ps"), "fs",
         "rigid TIP3P is known to run at 6 fs for long (Silveira and Abreu 2019); times of the rotation go with the root of the mass",
-        TRIED, measure, 2 * FS_PER_PS, 200 * FS_PER_PS, low=round(6.0 * root, 2),
+        SOME, measure, 1 * FS_PER_PS, 25 * FS_PER_PS, low=round(6.0 * root, 2),
     )  # fmt: skip
 
 
-def _warmed(stand, temperature, time, dt, damping):
-    """Water after some Langevin dynamics with fix_nosquish.NVE, the same for all integrators: the scene with these atoms, and their file."""
-    scene = coarse(SCENES["water"])
-    steps = round(time / dt)
+def later(stand, scene, steps, dt, *, count=1, more=(), **how):
+    """The scene so many steps later, as fix_nosquish.NVE moves it, and again so many later; the same for all integrators.
+
+    Args:
+        more: LAMMPS commands.  how: as ``Stand.run`` has it.
+    Returns:
+        ``count`` scenes, and the file that they are from.
+    """
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
-    more = [f"fix heat all langevin {temperature} {temperature} {damping} 4928", *starts.to_dump(state, steps)]
-    outer.run(scene, "start", [steps], integrator=COMPARED["nosquish"], dt=dt, every=100, ranks=RANKS, more=more)
-    return starts.from_dump(scene, state, steps), state
+    more = [*more, *starts.to_dump(state, steps)]
+    outer.run(scene, "start", [count * steps], integrator=COMPARED["nosquish"], dt=dt, every=steps // 20, more=more, **how)
+    return [starts.from_dump(scene, state, k * steps) for k in range(1, count + 1)], state
 
 
-def _change(stand, temperature, time, dt, warm):
-    """Energy gained or lost per ps, in parts of the kinetic energy, by a straight line."""
-    scene, state = _warmed(stand, temperature, *warm)
-    result, _ = stand.run(scene, "run", [round(time / dt)], dt=dt, every=5, ranks=RANKS, files=[state])
+def _change(stand, temperature, time, dt, warm_time, warm_dt, damping):
+    """Energy gained or lost per ps, in parts of the kinetic energy, by a straight line, after Langevin dynamics."""
+    bath = f"fix heat all langevin {temperature} {temperature} {damping} 4928"
+    (scene,), state = later(stand, water(stand), round(warm_time / warm_dt), warm_dt, more=[bath], ranks=stand.ranks)
+    result, _ = stand.run(scene, "run", [round(time / dt)], dt=dt, every=5, ranks=stand.ranks, files=[state])
     kinetic = result.thermo["KinEng"].mean()
     slope, error = measures.drift(result.thermo["Time"] / FS_PER_PS, result.thermo["TotEng"])
     return Number(abs(slope) / kinetic, error / kinetic, f"at {result.thermo['Temp'].mean():.3g} K")
 
 
 def water_hot(stand, time):
-    return _change(stand, 1500.0, time, 1.0, (200.0, 0.5, 50.0))
+    return _change(stand, 1500.0, time, 1.0, 200.0, 0.5, 50.0)
 
 
 def water_cold(stand, time):
-    return _change(stand, 1.0, time, 2.0, (10_000.0, 4.0, 200.0))
+    return _change(stand, 1.0, time, 2.0, 10_000.0, 4.0, 200.0)
 
 
 def long_dimer(stand, steps):
@@ -167,27 +220,29 @@ def long_dimer(stand, steps):
 
 CASES = (
     Case(
-        "water-dt", "1,000 TIP3P molecules at 295 K.", LONGEST.format(OF_MANY), "fs",
+        "water-dt", f"{BODIES} TIP3P molecules at 295 K.",
+        LONGEST.format("Δt", OF_MANY, "0.2 ps", f"5 ps, or {MOST:,} steps if that is less"), "fs",
         "rigid TIP3P is known to run at 6 fs for long (Silveira and Abreu 2019)",
-        TRIED, water_dt, (0.2 * FS_PER_PS, 0.5), (10 * FS_PER_PS, 0.25), low=6.0, few=HEAVY,
+        ONE, water_dt, (0.2 * FS_PER_PS, 0.5), (5 * FS_PER_PS, 0.25), low=6.0, few=HEAVY,
     ),
     *(dimer_dt(mass) for mass in (1.0, 0.1, 0.01)),
     Case(
         "peptide-dt", "A helix in 1,417 TIP3P molecules, partly rigid, with flexible bonds between the rigid groups.",
-        LONGEST.format(OF_MANY), "fs", "the paper's step is 3 fs",
-        TRIED, peptide_dt, (0.1 * FS_PER_PS, 1.0), (5 * FS_PER_PS, 0.25), low=3.0, few=HEAVY,
+        LONGEST.format("Δt", OF_MANY, "0.1 ps", f"5 ps, or {MOST:,} steps if that is less"), "fs", "the paper's step is 3 fs",
+        ONE, peptide_dt, (0.1 * FS_PER_PS, 1.0), (5 * FS_PER_PS, 0.5), low=3.0, few=HEAVY,
     ),
     Case(
-        "water-hot", "1,000 TIP3P molecules at 1500 K and 1 g/cm³, 1 fs.", "|drift of the energy| over the kinetic energy", "1/ps",
+        "water-hot", f"{BODIES} TIP3P molecules at 1500 K and 1 g/cm³, 1 fs.", "|drift of the energy| over the kinetic energy", "1/ps",
         "2.5 % in 10 ps", LINE, water_hot, 0.4 * FS_PER_PS, 4 * FS_PER_PS, high=2.5e-3, few=HEAVY,
     ),
     Case(
-        "water-cold", "1,000 TIP3P molecules at 1 K, where the smallest errors heat, 2 fs.", "|drift of the energy| over the kinetic energy", "1/ps",
+        "water-cold", f"{BODIES} TIP3P molecules, cooled by a thermostat of 1 K (the note has what they came to), where the smallest errors heat, 2 fs.",
+        "|drift of the energy| over the kinetic energy", "1/ps",
         "1 K may not become 1.3 K in a ps; the mesh's noise is below that", LINE, water_cold, 1.6 * FS_PER_PS, 5 * FS_PER_PS, high=0.3, few=HEAVY,
     ),
     Case(
-        "long-dimer", "The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full.",
+        "long-dimer", f"The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full{LESS}.",
         "largest relative change of energy over 1e-2, of momenta over 1e-9, of distances over 1e-7", "",
-        "the energy stays, all else is rounding, or a constraint's tolerance", EXTREME, long_dimer, 200_000, 50_000_000, high=1.0,
+        "the energy stays, all else is rounding, or a constraint's tolerance", EXTREME, long_dimer, 200_000, 50_000_000, high=1.0, tenth=SLOW,
     ),
 )  # fmt: skip

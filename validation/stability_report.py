@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from validation.check import number
+from validation.check import CERTAIN, number
 from validation.figures import INK, draw_each
 from validation.report import page
 from validation.stability import COMPARED
@@ -46,6 +46,7 @@ def write(summary, out):
         summary=summary,
         cell=cell,
         number=number,
+        verdict=verdict,
         columns=_columns(summary),
     )
 
@@ -104,7 +105,8 @@ def show(console, summary, out):
 
 def verdict(line):
     """A line of ``stability.told`` as text."""
-    return f"{line['what']}: " + ("yes" if line["holds"] else f"no ({', '.join(line['where'])})")
+    where = f" ({', '.join(line['where'])})" if line["where"] else ""
+    return f"{line['what']}: " + {True: "yes", False: "no" + where, None: "cannot tell, ours has no row yet" + where}[line["holds"]]
 
 
 def _narrow(label):
@@ -145,8 +147,9 @@ def matrix(summary):
     axis.legend(handles=[Patch(facecolor=look[0], edgecolor=INK, lw=0.5, label=f"{name} {look[1]}".strip()) for name, look in LOOKS.items()],
                 loc="upper left", bbox_to_anchor=(0, -0.01), ncols=len(LOOKS), frameon=False)  # fmt: skip
     return figure, (
-        "Each case's number, as its decimal logarithm where the bound (at the left) is an upper one; the paler the nearer to the bound. "
-        "✗ fails, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
+        "Each case's number against its bound (at the left): a longest step with its error; else the decimal logarithm of the number and two errors, which is "
+        "what is judged, with < where the number is below two errors; the paler the nearer to the bound. "
+        "✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
         "What each number's error is, or why it has none, is told case by case."
     )
 
@@ -154,13 +157,16 @@ def matrix(summary):
 def _tile(case, row):
     """Colour of a tile, of its text, and the text."""
     colour, sign, _ = LOOKS[row["verdict"]]
-    full, value, bound = np.array(to_rgb(colour)), row["value"], case["low"] if case["high"] is None else case["high"]
-    if row["verdict"] not in ("pass", "fail"):
+    full, value, error = np.array(to_rgb(colour)), row["value"], row["error"] or 0.0
+    if value is None:
         return full, "white" if full.mean() < 0.5 else INK, sign
-    decades = (
-        np.inf if not value else abs(np.log10(abs(value) / bound)) * (1 if case["low"] is None else SHADES)
-    )  # a time step is not far off in decades
+    if case["high"] is None:
+        judged, text = value - CERTAIN * error, f"{value:.2g}±{error:.1g}" if error else f"{value:.3g}"
+        decades = SHADES * abs(np.log10(judged / case["low"])) if judged > 0 else np.inf  # a time step is not far off in decades
+    else:
+        judged = abs(value) + CERTAIN * error
+        decades = abs(np.log10(judged / case["high"])) if judged else np.inf
+        text = ("<" if value < CERTAIN * error else "") + (f"{np.log10(judged):.1f}" if judged else "-∞").replace("-", "−")
     strength = 0.45 + 0.55 * min(1.0, decades / SHADES)
-    shade = 1 - strength * (1 - full)
-    text = f"{value:.3g}" if case["high"] is None else "−∞" if not value else f"{np.log10(abs(value)):.1f}".replace("-", "−")
+    shade = 1 - strength * (1 - full) if row["verdict"] in ("pass", "fail") else full
     return shade, "white" if shade @ (0.299, 0.587, 0.114) < 0.55 else INK, f"{sign} {text}".strip()

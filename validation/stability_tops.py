@@ -1,21 +1,28 @@
 """Free tops: what they keep is known, so is the exact motion.  Reduced units, all bodies of a case in one run."""
 
-import functools
+from dataclasses import replace
 
 import numpy as np
+from scipy.special import ellipk
 
-from validation import motion
+from validation import motion, run
 from validation import stability_bodies as bodies
-from validation.stability import EXTREME, Case, Number
-from validation.theory_top import free_top
+from validation.stability import EXTREME, LESS, SLOW, BlowUp, Case, Number
 
 TURN = 0.05  # radians in a step, as in practice
 SPIN = np.array([0.6, -0.5, 0.7]) / np.linalg.norm([0.6, -0.5, 0.7])  # about the principal axes, none of them alone
+ATTITUDE = bodies.turned(2002)  # of all tops at the start
+COMPARED_AT = 20_000  # steps, 1,000 radians, at which tops are held against the exact motion
+NEAR = 0.2  # σ from it
+NEAR_WHY = "twice velocity Verlet's phase error of an oscillator, (0.05)²/24 a radian, in 1,000 radians"
 RATIOS = 10.0 ** -np.arange(13)
 STEPS = 10.0 ** np.arange(-8, 1.01, 0.5)  # radians in a step
+APART = 0.2  # radians in a step, from which each speed has a run of its own: it may break it
+SWING, ROUNDINGS = 0.1, 100  # of the energy, that a fast top may be off; roundings in a step, all to the same side
 SPLITS = {"sphere": (1, 1, 1), "needle": (1, 1, 0.1), "disk": (1, 1, 1.9)}
 SPLIT = 1e-12
-MIDDLE, TILT = 0.1, 0.1  # radians in a step about the middle axis; part of the spin about each of the others
+MIDDLE, TILTS = 0.1, (0.1, 1e-3)  # radians in a step about the middle axis; parts of the spin about each of the others
+WINDOW, EVERY, NEVER = 200, 2, 10**9  # turns; steps between frames in a window, and outside
 GAP = 10.0  # between bodies
 
 
@@ -27,8 +34,7 @@ def _row_of(stand, name, shapes, spins, **more):
     """
     found = []
     for k, ((x, mass), spin) in enumerate(zip(shapes, spins)):
-        turn = bodies.turned(2002)
-        found.append(bodies.body(x, mass, place=(GAP * (k + 0.5), GAP / 2, GAP / 2), turn=turn, spin=turn.apply(spin)))
+        found.append(bodies.body(x, mass, place=_place(k), turn=ATTITUDE, spin=ATTITUDE.apply(spin)))
     box = GAP * len(shapes), GAP, GAP
     return bodies.scene(
         stand.folder.parent,
@@ -41,6 +47,10 @@ def _row_of(stand, name, shapes, spins, **more):
     )
 
 
+def _place(k):
+    return np.array([GAP * (k + 0.5), GAP / 2, GAP / 2])
+
+
 def _each(folder, size):
     """Mass, positions and velocities of each body of so many atoms, in turn."""
     _, mass, x, v = motion.frames(folder)
@@ -48,51 +58,72 @@ def _each(folder, size):
         yield mass[k : k + size], x[:, k : k + size], v[:, k : k + size]
 
 
-def _energy(stand, shapes, labels, steps):
-    """The largest relative change of a body's kinetic energy, and which body's."""
-    scene = _row_of(stand, "tops", shapes, [TURN * SPIN] * len(shapes))
-    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=0, more=motion.dump(steps // 200))
-    changes = []
-    for mass, x, v in _each(folder, len(shapes[0][1])):
-        energy = motion.conserved(mass, x, v)[0]
-        changes.append(np.abs(energy / energy[0] - 1).max())
-    worst = int(np.argmax(changes))
-    return Number(changes[worst], note=f"worst: {labels[worst]}")
+def _from_exact(k, moment, steps, x):
+    """Largest distance of an atom of the k-th top, of `bodies.three_rods`, from where the exact motion has it; x: (6, 3) after so many steps."""
+    turn = bodies.symmetric_top(ATTITUDE, TURN * SPIN, moment, steps)
+    return float(np.linalg.norm(x - _place(k) - turn.apply(bodies.three_rods(moment)[0]), axis=1).max())
+
+
+def _kept(stand, moments, labels, steps):
+    """Largest change of a body's energy and angular momentum, and distance from the exact motion after `COMPARED_AT` steps, each over its bound."""
+    scene = _row_of(stand, "tops", [bodies.three_rods(moment) for moment in moments], [TURN * SPIN] * len(moments))
+    every = max(1, steps // 200)
+    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=every, more=motion.dump(every))
+    k = min(steps, COMPARED_AT) // every
+    found = {"energy": [], "angular momentum": [], "distance from the exact motion, σ,": []}
+    for top, (moment, (mass, x, v)) in enumerate(zip(moments, _each(folder, 6))):
+        energy, _, momentum = motion.conserved(mass, x, v)
+        changes = np.abs(energy / energy[0] - 1).max(), motion.relative(momentum), _from_exact(top, moment, k * every, x[k])
+        for values, change in zip(found.values(), changes):
+            values.append(change)
+    note = ", ".join(f"{key} {max(values):.1e} ({labels[int(np.argmax(values))]})" for key, values in found.items())
+    return Number(max(max(values) / bound for values, bound in zip(found.values(), (2.5e-3, 1e-9, NEAR))), note=note)
 
 
 def needles(stand, steps):
     """Moments (1, 1, r)."""
-    return _energy(stand, [bodies.three_rods(np.array([1, 1, r])) for r in RATIOS], [f"I₃/I₁ = {r:g}" for r in RATIOS], steps)
+    return _kept(stand, [np.array([1, 1, r]) for r in RATIOS], [f"I₃/I₁ = {r:g}" for r in RATIOS], steps)
 
 
 def disks(stand, steps):
     """Moments (1 + t, 1 + t, 2): a ball of six atoms for t = 1."""
-    return _energy(stand, [bodies.three_rods(np.array([1 + t, 1 + t, 2])) for t in RATIOS], [f"(I₁ + I₂ − I₃)/I₃ = {t:g}" for t in RATIOS], steps)
+    return _kept(stand, [np.array([1 + t, 1 + t, 2]) for t in RATIOS], [f"(I₁ + I₂ − I₃)/I₃ = {t:g}" for t in RATIOS], steps)
 
 
 def degenerate(stand, steps):
-    """Tops with two or three equal moments, and with moments apart by `SPLIT` in a run of their own: how far apart are the same atoms at the end?"""
-    ends = []
+    """Tops with two or three equal moments, and with moments apart by `SPLIT` in a run of their own: how far from the exact motion, which is that of
+    the equal ones but for some 1e-9 σ?"""
+    ends, far = [], {}
     for name, split in ("equal", 0.0), ("split", SPLIT):
         shapes = [bodies.three_rods(np.array(moment, float) + split * np.array([1, -0.5, 0.3])) for moment in SPLITS.values()]
         scene = _row_of(stand, name, shapes, [TURN * SPIN] * len(shapes))
         _, folder = stand.run(scene, name, [steps], dt=1.0, every=0, more=motion.dump(steps))
         ends.append([x[-1] for _, x, _ in _each(folder, 6)])
-    apart = [np.linalg.norm(one - other, axis=1).max() for one, other in zip(*ends)]
-    worst = int(np.argmax(apart))
-    return Number(apart[worst], note=f"worst: {list(SPLITS)[worst]}")
+        for k, (kind, moment) in enumerate(SPLITS.items()):
+            far[f"{kind}, {name}"] = _from_exact(k, np.array(moment, float), steps, ends[-1][k])
+    apart = max(np.linalg.norm(one - other, axis=1).max() for one, other in zip(*ends))
+    told = ", ".join(f"{key} {value:.2g} σ" for key, value in far.items())
+    return Number(max(far.values()), note=f"{told}; equal and split are {apart:.1e} σ apart")
 
 
 def turn_per_step(stand, steps):
-    """Error of the energy in parts of (|ω|Δt)², for steps of 1e-8 to 10 rad."""
-    scene = _row_of(stand, "tops", [(bodies.BENT, bodies.MASSES)] * len(STEPS), [step * _in_frame(SPIN) for step in STEPS], bonded=True)
-    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=0, more=motion.dump(steps // 200))
-    found = []
-    for turn, (mass, x, v) in zip(STEPS, _each(folder, 3)):
-        energy = motion.conserved(mass, x, v)[0]
-        found.append(np.abs(energy / energy[0] - 1).max() / (turn**2 + 1e-10))
-    worst = int(np.argmax(found))
-    return Number(found[worst], note=f"worst: |ω|Δt = {STEPS[worst]:.2g}")
+    """The largest |ω|Δt up to which the energy is off by no more than (|ω|Δt)², nor `SWING`, beside rounding."""
+    off = np.full(len(STEPS), np.inf)
+    for some in (np.flatnonzero(STEPS < APART), *np.flatnonzero(STEPS >= APART)[:, None]):
+        name = f"tops up to {STEPS[some[-1]]:.2g}"
+        shapes, spins = [(bodies.BENT, bodies.MASSES)] * len(some), [STEPS[k] * _in_frame(SPIN) for k in some]
+        scene = _row_of(stand, run.folder_name(name), shapes, spins, bonded=True)
+        try:
+            _, folder = stand.run(scene, name, [steps], dt=1.0, every=steps // 200, more=motion.dump(steps // 200))
+        except BlowUp:
+            continue
+        for k, (mass, x, v) in zip(some, _each(folder, 3)):
+            energy = motion.conserved(mass, x, v)[0]
+            off[k] = np.abs(energy / energy[0] - 1).max()
+    allowed = np.minimum(STEPS**2, SWING) + ROUNDINGS * steps * np.finfo(float).eps
+    borne = int(np.argmin(np.append(off <= allowed, False)))
+    told = ", ".join(f"{step:.2g} rad " + (f"{value:.1e}" if np.isfinite(value) else "breaks") for step, value in zip(STEPS, off))
+    return Number(STEPS[borne - 1] if borne else 0.0, note=f"|ΔE/E| at {told}")
 
 
 def _in_frame(spin):
@@ -101,42 +132,71 @@ def _in_frame(spin):
 
 
 def middle_axis(stand, turns):
-    """How long a top that spins about its middle axis takes to turn over, in the last turns of many, less the exact time."""
+    """How far the phase of tops that turn over again and again has gone, against the exact one.
+
+    Times of turning over are taken in windows of `WINDOW` turns, the first at the start, then up to 1e3, 1e4 ... turns.  How often it has turned over
+    between two windows follows from the mean time between two until then; it is sure if the time in the next window says the same number.
+    """
     axes = bodies.moments(bodies.BENT, bodies.MASSES)[1]
-    spin = MIDDLE * np.array([TILT, 1.0, TILT])
-    steps, window, every = round(turns * 2 * np.pi / MIDDLE), round(200 * 2 * np.pi / MIDDLE), 5
-    scene = _row_of(stand, "top", [(bodies.BENT, bodies.MASSES)], [axes @ spin], bonded=True)
-    more = [f"run {steps - window}", *motion.dump(every)]
-    _, folder = stand.run(scene, "run", [window], dt=1.0, every=max(1, steps // 200), more=more)
-    at, mass, x, v = motion.frames(folder)
-    r, u = (a - np.einsum("i,fij->fj", mass, a)[:, None] / mass.sum() for a in (x, v))
-    L = np.einsum("i,fij->fj", mass, np.cross(r, u))
-    shape = bodies.BENT - mass @ bodies.BENT / mass.sum()
-    weights = np.linalg.lstsq(shape.T, axes[:, 1], rcond=None)[0]  # the axis lies in the plane of the atoms
-    measured = _intervals(at, np.einsum("fj,i,fij->f", L, weights, r))
-    exact = exact_interval()
-    if len(measured) < 2:
-        return Number(1.0, note=f"does not turn over in the last {window} steps")
-    error = measured.std(ddof=1) / np.sqrt(len(measured)) / exact
-    return Number(abs(measured.mean() / exact - 1), error, f"{measured.mean():.1f} steps, exact {exact:.1f}")
+    spins = [axes @ (MIDDLE * np.array([tilt, 1.0, tilt])) for tilt in TILTS]
+    scene = _row_of(stand, "tops", [(bodies.BENT, bodies.MASSES)] * len(TILTS), spins, bonded=True)
+    ends = [round(end * 2 * np.pi / MIDDLE / EVERY) * EVERY for end in (*10.0 ** np.arange(3, np.log10(turns) - 1e-9), turns)]
+    window = round(WINDOW * 2 * np.pi / MIDDLE / EVERY) * EVERY
+    more = [*motion.dump(EVERY), f"run {window}"]
+    for start, end in zip((window, *ends), ends):
+        more += [f"dump_modify atoms every {NEVER}", f"run {end - window - start}", f"dump_modify atoms every {EVERY}", f"run {window}"]
+    _, folder = stand.run(scene, "run", [window], dt=1.0, every=max(1, ends[-1] // 200), more=more[:-1])
+    at = motion.frames(folder)[0]
+    windows = np.split(np.arange(len(at)), 1 + np.flatnonzero(np.diff(at) > EVERY))
+    found = []
+    for tilt, (mass, x, v) in zip(TILTS, _each(folder, 3)):
+        r = x - np.einsum("i,fij->fj", mass, x)[:, None] / mass.sum()
+        shape = bodies.BENT - mass @ bodies.BENT / mass.sum()
+        weights = np.linalg.lstsq(shape.T, axes[:, 1], rcond=None)[0]  # the axis lies in the plane of the atoms
+        along = np.einsum("fj,i,fij->f", motion.conserved(mass, x, v)[2], weights, r)
+        found.append(_phase([_turns_over(at[k], along[k]) for k in windows], exact_interval(tilt), ends[-1]))
+    worst = max(found, key=lambda one: one.value)
+    return replace(worst, note="; ".join(f"tilted by {tilt:g}: {one.note}" for tilt, one in zip(TILTS, found)))
 
 
-@functools.cache
-def exact_interval(steps=500):
-    """Mean time between the turns over of the exact motion from that start, in so many steps."""
+def _phase(windows, exact, steps):
+    """The number of `middle_axis` for one top, of the times of turning over in each window and the exact time between two."""
+    if min(len(times) for times in windows) < 3:
+        return Number(1.0, note=f"does not turn over at least three times in {WINDOW} turns")
+    count, first, last = len(windows[0]) - 1, windows[0][0], windows[0][-1]
+    for times in windows[1:]:
+        gap = times[0] - last
+        between, after = round(gap * count / (last - first)), round(gap / np.diff(times).mean())
+        if between != after:
+            end = np.diff(windows[-1])
+            error = end.std(ddof=1) / np.sqrt(len(end)) / exact
+            told = f"by step {times[0]:.0f} of {steps} it has turned over {count + between} or {count + after} times, as its pace changes"
+            return Number(abs(end.mean() / exact - 1), error, f"{told}; {end.mean():.3f} steps at the end, exact {exact:.3f}")
+        count, last = count + between + len(times) - 1, times[-1]
+    mean = (last - first) / count
+    error = np.sqrt(2) * np.diff(windows[0]).std(ddof=1) / (last - first)
+    told = f"turned over {count} times, the exact top {(last - first) / exact:.1f} times: every {mean:.4f} steps, exact {exact:.4f}"
+    return Number(abs(mean / exact - 1), error, told)
+
+
+def exact_interval(tilt):
+    """Time between two turns over, half a period of the angular momentum about the middle axis (Landau and Lifshitz, Mechanics, section 37)."""
     moments = bodies.moments(bodies.BENT, bodies.MASSES)[0]
-    start = moments * MIDDLE * np.array([TILT, 1.0, TILT])
-    return _intervals(np.arange(steps), np.array([free_top(np.array([1.0, 0, 0, 0]), start, moments, float(t))[1][1] for t in range(steps)])).mean()
+    momentum = moments * MIDDLE * np.array([tilt, 1.0, tilt])
+    square, twice = momentum @ momentum, (momentum**2 / moments).sum()
+    high, middle, low = moments if square >= twice * moments[1] else moments[::-1]
+    m = (middle - low) * (twice * high - square) / ((high - middle) * (square - twice * low))
+    return 2 * ellipk(m) / np.sqrt((high - middle) * (square - twice * low) / (high * middle * low))
 
 
-def _intervals(time, values):
-    """Times between one change of sign and the next."""
+def _turns_over(time, values):
+    """Times of changes of sign."""
     k = np.flatnonzero(values[1:] * values[:-1] < 0)
-    return np.diff(time[k] + (time[k + 1] - time[k]) * values[k] / (values[k] - values[k + 1]))
+    return time[k] + (time[k + 1] - time[k]) * values[k] / (values[k] - values[k + 1])
 
 
 def long_tops(stand, steps):
-    """100 asymmetric tops: energy over 1e-3, the rest over 1e-10."""
+    """100 asymmetric tops: energy over 1e-3, momenta over 1e-10, distances over 1e-7."""
     rng = np.random.default_rng(6)
     spins = rng.normal(size=(100, 3))
     spins *= TURN / np.linalg.norm(spins, axis=1)[:, None]
@@ -149,38 +209,42 @@ def long_tops(stand, steps):
         shape = motion.distances(x)
         changes = np.abs(energy / energy[0] - 1).max(), motion.relative(momentum), motion.relative(angular), np.abs(shape / shape[0] - 1).max()
         worst = {key: max(value, change) for (key, value), change in zip(worst.items(), changes)}
-    of = {key: value / (1e-3 if key == "energy" else 1e-10) for key, value in worst.items()}
-    return Number(max(of.values()), note=", ".join(f"{key} {value:.1e}" for key, value in worst.items()))
+    over = max(value / bound for value, bound in zip(worst.values(), (1e-3, 1e-10, 1e-10, 1e-7)))
+    return Number(over, note=", ".join(f"{key} {value:.1e}" for key, value in worst.items()))
 
 
+TOPS = f"largest relative change of energy over 2.5e-3 or angular momentum over 1e-9, or distance from exact motion after 1,000 rad over {NEAR:g} σ"
+TOPS_WHY = f"the energy's splitting error is of order (0.05)² and does not grow, angular momentum is kept to rounding; {NEAR:g} σ is {NEAR_WHY}"
 CASES = (
     Case(
-        "needles", "Free tops from a sphere to a needle, I₃/I₁ from 1 to 1e-12, 0.05 rad a step.",
-        "largest relative change of a kinetic energy", "",
-        "the splitting's own error is of order (0.05)², and does not grow", EXTREME, needles, 20_000, 2_000_000, high=2.5e-3,
+        "needles", "Free tops from a sphere to a needle, I₃/I₁ from 1 to 1e-12, 0.05 rad a step.", TOPS, "", TOPS_WHY,
+        EXTREME, needles, 20_000, 2_000_000, high=1.0,
     ),
     Case(
-        "disks", "Free tops from a sphere to a disk, (I₁ + I₂ − I₃)/I₃ from 1 to 1e-12, 0.05 rad a step.",
-        "largest relative change of a kinetic energy", "",
-        "the splitting's own error is of order (0.05)², and does not grow", EXTREME, disks, 20_000, 2_000_000, high=2.5e-3,
+        "disks", "Free tops from a sphere to a disk, (I₁ + I₂ − I₃)/I₃ from 1 to 1e-12, 0.05 rad a step.", TOPS, "", TOPS_WHY,
+        EXTREME, disks, 20_000, 2_000_000, high=1.0,
     ),
     Case(
-        "degenerate", "Sphere, needle and disk, and again with moments within 1e-12 of the same: motion is continuous in the moments.",
-        "largest distance between the same atoms", "σ", "1e-12 times some 10³ radians turned, with a factor of ten to spare",
-        EXTREME, degenerate, 20_000, 20_000, high=1e-8,
+        "degenerate", "Sphere, needle and disk, and again with moments within 1e-12 of the same, 1,000 rad at 0.05 rad a step.",
+        "largest distance of an atom from the exact motion", "σ", NEAR_WHY, EXTREME, degenerate, COMPARED_AT, COMPARED_AT, high=NEAR,
     ),
     Case(
-        "middle-axis", "A free top about its middle axis, which is unstable: it turns over again and again, as Jacobi's elliptic functions tell.",
-        "relative error of the time between two turns over, at the end", "", "the splitting's error is of order (0.1)²",
-        "standard error of the mean of the times between the last turns over", middle_axis, 10_000, 1_000_000, high=1e-2,
+        "middle-axis", "Free tops about the middle axis, which is unstable, tilted from it by 0.1 and 0.001: they turn over again and again, as Jacobi's "
+        f"elliptic functions tell; 1e6 turns with --full{LESS}.",
+        "larger relative error of the phase, so of the mean time between two turns over; where their count is not sure, of that time at the end", "",
+        "the splitting's error is of order (0.1)²", "from the scatter of the times between two turns over in a window",
+        middle_axis, 10_000, 1_000_000, high=1e-2, tenth=SLOW,
     ),
     Case(
-        "turn-per-step", "The same free top at 19 speeds, |ω|Δt from 1e-8 to 10 rad.", "largest |ΔE/E| / ((|ω|Δt)² + 1e-10)", "",
-        "a scheme of second order loses at most (|ω|Δt)², and rounding 1e-10", EXTREME, turn_per_step, 10_000, 1_000_000, high=1.0,
+        "turn-per-step", "The same free top at 19 speeds, |ω|Δt from 1e-8 to 10 rad.",
+        f"largest |ω|Δt up to which |ΔE/E| is below (|ω|Δt)² and {SWING}, beside {ROUNDINGS} roundings a step", "rad",
+        "a scheme of second order loses no more, and 0.1 rad is a long step in practice",
+        "none: the largest of the speeds tried, each √10 times the one before; each run gives the same every time",
+        turn_per_step, 10_000, 1_000_000, low=0.1,
     ),
     Case(
         "long-tops", "100 free tops for many steps at 0.05 rad: 1e8 body-steps with --full.",
-        "largest relative change of energy over 1e-3, of momenta and distances over 1e-10", "",
-        "the energy's splitting error stays, all else is rounding", EXTREME, long_tops, 20_000, 1_000_000, high=1.0,
+        "largest relative change of energy over 1e-3, of momenta over 1e-10, of distances over 1e-7", "",
+        "the energy's splitting error stays, all else is rounding, or a constraint's tolerance", EXTREME, long_tops, 20_000, 1_000_000, high=1.0,
     ),
 )  # fmt: skip

@@ -1,15 +1,19 @@
 """Which measured point of a sweep is the fastest that is accurate enough.  Pure functions; nothing between two points is guessed.
 
 A point is one integrator with one time step, as plain data (see ``sweep``); of it are used ``integrator``, ``dt`` (fs), ``failed``, ``ours``,
-``cost`` (min and median of its run time, s per simulated ns; None if not timed) and ``errors`` (measure to value and standard error).
+``cost`` (min and median of its run time, s per simulated ns; None if not timed), ``errors`` (measure to value and standard error) and ``without``
+(measures that do not apply to it).
 Targets are a dictionary from measure to the largest error that is good enough, in the measure's unit.
 """
 
 import math
+import statistics
 from dataclasses import dataclass
 
 from validation.check import CERTAIN, Check
 
+# these say whether something is right, or not; they are no errors that a shorter step makes smaller
+CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"
 DECADES = 3.0  # a ladder of targets that spans more has one rung in each decade, else three
 
 
@@ -22,16 +26,20 @@ class Choice:
         best: the point that meets all targets for sure and has the smallest least run time; None if none does.
         ties: further such points, from the fastest: their least run time is not above the median of the best one's.
         perhaps: points of which there is no telling whether they meet the targets, or which are not timed, as fast as the best one or faster.
+        resolved: whether the targets are not below the `resolution`.
     """
 
     targets: dict
     best: dict | None
-    ties: tuple
-    perhaps: tuple
+    ties: tuple = ()
+    perhaps: tuple = ()
+    resolved: bool = True
 
     @property
     def verdict(self):
-        """``met``; else ``cannot tell`` if some point may meet the targets, and ``not met`` if none does."""
+        """``met``; else ``cannot tell`` if some point may meet the targets, and ``not met`` if none does; or that they are not resolved."""
+        if not self.resolved:
+            return "not resolved by this sampling"
         return "met" if self.best else "cannot tell" if self.perhaps else "not met"
 
 
@@ -48,9 +56,9 @@ def meets(point, targets):
     """Whether all errors of a point are within the targets.
 
     Returns:
-        True if they are by `CERTAIN` standard errors, False if one is above by as many or the point failed, None if there is no telling.
+        True if they are by `CERTAIN` standard errors, False if one is above by as many or does not apply or the point failed, None if there is no telling.
     """
-    if point["failed"]:
+    if point["failed"] or not targets.keys().isdisjoint(point.get("without", ())):
         return False
     verdicts = [_within(point["errors"].get(measure), target) for measure, target in targets.items()]
     return False if False in verdicts else None if None in verdicts else True
@@ -93,10 +101,21 @@ def nearest(points, targets):
     return (point, factor) if factor < math.inf else None
 
 
+def is_zero(point, measure):
+    """Whether a point's error cannot be told from zero by `CERTAIN` standard errors; not if it is not known."""
+    found = point["errors"].get(measure)
+    return not point["failed"] and found is not None and found["error"] is not None and found["value"] < CERTAIN * found["error"]
+
+
+def resolution(points, measure):
+    """What errors that cannot be told from zero are at most, their median; 0 if there are none.  Which of these is below a smaller target is chance."""
+    return statistics.median([bound(point, measure) for point in points if is_zero(point, measure)] or [0.0])
+
+
 def front(points, measure):
-    """The points that no other one beats in both run time and `bound`, from the fastest: those that are chosen for some target."""
+    """The points that no other one beats in both run time and `bound`, from the fastest: those that are chosen for some target; none of `CHECKS`."""
     found, least = [], math.inf
-    for point in sorted((point for point in points if point["cost"]), key=_by_cost):
+    for point in sorted((point for point in points if point["cost"] and measure not in CHECKS), key=_by_cost):
         if bound(point, measure) < least:
             found.append(point)
             least = bound(point, measure)
@@ -106,8 +125,12 @@ def front(points, measure):
 def ladder(points, measure):
     """Targets over which the choice changes: 1, 2, 5 times powers of ten, or these powers alone.
 
-    From the last one that no point meets for sure to the first one that the fastest point of the `front` meets.
+    From the last one that no point meets for sure to the first one that the fastest point of the `front` meets, without those below the `resolution`.
     """
+    return [rung for rung in _rungs(points, measure) if rung >= resolution(points, measure)]
+
+
+def _rungs(points, measure):
     bounds = [most for most in (bound(point, measure) for point in front(points, measure)) if most > 0]
     if not bounds:
         return []
@@ -120,12 +143,18 @@ def ladder(points, measure):
 
 
 def fastest(points, measures):
-    """For each of the measures, a `Choice` for each rung of its `ladder`: list of (measure, target, `Choice`, that of `ours`)."""
-    return [
-        (measure, target, choose(points, {measure: target}), ours(points, {measure: target}))
-        for measure in measures
-        for target in ladder(points, measure)
-    ]
+    """For each of the measures, a `Choice` for each rung of its `ladder`: list of (measure, target, `Choice`, that of `ours`).
+
+    A target below the `resolution` is there once, without a best point.
+    """
+    found = []
+    for measure in measures:
+        below = [rung for rung in _rungs(points, measure) if rung < resolution(points, measure)]
+        for target in below[-1:]:
+            none = Choice({measure: target}, None, resolved=False)
+            found.append((measure, target, none, none))
+        found += [(measure, target, choose(points, {measure: target}), ours(points, {measure: target})) for target in ladder(points, measure)]
+    return found
 
 
 def _by_cost(point):

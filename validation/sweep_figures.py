@@ -10,9 +10,14 @@ import numpy as np
 from validation.bench_figures import MARKS, MISSED
 from validation.check import CERTAIN
 from validation.figures import PALE, draw_each
-from validation.sweep_choice import bound
+from validation.sweep_choice import bound, is_zero
+from validation.sweep_plan import OURS
 
 MAIN = "energy_sd", "drift", "paper"  # the first of these that a scene has is its main figure
+# what is in all panels; tolerances and mrot have one of their own
+SHOWN = OURS, "matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake-1e-4", "shake-1e-8", "rattle-1e-4"
+VARIED = OURS, "shake", "rattle"  # beginnings of the names in that panel
+TOLD = 0.25  # of a panel's points have to be told from zero, else it shows noise and is left out
 GROUPS = {  # name of the file: (title, measures)
     "energy": ("Energy", ("energy_sd", "drift", "paper")),
     "trajectory": ("Trajectory", ("position", "orientation")),
@@ -48,14 +53,15 @@ def styles(points):
             family = max((start for start in FAMILIES if name.startswith(start)), key=len, default=name)
             colour, marker = FAMILIES[family] if family in FAMILIES else next(spare)
             turn = used[family] = used.get(family, -1) + 1
-            bold = dict(lw=2.2, ms=6.5, zorder=4) if name == "nosquish" else dict(lw=1.2, ms=5, zorder=3)
+            bold = dict(lw=2.2, ms=6.5, zorder=4) if name == OURS else dict(lw=1.2, ms=5, zorder=3)
             found[name] = dict(color=colour, marker=marker, ls=DASHES[turn % len(DASHES)], label=point["label"]) | bold
     return found
 
 
 def _of_scene(name, scene, measures, looks):
-    """Functions for `draw_each`: the main figure and one for each group of measures that some point has."""
-    known = [measure for measure in scene["measures"] if any(_drawn(point, measure) for point in scene["points"])]
+    """Functions for `draw_each`: the main figure, one for each group of measures that some point has, and one of tolerances and mrot."""
+    points = _shown(scene)
+    known = [measure for measure in scene["measures"] if any(_drawn(point, measure) for point in points)]
 
     def named(stem, function, *data):
         def figure():
@@ -69,41 +75,61 @@ def _of_scene(name, scene, measures, looks):
         yield named(name, _main, name, scene, main, measures, looks)
     for group, (title, members) in GROUPS.items():
         shown = [measure for measure in members if measure in known]
-        if shown and shown != [main]:
-            yield named(f"{name}-{group}", _group, name, scene, title, shown, measures, looks)
+        told = [measure for measure in shown if _is_told(points, measure)]
+        if told and told != [main]:
+            yield named(f"{name}-{group}", _group, name, points, title, told, [one for one in shown if one not in told], measures, looks)
+    varied = [point for point in scene["points"] if point["integrator"].startswith(VARIED)]
+    if any(_drawn(point, main) and point["integrator"] not in SHOWN for point in varied):
+        yield named(f"{name}-parameters", _parameters, name, varied, main, measures, looks)
+
+
+def _shown(scene):
+    """Points of the integrators that are `SHOWN`; of all if there are none."""
+    return [point for point in scene["points"] if point["integrator"] in SHOWN] or scene["points"]
+
+
+def _is_told(points, measure):
+    """Whether enough of the points that have a measure can be told from zero."""
+    drawn = [point for point in points if _drawn(point, measure)]
+    return sum(not is_zero(point, measure) for point in drawn) >= TOLD * len(drawn)
 
 
 def _main(name, scene, measure, measures, looks):
-    """One panel, and above it a row with the failures of each integrator that has some."""
-    failures = {key: row for key, row in _by_integrator(scene["points"]).items() if any(point["failed"] for point in row)}
-    height = 0.3 + 0.17 * len(failures)
-    figure, (top, axis) = plt.subplots(
-        2, 1, figsize=(10.5, 5.6 + height), sharex=True, layout="constrained", height_ratios=[height, 5.6], gridspec_kw={"hspace": 0.01},
-    )  # fmt: skip
-    _panel(axis, scene["points"], measure, looks, dts=True)
-    for place, (key, row) in enumerate(failures.items()):
-        for point in row:
-            if point["failed"] and (x := _expected_cost(point, row)):
-                top.plot(x, place, "x", color=MISSED, ms=5)
-        text = f"{looks[key]['label']}, from {next(point['dt'] for point in row if point['failed']):g} fs"
-        top.annotate(text, (1.01, place), xycoords=("axes fraction", "data"), va="center", fontsize=8, color=looks[key]["color"])
-    top.set_ylim(len(failures) - 0.4, -0.8)
-    top.set_visible(bool(failures))
-    top.set_yticks([])
-    top.spines["left"].set_visible(False)
-    top.tick_params(axis="x", which="both", length=0)
-    top.set_title("fails (crash, blow-up or hang)", loc="left", fontsize=9, color=MISSED, pad=2)
+    """A panel, and above it the time steps of each integrator: its good ones, and the shortest that fails."""
+    points = _shown(scene)
+    rows = _by_integrator(points)
+    height = 0.5 + 0.17 * len(rows)
+    figure, (top, axis) = plt.subplots(2, 1, figsize=(10.5, 5.6 + height), layout="constrained", height_ratios=[height, 5.6])
+    _panel(axis, points, measure, looks, dts=True)
+    for place, (key, row) in enumerate(rows.items()):
+        good = [point["dt"] for point in row if not point["failed"]]
+        bad = [point["dt"] for point in row if point["failed"]][:1]
+        top.plot(good, [place] * len(good), "|-", color=looks[key]["color"], ms=4, lw=1)
+        top.plot(bad, [place] * len(bad), "x", color=MISSED, ms=5)
+    top.set_ylim(len(rows) - 0.5, -0.5)
+    top.set_xscale("log")
+    steps = sorted({point["dt"] for point in points})
+    top.set_xticks(steps, [f"{dt:g}" for dt in steps], fontsize=8)
+    top.minorticks_off()
+    top.set_yticks(range(len(rows)), [looks[key]["label"] for key in rows], fontsize=8)
+    top.tick_params(axis="y", length=0)
+    top.set_title("time steps (fs); a cross: fails (crash, blow-up or hang)", loc="left", fontsize=9, pad=3)
     axis.set_xlabel("run time (s per simulated ns)")
     axis.set_ylabel(_axis_title(measures[measure]))
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8.5)
     return figure, (
-        f"{name}: {measures[measure]['title']} against run time, a line for each integrator through its time steps; the numbers are some of "
-        f"these, in fs. {READ} A cross is a step that fails, where it would stand if it cost as much per step as the integrator's longest good one."
+        f"{scene['title']}: {measures[measure]['title']} against run time, a line for each integrator through its time steps; the numbers are some "
+        f"of these, in fs. {READ} Above, each integrator's good steps and the shortest that fails.{_differs(scene)}"
     )
 
 
-def _group(name, scene, title, shown, measures, looks):
-    """A panel for each measure; crosses at the upper edge are failures."""
+def _differs(scene):
+    differs = scene.get("differs")
+    return f" {differs[0].upper()}{differs[1:]}." if differs else ""
+
+
+def _group(name, points, title, shown, noise, measures, looks):
+    """A panel for each measure."""
     columns = min(3, len(shown))
     lines = -(-len(shown) // columns)
     figure, axes = plt.subplots(lines, columns, figsize=(2.4 + 4.2 * max(2, columns), 3.8 * lines), squeeze=False, sharex=True, layout="constrained")
@@ -111,17 +137,32 @@ def _group(name, scene, title, shown, measures, looks):
         axis.set_visible(False)
     handles = {}
     for axis, measure in zip(axes.flat, shown):
-        _panel(axis, scene["points"], measure, looks, dts=False)
-        for row in _by_integrator(scene["points"]).values():
-            places = [_expected_cost(point, row) for point in row if point["failed"]]
-            axis.plot([x for x in places if x], [0.985] * sum(map(bool, places)), "x", color=MISSED, ms=4, transform=axis.get_xaxis_transform())
+        _panel(axis, points, measure, looks, dts=False)
         axis.set_title(textwrap.fill(measures[measure]["title"], 44), loc="left", fontsize=9, fontweight="bold")
         axis.set_ylabel(measures[measure]["unit"])
         axis.set_xlabel("run time (s per simulated ns)")
         axis.tick_params(labelbottom=True)
         handles |= dict(zip(*reversed(axis.get_legend_handles_labels())))
     figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=8.5)
-    return figure, f"{name}, {title.lower()}: errors against run time. {READ} Crosses at the upper edge are steps that fail."
+    left = f" Not drawn, for less than {TOLD:.0%} of the points can be told from zero: {', '.join(noise)}." if noise else ""
+    return figure, f"{name}, {title.lower()}: errors against run time. {READ}{left}"
+
+
+def _parameters(name, points, measure, measures, looks):
+    """Ours with each mrot, and shake and rattle with each tolerance: the error times the square of the run time, which dt does not change if it is ~ dt^2."""
+    scaled = [
+        point | {"errors": {measure: {key: value and value * point["cost"]["min"] ** 2 for key, value in point["errors"][measure].items()}}}
+        for point in points if _drawn(point, measure)
+    ]  # fmt: skip
+    figure, axis = plt.subplots(figsize=(10.5, 5), layout="constrained")
+    _panel(axis, scaled, measure, looks, dts=False)
+    axis.set_xlabel("run time (s per simulated ns)")
+    axis.set_ylabel(textwrap.fill(f"{measures[measure]['title']} × (run time)²", 60))
+    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8.5)
+    return figure, (
+        f"{name}, mrot and tolerances: {measures[measure]['title']} times the square of the run time, which is level where the error goes with the square "
+        f"of the time step. Lower is better at the same run time."
+    )
 
 
 def _panel(axis, points, measure, looks, dts):
@@ -135,7 +176,7 @@ def _panel(axis, points, measure, looks, dts):
         if row:
             reach += _line(axis, row, measure, looks[key], floor)
         if dts:
-            ours = key == "nosquish"
+            ours = key == OURS
             for point in row[0 if ours else -1 :]:
                 below = dict(xytext=(-5, -5), ha="right", va="top", fontweight="bold", fontsize=8.5)
                 style = below if ours else dict(xytext=(5, 4), ha="left", va="bottom", fontsize=7)
@@ -156,7 +197,7 @@ def _line(axis, row, measure, look, floor):
     """One integrator's points, from the shortest step, those that can be told from zero joined; the lowest and highest ends of its whiskers."""
     x, usual = (np.array([point["cost"][key] for point in row]) for key in ("min", "median"))
     y = np.array([max(_height(point, measure), floor) for point in row])
-    limit, hollow = (np.array([test(point, measure) for point in row]) for test in (_is_limit, _is_unknown))
+    limit, hollow = (np.array([test(point, measure) for point in row]) for test in (is_zero, _is_unknown))
     error = np.where(limit, 0.0, [point["errors"][measure]["error"] or 0.0 for point in row])
     down = np.minimum(error, 0.9 * y)
     axis.plot(x, np.where(limit, np.nan, y), **look)
@@ -190,22 +231,9 @@ def _is_unknown(point, measure):
     return point["errors"][measure]["error"] is None
 
 
-def _is_limit(point, measure):
-    """Whether an error cannot be told from zero."""
-    found = point["errors"][measure]
-    return found["error"] is not None and found["value"] < CERTAIN * found["error"]
-
-
 def _height(point, measure):
     """Where a point stands: its error, or what that is at most if it cannot be told from zero."""
-    return bound(point, measure) if _is_limit(point, measure) else point["errors"][measure]["value"]
-
-
-def _expected_cost(point, row):
-    """Run time of a failed point if its steps took as long as those of its integrator's longest good step; None if there is none."""
-    good = [other for other in row if not other["failed"] and other["cost"]]
-    longest = max(good, key=lambda other: other["dt"], default=None)
-    return longest and longest["cost"]["min"] * longest["dt"] / point["dt"]
+    return bound(point, measure) if is_zero(point, measure) else point["errors"][measure]["value"]
 
 
 def _axis_title(measure):

@@ -2,16 +2,15 @@
 
 import csv
 import json
-from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from validation import machine
 from validation.check import CERTAIN, number
 from validation.report import page, save
 from validation.sweep_choice import fastest, front
 from validation.sweep_figures import MAIN, draw
+from validation.sweep_plan import MESH, SAMPLED
 
 PARTS = "min", "median", "max"
 ONE_START = "there is one start, so timings of one process only: how run times scatter among processes is not known, and others may be as fast"
@@ -37,24 +36,34 @@ def write(summary, out):
         figures += drawn
     page("sweep.html", out / "report.html", figures, places=places, summary=summary, ways={name: distinct(rows) for name, rows in ways.items()},
          fronts=_fronts(summary), certain=CERTAIN, named=named, names=names, seconds=seconds, error_of=error_of, over=over, unit_of=unit_of,
-         number=number, one_start=ONE_START, untold=UNTOLD)  # fmt: skip
+         number=number, one_start=ONE_START, untold=UNTOLD, mesh=MESH, least=SAMPLED)  # fmt: skip
 
 
 def gathered(summary, out):
     """The summary of a sweep with the scenes that earlier sweeps of the same code left in the folder ``out``; each keeps when it was ``swept``.
 
     The code is the package, this harness and LAMMPS.  A scene that older code has measured is left out: its runs are still there, for a new sweep of it.
+    Of a scene that was swept twice with the same lengths from the same starts, the sweep that knows more runs stays: one of some points, which knows those
+    of the earlier ones too, and not one that was interrupted before it had come to them.
     """
-    now = {"code": [machine.package_hash(), machine.contents(Path(__file__).parent)], "versions": summary["versions"]}
     swept = {key: summary[key] for key in ("command", "date", "interrupted")}
     scenes, lengths = {name: scene | {"swept": swept} for name, scene in summary["scenes"].items()}, summary["lengths"]
     try:
         earlier = json.loads((out / "summary.json").read_text())
     except (OSError, json.JSONDecodeError):  # none, or cut off
         earlier = {}
-    if all(earlier.get(key) == value for key, value in now.items()):
-        scenes, lengths = earlier["scenes"] | scenes, earlier["lengths"] | lengths
-    return summary | now | {"scenes": scenes, "lengths": lengths}
+    if all(earlier.get(key) == summary[key] for key in ("code", "versions")):
+        kept = [name for name in earlier["scenes"] if name not in scenes or _stays(earlier, summary, name)]
+        scenes, lengths = ({**new, **{name: old[name] for name in kept}} for old, new in ((earlier["scenes"], scenes), (earlier["lengths"], lengths)))
+    return summary | {"scenes": scenes, "lengths": lengths}
+
+
+def _stays(earlier, summary, name):
+    """Whether an earlier summary's scene stays in the place of a new one's."""
+    old, new = ((one["scenes"][name], one["lengths"][name]) for one in (earlier, summary))
+    same = all(old[0][key] == new[0][key] for key in ("begun", "ranks")) and old[1] == new[1]
+    runs, now = (sum(point["starts"] for point in scene["points"]) for scene, _ in (old, new))
+    return same and runs > now or not new[0]["points"] and not new[0]["error"]
 
 
 def named(point):

@@ -187,11 +187,11 @@ def distribution(energies, temperature):
 def equipartition(translation, rotation, moving, turning, temperature):
     """How far the mean kinetic energies of translation and of rotation are from the temperature, in standard deviations.
 
-    By physical_validation, which also looks how many of the samples are independent; the larger distance of the two counts.  The widths are not looked
-    at, which are not canonical where the whole's energy is constant.
+    By physical_validation; the larger distance of the two counts.  The widths are not looked at, which are not canonical where the whole's energy is
+    constant.
 
     Args:
-        translation, rotation: (samples,) kcal/mol of the whole.
+        translation, rotation: (samples,) kcal/mol of the whole, independent ones.
         moving, turning: their degrees of freedom.
         temperature: K.
     """
@@ -200,7 +200,7 @@ def equipartition(translation, rotation, moving, turning, temperature):
     data.system.ndof_per_molecule = [dict(zip(names, (moving + turning, moving, turning, turning, 0)))]
     data.observables.kinetic_energy_per_molecule = [dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)]
     data.trajectory = TrajectoryData(*(np.zeros((len(translation), 2, 3)) for _ in range(2)))  # not looked at, for energies are there
-    found = _quiet(physical_validation.kinetic_energy.equipartition, data, verbosity=0, bootstrap_seed=SEED)
+    found = _quiet(physical_validation.kinetic_energy.equipartition, data, verbosity=0, bootstrap_seed=SEED, data_is_uncorrelated=True)
     _, (translational, _), (rotational, _), *_ = found
     return max(abs(translational), abs(rotational))
 

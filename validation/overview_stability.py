@@ -1,0 +1,99 @@
+"""What the stability atlas says to the report of all verbs: how long a step each integrator bears, and what breaks where."""
+
+import math
+import re
+import textwrap
+
+import numpy as np
+
+from validation.check import number
+from validation.compare import FS_PER_PS
+from validation.overview_pieces import Cell, Figure, Said, Table, sortable
+from validation.stability import COMPARED
+from validation.stability_cases import CASES
+
+OURS = "nosquish"
+WORDS = {True: "yes", False: "no", None: "cannot tell"}
+MATRIX = (
+    "Each case with its bound. Where that is an upper one (≤), a tile has the decimal logarithm of the number with two errors, which is what is "
+    "judged, and < if the number is below these; the paler, the nearer to the bound. Empty: not run."
+)
+PLACES = {name: place for place, name in enumerate(COMPARED)}  # of rows
+
+
+def say(summary):
+    """How long a step each integrator bears, and what breaks where."""
+    cases = summary["cases"]
+    labels = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
+    labels = {name: labels[name] for name in sorted(labels, key=lambda name: PLACES.get(name, len(PLACES)))}
+    unseen = [name for name in CASES if name not in {case["name"] for case in cases}]
+    counts = [(case["name"], len(case["rows"]), len(case["integrators"])) for case in cases]
+    partial = [f"{name} ({there} of {all_})" for name, there, all_ in counts if there < all_]
+    headlines = []
+    for told in summary["summary"]:
+        holds = None if told["holds"] and (unseen or partial) else told["holds"]
+        headlines.append(f"{told['what']}: {WORDS[holds]}" + (f" ({', '.join(told['where'])})" if told["where"] else "") + ".")
+    headlines += [f"Cases that were not run: {', '.join(unseen)}."] * bool(unseen)
+    headlines += [f"Not all integrators have had their turn yet in {', '.join(partial)}."] * bool(partial)
+    rows = [
+        [Cell(case["name"]), Cell(case["physics"]), Cell(case["criterion"]), Cell(_bound(case)), Cell(row["label"]),
+         Cell(number(row["value"], row["error"] or 0.0), sortable(row["value"])), Cell(case["bars"]),
+         Cell(row["verdict"]), Cell(row["note"] or ""), Cell(row["command"])]
+        for case in cases for row in case["rows"]
+    ]  # fmt: skip
+    columns = "case", "physics", "criterion", "bound", "integrator", "value", "± is", "verdict", "note", "command"
+    times = [np.atleast_1d(case["length"])[0] / FS_PER_PS for case in cases if case["unit"] == "fs"]
+    return Said(
+        headlines, [], [Table("Every number", columns, rows)],
+        best=[_longest(cases, labels), Figure("matrix.png", MATRIX), _physics(cases)],
+        extent=f"the limits of the time step are those of {min(times):g} to {max(times):g} ps" if times else "",
+    )  # fmt: skip
+
+
+def _longest(cases, labels):
+    """The longest stable step of each integrator."""
+    limits = [case for case in cases if case["unit"] == "fs"]
+    found = {(case["name"], row["integrator"]): row for case in limits for row in case["rows"]}
+    rows = [[Cell(label), *(_step(found.get((case["name"], name))) for case in limits)] for name, label in labels.items()]
+    bars = {}
+    for case in limits:
+        bars.setdefault(case["bars"], []).append(case["name"])
+    what = "; ".join(f"of {', '.join(names)}: {told}" for told, names in bars.items())
+    columns = "integrator", *(f"{case['name']} ({case['bound']})" for case in limits)
+    return Table(f"Longest stable step, fs, and what it is to be; ± is, {what}", columns, rows)
+
+
+def _step(row):
+    """A longest stable step, in fs: of one without an error, as it was the longest that was tried, what it is at least."""
+    if row is None or row["value"] is None:
+        return Cell("–" if row is None else row["verdict"], math.nan)
+    least = "≥ " if row["value"] and not row["error"] else ""
+    return Cell(least + number(row["value"], row["error"] or 0.0), row["value"], row["verdict"])
+
+
+def _physics(cases):
+    """A line for each case: what happens, and who does not bear it."""
+    rows = []
+    for case in cases:
+        ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
+        bad = [_result(row, case) for row in case["rows"] if row["verdict"] not in ("pass", "cannot run") and row is not ours]
+        rows.append([
+            Cell(case["name"]), Cell(case["physics"]), Cell(f"{case['criterion']} {_bound(case)}"),
+            Cell(_result(ours, case, "") if ours else "not run", verdict=ours["verdict"] if ours else "cannot tell"), Cell("; ".join(bad) or "–"),
+        ])  # fmt: skip
+    return Table("The cases", ("case", "what happens", "number, bound", "ours", "who else does not pass"), rows)
+
+
+def _bound(case):
+    return f"{case['bound']} {case['unit']}".strip()
+
+
+def _result(row, case, name=None):
+    """Who came to what in a case, as text."""
+    name = f"{row['label'] if name is None else name} "
+    if row["value"] is None:
+        why = re.sub(r"ERROR( on proc \d+)?: (Fix \S+ python/move: )?", "", row["note"] or "")  # who says so
+        verb = "cannot run" if row["verdict"] == "cannot run" else "breaks"
+        return f"{name}{verb}: {textwrap.shorten(why, 80, placeholder=' …')}".strip()
+    doubt = " (cannot tell)" if row["verdict"] == "cannot tell" else ""
+    return f"{name}{number(row['value'], row['error'] or 0.0)} {case['unit']}".strip() + doubt

@@ -1,0 +1,123 @@
+"""What a sweep says to the report of all verbs: what to use for each scene, how sure that is, and what it costs."""
+
+import math
+
+from validation import goals, sweep_choice, sweep_figures, sweep_report
+from validation.check import CERTAIN
+from validation.overview_pieces import Cell, Figure, Said, Table, sortable
+from validation.sweep_errors import BOLTZMANN
+from validation.sweep_plan import SWEEPS
+
+FEW = 3  # points that are named
+# An ordinary accuracy: the total energy scatters by this part of the kinetic energy's own scatter at the scene's temperature, kT √(f/2), so that
+# averages do not feel it; and of no drift is it sure that a ns would heat by a tenth.
+ORDINARY, DRIFT = 0.01, 0.1  # of that scatter; kT per ns and degree of freedom
+
+
+def say(summary):
+    """What to use for each scene, and the fastest way to every error."""
+    scenes, measures = summary["scenes"], summary["measures"]
+    points = [point for scene in scenes.values() for point in scene["points"]]
+    ways = [_way(name, scene, measures[way[0]], way) for name, scene in scenes.items()
+            for way in sweep_report.distinct(sweep_choice.fastest(scene["points"], scene["measures"]))]  # fmt: skip
+    failed = sum(bool(point["failed"]) for point in points)
+    broken = [f"{name}: {scene['error']}" for name, scene in scenes.items() if scene.get("error")]
+    missing = [f"{name}: not measured; this adds it: python -m validation sweep {name}." for name in SWEEPS if name not in scenes]
+    columns = "scene", "wanted", "fastest", "wall s per ns, least (median)", "ours / fastest", "how sure"
+    return Said(
+        [*(_advice(name, scene, summary["lengths"].get(name)) for name, scene in scenes.items()), *missing,
+         f"Ordinary accuracy: the total energy's standard deviation is below {100 * ORDINARY:g} % of that of the kinetic energy at that temperature, "
+         f"kT √(f/2), by {CERTAIN:g} standard errors; who drifts, by as many, more than {DRIFT:g} kT per ns and degree of freedom is out; "
+         "for another accuracy: python -m validation advise SCENE --target …"],
+        [f"{len(points)} points (an integrator with a time step), {goals.ranks_of(summary['ranks'])}; {failed} failed.", *broken],
+        [Table("Fastest way to every error", columns, ways), _points(summary)],
+        [Figure(f"{name}.png", f"{scene['title']}. {sweep_figures.READ}") for name, scene in scenes.items()],
+        extent=_swept(summary),
+    )  # fmt: skip
+
+
+def _swept(summary):
+    """How many starts of what length each scene has."""
+    told = []
+    for name, scene in summary["scenes"].items():
+        many = f"{scene['bodies']:,} bodies, {_starts(scene)}"
+        told += [f"{name} {many} of {summary['lengths'][name]['time']:.3g} ps"] if name in summary["lengths"] else []
+    return "; ".join(told)
+
+
+def _starts(scene):
+    return f"{scene['starts']} start{'s' if scene['starts'] > 1 else ''}"
+
+
+def _advice(name, scene, lengths):
+    """Which integrator with which step for an ordinary accuracy, what that costs, and how sure it is."""
+    if not scene["degrees_of_freedom"]:
+        return f"{name}: cannot tell. No run is complete{': ' * bool(scene.get('error'))}{scene.get('error') or ''}."
+    target = float(f"{ORDINARY * BOLTZMANN * SWEEPS[name].temperature * math.sqrt(scene['degrees_of_freedom'] / 2):.2g}")
+    points, targets = [point for point in scene["points"] if sweep_choice.meets(point, {"drift": DRIFT}) is not False], {"energy_sd": target}
+    choice, own = sweep_choice.choose(points, targets), sweep_choice.ours(points, targets)
+    best = choice.best
+    if not best:
+        return f"{name}: {choice.verdict}. No step has for sure a standard deviation of the energy below {target:g} kcal/mol without a drift."
+    drift = f", drift {sweep_report.error_of(best, 'drift')} kT per ns and degree of freedom" if "drift" in best["errors"] else ""
+    drift += f" (no telling whether below {DRIFT:g})" * (sweep_choice.meets(best, {"drift": DRIFT}) is None and bool(drift))
+    told = [f"{name}: use {best['label']} with {best['dt']:g} fs",
+            f"Energy's standard deviation {sweep_report.error_of(best, 'energy_sd')} kcal/mol (wanted below {target:g}){drift}; "
+            f"a ns takes {sweep_report.seconds(best['cost'])} s"]  # fmt: skip
+    length = f" of {lengths['time']:.3g} ps" if lengths else ""
+    told += [f"How sure: {_sure(points, targets, choice, scene)}; {_starts(scene)}{length}" + f": {sweep_report.ONE_START}" * (scene["starts"] < 2)]
+    if own.best and not best["ours"]:
+        told.append(f"Ours: {sweep_report.named(own.best)}, takes {sweep_report.over(own.best, best)} times as long")
+    elif not own.best:
+        told.append(f"Ours: {own.verdict}")
+    return ". ".join(told) + "."
+
+
+def _sure(points, targets, choice, scene):
+    """How sure it is that a choice is the fastest, against what is not ours if it is, whatever its mrot."""
+    best = choice.best
+
+    def rival(point):
+        return point["integrator"] != best["integrator"] and not (point["ours"] and best["ours"])
+
+    others = [one.best for one in sweep_choice.each(points, targets).values() if one.best and rival(one.best)]
+    second = min(others, key=lambda point: point["cost"]["min"], default=None)
+    rivals, maybe = list(filter(rival, choice.ties)), list(filter(rival, choice.perhaps))
+    if rivals:
+        sure = f"a tie with {sweep_report.names(rivals, FEW)}"
+    elif second:
+        longer = second["cost"]["min"] / best["cost"]["min"]
+        sure = f"{'clear' if scene['starts'] > 1 else 'ahead'}, {second['label']} takes {longer:.2f} times as long"
+    else:
+        sure = "nothing else reaches it for sure"
+    return sure + (f"; no telling of {sweep_report.names(maybe, FEW)}" if maybe else "")
+
+
+def _way(scene, data, words, way):
+    """A row: who is the fastest, how long that takes, how much longer ours takes, and how sure that is."""
+    measure, target, choice, own = way
+    title = words["title"].replace("the horizon", f"{SWEEPS[scene].horizon:g} fs")
+    wanted = [Cell(scene), Cell(f"{title} ≤ {target:g} {words['unit']}".strip())]
+    best, ours = choice.best, own.best
+    if not best:
+        return [*wanted, Cell("–"), Cell("–", math.nan), Cell("–", math.nan), Cell(choice.verdict)]
+    ratio = ours["cost"]["min"] / best["cost"]["min"] if ours else math.nan
+    return [*wanted, Cell(sweep_report.named(best)), Cell(sweep_report.seconds(best["cost"]), best["cost"]["min"]),
+            Cell(sweep_report.over(ours, best) if ours else own.verdict, ratio),
+            Cell(_sure(data["points"], {measure: target}, choice, data))]  # fmt: skip
+
+
+def _points(summary):
+    """All points of a sweep."""
+    measures, rows = summary["measures"], []
+    for name, scene in summary["scenes"].items():
+        for point in scene["points"]:
+            cost = point["cost"]
+            rows.append([
+                Cell(name), Cell(point["label"]), Cell(f"{point['dt']:g}", point["dt"]),
+                Cell(sweep_report.seconds(cost), cost["min"] if cost else math.nan),
+                *(Cell(sweep_report.error_of(point, measure), sortable(point["errors"].get(measure))) for measure in measures),
+                Cell(point["failed"] or "ok"), Cell(point["command"]),
+            ])  # fmt: skip
+    titles = (f"{one['title']}{sweep_report.unit_of(one)}" for one in measures.values())
+    return Table("All points", ("scene", "integrator", "Δt, fs", "s per ns", *titles, "status", "command"), rows)
