@@ -241,7 +241,8 @@ def _add_paper(verbs):
         "scheme and LAMMPS's own fixes, draw the paper's figures and check its statements. Writes summary.json, table.csv, claims.csv, series.csv, "
         "figures and a self-contained report.html. Ctrl-C keeps what is computed, and the same command goes on from there. "
         "Parts can run side by side; the command for all of them then takes over what is there.",
-        epilog="Exit status: 0 if all trajectories but Gear's are complete, 1 if one is not, 130 after Ctrl-C.",
+        epilog="Exit status: 0 if all trajectories but Gear's are complete, 1 if one is not, 130 after Ctrl-C. Also 0 where statements do not hold: what is "
+        "judged is the paper's statements, not the code.",
     )
     parser.add_argument("parts", nargs="*", metavar="PART",
                         help="only the trajectory of this name, or those whose names begin so: dimer, water, peptide, force-field, "

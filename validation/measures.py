@@ -7,6 +7,7 @@ the correlation in time of successive samples.
 import numpy as np
 
 BLOCKS = 64  # that a series is cut into for the error of its drift
+FEW_BLOCKS = 12  # for the error of its mean
 WORTH = 2.0  # of one more parameter in -2 log likelihood, by Akaike's criterion
 
 
@@ -28,9 +29,16 @@ def statistical_inefficiency(x):
 
 
 def mean(x):
-    """Mean and its standard error, sd sqrt(g / n), in units of ``x``."""
+    """Mean and its standard error, in units of ``x``.
+
+    The error is the larger one of sd sqrt(g / n) and of what the scatter of the means of `FEW_BLOCKS` equal blocks says.  For the window of g
+    closes behind the first fast decay: a slow part behind it, small in each sample but most of the mean's error, is seen by the blocks only, as far as
+    its correlation time is shorter than a block.  Of noise without a slow part the larger one is too large, by 8 % on average.
+    """
     x = np.asarray(x, float)
-    return x.mean(), x.std(ddof=1) * np.sqrt(statistical_inefficiency(x) / len(x))
+    blocks = [block.mean() for block in np.array_split(x, min(FEW_BLOCKS, len(x)))]
+    errors = x.std(ddof=1) * np.sqrt(statistical_inefficiency(x) / len(x)), np.std(blocks, ddof=1) / np.sqrt(len(blocks))
+    return x.mean(), max(errors)
 
 
 def standard_deviation(x):
