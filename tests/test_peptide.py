@@ -4,6 +4,7 @@ import gzip
 import json
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import mdtraj
@@ -11,7 +12,14 @@ import numpy as np
 import pytest
 from conftest import BIN
 
-FOLDER = Path(__file__).resolve().parent.parent / "inputs" / "peptide"
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
+
+from validation import paper_peptide  # noqa: E402
+from validation.scenes import SCENES  # noqa: E402
+
+FOLDER = ROOT / "inputs" / "peptide"
 ELEMENTS = {1: "H", 12: "C", 14: "N", 16: "O"}
 # rigid groups of each residue within a peptide
 GROUPS = {
@@ -63,6 +71,19 @@ def test_energies_are_gromacs(tmp_path):
     assert len(theirs) == 9
     for name, value in theirs.items():
         assert ours[name] == pytest.approx(value, rel=1e-7), name
+
+
+@pytest.mark.parametrize("name", ["water", "peptide"])
+def test_mesh_is_as_fine_as_a_scene_says(name):
+    """Locks out a scene on another mesh than its input's, and a variant of the mesh that has no effect: the accuracy that LAMMPS
+    itself estimates."""
+    scenes = {"1e-5": SCENES[name]} | {one: paper_peptide.force_fields((one,))[f"mesh {one}"](SCENES[name]) for one in ("1e-4", "1e-6")}
+    for wanted, scene in scenes.items():
+        done = subprocess.run([str(BIN / "lmp"), "-log", "none"], cwd=scene.folder, input="\n".join([*scene.setup, "run 0", ""]),
+                              capture_output=True, text=True, timeout=100)  # fmt: skip
+        assert done.returncode == 0, done.stdout
+        found = float(re.search(r"estimated relative force accuracy = (\S+)", done.stdout)[1])
+        assert 0.5 < found / float(wanted) < 1.5
 
 
 def test_bodies_are_the_residues_groups(data, atoms, names):

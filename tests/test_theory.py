@@ -209,15 +209,21 @@ def test_a_lossy_rotation_is_found(monkeypatch):
 
 
 def test_reversal(monkeypatch, tmp_path):
-    """Locks out a reversal that does not come back, one that has not gone anywhere, and equations in Python that are not
-    the fixes'."""
-    names = {"NVE", "MatubayasiNakahara", "rigid/nve", "rigid"}
-    some = [(one, tolerance) for one, tolerance in theory_reversal.INTEGRATORS if one.name in names]
+    """Locks out a reversal that does not come back, or does where it must not (shake and rattle before convergence, Gear), one that
+    has not gone anywhere, and equations in Python that are not the fixes'."""
+    free, tolerances = ("NVE", "MatubayasiNakahara", "Gear", "rigid/nve", "rigid"), ("1e-4", "1e-12")
+    some = [(one, tolerance) for one, tolerance in theory_reversal.INTEGRATORS if one.name in free or tolerance in map(float, tolerances)]
     monkeypatch.setattr(theory_reversal, "INTEGRATORS", some)
-    monkeypatch.setattr(theory_reversal, "STEPS", (10, 1000))
+    monkeypatch.setattr(theory_reversal, "TOLERANCES", tolerances)
+    monkeypatch.setattr(theory_reversal, "STEPS", (theory_reversal.COMPARED, theory.REVERSED))
     checks, data, _ = theory.theory(["reversal"], tmp_path, Silent())
     assert [check for check in checks if not check.holds] == []
-    assert len(checks) == len(some) + sum(one.name in ("NVE", "MatubayasiNakahara") for one, _ in some)
+    assert len(checks) == len(free) + 2 * 3 + 2  # three of shake and rattle each, and the equations of two schemes
+    left = {(row["name"], row["tolerance"]): row["distance"][-1] for row in data["reversal"]["runs"]}
+    for key in ("Gear", None), ("rigid", None), ("shake", 1e-4), ("rattle", 1e-4):
+        assert left.pop(key) > 1e-8, f"{key} is reversible"
+    assert set(left) == {(name, None) for name in ("NVE", "MatubayasiNakahara", "rigid/nve")} | {(style, 1e-12) for style in ("shake", "rattle")}
+    assert max(left.values()) < 1e-10
     for row in data["reversal"]["runs"]:
         assert min(row["moved"]) > 0.1, "the dimer was not moved"
 
@@ -231,6 +237,7 @@ def test_command(tmp_path):
     rows = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert {check["part"] for check in checks} == {"mrot", "symplectic"}
     assert [float(row["value"]) for row in rows] == [check["value"] for check in checks]
+    assert [row["error"] and float(row["error"]) for row in rows] == [check["error"] or "" for check in checks]
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 2 and 'src="http' not in page and "href=" not in page
     assert page.count('class="holds"') == len(checks)

@@ -17,7 +17,7 @@ from validation.machine import contents, package_hash
 from validation.scenes import SCENES
 
 OURS = "nosquish"
-KSPACE = "variable kspace_accuracy index 1e-4"  # a usual mesh: here accuracy of the energy does not matter
+KSPACE = "variable kspace_accuracy index 1e-4"  # a usual mesh, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
 KIB_PER_MIB = 1024
 
@@ -142,9 +142,7 @@ class ScenePoint:
     def _start(self, folder):
         """The scene of this size; builds its data file if there is none yet."""
         sized = starts.of_size(SCENES[self.scene], self.bodies, folder / "starts")
-        if any("kspace" in line for line in sized.setup):
-            sized = replace(sized, setup=(KSPACE, *sized.setup))
-        return sized
+        return replace(sized, setup=(KSPACE, *sized.setup))
 
     def _row(self, one, scene, found, error, counts, atoms, interrupted):
         """All numbers of one integrator; those that could not be measured are not there."""

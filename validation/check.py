@@ -22,7 +22,7 @@ class Check:
         subject: whose number it is.
         what: the number, in words.
         value: measured; None if it could not be.
-        error: its standard error.
+        error: its standard error; 0 for a number that has none, as one that is computed, not sampled.
         low, high: bounds; None for none.
         unit: of all of these.
         note: what else there is to say, as why there is no value.
@@ -84,11 +84,11 @@ def bound(check):
 
 
 def write(checks, path):
-    """Write checks, of `Check.plain`, to a CSV file."""
+    """Write checks, of `Check.plain`, to a CSV file; where there is no error its cell is empty."""
     with open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(checks)
+        writer.writerows(one | {"error": one["error"] or None} for one in checks)
 
 
 def show(console, checks, titles):

@@ -69,12 +69,8 @@ def force_fields(accuracies):
         accuracies: of the mesh, beside the scene's own.
     """
 
-    def mesh(accuracy):
-        def change(scene):
-            start = "variable kspace_accuracy "
-            return replace(scene, setup=tuple(f"{start}index {accuracy}" if line.startswith(start) else line for line in scene.setup))
-
-        return change
+    def mesh(accuracy):  # of two definitions of a variable of style index the first is kept
+        return lambda scene: replace(scene, setup=(f"variable kspace_accuracy index {accuracy}", *scene.setup))
 
     def added(line):
         return lambda scene: replace(scene, setup=(*scene.setup, line))

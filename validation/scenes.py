@@ -98,8 +98,6 @@ SCENES = {
                 "units real",
                 "atom_style full",
                 "read_data data.water",
-                # the mesh's own error in the energy must not hide the integrator's
-                "variable kspace_accuracy index 1e-5",
                 "include forcefield.water",
                 "group water type 1 2",
             ),
@@ -118,7 +116,6 @@ SCENES = {
             setup=(
                 "units real",
                 "atom_style full",
-                "variable kspace_accuracy index 1e-5",
                 "include forcefield.peptide",
                 "read_data data.peptide.gz",
                 "group rigid molecule > 0",

@@ -77,12 +77,15 @@ def symplectic(data):
         left.loglog(found["dt_fs"], np.maximum(found["defect"][name], LEAST), "o-", color=colour, label=f"{name}: |J g⁻¹ Jᵀ − g⁻¹|")
         left.loglog(found["dt_fs"], np.maximum(found["volume"][name], LEAST), "x", color=colour, ls=":", label=f"{name}: |det J − 1|")
     left.set_xlabel("Δt (fs)")
-    right.loglog(found["tolerance"], found["shake"], "o-", color=THIRD, label="SHAKE/RATTLE: |Jᵀ g J − g|")
+    right.loglog(found["tolerance"], found["shake"], "o-", color=THIRD, label="SHAKE/RATTLE in Python: |Jᵀ g J − g|")
     right.invert_xaxis()
     right.set_xlabel("tolerance")
     for axis in left, right:
         axis.legend(frameon=False, fontsize=8)
-    return figure, "One step of the dimer. Left: the symplectic property (2.42), and the volume of phase space. Right: the former, of rigid atoms."
+    return figure, (
+        "One step of the dimer. Left: the symplectic property (2.42), and the volume of phase space. Right: the former, of atoms whose distances "
+        "a model of SHAKE and RATTLE in Python keeps."
+    )
 
 
 def conserved(data):

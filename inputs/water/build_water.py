@@ -38,6 +38,7 @@ MOLECULES_PER_SIDE = 10
 MOLECULES = MOLECULES_PER_SIDE**3
 TEMPERATURE = 295.0  # K
 DENSITY = 1.0  # g/cm^3
+ACCURACY = 1e-4  # of the mesh, coarser than the force field's own: a heat bath takes up what it does to the energy
 AVOGADRO = 0.602214076  # 1e24/mol: g/mol per cubic Angstrom to g/cm^3
 
 MASS = np.array([15.9994, 1.008, 1.008])
@@ -147,6 +148,7 @@ def load(lmp, path):
         units real
         atom_style full
         read_data {path}
+        variable kspace_accuracy index {ACCURACY}
         include {HERE / "forcefield.water"}
         thermo_style custom step temp pe etotal press density
         thermo 1000
