@@ -9,7 +9,7 @@ earlier calls have left in the folder, if they are of the same code and input.
 import hashlib
 import json
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from validation import bandwidth, counting, goals, lammps_log, machine, measures, passes, rounds, run, starts, startup
 from validation.integrators import BENCHMARKED, FREE
@@ -17,7 +17,7 @@ from validation.machine import contents, package_hash
 from validation.scenes import SCENES
 
 OURS = "nosquish"
-KSPACE = "variable kspace_accuracy index 1e-4"  # a usual mesh, where there is one: here accuracy of the energy does not matter
+MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
 KIB_PER_MIB = 1024
 
@@ -68,7 +68,7 @@ class ScenePoint:
     def input(self):
         """What is measured, plain data; by whom and how often is in `origin`."""
         scene = SCENES[self.scene]
-        return [contents(scene.folder), scene.setup, scene.others, scene.dt, KSPACE, COUNTED, rounds.SETUPS, rounds.SEGMENTS, rounds.LEAST]
+        return [contents(scene.folder), scene.setup, scene.others, scene.dt, MESH, COUNTED, rounds.SETUPS, rounds.SEGMENTS, rounds.LEAST]
 
     def origin(self):
         """All that the result follows from, beside the package: plain data."""
@@ -141,8 +141,7 @@ class ScenePoint:
 
     def _start(self, folder):
         """The scene of this size; builds its data file if there is none yet."""
-        sized = starts.of_size(SCENES[self.scene], self.bodies, folder / "starts")
-        return replace(sized, setup=(KSPACE, *sized.setup))
+        return starts.of_size(SCENES[self.scene], self.bodies, folder / "starts").on_mesh(MESH)
 
     def _row(self, one, scene, found, error, counts, atoms, interrupted):
         """All numbers of one integrator; those that could not be measured are not there."""

@@ -4,6 +4,7 @@ import gzip
 import re
 import warnings
 from dataclasses import replace
+from operator import methodcaller
 from pathlib import Path
 
 import mdtraj
@@ -69,15 +70,12 @@ def force_fields(accuracies):
         accuracies: of the mesh, beside the scene's own.
     """
 
-    def mesh(accuracy):  # of two definitions of a variable of style index the first is kept
-        return lambda scene: replace(scene, setup=(f"variable kspace_accuracy index {accuracy}", *scene.setup))
-
     def added(line):
         return lambda scene: replace(scene, setup=(*scene.setup, line))
 
     return {
         "as it is": lambda scene: scene,
-        **{f"mesh {accuracy}": mesh(accuracy) for accuracy in accuracies},
+        **{f"mesh {accuracy}": methodcaller("on_mesh", accuracy) for accuracy in accuracies},
         "neighbour list each step": added("neigh_modify every 1 delay 0 check no"),
         "switch 10-12": added("pair_style lj/charmm/coul/long 10.0 12.0"),
     }

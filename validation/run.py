@@ -138,7 +138,7 @@ def run(job, on_step=lambda step: None, environment=()):
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / "job.json"
     path.write_text(json.dumps(asdict(job), indent=1))
-    why = None
+    interrupted = False
     with open(directory / "output.txt", "w") as output:
         process = subprocess.Popen(
             [mpirun(), "-np", str(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
@@ -150,16 +150,14 @@ def run(job, on_step=lambda step: None, environment=()):
         )
         try:
             if _watch(process, directory / "log.lammps", job.silence, on_step):
-                why = f"no sign of life for {job.silence:g} s, ended"
-                (directory / "error.txt").write_text(why)
+                (directory / "error.txt").write_text(f"no sign of life for {job.silence:g} s, ended")
         except KeyboardInterrupt:
-            why = INTERRUPTED
+            interrupted = True
         finally:
             end(process)
     result = collect(directory)
-    if result.error:
-        result.error = why or result.error
-        result.interrupted = why == INTERRUPTED
+    if result.error and interrupted:
+        result.error, result.interrupted = INTERRUPTED, True
     return result
 
 

@@ -52,6 +52,10 @@ class Scene:
     subject: str | None = None
     ghost_cutoff: float | None = None
 
+    def on_mesh(self, accuracy):
+        """The scene with another accuracy of its PPPM; without effect on one that has none."""
+        return replace(self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup))  # of two definitions LAMMPS keeps the first
+
     def is_whole_copies(self, bodies):
         """Whether so many bodies are ``unit`` copied to a block that is at most twice as long as wide."""
         return bodies % self.unit == 0 and _block(bodies // self.unit) is not None

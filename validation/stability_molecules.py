@@ -124,7 +124,7 @@ def changes(stand, scene, label, dts, time, allowed, **how):
 
 def coarse(scene):
     """The scene with a coarser mesh, which stability does not ask for."""
-    return replace(scene, setup=("variable kspace_accuracy index 1e-4", *scene.setup))  # the first definition is kept
+    return scene.on_mesh("1e-4")
 
 
 def water(stand):

@@ -127,7 +127,8 @@ def ladder(points, measure):
 
     From the last one that no point meets for sure to the first one that the fastest point of the `front` meets, without those below the `resolution`.
     """
-    return [rung for rung in _rungs(points, measure) if rung >= resolution(points, measure)]
+    least = resolution(points, measure)
+    return [rung for rung in _rungs(points, measure) if rung >= least]
 
 
 def _rungs(points, measure):
@@ -149,11 +150,12 @@ def fastest(points, measures):
     """
     found = []
     for measure in measures:
-        below = [rung for rung in _rungs(points, measure) if rung < resolution(points, measure)]
+        resolved = ladder(points, measure)
+        below = [rung for rung in _rungs(points, measure) if rung not in resolved]
         for target in below[-1:]:
             none = Choice({measure: target}, None, resolved=False)
             found.append((measure, target, none, none))
-        found += [(measure, target, choose(points, {measure: target}), ours(points, {measure: target})) for target in ladder(points, measure)]
+        found += [(measure, target, choose(points, {measure: target}), ours(points, {measure: target})) for target in resolved]
     return found
 
 

@@ -11,11 +11,10 @@ from validation.bench_figures import MARKS, MISSED
 from validation.check import CERTAIN
 from validation.figures import PALE, draw_each
 from validation.sweep_choice import bound, is_zero
-from validation.sweep_plan import OURS
+from validation.sweep_plan import OURS, SHORT
 
 MAIN = "energy_sd", "drift", "paper"  # the first of these that a scene has is its main figure
-# what is in all panels; tolerances and mrot have one of their own
-SHOWN = OURS, "matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake-1e-4", "shake-1e-8", "rattle-1e-4"
+SHOWN = SHORT  # in all panels; tolerances and mrot have one of their own
 VARIED = OURS, "shake", "rattle"  # beginnings of the names in that panel
 TOLD = 0.25  # of a panel's points have to be told from zero, else it shows noise and is left out
 GROUPS = {  # name of the file: (title, measures)

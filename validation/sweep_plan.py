@@ -96,18 +96,15 @@ class Sweep:
         return self.bodies > 100
 
 
-
 def _on_mesh(scene):
     """The scene with PPPM of the accuracy `MESH`."""
-    name = f"mesh {MESH}"
-    scene = paper_peptide.force_fields((MESH,))[name](scene)
-    return replace(scene, title=f"{scene.title}, PPPM {MESH}", subject=scene.subject and f"{scene.subject}, PPPM {MESH}")
+    return replace(scene.on_mesh(MESH), title=f"{scene.title}, PPPM {MESH}", subject=scene.subject and f"{scene.subject}, PPPM {MESH}")
 
 
 SWEEPS = {
     "dimer": Sweep(
         ALL["dimer"], (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.5, 2.0, 3.0, 4.0), (0.2, 0.4, 0.8, 2.0, 4.0), 4, 2, (*COMMON, *HELD, "convergence"),
-        bodies=2, horizon=60.0, fine=0.1, apart=60.0, sampled=6.0, least=100.0, law=0.6, seconds=2e-6, startup=0.8,
+        bodies=ALL["dimer"].unit, horizon=60.0, fine=0.1, apart=60.0, sampled=6.0, least=100.0, law=0.6, seconds=2e-6, startup=0.8,
         temperature=paper.TEMPERATURE["dimer"],
     ),
     "water": Sweep(
@@ -119,7 +116,7 @@ SWEEPS = {
     "peptide": Sweep(
         _on_mesh(paper_peptide.scene()), (0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.5, 10.0), (1.0, 2.0, 4.0, 7.5), 2, 1,
         (*COMMON, "pressure", "helix", *HELD, *PHYSICAL),
-        bodies=1493, horizon=60.0, fine=1.0, apart=2.0, sampled=5.0, least=1.0, law=4.0, seconds=40e-3, startup=2.0,
+        bodies=ALL["peptide"].unit, horizon=60.0, fine=1.0, apart=2.0, sampled=5.0, least=1.0, law=4.0, seconds=40e-3, startup=2.0,
         temperature=paper.TEMPERATURE["peptide"],
         differs="shake and rattle leave the H-X-H angles of CH3 and NH3 free, so they move another model: their trajectories and averages are not held "
         "against those of rigid groups",
