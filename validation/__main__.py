@@ -294,7 +294,7 @@ def _add_published(verbs):
         "keeps what is computed, and the same command goes on from there.",
         epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C.",
     )
-    parser.add_argument("--time", type=_positive, default=12.0, metavar="PS", help="length of each trajectory (default %(default)g)")
+    parser.add_argument("--time", type=_positive, default=48.0, metavar="PS", help="length of each trajectory (default %(default)g)")
     parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of each run (default %(default)s)")
     _add_silence(parser, 120.0)
     parser.add_argument("--out", type=Path, default=Path("results/published"), metavar="DIR", help="output folder (default %(default)s)")
@@ -320,8 +320,8 @@ def _add_report(verbs):
     parser = verbs.add_parser(
         "report",
         help="all results on one page, to mail",
-        description="Gather what sweep, stability, bench, theory, paper, compare, long and scaling have left into one self-contained HTML page: what is best "
-        "for which scene, what breaks where, what it costs. Results that are not in the folder are taken from those committed in validation/results.",
+        description="Gather what sweep, stability, bench, theory, paper, published, compare, long and scaling have left into one self-contained HTML page: "
+        "what is best for which scene, what breaks where, what it costs. Results that are not in the folder are taken from those committed in validation/results.",
         epilog="Exit status: 0 if the page is written, 130 after a Ctrl-C in the runs of --short, which writes the page of what there is.",
     )
     parser.add_argument("--results", type=Path, default=Path("results"), metavar="DIR", help="folder of the results' folders (default %(default)s)")
