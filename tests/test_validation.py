@@ -277,6 +277,14 @@ def test_a_hung_run_is_given_up_with_all_its_ranks(scene, tmp_path):
     assert marker not in left, "a rank outlived its run"
 
 
+def test_a_run_that_was_stopped_is_not_hung(tmp_path, monkeypatch):
+    """Locks out a run given up because it and the harness were stopped for longer than a hung run may be silent."""
+    process = subprocess.Popen(["sleep", "1.5"])
+    sleep = time.sleep
+    monkeypatch.setattr(run.time, "sleep", lambda seconds: sleep(seconds + 0.5))  # as if stopped between two looks
+    assert not run._watch(process, tmp_path / "log", 1.0, print)
+
+
 @pytest.mark.timeout(60)
 def test_a_crash_is_a_result(scene, tmp_path, monkeypatch):
     """Locks out a rank killed by the system that takes the comparison with it."""

@@ -20,6 +20,7 @@ from validation import lammps_log
 
 WORKER = Path(__file__).with_name("worker.py")
 THERMO = "thermo_style custom step time temp press pe ke etotal"
+LOOK = 0.2  # s between two looks at a running job
 GRACE = 5.0  # s that processes have to end after SIGTERM
 
 
@@ -218,20 +219,25 @@ def collect(directory):
 
 
 def _watch(process, log, silence, on_step):
-    """Wait for the end; True if it was given up as hung."""
-    size, heard = 0, time.monotonic()
+    """Wait for the end; True if it was given up as hung.
+
+    Looks are counted, not the clock's time: a run that was stopped together with this process is not hung when both go on.
+    """
+    size, quiet = 0, 0.0
     while process.poll() is None:
-        time.sleep(0.2)
+        time.sleep(LOOK)
         now = log.stat().st_size if log.exists() else 0
         if now != size:
             with open(log, "rb") as file:
                 file.seek(max(0, now - 400))
                 last = re.findall(rb"^ *(\d+) .*\n", file.read(), re.M)
-            size, heard = now, time.monotonic()
+            size, quiet = now, 0.0
             if last:
                 on_step(int(last[-1]))
-        elif time.monotonic() - heard > silence:
-            return True
+        else:
+            quiet += LOOK
+            if quiet > silence:
+                return True
     return False
 
 
