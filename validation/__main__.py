@@ -335,7 +335,7 @@ def _report(arguments):
     from validation import console, overview_report  # heavy: not for --help
 
     screen, out, interrupted = console.console(), arguments.out or arguments.results / "report.html", False
-    for verb in ("sweep", "stability") if arguments.short else ():
+    for verb in overview_report.SHORT if arguments.short else ():
         if not interrupted and not overview_report.has(arguments.results, verb):
             interrupted = overview_report.run_short(verb, arguments.results / f"{verb}-short")
     out.parent.mkdir(parents=True, exist_ok=True)

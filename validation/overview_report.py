@@ -15,6 +15,7 @@ from validation.report import page
 
 WIDEST, COLOURS = 1400, 256  # of a figure: pixels; lines and text need no more, and a PNG's palette has no more
 INTERRUPTED = 130  # exit status of a verb after a Ctrl-C
+SHORT = {"sweep": ("--ranks", "2"), "stability": ()}  # what --short runs, on two cores
 COMMITTED = Path(__file__).parent / "results"
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -162,7 +163,7 @@ def run_short(verb, out):
 
     It has a session of its own: a Ctrl-C comes here, and is passed on once.
     """
-    command = [sys.executable, "-m", "validation", verb, "--short", "--out", str(out.resolve())]
+    command = [sys.executable, "-m", "validation", verb, "--short", *SHORT[verb], "--out", str(out.resolve())]
     process = subprocess.Popen(command, cwd=ROOT, start_new_session=True)
     try:
         process.wait()
