@@ -196,6 +196,20 @@ class Bodies:
         self._find_images(lammps)
         host.keep_box()
 
+    def ids_of_atoms(self, lammps):
+        """Which body each of LAMMPS's atoms here is in, when a host has pointed the cells at them.
+
+        Returns:
+            (natoms,) int64, the bodies' IDs; (natoms,) bool, which atoms are in one.
+        """
+        origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
+        here, came = origins >= 0, origins < -1
+        here &= places(origins) < len(self.body)
+        ids = np.zeros(len(origins), np.int64)
+        ids[here] = self.id[self.body[places(origins[here])]]
+        ids[came] = arrived[-2 - origins[came], kernels.OF_BODY + kernels.ID]
+        return ids, here | came
+
     def _make_room_for(self, atoms, arrived):
         bodies, entries = len(self) + arrived, 4 << (2 * (len(self.sharers.bodies) + arrived)).bit_length()
         if self._world.size > 1:  # on one rank there are always as many

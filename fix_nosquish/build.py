@@ -3,7 +3,7 @@
 import numpy as np
 
 from . import compiled, infile, spheres
-from .bodies import HOME, ID, IMAGE, LOAD, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
+from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
 from .errors import RunError
 from .sharing import Sharers
 
@@ -92,7 +92,6 @@ def build(lammps, world, membership, path=None, more_rows=0):
     sharers.combine(state)
     d = np.empty((4, len(atoms)))
     d[:3], d[3] = np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag
-    state[LOAD] = np.nan  # no force is known yet
     has_spheres = world.any(radius is not None and radius.any())
     if has_spheres:
         compiled.load(world, spheres.__name__)

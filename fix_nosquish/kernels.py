@@ -354,6 +354,7 @@ def gather_block(scratch, bodies, begin, end, rounds, index, d, atom_f):
 # ---------------------------------------------------------------- the passes of a step
 
 ALL, WHOLE, DIVIDED = range(3)  # parts of the bodies
+GATHERS, KEEPS = 1, 2  # force and torque; and writes them to the bodies' state
 
 
 @inlined
@@ -372,6 +373,8 @@ def advance_by(
         if gathers and blocks[k, 2]:
             rotation_matrices(scratch)
             wrong += gather_block(scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f)
+            if gathers == KEEPS:
+                put(scratch, state, begin, end, FORCE, TORQUE + 3, FORCE)
         else:
             take(scratch, state, begin, end, FORCE, TORQUE + 3)
         for _ in range(kicks):
@@ -400,8 +403,8 @@ def advance(
     """So many half kicks (dtf), drift and free rotation by dt, the atoms' new positions.
 
     Bodies [0, rotors) have three moments, [rotors, extended) are linear, the rest are points.  If it gathers, force and
-    torque of bodies that are whole here are what `gather` would find, and are not kept: with two kicks, the last of one step
-    and the first of the next, a whole step is one pass for them.
+    torque of bodies that are whole here are what `gather` would find: with two kicks, the last of one step
+    and the first of the next, a whole step is one pass for them.  They go no further, unless it KEEPS them.
 
     It does this to the bodies of one part, ALL, WHOLE here or DIVIDED between ranks: if to these two, in this order.
 

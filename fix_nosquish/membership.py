@@ -9,18 +9,24 @@ class Membership:
     """Which body each of this rank's atoms belongs to, as the fix line says it.
 
     Args:
-        lammps: the `Lammps`.  command: the `Command`.
+        lammps: the `Lammps`.  world: the `World` or `Alone`.  command: the `Command`.
+
+    Attributes:
+        variable: name of the atom-style variable that tells bodies apart, if one does.
+        before: (natoms,) int64 and bool: the IDs of the bodies that the atoms were in, and which atoms were in one; None: none was.
     """
 
-    def __init__(self, lammps, command):
-        self.lammps, self.command = lammps, command
+    before = None
+
+    def __init__(self, lammps, world, command):
+        self.lammps, self.world, self.command = lammps, world, command
         for group in (command.group, *(command.arguments if command.style == "group" else ())):
             if not lammps.has("group", group):
                 raise RunError(f"there is no group '{group}': define it before the fix", everywhere=True)
-        if command.style == "custom":
-            name = command.arguments[0]
-            if name[0] == "v" and not lammps.has("variable", name[2:]):
-                raise RunError(f"there is no variable '{name[2:]}' (custom {name}): define it before the fix", everywhere=True)
+        custom = command.arguments[0] if command.style == "custom" else ""
+        self.variable = custom[2:] if custom[:1] == "v" else None
+        if self.variable and not lammps.has("variable", self.variable):
+            raise RunError(f"there is no variable '{self.variable}' (custom {custom}): define it before the fix", everywhere=True)
         self.bit = lammps.group_bit(command.group)
         self.bits = [lammps.group_bit(g) for g in command.arguments] if command.style == "group" else [self.bit]
         # an atom is in a body if its groups have some bit of both
@@ -39,11 +45,8 @@ class Membership:
         if style == "molecule":
             values = self.lammps.per_atom("molecule", self.lammps.tagint)
             what = "molecule-IDs, which this atom style does not have: use atom_style molecular or full, or another body style"
-        elif style == "custom" and arguments[0][0] == "v":
-            values = np.trunc(self.lammps.variable(arguments[0][2:], self.command.group))
-            if not np.isfinite(values[atoms]).all():
-                raise RunError(f"variable {arguments[0][2:]} is not finite for every atom of the group, so it cannot tell bodies apart")
-            what = "an atom-style variable"
+        elif self.variable:
+            return self._by_variable(atoms)
         elif style == "custom":
             values = self.lammps.per_atom(arguments[0], np.int32)
             what = f"{arguments[0]}: define it with fix property/atom before the fix"
@@ -58,6 +61,16 @@ class Membership:
         if values is None:
             raise RunError(f"body style {style} needs {what}")
         return values[atoms].astype(np.int64)
+
+    def _by_variable(self, atoms):
+        """As `bodies`: an atom that was in a body stays in it, because the variable may be of what moves, as fix rigid reads it once only."""
+        ids, known = (of_all[atoms] for of_all in self.before) if self.before else (np.zeros(len(atoms), np.int64), np.zeros(len(atoms), bool))
+        if self.world.any(not known.all()):
+            values = np.trunc(self.lammps.variable(self.variable, self.command.group))[atoms]
+            if not np.isfinite(values[~known]).all():
+                raise RunError(f"variable {self.variable} is not finite for every atom of the group, so it cannot tell bodies apart")
+            ids = np.where(known, ids, np.where(known, 0, values).astype(np.int64))
+        return ids
 
     def name(self, body):
         """How a user would name a body."""

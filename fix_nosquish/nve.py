@@ -43,12 +43,12 @@ class Loops:
 
     Attributes:
         cells: all that these loops take: beside the above dt, the time step; dtf, what takes a force to half a step's momentum; and
-            kicks, how many of these begin a step.
+            kicks, how many of these begin a step; gathers, whether a `step` KEEPS force and torque, for who asks between its end and the next.
     """
 
     def __init__(self, advance, cells, mrot):
         self._advance = advance
-        self.cells = cells | {"dt": Cell(F), "dtf": Cell(F), "kicks": Cell(I), "mrot": Cell(I, mrot)}
+        self.cells = cells | {"dt": Cell(F), "dtf": Cell(F), "kicks": Cell(I), "gathers": Cell(I), "mrot": Cell(I, mrot)}
 
     @cached_property
     def advance(self):
@@ -69,7 +69,7 @@ class Loops:
         return [self._step(part) for part in (kernels.WHOLE, kernels.DIVIDED)]
 
     def _step(self, part):
-        return self._advance.bind_to(self.cells, gathers=True, kicks=2, part=part)
+        return self._advance.bind_to(self.cells, kicks=2, part=part)
 
     @cached_property
     def gather(self):
@@ -145,7 +145,7 @@ class NVE(Reports):
             more.append(lookup.__name__)
         compiled.load(self.world, kernels.__name__, *(kind.__module__ for kind in type(self).__mro__), *more)
         self.command = Command.parse(words)
-        self.membership = Membership(self.lammps, self.command)
+        self.membership = Membership(self.lammps, self.world, self.command)
         self._infile = self.command.infile and self.lammps.text(self.command.infile)
         self.restart_file = self._infile is not None
         self._all.add(self)
@@ -181,7 +181,7 @@ class NVE(Reports):
         self.host.waiting = False
         self._known = {}
         self.host.set_bodies(None, None)  # the atoms are not those of the last run
-        self.membership = Membership(self.lammps, self.command)  # nor are the groups: deleted ones leave their bits to others
+        self.membership = Membership(self.lammps, self.world, self.command)  # nor are the groups: deleted ones leave their bits to others
         ours = {mate.host.fix_id for mate in self._mates}
         fixes = [fix for fix in self.host.fixes() if fix.id not in ours]
         self.late = [fix for fix in fixes if fix.end_of_step and not fix.style.startswith(_READERS)]
@@ -205,6 +205,7 @@ class NVE(Reports):
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.load.copy())
+        self._keep_members()
         if self.host and self.bodies is not None:
             self.host.carry(None, None)
         self.bodies = self._loops = None  # there may be no room for both
@@ -218,6 +219,12 @@ class NVE(Reports):
         self.host.note()
         self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
+
+    def _keep_members(self):
+        """Have a variable tell those atoms' bodies only that are in none; LAMMPS's own fix cannot know which these are."""
+        if self.membership.variable and self.bodies is not None and not isinstance(self.host, OwnFix):
+            self.host.point(self.lammps.cells)
+            self.membership.before = self.bodies.ids_of_atoms(self.lammps)
 
     def _refuse_second_integrator(self, fixes):
         problem = None
@@ -243,6 +250,7 @@ class NVE(Reports):
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
         self._gather()
+        self._known = {}
         if self._ran and not self.command.reinit:
             self._say_ignored("reinit no")
             self._set_velocities()
@@ -288,7 +296,7 @@ class NVE(Reports):
     @hook
     def post_neighbor(self):
         """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
-        self._refuse_new_box()
+        self._refuse_new_box(self.lammps.box.periodic)
         bodies = self.bodies
         bodies.follow(self.lammps, self.membership, self.host)
         self._mask = self._switches.mask(bodies)
@@ -309,7 +317,7 @@ class NVE(Reports):
         self._follow()
         self._gather()
         self._loops.kick()
-        self._half = False
+        self._half, self._known = False, {}
         step = self.lammps.step
         if step == self.host.next_output or any(step % every == 0 for every in self.velocities_every):
             self._set_velocities()
@@ -322,6 +330,7 @@ class NVE(Reports):
         """Do what the last step has left to the next one."""
         if self.host.waiting:
             self.host.waiting = self._half = self._velocities_set = False
+            self._known = {}
             self._gather()
             self._loops.kick()
 
@@ -329,11 +338,11 @@ class NVE(Reports):
         if not self._settled:
             self.post_neighbor()
             self.setup(0)
-        elif self.late:
-            self._take_changed_velocities(self.lammps.step - 1)
-        if self._over:
+        elif self._over:  # what changes velocities now is a script
             self._over = False
             self._say_ignored("pre no")
+        elif self.late:
+            self._take_changed_velocities(self.lammps.step - 1)
         self._vflag, self._known = vflag, {}
 
     def _bind(self):
@@ -353,6 +362,7 @@ class NVE(Reports):
         hooks = "initial_integrate", "final_integrate", "post_neighbor"
         if self.respa_dt is not None or any(getattr(type(self), name) is not getattr(NVE, name) for name in hooks):
             return
+        self._loops.cells["gathers"].set(kernels.KEEPS if self.half_step_velocities else kernels.GATHERS)
         every = gcd(*self.velocities_every, *(self.command.output[:1] if self._file else ()))
         step = following = None
         if not self._box_may_change and self._direct:
@@ -380,19 +390,20 @@ class NVE(Reports):
         if self.host.atoms_moved():
             self.post_neighbor()
         if self._box_may_change:
-            self._refuse_new_box()
+            self._refuse_new_box(True)
 
-    def _refuse_new_box(self):
+    def _refuse_new_box(self, held):
+        """End the run if one of the box vectors that are held, (3,) bool, has changed."""
         box = self.lammps.box
         if box is self._box:
             return
-        if ((box.h != self._box.h) & (box.periodic & box.periodic[:, None])).any():
+        if ((box.h != self._box.h) & held).any():
             raise RunError(
-                f"the periodic box has changed by step {self.lammps.step}: this fix keeps bodies at constant volume, so use it "
+                f"the box has changed by step {self.lammps.step}: this fix keeps bodies at constant volume, so use it "
                 "without fixes that change the box (fix deform, npt, nph, box/relax), or change the box between runs (with reinit yes)",
                 everywhere=True,
             )
-        self._box = box  # a face that is not periodic may follow the atoms
+        self._box = box
 
     def _gather(self):
         bodies = self.bodies
@@ -482,13 +493,14 @@ class NVE(Reports):
         self._follow()
         self._gather()
         self._kick(self.respa_dt[ilevel])
+        self._known = {}
         if ilevel == len(self.respa_dt) - 1 or self.half_step_velocities:
             self._set_velocities()
 
     @hook
     def end_of_step(self):
         """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
-        self._half = False
+        self._half, self._known = False, {}
         if self._vflag or self._due():
             self._gather()
         if self._vflag:

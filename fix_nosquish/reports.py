@@ -87,8 +87,10 @@ class Reports:
         Args:
             group: LAMMPS's number of the group.
         """
-        # outside of runs atoms may be other ones and elsewhere; the bodies of the last run stay as they are
-        bodies = self.bodies if self.lammps.running and self.bodies is not None else build(self.lammps, self.world, self.membership, self._infile)[0]
+        bodies = self.bodies
+        if not self.lammps.running or bodies is None:  # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
+            self._keep_members()
+            bodies = build(self.lammps, self.world, self.membership, self._infile)[0]
         inside = self.lammps.groups[bodies.index] & (1 << group) != 0
         return thermo.removed_freedom(bodies, self.world, inside, self.lammps)
 

