@@ -104,7 +104,7 @@ def build(lammps, world, membership, path=None, more_rows=0):
 
 def count(lammps, world, membership):
     """How many bodies there are, None if that cannot be told (yet); collective."""
-    if membership.command.style == "custom" and membership.command.arguments[0][0] == "v":
+    if membership.variable:
         return None  # the variable may need a run
     ids, problem = np.empty(0, np.int64), False
     try:

@@ -42,8 +42,8 @@ class Loops:
         mrot: number of inner steps of the rotation.
 
     Attributes:
-        cells: all that these loops take: beside the above dt, the time step; dtf, what takes a force to half a step's momentum; and
-            kicks, how many of these begin a step; gathers, whether a `step` KEEPS force and torque, for who asks between its end and the next.
+        cells: all that these loops take: beside the above dt, the time step; dtf, what takes a force to half a step's momentum;
+            kicks, how many of these begin a step; and gathers, whether a `step` KEEPS force and torque, for who asks between its end and the next.
     """
 
     def __init__(self, advance, cells, mrot):

@@ -96,14 +96,15 @@ class Reports:
 
     def _energies(self):
         self._see_changed_velocities()
-        return self._once("energies", lambda: thermo.energies(self._made(), self.world, self.lammps))
+        return self._once("energies", lambda bodies: thermo.energies(bodies, self.world, self.lammps))
 
     def _once(self, name, make):
-        """What make() returned at this step, if it was called before."""
+        """What make(bodies) returned, if nothing has changed the bodies since it was called in this step."""
+        bodies = self._made()  # which may change them
         if self._known.get("step") != self.lammps.step:
             self._known = {"step": self.lammps.step}
         if name not in self._known:
-            self._known[name] = make()
+            self._known[name] = make(bodies)
         return self._known[name]
 
     def _see_changed_velocities(self):
@@ -124,7 +125,7 @@ class Reports:
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
         self._see_changed_velocities()
-        return self._once("array", lambda: output.global_array(self.world.gather_to_all(output.table(self._made(), self.lammps))))[i, j]
+        return self._once("array", lambda bodies: output.global_array(self.world.gather_to_all(output.table(bodies, self.lammps))))[i, j]
 
     @hook
     def write_restart_file(self, name):

@@ -523,7 +523,7 @@ def test_velocities_set_between_runs_that_go_on(run_lammps):
     system = mixture("solid planar")
     for reinit, how, count in ("no", "", 1), ("yes", "", 0), ("yes", "pre no", 1), ("no", "pre no", 1):
         fix = LIKE_LAMMPS.format(group="all", words=f"molecule reinit {reinit}")
-        for between, said in ("velocity all scale 3.0", count), ("", 0):
-            other = "fix late all temp/rescale 5 1.0 1.0 1000.0 1.0"  # which never acts, and is not to be taken for who has set them
+        late = "fix late all temp/rescale 5 1.0 1.0 1000.0 1.0"  # which never acts, and is not to be taken for who has set them
+        for between, said, other in ("velocity all scale 3.0", count, ""), ("", 0, ""), ("velocity all scale 3.0", count, late), ("", 0, late):
             log = run_lammps(f"{system.setup}\n{fix}\n{other}\nrun 5\n{between}\nrun 5 {how}\nrun 5 {how}\n", files=system.files).log
             assert log.count("without effect, because the bodies go on") == said and "by fix late" not in log

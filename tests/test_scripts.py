@@ -99,9 +99,11 @@ CASES = {
     "group changed": Case("group bodies clear\ngroup bodies molecule 1:20", anew=True),
     "minimised without the fix": Case("unfix 1\nmin_style cg\nminimize 0 0 4 8\nfix 1 bodies FIX(bodies)"),
     "new fix": Case("unfix 1\nrun 5\nfix other bodies FIX(bodies)"),
-    # a variable that tells bodies apart is read once, atoms stay in their bodies wherever they go, and new ones are asked for
+    # a variable that tells bodies apart is read once: atoms stay in their bodies wherever they go
     "variable changed": Case("variable k equal 1\nwrite_data data.out\nbalance 0.9 shift xyz 5 1.01\nrun 5\nwrite_restart state",
                              groups="variable k equal 0\nvariable b atom mol*(v_k<1)", words="custom v_b"),
+    "variable of new atoms": Case("create_atoms 0 single 0.5 0.5 0.5 mol bent 77\ngroup bodies type 1", groups="variable b atom mol", words="custom v_b",
+                                  anew=True),
     "same fix again": Case("fix 1 bodies FIX(bodies)"),
     "two fixes": Case(HALVES + "fix 2 b FIX(b)"),
     "beside rigid/nve": Case(HALVES + "fix 2 b rigid/nve molecule"),
