@@ -454,7 +454,7 @@ def _add_stability(verbs):
     parser.add_argument("--list", action="store_true", help="name all cases, with their physics, and end")
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
-    length.add_argument("--full", action="store_true", help="about three hours of one core; start it once for each core to share the cases")
+    length.add_argument("--full", action="store_true", help="one and a half to three hours of one core; start it once for each core to share the cases")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="integrators, as the table of --list names them (default: all that a case is run with)")
     _add_silence(parser, 300.0)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/stability; --short: results/stability-short)")

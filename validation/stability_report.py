@@ -1,7 +1,6 @@
 """From the rows of `stability` to files and the terminal: table.csv, a figure, report.html; summary.json is written as rows come."""
 
 import csv
-import textwrap
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -133,7 +132,7 @@ def matrix(summary):
                 image[y, x], ink, text = _tile(case, rows[name])
                 axis.text(x, y, text, ha="center", va="center", color=ink, fontsize=8.5)
     axis.imshow(image, aspect="auto")
-    axis.set_xticks(range(len(columns)), [textwrap.fill(label.replace("fix_nosquish.", "").replace(" + nve", ""), 10) for label in columns.values()])
+    axis.set_xticks(range(len(columns)), [_narrow(label) for label in columns.values()])
     axis.set_yticks(range(len(cases)), [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases])
     axis.xaxis.tick_top()
     axis.tick_params(length=0)
@@ -166,7 +165,7 @@ def _tile(case, row):
     else:
         judged = abs(value) + CERTAIN * error
         decades = abs(np.log10(judged / case["high"])) if judged else np.inf
-        text = ("<" if value < CERTAIN * error else "") + (f"{np.log10(judged):.1f}" if judged else "-∞").replace("-", "−")
+        text = ("<" if value < CERTAIN * error else "") + (f"{round(np.log10(judged), 1) + 0.0:.1f}" if judged else "-∞").replace("-", "−")
     strength = 0.45 + 0.55 * min(1.0, decades / SHADES)
     shade = 1 - strength * (1 - full) if row["verdict"] in ("pass", "fail") else full
     return shade, "white" if shade @ (0.299, 0.587, 0.114) < 0.55 else INK, f"{sign} {text}".strip()
