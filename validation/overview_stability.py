@@ -15,7 +15,7 @@ from validation.stability_cases import CASES
 OURS = "nosquish"
 WORDS = {True: "yes", False: "no", None: "cannot tell"}
 MATRIX = (
-    "Each case with its bound. Where that is an upper one (≤), a tile has the decimal logarithm of the number with two errors, which is what is "
+    "Each case with its bound. Where that is an upper one (≤), a tile has the number with two errors, which is what is "
     "judged, and < if the number is below these; the paler, the nearer to the bound. Empty: not run."
 )
 PLACES = {name: place for place, name in enumerate(COMPARED)}  # of rows

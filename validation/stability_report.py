@@ -23,6 +23,7 @@ LOOKS = {
     "cannot run": ("#f2f2f2", "–", "bright_black"),
 }
 SHADES = 6.0  # decades from the bound at which a colour is full
+NARROW = {"fix_nosquish.NVE": "ours\n(NVE)", "reference 12": "Matubayasi-\nNakahara"}
 COLUMNS = "case", "integrator", "label", "value", "error", "error is", "unit", "bound", "verdict", "note", "command"
 
 
@@ -109,7 +110,7 @@ def verdict(line):
 
 
 def _narrow(label):
-    return label.replace("fix_nosquish.", "").replace(" + nve", "").replace("/small", "/\nsmall").replace(" ", "\n")
+    return NARROW.get(label) or label.replace(" + nve", "").replace("/small", "/\nsmall").replace(" ", "\n")
 
 
 def _short(row):
@@ -119,7 +120,7 @@ def _short(row):
 
 
 def matrix(summary):
-    """Cases by integrators, coloured by verdict, each with its number or its logarithm."""
+    """Cases by integrators, coloured by verdict, each with its number."""
     columns, cases = _columns(summary), summary["cases"]
     if not cases:
         return None, ""
@@ -142,15 +143,23 @@ def matrix(summary):
     axis.tick_params(which="minor", length=0)
     axis.spines[:].set_visible(False)
     for label in axis.get_xticklabels():
-        label.set_fontweight("bold" if label.get_text() == "NVE" else "normal")
+        label.set_fontweight("bold" if label.get_text().startswith("ours") else "normal")
     axis.legend(handles=[Patch(facecolor=look[0], edgecolor=INK, lw=0.5, label=f"{name} {look[1]}".strip()) for name, look in LOOKS.items()],
                 loc="upper left", bbox_to_anchor=(0, -0.01), ncols=len(LOOKS), frameon=False)  # fmt: skip
     return figure, (
-        "Each case's number against its bound (at the left): a longest step with its error; else the decimal logarithm of the number and two errors, which is "
+        "Each case's number against its bound (at the left): a longest step with its error; else the number and two errors, which is "
         "what is judged, with < where the number is below two errors; the paler the nearer to the bound. "
         "✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
         "What each number's error is, or why it has none, is told case by case."
     )
+
+
+def _brief(x):
+    """A positive number in few characters."""
+    if x == 0 or 0.01 <= x < 99.5:
+        return f"{x:.2g}"
+    digit, exponent = f"{x:.0e}".split("e")
+    return f"{digit}e{int(exponent)}".replace("-", "−")
 
 
 def _tile(case, row):
@@ -160,12 +169,12 @@ def _tile(case, row):
     if value is None:
         return full, "white" if full.mean() < 0.5 else INK, sign
     if case["high"] is None:
-        judged, text = value - CERTAIN * error, f"{value:.2g}±{error:.1g}" if error else f"{value:.3g}"
+        judged, text = value - CERTAIN * error, f"{value:.3g}±{error:.1g}" if error else f"{value:.3g}"
         decades = SHADES * abs(np.log10(judged / case["low"])) if judged > 0 else np.inf  # a time step is not far off in decades
     else:
         judged = abs(value) + CERTAIN * error
         decades = abs(np.log10(judged / case["high"])) if judged else np.inf
-        text = ("<" if value < CERTAIN * error else "") + (f"{round(np.log10(judged), 1) + 0.0:.1f}" if judged else "-∞").replace("-", "−")
+        text = ("<" if value < CERTAIN * error else "") + _brief(judged)
     strength = 0.45 + 0.55 * min(1.0, decades / SHADES)
     shade = 1 - strength * (1 - full) if row["verdict"] in ("pass", "fail") else full
     return shade, "white" if shade @ (0.299, 0.587, 0.114) < 0.55 else INK, f"{sign} {text}".strip()
