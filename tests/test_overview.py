@@ -220,10 +220,22 @@ def test_every_way(results):
 def test_one_start_is_told(results):
     """Locks out a run time of one process that is told as sure as that of several."""
     summary = sweep()
-    summary["scenes"]["water"]["starts"] = 1
+    for point in summary["scenes"]["water"]["points"]:
+        point["starts"] = 1
     told = advice(results, summary)
     assert "How sure: ahead, rigid/nve" in told["water"] and "; 1 start: there is one start, so timings of one process only" in told["water"]
     assert "one process" not in told["dimer"]
+
+
+def test_starts_are_those_of_the_points(results):
+    """Locks out the starts that were planned told of an interrupted sweep, and of a point that has fewer than others."""
+    summary = sweep()
+    points = summary["scenes"]["water"]["points"]
+    for point in points[1:]:
+        point["starts"] = 2
+    summary["lengths"] = {"water": {"time": 2.0}}
+    assert "; 2 starts of 2 ps" in advice(results, summary)["water"]
+    assert "water 1,000 bodies, 2 to 3 starts of 2 ps" in sections(results)["sweep"].said.extent
 
 
 def test_what_breaks(results, monkeypatch):

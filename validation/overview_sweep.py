@@ -40,13 +40,16 @@ def _swept(summary):
     """How many starts of what length each scene has."""
     told = []
     for name, scene in summary["scenes"].items():
-        many = f"{scene['bodies']:,} bodies, {_starts(scene)}"
+        many = f"{scene['bodies']:,} bodies, {_starts([point for point in scene['points'] if not point['failed']])}"
         told += [f"{name} {many} of {summary['lengths'][name]['time']:.3g} ps"] if name in summary["lengths"] else []
     return "; ".join(told)
 
 
-def _starts(scene):
-    return f"{scene['starts']} start{'s' if scene['starts'] > 1 else ''}"
+def _starts(points):
+    """From how many starts: fewer of some points where a sweep was interrupted."""
+    counts = [point["starts"] for point in points] or [0]
+    few, many = min(counts), max(counts)
+    return f"{few} to {many} starts" if few < many else f"{many} start{'s' if many != 1 else ''}"
 
 
 def _advice(name, scene, lengths):
@@ -65,7 +68,7 @@ def _advice(name, scene, lengths):
             f"Energy's standard deviation {sweep_report.error_of(best, 'energy_sd')} kcal/mol (wanted below {target:g}){drift}; "
             f"a ns takes {sweep_report.seconds(best['cost'])} s"]  # fmt: skip
     length = f" of {lengths['time']:.3g} ps" if lengths else ""
-    told += [f"How sure: {_sure(points, targets, choice, scene)}; {_starts(scene)}{length}" + f": {sweep_report.ONE_START}" * (scene["starts"] < 2)]
+    told += [f"How sure: {_sure(points, targets, choice)}; {_starts([best])}{length}" + f": {sweep_report.ONE_START}" * (best["starts"] < 2)]
     if own.best and not best["ours"]:
         told.append(f"Ours: {sweep_report.named(own.best)}, takes {sweep_report.over(own.best, best)} times as long")
     elif not own.best:
@@ -73,7 +76,7 @@ def _advice(name, scene, lengths):
     return ". ".join(told) + "."
 
 
-def _sure(points, targets, choice, scene):
+def _sure(points, targets, choice):
     """How sure it is that a choice is the fastest, against what is not ours if it is, whatever its mrot."""
     best = choice.best
 
@@ -87,7 +90,7 @@ def _sure(points, targets, choice, scene):
         sure = f"a tie with {sweep_report.names(rivals, FEW)}"
     elif second:
         longer = second["cost"]["min"] / best["cost"]["min"]
-        sure = f"{'clear' if scene['starts'] > 1 else 'ahead'}, {second['label']} takes {longer:.2f} times as long"
+        sure = f"{'clear' if best['starts'] > 1 else 'ahead'}, {second['label']} takes {longer:.2f} times as long"
     else:
         sure = "nothing else reaches it for sure"
     return sure + (f"; no telling of {sweep_report.names(maybe, FEW)}" if maybe else "")
@@ -104,7 +107,7 @@ def _way(scene, data, words, way):
     ratio = ours["cost"]["min"] / best["cost"]["min"] if ours else math.nan
     return [*wanted, Cell(sweep_report.named(best)), Cell(sweep_report.seconds(best["cost"]), best["cost"]["min"]),
             Cell(sweep_report.over(ours, best) if ours else own.verdict, ratio),
-            Cell(_sure(data["points"], {measure: target}, choice, data))]  # fmt: skip
+            Cell(_sure(data["points"], {measure: target}, choice))]  # fmt: skip
 
 
 def _points(summary):
