@@ -238,7 +238,7 @@ CASES = (
     Case(
         "water-cold", f"{BODIES} TIP3P molecules, cooled to 1 K, where small errors heat, 4 fs.",
         "|drift of the energy| over the kinetic energy at the start", "1/ps",
-        "2 % in a ps; the mesh's noise is below that", LINE, water_cold, 4 * FS_PER_PS, 10 * FS_PER_PS, high=0.02, few=HEAVY,
+        "2 % in a ps; the mesh's noise is below that", LINE, water_cold, 8 * FS_PER_PS, 10 * FS_PER_PS, high=0.02, few=HEAVY,
     ),
     Case(
         "long-dimer", f"The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full{LESS}.",
