@@ -40,7 +40,7 @@ def point(integrator, dt, cost, errors, failed=None):
     spread = cost and {"median": 1.1 * cost, "min": cost, "max": 1.3 * cost, "values": [cost, 1.1 * cost, 1.3 * cost]}
     return {
         "integrator": integrator, "label": {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator), "ours": integrator.startswith("nosquish"), "dt": dt,
-        "steps": 1000, "starts": 3, "failed": failed, "failures": int(bool(failed)), "cost": spread, "cpu": spread,
+        "steps": 1000, "ps": 1.0, "starts": 3, "failed": failed, "failures": int(bool(failed)), "cost": spread, "cpu": spread,
         "errors": {name: {"value": value, "error": error} for name, (value, error) in errors.items()}, "signed": {},
         "command": f"python -m validation sweep water --only {integrator} --dt {dt:g}",
     }  # fmt: skip
@@ -69,7 +69,9 @@ def sweep():
                   "points": water},
         "dimer": {"title": "two waters", "bodies": 2, "degrees_of_freedom": 12, "measures": ["energy_sd"], "starts": 3, "limits": {}, "points": dimer},
     }  # fmt: skip
-    return WHERE | {"command": "python -m validation sweep", "ranks": 2, "lengths": {}, "measures": {"energy_sd": energy, "position": position},
+    for name, scene in scenes.items():
+        scene["swept"] = {"command": f"python -m validation sweep {name}"}
+    return WHERE | {"command": "python -m validation sweep dimer", "ranks": 2, "measures": {"energy_sd": energy, "position": position},
                     "scenes": scenes}  # fmt: skip
 
 
@@ -168,10 +170,10 @@ def test_what_to_use(results):
     told = advice(results, sweep())
     assert told["water"] == (
         "water: use fix_nosquish.NVE with 2 fs. Energy's standard deviation 0.2310 ± 0.0040 kcal/mol (wanted below 0.32); "
-        "a ns takes 1,000 (1,100) s. How sure: clear, rigid/nve takes 1.23 times as long; 3 starts."
+        "a ns takes 1,000 (1,100) s. How sure: clear, rigid/nve takes 1.23 times as long; 3 starts of 1 ps."
     )
     assert told["dimer"].startswith("dimer: use fix_nosquish.NVE with 0.3 fs. ") and "(wanted below 0.0075)" in told["dimer"]
-    assert "How sure: a tie with rigid/nve, 0.3 fs; 3 starts." in told["dimer"]
+    assert "How sure: a tie with rigid/nve, 0.3 fs; 3 starts of 1 ps." in told["dimer"]
     assert told["peptide"] == "peptide: not measured; this adds it: python -m validation sweep peptide."
 
 
@@ -197,7 +199,7 @@ def test_what_to_use_follows_the_numbers(results):
     told = advice(results, summary)["water"]
     assert told.startswith("water: use rigid/nve with 2 fs. ") and "no telling of rigid/nve, 1 fs" not in told  # its own other step is no rival
     points[4] = point("shake", 1.0, 900.0, {"energy_sd": (0.3, 0.2)})
-    assert "; no telling of shake, 1 fs; 3 starts" in advice(results, summary)["water"]
+    assert "; no telling of shake, 1 fs; 3 starts of 1 ps" in advice(results, summary)["water"]
     for one in points:
         one["errors"].pop("energy_sd", None)
     assert advice(results, summary)["water"].startswith("water: cannot tell. No step has for sure ")
@@ -223,19 +225,23 @@ def test_one_start_is_told(results):
     for point in summary["scenes"]["water"]["points"]:
         point["starts"] = 1
     told = advice(results, summary)
-    assert "How sure: ahead, rigid/nve" in told["water"] and "; 1 start: there is one start, so timings of one process only" in told["water"]
+    assert "How sure: ahead, rigid/nve" in told["water"] and "; 1 start of 1 ps: there is one start, so timings of one process only" in told["water"]
     assert "one process" not in told["dimer"]
 
 
 def test_starts_are_those_of_the_points(results):
-    """Locks out the starts that were planned told of an interrupted sweep, and of a point that has fewer than others."""
+    """Locks out starts and lengths that were planned told of an interrupted sweep, and of a point that has fewer or shorter ones than others."""
     summary = sweep()
     points = summary["scenes"]["water"]["points"]
     for point in points[1:]:
-        point["starts"] = 2
-    summary["lengths"] = {"water": {"time": 2.0}}
+        point["starts"], point["ps"] = 2, 2.0
     assert "; 2 starts of 2 ps" in advice(results, summary)["water"]
-    assert "water 1,000 bodies, 2 to 3 starts of 2 ps" in sections(results)["sweep"].said.extent
+    assert "water 1,000 bodies, 2 to 3 starts of 1 to 2 ps" in sections(results)["sweep"].said.extent
+
+
+def test_each_scene_has_its_command(results):
+    """Locks out the command of the last scene alone for scenes that were swept one after the other."""
+    assert sections(results)["sweep"].commands == ["python -m validation sweep water", "python -m validation sweep dimer"]
 
 
 def test_what_breaks(results, monkeypatch):
@@ -427,7 +433,7 @@ def test_where_it_was_measured(results):
     assert overview_report.differing(two) == {}
     table = overview_report.circumstances(two)
     assert table.columns == ("part", "measured", "results", "command")
-    assert [row[1] for row in rows(table)] == ["2026-01-01"] * 2 and rows(table)[0][-1] == "python -m validation sweep"
+    assert [row[1] for row in rows(table)] == ["2026-01-01"] * 2 and rows(table)[0][-1] == "; ".join(f"python -m validation sweep {name}" for name in ("water", "dimer"))
     for summary in (section.summary for section in two):
         summary["versions"]["package"] = "abc"
     shared = overview_report.common(two)

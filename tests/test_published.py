@@ -18,13 +18,14 @@ def result(sd, error=None):
     return run.Result(error=error, thermo={"TotEng": energy}, timings=[], positions=None, versions={})
 
 
-def test_energy_of_other_numbers_of_molecules_is_scaled():
-    """Locks out a comparison of 1,000 molecules with 903 as they are, and of variances as if they were standard deviations."""
-    dt, theirs = 2.0, published.PUBLISHED[2.0]
-    made = {one.subject: one for one in published.checks({dt: result(theirs * np.sqrt(1000 / 903)), 4.0: result(2.0)})}
-    assert made["2 fs"].value == pytest.approx(theirs, abs=5 * made["2 fs"].error)
-    assert 0 < made["2 fs"].error < 0.02 * theirs
-    assert made["2 fs"].holds and made["4 fs"].holds is False
+def test_published_numbers_have_errors_too():
+    """Locks out verdicts that take published numbers as exact, and variances held against standard deviations."""
+    of = {2.0: 1.0, 3.0: 1.07, 4.0: 1.3}
+    made = {one.subject: one for one in published.checks({dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()})}
+    assert [made[f"{dt:g} fs"].holds for dt in of] == [True, None, False]
+    for dt, x in of.items():
+        value, error = made[f"{dt:g} fs"].value, made[f"{dt:g} fs"].error
+        assert value == pytest.approx(x, abs=5 * x / np.sqrt(2 * 4000)) and 0.027 * x < error < 0.035 * x
     assert made["1 fs"].value is None and "not begun" in made["1 fs"].note
 
 
@@ -85,7 +86,7 @@ def test_forces_are_the_slope_of_the_energy(run_lammps):
 
 def test_command_line_writes_all_files(tmp_path, monkeypatch):
     """Locks out a report that fails on numbers that are missing, and an exit status that hides them."""
-    found = {dt: result(sd * np.sqrt(1000 / 903)) for dt, sd in published.PUBLISHED.items()}
+    found = {dt: result(sd) for dt, sd in published.PUBLISHED.items()}
     monkeypatch.setattr(published, "published", lambda *arguments: (found, False))
     assert __main__.main(["published", "--out", str(tmp_path)]) == 0
     assert {"summary.json", "table.csv", "report.html", "spread.png"} <= {path.name for path in tmp_path.iterdir()}

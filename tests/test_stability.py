@@ -338,6 +338,7 @@ APART = [
     ("long-tops", 2000, "nosquish", "rigid"),
     ("contact", 200_000, "nosquish", "gear"),
     ("far-away", 50, "nosquish", "rigid/nve/small"),
+    ("resonance", 50, "nosquish", "gear"),
 ]
 
 

@@ -11,13 +11,10 @@ from validation.compare import FS_PER_PS
 from validation.overview_pieces import Cell, Figure, Said, Table, sortable
 from validation.stability import COMPARED
 from validation.stability_cases import CASES
+from validation.stability_report import READ
 
 OURS = "nosquish"
 WORDS = {True: "yes", False: "no", None: "cannot tell"}
-MATRIX = (
-    "Each case with its bound. Where that is an upper one (≤), a tile has the number with two errors, which is what is "
-    "judged, and < if the number is below these; the paler, the nearer to the bound. Empty: not run."
-)
 PLACES = {name: place for place, name in enumerate(COMPARED)}  # of rows
 
 
@@ -45,7 +42,7 @@ def say(summary):
     times = [np.atleast_1d(case["length"])[0] / FS_PER_PS for case in cases if case["unit"] == "fs"]
     return Said(
         headlines, [], [Table("Every number", columns, rows)],
-        best=[_longest(cases, labels), Figure("matrix.png", MATRIX), _physics(cases)],
+        best=[_longest(cases, labels), Figure("matrix.png", READ), _physics(cases)],
         extent=f"the limits of the time step are those of {min(times):g} to {max(times):g} ps" if times else "",
     )  # fmt: skip
 

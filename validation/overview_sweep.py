@@ -25,7 +25,7 @@ def say(summary):
     missing = [f"{name}: not measured; this adds it: python -m validation sweep {name}." for name in SWEEPS if name not in scenes]
     columns = "scene", "wanted", "fastest", "wall s per ns, least (median)", "ours / fastest", "how sure"
     return Said(
-        [*(_advice(name, scene, summary["lengths"].get(name)) for name, scene in scenes.items()), *missing,
+        [*(_advice(name, scene) for name, scene in scenes.items()), *missing,
          f"Ordinary accuracy: the total energy's standard deviation is below {100 * ORDINARY:g} % of that of the kinetic energy at that temperature, "
          f"kT √(f/2), by {CERTAIN:g} standard errors; who drifts, by as many, more than {DRIFT:g} kT per ns and degree of freedom is out; "
          "for another accuracy: python -m validation advise SCENE --target …"],
@@ -33,6 +33,7 @@ def say(summary):
         [Table("Fastest way to every error", columns, ways), _points(summary)],
         [Figure(f"{name}.png", f"{scene['title']}. {sweep_figures.READ}") for name, scene in scenes.items()],
         extent=_swept(summary),
+        commands=list(dict.fromkeys(scene["swept"]["command"] for scene in scenes.values())),
     )  # fmt: skip
 
 
@@ -40,9 +41,15 @@ def _swept(summary):
     """How many starts of what length each scene has."""
     told = []
     for name, scene in summary["scenes"].items():
-        many = f"{scene['bodies']:,} bodies, {_starts([point for point in scene['points'] if not point['failed']])}"
-        told += [f"{name} {many} of {summary['lengths'][name]['time']:.3g} ps"] if name in summary["lengths"] else []
+        good = [point for point in scene["points"] if not point["failed"]]
+        told += [f"{name} {scene['bodies']:,} bodies, {_starts(good)} of {_lengths(good)}"] if good else []
     return "; ".join(told)
+
+
+def _lengths(points):
+    """How long they ran: few steps are as many as a number needs, many are no more than there is time for."""
+    times = sorted({f"{point['ps']:.3g}" for point in points}, key=float)
+    return f"{times[0]} to {times[-1]} ps" if len(times) > 1 else f"{times[0]} ps"
 
 
 def _starts(points):
@@ -52,7 +59,7 @@ def _starts(points):
     return f"{few} to {many} starts" if few < many else f"{many} start{'s' if many != 1 else ''}"
 
 
-def _advice(name, scene, lengths):
+def _advice(name, scene):
     """Which integrator with which step for an ordinary accuracy, what that costs, and how sure it is."""
     if not scene["degrees_of_freedom"]:
         return f"{name}: cannot tell. No run is complete{': ' * bool(scene.get('error'))}{scene.get('error') or ''}."
@@ -67,8 +74,8 @@ def _advice(name, scene, lengths):
     told = [f"{name}: use {best['label']} with {best['dt']:g} fs",
             f"Energy's standard deviation {sweep_report.error_of(best, 'energy_sd')} kcal/mol (wanted below {target:g}){drift}; "
             f"a ns takes {sweep_report.seconds(best['cost'])} s"]  # fmt: skip
-    length = f" of {lengths['time']:.3g} ps" if lengths else ""
-    told += [f"How sure: {_sure(points, targets, choice)}; {_starts([best])}{length}" + f": {sweep_report.ONE_START}" * (best["starts"] < 2)]
+    sure = f"How sure: {_sure(points, targets, choice)}; {_starts([best])} of {_lengths([best])}"
+    told += [sure + f": {sweep_report.ONE_START}" * (best["starts"] < 2)]
     if own.best and not best["ours"]:
         told.append(f"Ours: {sweep_report.named(own.best)}, takes {sweep_report.over(own.best, best)} times as long")
     elif not own.best:

@@ -1,7 +1,8 @@
 """The energy's spread of rigid water at several time steps, beside published numbers.
 
 A. J. Silveira and C. R. A. Abreu, J. Chem. Phys. 150, 114110 (2019), integrated TIP3P water with the free rotor's exact solution
-and forces that end smoothly; `inputs/water_smooth` has their potential, but for the form of its end.
+and forces that end smoothly; `inputs/water_smooth` has their potential, but for the form of its end.  What the paper does not say is in what its authors
+keep: the potential's parameters in the input of their program, the energies of the trajectories beside the manuscript.
 """
 
 from dataclasses import replace
@@ -12,28 +13,31 @@ import numpy as np
 from validation import check, machine, measures, run
 from validation.check import Check
 from validation.compare import FS_PER_PS
-from validation.figures import INK, OTHERS, OURS, draw_each
+from validation.figures import OTHERS, OURS, draw_each
 from validation.integrators import INTEGRATORS
 from validation.report import page, save
 from validation.scenes import INPUTS, SCENES
 from validation.starts import from_dump, to_dump
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
+SERIES = "github.com/craabreu/rigid_nvt_paper"
 PUBLISHED = {1.0: 0.060, 2.0: 0.221, 3.0: 0.487, 4.0: 0.887}  # fs: standard deviation of the energy, kcal/mol
-MOLECULES = 903  # of which this is
-TEMPERATURE = 298.0  # K
+THEIR_ERROR = 1 / np.sqrt(2 * 667)  # of these, relative: each is of 667 energies, 9 ps apart, in `SERIES`, which no more depend on each other
+# All four have one energy, above its mean at 298 K, so they are warmer (`SERIES`: Figures/NVE_1fs.csv, its mean; S1.csv, E and Cv1 at 1 fs)
+ENERGY, ENERGY_AT_298, HEAT_CAPACITY = -6475.0, -6616.5, 17.5  # kcal/mol, kcal/mol, kcal/mol/K
+TEMPERATURE = 298.0 + (ENERGY - ENERGY_AT_298) / HEAT_CAPACITY  # K
 WITHIN = 0.10  # of the published numbers
-TITLES = {"spread": "Standard deviation of the energy, 903 TIP3P molecules at 298 K"}
+TITLES = {"spread": f"Standard deviation of the energy over the published one, 903 TIP3P molecules at {TEMPERATURE:.0f} K"}
 
-BATH, MEAN, REST, BATH_DT = 2.0, 6.0, 1.0, 2.0  # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
+BATH, MEAN, REST, BATH_DT = 4.0, 6.0, 1.0, 2.0  # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
 SAMPLED = 12.0  # fs between samples of the energy
 
 
 def scene():
-    """The water of `inputs/water` with forces that end smoothly."""
-    water, folder = SCENES["water"], INPUTS / "water_smooth"
-    setup = "units real", "atom_style full", "read_data ../water/data.water", "include forcefield.smooth", "group water type 1 2"
-    return replace(water, name="water-smooth", title="1,000 TIP3P molecules at 298 K and 1 g/cm³, smooth cutoff", folder=folder, setup=setup)
+    """Their water."""
+    setup = "units real", "atom_style full", "read_data data.smooth", "include forcefield.smooth", "group water type 1 2"
+    return replace(SCENES["water"], name="water-smooth", title="903 TIP3P molecules at 0.97 g/cm³, smooth cutoff", folder=INPUTS / "water_smooth",
+                   setup=setup, unit=903)  # fmt: skip
 
 
 def steps(time, dt):
@@ -60,7 +64,6 @@ def published(out, time, ranks, silence, meter):
     water, ours, start = scene(), INTEGRATORS["nosquish"], out / "start"
     dump = (start / "state.dump").resolve()
     rest = steps(REST, BATH_DT)
-    data = SCENES["water"].folder / "data.water"
 
     def do(label, job):
         meter.begin(label, sum(job.runs))
@@ -81,13 +84,13 @@ def published(out, time, ranks, silence, meter):
         *to_dump(dump, rest),
     ]
     first = do("start", run.job(water, ours, start, [rest], dt=BATH_DT, every=100, ranks=ranks, silence=silence, positions=False, more=more,
-                                origin=machine.origin(water, ours, data)))  # fmt: skip
+                                origin=machine.origin(water, ours)))  # fmt: skip
     found = {}
     if first.error:
         return {dt: first for dt in PUBLISHED}, first.interrupted
     for dt in sorted(PUBLISHED, reverse=True):
         job = run.job(from_dump(water, dump, rest), ours, out / f"{dt:g}-fs", [steps(time, dt)], dt=dt, every=max(1, round(SAMPLED / dt)), ranks=ranks,
-                      silence=silence, positions=False, origin=machine.origin(water, ours, data, dump))  # fmt: skip
+                      silence=silence, positions=False, origin=machine.origin(water, ours, dump))  # fmt: skip
         found[dt] = do(f"{dt:g} fs", job)
         if found[dt].interrupted:
             return found, True
@@ -101,37 +104,34 @@ def checks(found):
         found: time step (fs) to ``run.Result``.
     """
     made = []
-    molecules = scene().unit
     for dt, theirs in PUBLISHED.items():
         result = found.get(dt)
         value = error = None
         if result is not None and not result.error:
-            value, error = (x * np.sqrt(MOLECULES / molecules) for x in measures.standard_deviation(result.thermo["TotEng"]))
-        note = "" if value is not None else f"no complete run: {result.error if result else 'not begun'}"
-        made.append(Check("spread", f"{dt:g} fs", "standard deviation of the total energy", value, error or 0.0, theirs * (1 - WITHIN),
-                          theirs * (1 + WITHIN), "kcal/mol", note, f"{SOURCE}: {theirs:g} kcal/mol"))  # fmt: skip
+            spread, of_it = measures.standard_deviation(result.thermo["TotEng"])
+            value, error = spread / theirs, spread / theirs * np.hypot(of_it / spread, THEIR_ERROR)
+            note = f"{check.number(spread, of_it)} over {check.number(theirs, theirs * THEIR_ERROR)} kcal/mol"
+        else:
+            note = f"no complete run: {result.error if result else 'not begun'}"
+        made.append(Check("spread", f"{dt:g} fs", "standard deviation of the total energy over the published one", value, error or 0.0,
+                          1 - WITHIN, 1 + WITHIN, "", note, f"{SOURCE}; {SERIES}"))  # fmt: skip
     return made
 
 
 def spread(made):
-    """The figure: both against the time step."""
+    """The figure: ours over theirs against the time step."""
     known = [one for one in made if one.value is not None]
     if not known:
         return None, ""
-    figure, axis = plt.subplots(figsize=(5.5, 4), layout="constrained")
-    axis.loglog(list(PUBLISHED), list(PUBLISHED.values()), "o", ms=10, mfc="none", color=OTHERS, label=SOURCE)
+    figure, axis = plt.subplots(figsize=(5.5, 3.6), layout="constrained")
+    axis.axhspan(1 - WITHIN, 1 + WITHIN, color=OTHERS, alpha=0.15, lw=0)
+    axis.axhline(1.0, color=OTHERS, lw=0.8)
     dts = [float(one.subject.split()[0]) for one in known]
-    axis.errorbar(dts, [one.value for one in known], [one.error for one in known], fmt=".", color=OURS, capsize=3, label="fix_nosquish.NVE")
-    guide = np.array([min(PUBLISHED), max(PUBLISHED)])
-    axis.plot(guide, PUBLISHED[2.0] * (guide / 2.0) ** 2, color=INK, lw=0.8, ls=":", label="Δt²")
+    axis.errorbar(dts, [one.value for one in known], [one.error for one in known], fmt="o", color=OURS, capsize=3)
     axis.set_xlabel("time step (fs)")
-    axis.set_ylabel("standard deviation of the energy\n(kcal/mol, 903 molecules)")
+    axis.set_ylabel("standard deviation of the energy,\nfix_nosquish.NVE over published")
     axis.set_xticks(list(PUBLISHED), [f"{dt:g}" for dt in PUBLISHED])
-    axis.minorticks_off()
-    axis.legend(frameon=False, fontsize=8)
-    return figure, (
-        f"1,000 molecules, times √({MOLECULES}/1000), because the molecules' parts of the error are nearly independent; both with one standard error."
-    )
+    return figure, f"Error bars: one standard error, of both together (theirs alone: {100 * THEIR_ERROR:.1f} %); shaded: within {100 * WITHIN:g} %."
 
 
 def write(summary, made, out):
@@ -143,5 +143,5 @@ def write(summary, made, out):
     """
     save(summary, out)
     check.write(summary["checks"], out / "table.csv")
-    page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE,
-         measured=check.measured, bound=check.bound, certain=check.CERTAIN)  # fmt: skip
+    page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE, series=SERIES,
+         temperature=TEMPERATURE, measured=check.measured, bound=check.bound, certain=check.CERTAIN)  # fmt: skip

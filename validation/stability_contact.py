@@ -179,8 +179,7 @@ def beyond_skin(stand, steps):
 
 
 def resonance(stand, periods):
-    """Bodies with a loose atom each on a stiff spring, ω its frequency: up to which step is the energy kept, with none left out that is in resonance
-    with it?"""
+    """Bodies with a loose atom each on a stiff spring, ω its frequency: up to which step is the energy kept?"""
     stiffness, rest, count, loose = 5000.0, 1.0, 6, 1.0
     r = bodies.BENT[1] - bodies.MASSES @ bodies.BENT / bodies.MASSES.sum()
     outward = np.array([r[1], -r[0], 0.0]) / np.linalg.norm(r)  # across, so that the spring turns the body

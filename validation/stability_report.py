@@ -23,7 +23,13 @@ LOOKS = {
     "cannot run": ("#f2f2f2", "–", "bright_black"),
 }
 SHADES = 6.0  # decades from the bound at which a colour is full
-NARROW = {"fix_nosquish.NVE": "ours\n(NVE)", "reference 12": "Matubayasi-\nNakahara"}
+NARROW = {"fix_nosquish.NVE": "ours\n(NVE)"}
+READ = (
+    "Each case's number against its bound (at the left): a longest step with its error; else the number and two errors, which is "
+    "what is judged, with < where the number is below two errors; the paler the nearer to the bound. "
+    "✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
+    "What each number's error is, or why it has none, is told case by case."
+)
 COLUMNS = "case", "integrator", "label", "value", "error", "error is", "unit", "bound", "verdict", "note", "command"
 
 
@@ -146,12 +152,7 @@ def matrix(summary):
         label.set_fontweight("bold" if label.get_text().startswith("ours") else "normal")
     axis.legend(handles=[Patch(facecolor=look[0], edgecolor=INK, lw=0.5, label=f"{name} {look[1]}".strip()) for name, look in LOOKS.items()],
                 loc="upper left", bbox_to_anchor=(0, -0.01), ncols=len(LOOKS), frameon=False)  # fmt: skip
-    return figure, (
-        "Each case's number against its bound (at the left): a longest step with its error; else the number and two errors, which is "
-        "what is judged, with < where the number is below two errors; the paler the nearer to the bound. "
-        "✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
-        "What each number's error is, or why it has none, is told case by case."
-    )
+    return figure, READ
 
 
 def _brief(x):
