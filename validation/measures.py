@@ -1,10 +1,11 @@
-"""From time series and positions to numbers with errors.  Pure NumPy, no LAMMPS.
+"""From time series and positions to numbers with errors.  NumPy and SciPy, no LAMMPS.
 
 Errors are standard errors (one standard deviation of the estimate) that account for
 the correlation in time of successive samples.
 """
 
 import numpy as np
+from scipy import special
 
 BLOCKS = 64  # that a series is cut into for the error of its drift
 FEW_BLOCKS = 12  # for the error of its mean
@@ -26,6 +27,16 @@ def statistical_inefficiency(x):
     g = 2 * np.cumsum(correlation / correlation[0]) - 1
     enough = np.arange(n) >= 2.5 * g
     return max(1.0, g[np.argmax(enough) if enough.any() else -1])
+
+
+def student(number):
+    """By how much the standard error of the mean of so many values is larger than their scatter has it, to cover as often as one of a normal variable."""
+    return special.stdtrit(number - 1, special.ndtr(1.0))
+
+
+def error_of_few(values):
+    """Standard error of the mean of few independent values, of starts for example, from their scatter, as Student's t has it; 0 for one value."""
+    return student(len(values)) * np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else 0.0
 
 
 def mean(x):

@@ -16,7 +16,7 @@ LONGEST = "longest {} at which the energy changes by less than {:.0%} of the kin
 GRID = "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
 ONE = f"{GRID}; one start, so what another would give is not in it"
 STARTS = 4  # of a limit or a change that is a mean over them
-SOME = f"standard error of the mean of {STARTS} starts, and {GRID}"
+SOME = f"standard error of the mean of {STARTS} starts, as Student's t has it, and {GRID}"
 SAMPLES = 50  # of the energy in a run at one time step
 PAPER_DIMER = 0.3  # fs, of the paper's figure 2a, for hydrogens of 0.1 amu
 FINE = 1.1  # ratio of one time step to the next
@@ -46,7 +46,7 @@ def limit(stand, scenes, steps_of_time, time, unit=1.0, name=" fs", **how):
         more = f", but again at {dts[again[0]] / unit:.4g}{name}" if len(again) and bad else ""
         found.append(_between(dts / unit, bad, error, more, name))
     values = [one.value for one in found]
-    error = np.hypot(np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else 0.0, np.mean([one.error for one in found]))
+    error = np.hypot(measures.error_of_few(values), np.mean([one.error for one in found]))
     return Number(float(np.mean(values)), float(error), "; ".join(one.note for one in found))
 
 

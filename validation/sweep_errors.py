@@ -8,7 +8,6 @@ tells, as Student's t has it.  Averages are held against their limits for steps 
 from math import ceil
 
 import numpy as np
-from scipy import stats
 
 from validation import measures, sweep_structure
 from validation.compare import FS_PER_PS
@@ -129,15 +128,7 @@ def pooled(pairs):
         pairs: of each start (value, error).
     """
     values, errors = np.transpose(np.array(pairs, float))
-    told = [np.sqrt(np.sum(errors**2)) / len(values)]
-    if len(values) > 1:
-        told.append(student(len(values)) * values.std(ddof=1) / np.sqrt(len(values)))
-    return values.mean(), max(told)
-
-
-def student(number):
-    """By how much the standard error of the mean of so many values is larger than their scatter has it, to cover as often as one of a normal variable."""
-    return stats.t.ppf(stats.norm.cdf(1.0), number - 1)
+    return values.mean(), max(np.sqrt(np.sum(errors**2)) / len(values), measures.error_of_few(values))
 
 
 def limits(found, swept):
@@ -247,7 +238,7 @@ def _pair_distribution(point, found):
     number, own = len(products), np.diag(products)
     square = (products.sum() - own.sum()) / (number * (number - 1))
     without = (products.sum() - own.sum() - 2 * (products.sum(axis=1) - own)) / ((number - 1) * (number - 2))  # one of them
-    error = student(number) * np.sqrt((number - 1) / number * np.sum((without - without.mean()) ** 2))
+    error = measures.student(number) * np.sqrt((number - 1) / number * np.sum((without - without.mean()) ** 2))
     value, least, most = np.sqrt(np.maximum([square, square - error, max(square, 0.0) + error], 0.0))
     return value, max(value - least, most - value)
 
