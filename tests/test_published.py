@@ -1,6 +1,7 @@
 """The energy's spread beside published numbers: its arithmetic, its runs, its scene."""
 
 import json
+import re
 import subprocess
 import sys
 
@@ -27,6 +28,34 @@ def test_published_numbers_have_errors_too():
         value, error = made[f"{dt:g} fs"].value, made[f"{dt:g} fs"].error
         assert value == pytest.approx(x, abs=5 * x / np.sqrt(2 * 4000)) and 0.027 * x < error < 0.035 * x
     assert made["1 fs"].value is None and "not begun" in made["1 fs"].note
+    assert published.ALL not in made
+
+
+def test_all_steps_together():
+    """Locks out a mean whose error is that of one number, and one that counts all alike: by hand, weights 1/x² and the error of one over 2."""
+    of = {1.0: 1.0, 2.0: 1.02, 3.0: 0.98, 4.0: 1.2}
+    *each, together = published.checks({dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()})
+    weights = np.array(list(of.values())) ** -2.0
+    assert together.subject == published.ALL
+    assert together.value == pytest.approx(weights @ [one.value for one in each] / weights.sum(), abs=1e-3)
+    assert together.error == pytest.approx(0.0296 / np.sqrt(weights.sum()), rel=0.05)
+
+
+def test_the_start_is_what_is_said_to_be_matched():
+    """Locks out other water: charges, number, density, molecules that building the file has bent, and the temperature."""
+    sections = re.split(r"\n\n(?:Atoms # full|Velocities|Bonds)\n\n", (published.scene().folder / "data.smooth").read_text())
+    header, atoms = sections[0], np.array([line.split() for line in sections[1].splitlines()], float)
+    atoms = atoms[np.argsort(atoms[:, 0])]
+    side = float(re.search(r"0 (\S+) xlo xhi", header)[1])
+    x = (atoms[:, 4:7] + side * atoms[:, 7:10]).reshape(-1, 3, 3)
+    charges = atoms[:, 3].reshape(-1, 3)
+    assert x.shape[0] == 903 and np.all(charges == [-0.83, 0.415, 0.415])
+    assert 903 * 18.0154 / 0.602214076 / side**3 == pytest.approx(0.97, rel=1e-9)
+    first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    lengths = np.linalg.norm([first, second], axis=2)
+    np.testing.assert_allclose(lengths, 0.9572, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(np.degrees(np.arccos(np.sum(first * second, axis=1) / lengths.prod(axis=0))), 104.52, rtol=0, atol=1e-7)
+    assert published.TEMPERATURE == pytest.approx(306.1, abs=0.1)
 
 
 def test_failed_runs_are_no_numbers():

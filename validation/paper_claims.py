@@ -145,8 +145,8 @@ def _drift(series):
     fits = [measures.drift(one.time, one.total) for one in series]
     if len(fits) == 1:
         return fits[0]
-    sd, _ = measures.scatter([slope for slope, _ in fits])
-    return np.mean([slope for slope, _ in fits]), sd / np.sqrt(len(fits))
+    slopes = [slope for slope, _ in fits]
+    return np.mean(slopes), measures.error_of_few(slopes)
 
 
 def _deviation(series):
