@@ -12,6 +12,7 @@ import pytest
 pytest.register_assert_rewrite("endings")
 
 from endings import BENT, SECONDS, SPOIL  # noqa: E402
+from installed import tested  # noqa: E402
 from systems import Result  # noqa: E402
 
 BIN = Path(sys.executable).parent
@@ -73,6 +74,40 @@ def read_thermo(log):
                 pass  # a warning among the rows
     assert names, f"no thermo output in the log:\n{log}"
     return np.array(rows, dtype=[(name, float) for name in names])
+
+
+def pytest_addoption(parser):
+    parser.addoption("--nothing-missing", action="store_true", help="fail what would be skipped")
+
+
+def pytest_sessionstart(session):
+    """Refuse to test another package than the checkout's; the workers of pytest-xdist need not look again."""
+    try:
+        session.config.tested = None if hasattr(session.config, "workerinput") else tested()
+    except SystemExit as refusal:
+        raise pytest.UsageError(refusal) from None
+
+
+def pytest_report_header(config):
+    return config.tested
+
+
+def fail_if_skipped(config, report):
+    """With --nothing-missing, make a skip a failure that has the skip's reason."""
+    if config.option.nothing_missing and report.skipped and not hasattr(report, "wasxfail"):
+        report.outcome = "failed"
+        report.longrepr = f"{report.longrepr[2]} (--nothing-missing is set)"
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    return fail_if_skipped(item.config, (yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    return fail_if_skipped(collector.config, (yield))
 
 
 @pytest.fixture
