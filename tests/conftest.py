@@ -9,8 +9,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+ROOT = Path(__file__).resolve().parent.parent
+
+sys.path.append(str(ROOT))  # for validation, which puts it behind what is installed
 pytest.register_assert_rewrite("endings")
 
+import validation  # noqa: E402, F401
 from endings import BENT, SECONDS, SPOIL  # noqa: E402
 from installed import tested  # noqa: E402
 from systems import Result  # noqa: E402

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from validation import startup
 
-SOURCE = Path(__file__).resolve().parent.parent / "src" / "fix_nosquish"
+SOURCE = Path(__file__).resolve().parent.parent / "fix_nosquish"
 
 
 def tested():

@@ -28,8 +28,8 @@ def test_where():
 
     assert validation.__file__ == {validation!r}
     assert fix_nosquish.__file__ == {package!r}
-    for folder in "/", {checkout!r}:
-        done = subprocess.run([sys.executable, "-c", CODE], cwd=folder, capture_output=True, text=True)
+    for folder, code in ("/", CODE), ({checkout!r}, "import validation; " + CODE):
+        done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
         assert done.stdout.strip() == {package!r}
 """
 PARTS = """
@@ -51,7 +51,7 @@ def checkout(tmp_path):
     """A copy of the checkout with these tests alone, by name."""
     folder = tmp_path / "copy"
     ignore = shutil.ignore_patterns("__pycache__", "results", "test_*", "*.so")
-    for name in "src", "tests", "validation":
+    for name in "fix_nosquish", "tests", "validation":
         shutil.copytree(ROOT / name, folder / name, ignore=ignore)
     shutil.copy(ROOT / "pyproject.toml", folder)
     return folder
@@ -78,7 +78,7 @@ def test_imports_what_is_installed(checkout, how):
 
 def test_refuses_another_package(checkout):
     """Locks out a suite that silently tests another package than the checkout's."""
-    (checkout / "src" / "fix_nosquish" / "nve.py").open("a").write("# changed\n")
+    (checkout / "fix_nosquish" / "nve.py").open("a").write("# changed\n")
     done = run(checkout, where="def test_nothing():\n    pass\n")
     assert done.returncode == pytest.ExitCode.USAGE_ERROR and "passed" not in done.stdout, done.stdout
     assert "not the same: nve.py. Install it first: pip install ." in done.stdout

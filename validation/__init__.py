@@ -55,3 +55,10 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
 A new scene is an entry in ``scenes.py``, a new integrator one in
 ``integrators.py``; a new verb is a module beside ``compare.py``.
 """
+
+import os
+import sys
+
+# Python looks into the checkout last: what is measured is the fix_nosquish that is installed
+_CHECKOUT = os.path.dirname(os.path.dirname(os.path.realpath(__file__)))
+sys.path[:] = [place for place in sys.path if os.path.realpath(place) != _CHECKOUT] + [_CHECKOUT]
