@@ -6,6 +6,7 @@ from . import compiled, infile, spheres
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
 from .errors import RunError
 from .sharing import Sharers
+from .unfold import unfold
 
 ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
 _EQUAL_MOMENTS = 1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
@@ -25,7 +26,7 @@ def build(lammps, world, membership, path=None, more_rows=0):
         angular momentum of the atoms' velocities, and notes for the log: the number of
         bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
         puts in a body, the kinetic energy `kinetic` of the atoms and the part `removed` of
-        it that is not rigid motion, and the IDs `given` that the file names.
+        it that is not rigid motion, the IDs `given` that the file names, and `warnings`, a list of lines.
     Raises:
         RunError: on all ranks, naming the body.
     """
@@ -51,7 +52,7 @@ def build(lammps, world, membership, path=None, more_rows=0):
         body_mass[given.bodies] = given.mass
     blame(~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero")
 
-    place, image, delta, rebuilt = _unfold(lammps, world, sharers, body, tag, atoms, blame)
+    place, image, delta, rebuilt, doubt = unfold(lammps, world, membership, sharers, ids, body, tag, atoms)
     centre = total(*(mass * delta.T)) / body_mass
     if given:
         # the file's centre, as the place of the body's first atom sees it
@@ -99,7 +100,7 @@ def build(lammps, world, membership, path=None, more_rows=0):
     result.find_sharers()  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
-    return result, notes | {"given": given.named if given else ()}
+    return result, notes | {"given": given.named if given else (), "warnings": [doubt] if doubt else []}
 
 
 def count(lammps, world, membership):
@@ -167,87 +168,6 @@ def _members(lammps, world, membership):
     far = (ids > _LARGEST_ID) | (ids < -_LARGEST_ID)
     world.agree(f"{membership.name(ids[far][0])} has too large an ID: at most 2^53 is possible" if far.any() else None)
     return atoms, ids, body, mass, tag, None if radius is None else radius[atoms]
-
-
-def _unfold(lammps, world, sharers, body, tag, atoms, blame):
-    """Put each body's atoms together across the periodic faces.
-
-    Along each box vector the image flags hold where they make the body narrower than half the
-    box. Otherwise a body that the nearest images make narrower than a quarter of the box is one
-    that a face cuts, and put together by them: flags that were wrong at the start stay so while
-    LAMMPS keeps count, so that they differ proves nothing. A body that is wide both ways is left
-    as its flags have it if they differ among its atoms and make it narrower than the box, or if
-    nothing suggests a cut: no gap inside it is wider than a tenth of the box and than half of
-    the gap outside (a substrate that spans the box has small gaps only).
-
-    Returns:
-        (place, image, delta, rebuilt): of each body's first atom its place in the box and image flags,
-        (3, n) each; the place of each atom from there, (atoms, 3); the bodies that were put together
-        by the nearest images.
-    """
-    n, box = len(sharers.owned), lammps.box
-    x, image = lammps.per_atom("x", columns=3)[atoms], lammps.images[atoms]
-    first = np.full((1, n), np.inf)
-    np.minimum.at(first[0], body, tag)
-    sharers.combine(first, np.minimum)
-    lead = tag == first[0, body]
-    reference = np.zeros((6, n))
-    reference[:, body[lead]] = np.concatenate([x[lead], image[lead]], axis=1).T
-    sharers.combine(reference)
-    place, flags = reference[:3], reference[3:]
-    # differences of the images are whole numbers: far from the origin nothing is lost
-    image = lammps.image_difference(image - flags[:, body].T.astype(np.int64))
-    delta = x - place[:, body].T
-    nearest = delta - box.lattice(delta) @ box.h.T
-    delta = delta + image @ box.h.T
-
-    def ends(values):
-        """Lowest and highest value over each body's atoms, on all ranks, (3, n) each."""
-        low, high = np.full((3, n), np.inf), np.full((3, n), -np.inf)
-        for k in range(3):
-            np.minimum.at(low[k], body, values[:, k])
-            np.maximum.at(high[k], body, values[:, k])
-        sharers.combine(low, np.minimum)
-        sharers.combine(high, np.maximum)
-        return low, high
-
-    parts = delta @ box.inverse.T * box.periodic
-    low, high = ends(parts)
-    width = high - low
-    wide = width >= 0.5
-    if not world.any(wide.any()):
-        return place, flags, delta, np.zeros(n, bool)
-    compact = np.ptp(ends(nearest @ box.inverse.T * box.periodic), axis=0)
-    cut = wide & (compact < 0.25)
-    unsure = wide & ~cut & ~(np.not_equal(*ends(image)) & (width < 1))
-    for k in np.flatnonzero(box.periodic):
-        gap = _widest_gap(parts[:, k] - low[k, body], body, n, sharers)
-        blame(
-            unsure[k] & (gap > np.maximum(0.5 * (1.0 - width[k]), 0.1)),
-            lambda b: (
-                f"(its first atom is {first[0, b]:.0f}) is wider than half the periodic box along {'xyz'[k]}: {width[k, b]:.2f} box lengths by "
-                f"its image flags, with a gap of {gap[b]:.2f} inside. A periodic face may cut it, and which images belong together cannot "
-                "be told: set the image flags of its atoms (set ... image, or in the data file)"
-            ),
-        )
-    fold = np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T
-    return place, flags, delta - fold @ box.h.T, cut.any(axis=0)
-
-
-def _widest_gap(parts, body, n, sharers, cells=64):
-    """Widest stretch inside each body without atoms, (n,).
-
-    Args:
-        parts: (atoms,) the atoms' distances from the end of their body, 0 to 1 (further ones count as at 1).
-    """
-    filled = np.zeros((cells, n))
-    filled[np.clip((parts * cells).astype(int), 0, cells - 1), body] = 1.0
-    sharers.combine(filled, np.maximum)
-    widest = run = np.zeros(n)
-    for row in filled > 0:
-        widest = np.where(row, np.maximum(widest, run), widest)
-        run = np.where(row, 0.0, run + 1.0)
-    return widest / cells
 
 
 def _principal(inertia):

@@ -115,6 +115,7 @@ def warnings(nve, notes):
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: give every body a molecule-ID of its own, "
             "or leave these atoms out of the group"
         )
+    lines += notes["warnings"]
     turn, body = _fastest(nve.bodies, nve.world, nve.dt if nve.respa_dt is None else nve.respa_dt[0])
     if turn > _FAST:
         lines.append(

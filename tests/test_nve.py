@@ -11,7 +11,7 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, apart, assemble, mixture, tensor, turned, water
+from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, System, apart, assemble, mixture, tensor, turned, water
 
 
 # ---- trajectories
@@ -158,14 +158,17 @@ def test_bodies_cut_by_a_face(simulate, ranks):
 
 
 def wide(flags):
-    """A bent rod over 0.7 of a periodic box, across its face, among pairs of atoms."""
+    """A bent rod over 0.7 of a periodic box, across its face, among pairs of atoms; the rod with its image flags or with 0 0 0."""
     h, k, rng = 10.0 * np.eye(3), np.arange(12), np.random.default_rng(3)
     rod = np.stack([6.0 + 7.0 / 11 * k, 1.4 + 0.1 * np.cos(k), 1.4 + 0.1 * np.sin(k)]).T
     bodies = [("rod", rod, np.ones(12, int))]
     for site in itertools.product(range(4), range(4), range(4)):
         if site[1:] not in ((0, 0), (0, 1), (1, 0), (1, 1)):
             bodies.append(turned("pair", 2.5 * np.array(site), bodies, h, rng))
-    return assemble(bodies, h, flags=flags)
+    system = assemble(bodies, h)
+    if not flags:
+        system.files["data.bodies"] = re.sub(r"(?m)^(\d+ 1 \d \S+ \S+ \S+) \S+ \S+ \S+$", r"\1 0 0 0", system.files["data.bodies"])
+    return system
 
 
 @pytest.mark.parametrize("ranks", [1, 4])
@@ -178,12 +181,63 @@ def test_body_wider_than_half_the_box(simulate, ranks):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_wide_body_with_wrong_flags_is_refused(simulate, ranks):
-    """Locks out a silently wrong shape where a body's image flags do not fit and it is too wide to guess."""
-    run = simulate(wide(False), OURS, 1, ranks=ranks, check=False, timeout=60)
-    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
-    assert run.code != 0 and len(errors) == 1
-    assert "the body of molecule 1 " in errors[0] and "mage flags" in errors[0]
+def test_wide_body_with_wrong_flags(simulate, ranks):
+    """Locks out silence where a body's image flags may not fit and it is too wide to guess, and another shape than
+    fix rigid/nve has by the same flags."""
+    system = wide(False)
+    theirs, ours = (simulate(system, fix, 20, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks)))
+    assert apart(ours, theirs, system.h) < 1e-7
+    said = [line for line in ours.log.splitlines() if line.startswith("WARNING")]
+    assert len(said) == 1 and said[0].startswith("WARNING: the body of molecule 1 (its first atom is 1) may be cut by a periodic face"), said
+    numbers = [float(x) for x in re.search(r"(\S+) box lengths wide along x, with a gap of (\S+) inside and of (\S+) outside", said[0]).groups()]
+    # the rod goes from 6.0 to 13.0 in a box of 10, in steps of 7/11
+    x = np.sort((6.0 + 7.0 / 11 * np.arange(12)) % 10.0)
+    np.testing.assert_allclose(numbers, [np.ptp(x) / 10, np.diff(x).max() / 10, 1 - np.ptp(x) / 10], atol=0.03)
+    assert "WARNING" not in simulate(wide(True), OURS, 50, dt=0.05).log
+
+
+WALL = """units lj
+atom_style molecular
+atom_modify map array
+lattice sc 1.0
+region box block 0 {0} 0 {1} 0 20 units lattice
+create_box 2 box
+region layer block 0 {0} 0 {1} 0 0.5
+create_atoms 1 region layer
+region gas block 0 {0} 0 {1} 1.5 5.5
+create_atoms 2 region gas
+mass * 1.0
+group bodies type 1
+group single type 2
+velocity all create 2.0 4928
+pair_style lj/cut 2.5
+pair_coeff * * 1.0 1.0
+neigh_modify every 1 delay 0 check yes exclude group bodies bodies"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("rows", [2, 3, 4, 6, 8, 9, 12])
+def test_periodic_wall(simulate, rows, ranks):
+    """Locks out the refusal, and any doubt of, a wall that spans the periodic box, whose image flags are all 0, and a shape
+    other than fix rigid/nve's."""
+    system = System(WALL.format(rows, rows + 1), {}, np.diag([rows, rows + 1, 20.0]), 0.002, singles=True)
+    theirs = simulate(system, RIGID, 50, words="single")
+    ours = simulate(system, LIKE_LAMMPS + "\nfix 2 single nve", 50, words="single", group="bodies", ranks=ranks)
+    assert apart(ours, theirs, system.h) < 1e-9
+    assert "WARNING: the body" not in ours.log and "1 rigid bodies" in ours.log
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_body_of_scattered_molecules(simulate, ranks):
+    """Locks out the refusal of a body whose parts lie anywhere in the periodic box, with image flags that are all 0
+    (LAMMPS's unit tests of fix rigid have such ones)."""
+    system = mixture("solid planar", flags=False)
+    how = dict(words="group 2 some more", before="group some molecule 2 9 14\ngroup more molecule 5 21")
+    how["before"] += "\ngroup rest subtract all some more\nfix 3 rest nve\ngroup bodies clear\ngroup bodies union some more"
+    theirs = simulate(system, RIGID, 20, dt=0.2, **how)
+    ours = simulate(system, LIKE_LAMMPS, 20, dt=0.2, group="bodies", ranks=ranks, **how)
+    assert apart(ours, theirs, system.h) < 1e-9
+    assert "2 rigid bodies" in ours.log and "WARNING: the body of group more (its first atom is 21) may be cut" in ours.log
 
 
 # ---- what LAMMPS reports
