@@ -15,16 +15,31 @@ from functools import partial
 
 from .errors import RunError
 
+__version__ = "0.1.0"
 INTEGRATORS = {"NVE": "nve", "MatubayasiNakahara": "matubayasi_nakahara", "Gear": "gear"}  # class: module, imported when a fix line names the class
 
 
 def __getattr__(name):
-    words = name.split()
+    name_of_class = _class_in(name)
+    module = __import__(f"{__name__}.{INTEGRATORS[name_of_class]}", fromlist=[name_of_class])
+    return partial(getattr(module, name_of_class), words=name)
+
+
+def _class_in(text):
+    """The first of the words, if it is one of the classes."""
+    words = text.split()
+    variable = next((word for word in words if "$" in word), None)
+    if variable:
+        raise RunError(
+            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. Give a group one name of its own (group NAME union ...), "
+            "or have the quotes in a variable, variable WORDS string '\"fix_nosquish.NVE water molecule mrot 2\"', "
+            "and write python/move ${WORDS}",
+            everywhere=True,
+        )
     if not words or words[0] not in INTEGRATORS:
         problem = f"there is no integrator '{' '.join(words[:1])}' in fix_nosquish: expected one of {', '.join(INTEGRATORS)}"
         raise RunError(problem, everywhere=True) if len(words) > 1 else AttributeError(problem)
-    module = __import__(f"{__name__}.{INTEGRATORS[words[0]]}", fromlist=words[:1])
-    return partial(getattr(module, words[0]), words=name)
+    return words[0]
 
 
 def body_table(lmp, fix_id):
@@ -45,13 +60,21 @@ def body_table(lmp, fix_id):
 
 
 class _PointInWords:
-    """Explains what happened when LAMMPS takes a number's point for the end of the module's name."""
+    """Explains what happened when LAMMPS takes a number's point for the end of the module's name, if nothing before it is wrong."""
 
     @staticmethod
     def find_spec(name, path=None, target=None):
         if name.startswith(__name__ + ".") and " " in name:
+            from .command import Command, Unfinished
+
+            text = name.removeprefix(__name__ + ".")
+            _class_in(text)
+            try:
+                Command.parse(text.rpartition(" ")[0])
+            except Unfinished:
+                pass  # the rest of it is behind the point
             raise RunError(
-                f"the words of the fix line hold a point (after '{name.removeprefix(__name__ + '.')}'), at which LAMMPS "
+                f"the words of the fix line hold a point (after '{text}'), at which LAMMPS "
                 "cuts them: write real numbers without one (3e2, 25e-1) or as a variable (v_NAME), files as a string-style variable (v_NAME)",
                 everywhere=True,
             )

@@ -27,6 +27,10 @@ _ELSEWHERE = {
 }
 
 
+class Unfinished(RunError):
+    """The words end where more are expected."""
+
+
 @dataclass(frozen=True)
 class Command:
     """What one fix line asks for.
@@ -62,7 +66,7 @@ class Command:
         """Read the words after the class.
 
         Raises:
-            RunError: naming the word, what was expected, and what to do.
+            RunError: naming the word, what was expected, and what to do; Unfinished, which is one, where words are missing.
         """
         words = _Words(text)
         words.take("a class")
@@ -114,14 +118,14 @@ class _Words:
     def __init__(self, text):
         self.text, self.left = text, text.split()
 
-    def wrong(self, what):
-        """A `RunError` that shows the line."""
-        return RunError(f'{what} (in "fix_nosquish.{self.text}")', everywhere=True)
+    def wrong(self, what, kind=RunError):
+        """An error that shows the line."""
+        return kind(f'{what} (in "fix_nosquish.{self.text}")', everywhere=True)
 
     def take(self, expected):
         """The next word."""
         if not self.left:
-            raise self.wrong(f"the fix line ends where {expected} is expected")
+            raise self.wrong(f"the fix line ends where {expected} is expected", Unfinished)
         return self.left.pop(0)
 
     def whole(self, expected):

@@ -36,6 +36,7 @@ class OwnFix:
     fix_id = group = None
     ghost_velocity = True  # not known: velocities at the half step may be read
     next_output = None  # not known
+    creates_velocities = False  # of no use here: dof is not called
     waiting = False
 
     def __init__(self, lammps, world):

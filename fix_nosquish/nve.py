@@ -176,7 +176,7 @@ class NVE(Reports):
     @hook
     def init(self):
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
-        self._settled = self._half = self._heard = False
+        self._settled = self._half = self._heard = self._over = False
         self.host.call_always()
         self.host.waiting = False
         self._known = {}
@@ -229,6 +229,7 @@ class NVE(Reports):
     def _refuse_second_integrator(self, fixes):
         problem = None
         atoms, groups = self.membership.atoms(), self.lammps.groups
+        ids = [[self.command.group]] + [self.command.arguments] * (self.command.style == "group")
         for fix in fixes:
             if fix.time_integrate:
                 both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
@@ -237,6 +238,11 @@ class NVE(Reports):
                         f'atom {self.lammps.tags[both[0]]} of the rigid bodies ("{self.command.text}") is also integrated by '
                         f"fix {fix.id} (style {fix.style}): give that fix a group without the bodies' atoms"
                     )
+            elif all(any(self.host.removed_freedom(fix.id, group) for group in groups) for groups in ids):
+                problem = (
+                    f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, which fix {self.host.fix_id} "
+                    f'("{self.command.text}") holds rigid: unfix it, or give it a group without the bodies\' atoms'
+                )
         for mate in self._mates:
             both = np.intersect1d(mate.membership.atoms(), atoms) if mate is not self else ()
             if len(both):

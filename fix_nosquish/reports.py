@@ -88,6 +88,9 @@ class Reports:
             group: LAMMPS's number of the group.
         """
         bodies = self.bodies
+        between_runs = self._over or not self.lammps.running
+        if between_runs and self.host.creates_velocities:
+            return 0  # they are scaled as made, of all atoms; to rigid motion goes its share of them when the run starts
         if not self.lammps.running or bodies is None:  # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
             self._keep_members()
             bodies = build(self.lammps, self.world, self.membership, self._infile)[0]

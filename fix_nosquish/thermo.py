@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from . import __version__
+
 _FAST = 1.0  # radians in a time step that call for a warning
 
 
@@ -66,6 +68,9 @@ def summary(nve, notes, virial):
     total, solid, planar, linear, points, atoms, shared = world.total(np.array(counts, float)).astype(int)
     removed = removed_freedom(bodies, world, np.ones(len(bodies.tag), bool), nve.lammps)
     own = world.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0]
+    kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
+    degrees = np.array([removed + own, own]) - nve.lammps.dimension  # as compute temp of these atoms counts them
+    before, now = np.divide(2 * kinetic, degrees * nve.lammps.boltz, out=np.zeros(2), where=degrees > 0)
     if bodies.plane:
         kinds, turning = ((solid + planar, "in the plane"),), ((solid + planar, "rotation in the plane", "no rotation"),)
     else:
@@ -90,10 +95,11 @@ def summary(nve, notes, virial):
         if pass_ and needed or without and not needed:
             (done if needed else left).append(pass_ if needed else without)
     lines = [
-        f"Rigid bodies by {nve.method}: {command.text}",
+        f"Rigid bodies by {nve.method}, fix_nosquish {__version__}: {command.text}",
         f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
-        f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed",
+        f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed; "
+        f"temperature {before:.8g} of the atoms before, {now:.8g} of the bodies now",
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]

@@ -1,5 +1,6 @@
 """Bad input ends the run on all ranks within seconds, with one message that says what is wrong and what to do."""
 
+import re
 from typing import NamedTuple
 
 import pytest
@@ -61,6 +62,12 @@ CASES = {
     "no body style": Case("all", ("body style", "ends where", "fix_nosquish.NVE all")),
     "value missing": Case("all molecule mrot", ("ends where", "number of inner rotor steps")),
     "value with a point": Case("all molecule mrot 2.5", ("point", "25e-1", "v_NAME")),
+    "keyword of fix rigid before a point": Case("all molecule langevin 0.45 0.45 0.5 1", ("unknown keyword 'langevin'", "use fix langevin")),
+    "thermostat before a point": Case("all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps the energy")),
+    "barostat before a point": Case("all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "keeps the volume")),
+    "integrator before a point": Case("all molecule mrot 2.5", ("integrator 'NVTT'",), module="fix_nosquish.NVTT"),
+    "variable in the quotes": Case("all molecule mrot ${n}", ("no variable's value inside quotes, where '${n}' stands", "${WORDS}"), before="variable n equal 2"),
+    "variable before a point": Case("all molecule infile ${f}.txt", ("no variable's value inside quotes, where '${f}' stands",)),
     "value not a number": Case("all molecule mrot two", ("'two'", "whole number of at least 1")),
     "value of zero": Case("all molecule mrot 0", ("'0'", "whole number of at least 1")),
     "keyword given twice": Case("all molecule mrot 2 mrot 3", ("mrot", "twice")),
@@ -215,3 +222,17 @@ def test_molecule_zero(run_case):
     run = run_case(Case(before="set atom 4*9 mol 0", steps=5), ranks=2, check=True)
     assert run.log.count(warning) == run.screen.count(warning) == 1
     assert "WARNING" not in run_case(Case(steps=5), ranks=2, check=True).log
+
+
+@pytest.mark.parametrize(
+    "before, target",
+    [("group rigid union ${g}", '"fix_nosquish.NVE rigid molecule mrot 2"'),
+     ("variable words string '\"fix_nosquish.NVE a molecule mrot 2\"'", "${words}"),
+     ("variable words index '\"fix_nosquish.NVE a molecule mrot 1\"' '\"fix_nosquish.NVE a molecule mrot 2\"'\nnext words", "${words}")],
+)  # fmt: skip
+def test_variables_in_the_fix_line(run_case, before, target):
+    """Locks out advice that LAMMPS does not take."""
+    case = Case(before=f"group a molecule 1 2\nvariable g string a\n{before}", steps=1)
+    script = case.script.replace(f'"{case.module} {case.words}"', target)
+    run = run_case(type("", (), {"script": script}), check=True)
+    assert re.search(r"Rigid bodies by .*: NVE (rigid|a) molecule mrot 2$", run.log, re.M), run.log

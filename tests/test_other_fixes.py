@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 from conftest import read_thermo
-from systems import LIKE_LAMMPS, OURS, RIGID, Result, apart, mixture
+from systems import LIKE_LAMMPS, OURS, RIGID, Result, apart, mixture, water
 
 TOOK = "The velocities of the bodies' atoms were changed at the end of step"
 COLUMNS = "thermo_style custom step temp press pe etotal {}\nthermo_modify format float %.16g norm no\nthermo {}\ntimestep {}"
@@ -97,6 +97,90 @@ def test_forces(run_all):
         assert order > 1e-7 or name == "spring self", name  # which has no force at the start
     assert not idle
     assert max(off.values()) < 1e-9, off
+
+
+# ---- fixes that constrain atoms
+
+FLEXIBLE = "group wet molecule <= 500\ngroup flexible subtract all wet\nset group flexible bond 2\nset group flexible angle 2"
+
+
+def half_rigid():
+    """inputs/water, where the bonds and angles of the second half of the molecules have types of their own."""
+    system = water()
+    setup = system.setup.replace("data.water", "data.water extra/bond/types 1 extra/angle/types 1")
+    forcefield = system.files["forcefield.water"] + "bond_coeff 2 0.9572\nangle_coeff 2 104.52\n"
+    return system._replace(setup=f"{setup}\n{FLEXIBLE}", files=system.files | {"forcefield.water": forcefield})
+
+
+@pytest.mark.parametrize("style", ["shake", "rattle"])
+@pytest.mark.parametrize("words, first, ranks", [("molecule", "theirs", 2), ("molecule", "ours", 1), ("group 1 bodies", "theirs", 1)])
+def test_constraints_on_bodies_are_refused(run_lammps, style, words, first, ranks):
+    """Locks out a fix that constrains the bodies' atoms beside ours, with a temperature and a pressure that are wrong."""
+    theirs, ours = f"fix hold bodies {style} 1e-4 100 0 b 1 a 1", OURS.format(group="bodies", words=words)
+    system = water()
+    fixes = f"{theirs}\n{ours}" if first == "theirs" else f"{ours}\n{theirs}"
+    run = run_lammps(f"{system.setup}\n{fixes}\nrun 1", files=system.files, ranks=ranks, check=False)
+    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    assert run.code and len(errors) == 1, run.screen
+    for part in f"fix hold (style {style}) constrains", f'fix 1 ("NVE bodies {words}")', "unfix it", "without the bodies' atoms":
+        assert part in errors[0], errors[0]
+
+
+def test_constraints_beside_bodies(run_all):
+    """Locks out the refusal of a fix that may constrain all atoms, and constrains none of the bodies'."""
+    system, ours = half_rigid(), OURS.format(group="wet", words="molecule")
+    scripts = {
+        name: f"fix hold {name} shake 1e-4 100 0 b 2 a 2\nfix 2 flexible nve\n{ours}\n{COLUMNS.format('', 5, 1.0)}\nrun 5"
+        for name in ("all", "flexible")
+    }
+    both = run_all(system, scripts)
+    assert differ(both["all"], both["flexible"], system.h) == 0
+
+
+# ---- commands that make velocities
+
+CREATE = """
+velocity all create 2.0 99 loop geom
+print "MADE $(ke(all))"
+run 20
+velocity all create 2.0 99 loop geom
+print "MADE $(ke(all))"
+run 10
+velocity all create 2.0 98 loop geom temp thermo_temp
+print "MADE $(ke(all))"
+run 0
+velocity some create 2.0 98 loop geom
+print "MADE $(ke(some))"
+run 2 every 1 "velocity all create 2.0 99 loop geom" "print 'MADE $(ke(all))'"
+run 0
+velocity all scale 3.0
+run 0
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_velocity_create(run_all, ranks):
+    """Locks out degrees of freedom that are taken from random velocities before they are rigid motion, and then again: velocities
+    as without bodies, before a first run as with rigid/nve, where it makes none either; and velocity scale that has lost them."""
+    system = mixture("solid planar")
+    text = "group some molecule 1 2 3 5"
+    first = [text, "RIGID", "velocity all create 2.0 99 loop geom", "run 20"]
+    theirs, ours = (lines(system, fix, *first) for fix in (RIGID, LIKE_LAMMPS))
+    results = run_all(system, {"theirs": theirs, "ours": ours, "more": lines(system, OURS, text, "RIGID", *CREATE.splitlines())}, ranks=ranks)
+    assert differ(results["ours"], results["theirs"], system.h) < 1e-9
+
+    log = results["more"].log
+    atoms, some = len(system.mass), np.isin(system.molecule, [1, 2, 3, 5]).sum()
+    made = [float(number) for number in re.findall(r"^MADE (\S+)", log, re.M)]
+    np.testing.assert_allclose(made, 3.0 * (np.array([atoms, atoms, atoms, some, atoms, atoms]) - 1), rtol=1e-10)
+
+    starts = [float(line.split()[1]) for line in re.findall(r"^ *Step .*\n(.*)", log, re.M)]
+    said = [tuple(map(float, found)) for found in re.findall(r"temperature (\S+) of the atoms before, (\S+) of the bodies now", log)]
+    assert len(starts) == 7 and len(said) == 6, "a line for each start whose velocities were not rigid motion"
+    np.testing.assert_allclose([now for _, now in said], starts[:-1], rtol=1e-7)
+    np.testing.assert_allclose([before for before, _ in said[:3]], 2.0, rtol=1e-7)
+    assert all(0.7 < now / 2.0 < 1.3 for _, now in said), "random to a few percent of 2.0"
+    assert starts[-1] == pytest.approx(3.0, rel=1e-10)
 
 
 # ---- fixes that change velocities at the end of a step

@@ -107,6 +107,8 @@ class Bridge(Structure):
         ("log", CFUNCTYPE(None, c_void_p, c_char_p)),
         ("nth_fix", CFUNCTYPE(c_int, c_void_p, c_int, POINTER(FixFacts))),
         ("ghost_velocity", CFUNCTYPE(c_int, c_void_p)),
+        ("creates_velocities", CFUNCTYPE(c_int, c_void_p)),
+        ("removed_freedom", CFUNCTYPE(c_int64, c_void_p, c_char_p, c_char_p)),
         ("set_array_rows", CFUNCTYPE(None, c_void_p, c_int)),
         ("note", CFUNCTYPE(None, c_void_p, c_int, c_void_p)),
         ("keep", CFUNCTYPE(None, c_void_p)),

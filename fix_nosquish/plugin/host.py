@@ -57,6 +57,19 @@ class Host:
         """Whether ghost atoms carry velocities (``comm_modify vel yes``)."""
         return bool(self._bridge.ghost_velocity(self._bridge.fix))
 
+    @property
+    def creates_velocities(self):
+        """Whether ``velocity ... create`` is the command that LAMMPS has begun last."""
+        return bool(self._bridge.creates_velocities(self._bridge.fix))
+
+    def removed_freedom(self, fix_id, group):
+        """Degrees of freedom that another fix takes from a group of atoms, which it does not move by itself; collective.
+
+        Args:
+            fix_id, group: The IDs of that fix and of the group.
+        """
+        return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())
+
     def atoms_moved(self):
         """Whether LAMMPS has re-neighboured unsaid: never, there is a hook for it."""
         return False

@@ -14,6 +14,7 @@
 #include "error.h"
 #include "fix.h"
 #include "group.h"
+#include "input.h"
 #include "library.h"
 #include "memory.h"
 #include "modify.h"
@@ -200,6 +201,8 @@ struct Bridge {
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, FixFacts *);    // 0 past the last; id is null for this fix
   int (*ghost_velocity)(void *fix);
+  int (*creates_velocities)(void *fix);    // whether velocity ... create is the last command
+  int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
   void (*set_array_rows)(void *fix, int n);
   void (*note)(void *fix, int n, const int32_t *index);
   void (*keep)(void *fix);    // the passes are for the box as it is now
@@ -275,6 +278,8 @@ class FixPythonMove : public Fix {
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   int describe(int, FixFacts *) const;
+  bool creates_velocities() const;
+  int64_t removed_freedom(const char *, const char *) const;
   void note(int, const int32_t *);
   void point();
   std::vector<double> box() const;
@@ -325,6 +330,10 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   };
   bridge.nth_fix = [](void *fix, int n, FixFacts *facts) { return self(fix)->describe(n, facts); };
   bridge.ghost_velocity = [](void *fix) { return self(fix)->comm->ghost_velocity; };
+  bridge.creates_velocities = [](void *fix) { return (int) self(fix)->creates_velocities(); };
+  bridge.removed_freedom = [](void *fix, const char *other, const char *group) {
+    return self(fix)->removed_freedom(other, group);
+  };
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
   bridge.note = [](void *fix, int n, const int32_t *index) { self(fix)->note(n, index); };
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
@@ -522,6 +531,21 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
               (modify->fmask[n] & FINAL_INTEGRATE) != 0,
               (other->box_change & ~BOX_CHANGE_DOMAIN) != 0};    // ranks' parts of the box are not the box
   return 1;
+}
+
+bool FixPythonMove::creates_velocities() const
+{
+  return input->command && strcmp(input->command, "velocity") == 0 && input->narg > 1 &&
+      strcmp(input->arg[1], "create") == 0;
+}
+
+// What constrains atoms says so by the degrees of freedom that it removes. What moves them by itself may not be able to, so early.
+
+int64_t FixPythonMove::removed_freedom(const char *other, const char *group_id) const
+{
+  Fix *fix = modify->get_fix_by_id(other);
+  const int number = group->find(group_id);
+  return fix && fix->dof_flag && !fix->time_integrate && number >= 0 ? fix->dof(number) : 0;
 }
 
 // Point the cells for LAMMPS's arrays at them as they are.
