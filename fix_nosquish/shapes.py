@@ -5,7 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from .bodies import OFF_BODY, matrices
+from .errors import RunError
 
+_TORN = 2.0  # atoms further off than this times the size of their body say nothing of where it is
 
 class Kept(NamedTuple):
     """What keeping the shapes of bodies changes.
@@ -33,6 +35,8 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
         r: (m, 3) its place from the body's centre of mass, in the space frame.
     Returns:
         r (m, 3), the same array if nothing has deformed a body, and `Kept`, None if so.
+    Raises:
+        RunError: on all ranks, if a body was torn apart.
     """
     n = len(ids)
 
@@ -77,7 +81,7 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
     if not world.any(deformed.any()):
         return r, None
     size = np.maximum(largest([np.linalg.norm(d, axis=0)], 0.0, np.maximum)[0], bound)
-    text = _say_kept(world, membership, ids, far, size, deformed & sharers.owned)
+    text = _say(world, membership, ids, far, size, deformed & sharers.owned)
     mine = deformed[body]
     shift = placed[mine] - r[mine]
     r = np.where(mine[:, None], placed, r)
@@ -105,15 +109,23 @@ def best_turns(products, plane=False):
     return left @ right
 
 
-def _say_kept(world, membership, ids, far, size, which):
-    """The line for the log on these bodies (n,) bool; collective."""
+def _say(world, membership, ids, far, size, which):
+    """The line for the log on these bodies (n,) bool; collective. Raises: as `keep`."""
     k = np.argmax(far / size * which)
     worst = [[far[k] / size[k], far[k], ids[k]]] if which.any() else []
     rows = world.gather_to_all(np.array(worst).reshape(-1, 3))
     part, distance, name = rows[rows[:, 0].argmax()]
+    name = membership.name(int(name))
+    if part > _TORN:
+        raise RunError(
+            f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where the body's shape has it, "
+            f"{part:.2g} times its size. Bodies that a periodic face cuts are torn when the boundary changes, or the box without "
+            "'remap': move them off the face before. If the new shape is meant, unfix this fix and define it again",
+            everywhere=True,
+        )
     count = round(world.total(np.array([which.sum()]))[0])
     return (
-        f"{count} bodies were deformed between the runs, {membership.name(int(name))} the most: by {distance:.3g}, "
+        f"Bodies that were deformed between the runs: {count}; {name} the most, by {distance:.3g}, "
         f"{part:.2g} of its size. They keep their shape: each was put at the centre of mass of its atoms and turned "
         "to fit them. If the new shape is meant, unfix this fix and define it again\n"
     )

@@ -10,7 +10,7 @@ from systems import OURS, SHAPES, mixture
 
 ALL = "solid planar pair row single"
 EXACT = "modify sort id format float %.17g"
-SHAPE = "were deformed between the runs"
+SAID = r"Bodies that were deformed between the runs: (\d+); the body of molecule (\d+) the most, by (\S+), (\S+) of its size"
 
 # what deforms bodies, in boxes of three vectors, and where bodies turn with it
 DEFORMED = {
@@ -93,9 +93,48 @@ def test_bodies_keep_their_shape(run_dumps, name, ranks):
         pairs = np.array([*itertools.combinations(np.flatnonzero(system.molecule == body), 2)], int).reshape(-1, 2).T
         old, new = (np.linalg.norm(a[pairs[0], :3] - a[pairs[1], :3], axis=1) for a in (atoms["before"], atoms["placed"]))
         np.testing.assert_allclose(new, old, rtol=0, atol=1e-12)
-    said = re.findall(rf"(\d+) bodies {SHAPE}, the body of molecule (\d+) the most: by (\S+), (\S+) of its size", run.log)
+    said = re.findall(SAID, run.log)
     assert len(said) == 1 and int(said[0][0]) == (far > 1e-8).sum()
     assert int(said[0][1]) == far.argmax() + 1 and float(said[0][3]) == pytest.approx(far.max(), rel=0.05)
     _, other = run_dumps(script(system, "run 30\nDUMP end"), with_atoms(system, expected, v, run.log))
     distance = atoms["end"] - other["end"]
     assert np.abs(distance[:, :6]).max() < 1e-9
+
+
+WHOLE = {  # what leaves every body its shape, if it leaves the body at all
+    "nothing": "",
+    "moved": "displace_atoms all move 0.3 -9.1 0.2 units box",
+    "turned": "group one molecule 3\ndisplace_atoms one rotate 1 1 1 0.3 0.5 1 77 units box",
+    "read again": "read_dump same 20 x y z ix iy iz vx vy vz",
+    "other members": "group part id 3 17\ndelete_atoms group part",
+    "other molecule-IDs": "variable m atom mol+100\nset group all mol v_m",
+    "defined again": "change_box all x scale 0.97 remap\nunfix 1\n" + OURS.format(group="all", words="molecule"),
+}
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_bodies_with_the_shape_of_their_atoms(run_lammps, name):
+    """Locks out a message, and atoms that are moved, where nothing has deformed a body, it is of other atoms now, or the fix is new."""
+    system = mixture("solid planar")
+    dump = f"write_dump all custom same id type x y z ix iy iz vx vy vz {EXACT}"
+    run = run_lammps(script(system, f"run 20\n{dump}\n{WHOLE[name]}\nrun 20"), files=system.files, ranks=2)
+    assert "deformed" not in run.log and run.log.count("Loop time") == 2
+
+
+REFUSED = {
+    "box, reinit no": ("molecule reinit no", "change_box all x scale 0.97 remap\nrun 5", ("the box has changed", "with reinit yes")),
+    "box, pre no": ("molecule", "change_box all x scale 0.97 remap\nrun 5 pre no", ("the box has changed", "without infile or 'pre no'")),
+    "atoms, pre no": ("molecule", "displace_atoms all random 0.1 0.1 0.1 4928\nrun 5 pre no", ("where its rigid body has it", "run N pre yes")),
+    "boundary": ("molecule", "change_box all boundary p p f\nrun 5", ("was torn apart between the runs", "off the face")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_keep_its_shape_is_refused(run_lammps, name, ranks):
+    """Locks out atoms that silently jump back, and bodies in the middle of nowhere, where bodies go on as they are or are torn."""
+    words, then, expected = REFUSED[name]
+    system = mixture(ALL)
+    run = run_lammps(script(system, f"run 5\n{then}", words), files=system.files, ranks=ranks, check=False, timeout=60)
+    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    assert run.code != 0 and len(errors) == 1 and all(words in errors[0] for words in expected), run.screen
