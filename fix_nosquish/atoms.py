@@ -59,6 +59,7 @@ class Box:
         periodic: (3,) bool; wrap: the same as 0.0 and 1.0.
         lo: (3,) the origin.
         size: the largest component of a box vector.
+        farthest: the largest coordinate of a corner.
     """
 
     def __init__(self, lo, hi, tilt, periodic):
@@ -67,6 +68,7 @@ class Box:
         self.h = np.array([[edge[0], xy, xz], [0.0, edge[1], yz], [0.0, 0.0, edge[2]]])
         self.inverse = np.linalg.inv(self.h)
         self.lo, self.periodic, self.wrap, self.size = lo, periodic, periodic.astype(float), np.abs(self.h).max()
+        self.farthest = max(np.abs(lo).max(), np.abs(lo + self.h.sum(axis=1)).max())
 
     def lattice(self, vectors):
         """The nearest lattice vectors' integer coordinates (zero where not periodic), (n, 3)."""

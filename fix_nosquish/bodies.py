@@ -5,6 +5,8 @@ quaternion momentum p, with its mass and principal moments.  Every rank keeps th
 bodies of which it owns an atom, and of their atoms only its own.  `build` makes them.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from . import kernels, spheres
@@ -13,7 +15,7 @@ from .kernels import RENEWED
 from .sharing import ALONE, Agreement, Sharers, places
 
 SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
-_MOVED = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
+OFF_BODY = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
 
 # rows of a body's state
 ROWS = kernels.ROWS
@@ -30,6 +32,24 @@ _OTHERS = {"aways": L1, "scratch": F1, "plane": I, "table": L1, "buckets": L1, "
 _WIDTHS = {"blocks": (3,), "shift": (3,), "next_": (2,)}
 _REARRANGING = kernels.arrange, kernels.renew, kernels.carry_over
 _TO_WORK_WITH = "here", "place", "owner", "source", "number", "order", "first", "next_"
+
+
+class Former(NamedTuple):
+    """What LAMMPS's atoms on this rank were in bodies.
+
+    Attributes:
+        known: (natoms,) bool, which atoms were in a body.
+        id, natoms: (natoms,) the body's ID and number of atoms.  q: (4, natoms) its quaternion.
+        d: (3, natoms) the atom's place in the body's principal frame.
+        followed: whether LAMMPS took all that along with the atoms; if not, atoms were found by their IDs.
+    """
+
+    known: np.ndarray
+    id: np.ndarray
+    natoms: np.ndarray
+    q: np.ndarray
+    d: np.ndarray
+    followed: bool
 
 
 def _rows(rows):
@@ -196,19 +216,18 @@ class Bodies:
         self._find_images(lammps)
         host.keep_box()
 
-    def ids_of_atoms(self, lammps):
-        """Which body each of LAMMPS's atoms here is in, when a host has pointed the cells at them.
-
-        Returns:
-            (natoms,) int64, the bodies' IDs; (natoms,) bool, which atoms are in one.
-        """
+    def of_atoms(self, lammps, followed=True):
+        """What each of LAMMPS's atoms here is in these bodies, when a host has pointed the cells at them: a `Former`."""
         origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
-        ids = np.zeros(len(origins), np.int64)
-        ids[here] = self.id[self.body[places(origins[here])]]
-        ids[came] = arrived[-2 - origins[came], kernels.OF_BODY + kernels.ID]
-        return ids, here | came
+        place, row = places(origins[here]), -2 - origins[came]
+        rows = np.r_[ID, NATOMS, Q]
+        of_bodies, d = np.zeros((len(rows), len(origins))), np.zeros((3, len(origins)))
+        of_bodies[:, here] = self.state[rows][:, self.body[place]]
+        of_bodies[:, came] = arrived[row[:, None], kernels.OF_BODY + rows].T
+        d[:, here], d[:, came] = self.d[:3, place], arrived[row, 1:4].T
+        return Former(here | came, of_bodies[0].astype(np.int64), of_bodies[1], of_bodies[2:], d, followed)
 
     def _make_room_for(self, atoms, arrived):
         bodies, entries = len(self) + arrived, 4 << (2 * (len(self.sharers.bodies) + arrived)).bit_length()
@@ -229,7 +248,7 @@ class Bodies:
         box, problem = lammps.box, None
         if box is not self._box:
             self._box = box
-            for name, value in ("h", box.h), ("inverse", box.inverse), ("lo", box.lo), ("periodic", box.wrap), ("near", _MOVED * box.size):
+            for name, value in ("h", box.h), ("inverse", box.inverse), ("lo", box.lo), ("periodic", box.wrap), ("near", OFF_BODY * box.size):
                 self.cells[name].set(value)
         if self._settle():
             far, atom = self.cells["off"].array

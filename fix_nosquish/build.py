@@ -5,6 +5,7 @@ import numpy as np
 from . import compiled, infile, spheres
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
 from .errors import RunError
+from .shapes import keep
 from .sharing import Sharers
 from .unfold import unfold
 
@@ -14,19 +15,21 @@ _LARGEST_ID = 2**53  # IDs travel as floating-point numbers
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
-def build(lammps, world, membership, path=None, more_rows=0):
+def build(lammps, world, membership, path=None, more_rows=0, former=None):
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Args:
         lammps: the `Lammps`.  world: the `World` or `Alone`.  membership: the `Membership`.
         path: the file of keyword infile, None for none.
         more_rows: rows of zeros in the bodies' state, behind those that `kernels` names.
+        former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
     Returns:
         (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
         angular momentum of the atoms' velocities, and notes for the log: the number of
         bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
         puts in a body, the kinetic energy `kinetic` of the atoms and the part `removed` of
-        it that is not rigid motion, the IDs `given` that the file names, and `warnings`, a list of lines.
+        it that is not rigid motion, the IDs `given` that the file names, `warnings`, a list of
+        lines, and the `Kept` in `kept`, if the atoms have to move because bodies keep their shape.
     Raises:
         RunError: on all ranks, naming the body.
     """
@@ -60,7 +63,9 @@ def build(lammps, world, membership, path=None, more_rows=0):
         centre[:, here] = given.x - place[:, here] + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
         far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
         blame(far.any(axis=0), lambda k: "has its centre in the infile more than half the box from its atoms: check the image flags there")
-    r = delta - centre[:, body].T
+    r, kept = delta - centre[:, body].T, None
+    if former is not None:
+        r, kept = keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r)
     rx, ry, rz = r.T
     xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
     own = SPHERE * total(mass * radius**2)[0] if radius is not None else 0.0
@@ -100,7 +105,7 @@ def build(lammps, world, membership, path=None, more_rows=0):
     result.find_sharers()  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
-    return result, notes | {"given": given.named if given else (), "warnings": [doubt] if doubt else []}
+    return result, notes | {"given": given.named if given else (), "warnings": [doubt] if doubt else [], "kept": kept}
 
 
 def count(lammps, world, membership):

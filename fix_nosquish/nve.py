@@ -131,6 +131,7 @@ class NVE(Reports):
         self._notes = self._said = self._loops = None
         self._warned = set()
         self._settled = self._half = self._ran = self._over = self._heard = self._velocities_set = False
+        self._shaped = False  # whether a run has given the bodies a shape
         self._mask = self._file = None
         self._known, self.late = {}, []
         self.half_step_velocities, self.velocities_every = True, (1,)
@@ -193,6 +194,7 @@ class NVE(Reports):
         self._box_may_change = unknown or any(fix.box_change for fix in fixes)
         if self.command.reinit or not self._ran:
             self._build()
+            self._shaped = True
             self._set_velocities()
         self._refuse_second_integrator(fixes)
         self.reset_dt()
@@ -205,11 +207,14 @@ class NVE(Reports):
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.load.copy())
-        self._keep_members()
+        former = self._former()
         if self.host and self.bodies is not None:
             self.host.carry(None, None)
         self.bodies = self._loops = None  # there may be no room for both
-        self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile, self.more_rows)
+        self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile, self.more_rows, former)
+        if kept := self._notes.pop("kept"):
+            self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
+            self.host.log(kept.text)
         if known and np.array_equal(np.sort(known[0]), np.sort(self.bodies.id)):  # commands like write_data compute no forces
             self.bodies.load[:, np.argsort(self.bodies.id)] = known[1][:, np.argsort(known[0])]
         self.bodies.bind(self.lammps, self.membership)
@@ -220,11 +225,18 @@ class NVE(Reports):
         self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
 
-    def _keep_members(self):
-        """Have a variable tell those atoms' bodies only that are in none; LAMMPS's own fix cannot know which these are."""
-        if self.membership.variable and self.bodies is not None and not isinstance(self.host, OwnFix):
-            self.host.point(self.lammps.cells)
-            self.membership.before = self.bodies.ids_of_atoms(self.lammps)
+    def _former(self):
+        """What the atoms were in the bodies of the last run, None if that says nothing of their shape; collective.
+
+        A variable then tells those atoms' bodies only that were in none; LAMMPS's own fix cannot know which these are.
+        """
+        if self.bodies is None:
+            return None
+        self.host.point(self.lammps.cells)
+        former = self.bodies.of_atoms(self.lammps, not isinstance(self.host, OwnFix))
+        if self.membership.variable and former.followed:
+            self.membership.before = former.id, former.known
+        return former if self._shaped and not self._infile else None
 
     def _refuse_second_integrator(self, fixes):
         problem = None
@@ -346,6 +358,7 @@ class NVE(Reports):
             self.setup(0)
         elif self._over:  # what changes velocities now is a script
             self._over = False
+            self.post_neighbor()  # which ends the run if it has changed more than velocities
             self._say_ignored("pre no")
         elif self.late:
             self._take_changed_velocities(self.lammps.step - 1)
@@ -405,8 +418,9 @@ class NVE(Reports):
             return
         if ((box.h != self._box.h) & held).any():
             raise RunError(
-                f"the box has changed by step {self.lammps.step}: this fix keeps bodies at constant volume, so use it "
-                "without fixes that change the box (fix deform, npt, nph, box/relax), or change the box between runs (with reinit yes)",
+                f"the box has changed by step {self.lammps.step}, but in a run bodies move at constant volume: use this fix "
+                "without fixes that change the box (fix deform, npt, nph, box/relax). Between runs the box may change, because "
+                "bodies keep their shape when the next run makes them anew: with reinit yes, and without infile or 'pre no'",
                 everywhere=True,
             )
         self._box = box

@@ -92,8 +92,8 @@ class Reports:
         if between_runs and self.host.creates_velocities:
             return 0  # they are scaled as made, of all atoms; to rigid motion goes its share of them when the run starts
         if not self.lammps.running or bodies is None:  # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
-            self._keep_members()
-            bodies = build(self.lammps, self.world, self.membership, self._infile)[0]
+            former = self._former()
+            bodies = build(self.lammps, self.world, self.membership, self._infile, former=former)[0]
         inside = self.lammps.groups[bodies.index] & (1 << group) != 0
         return thermo.removed_freedom(bodies, self.world, inside, self.lammps)
 

@@ -1,0 +1,131 @@
+"""Shapes of bodies: kept where something has deformed them between two runs."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .bodies import OFF_BODY, matrices
+from .errors import RunError
+
+_TORN = 2.0  # atoms further off than this times the size of their body say nothing of where it is
+
+class Kept(NamedTuple):
+    """What keeping the shapes of bodies changes.
+
+    Attributes:
+        atoms: (m,) indices of the atoms here that have to move.  shift: (m, 3) how far.
+        text: a line for the log.
+    """
+
+    atoms: np.ndarray
+    shift: np.ndarray
+    text: str
+
+
+def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
+    """Give bodies that something has deformed since the last run their shape again; collective.
+
+    Such a body is put at the centre of mass of its atoms and turned to fit them best, by least squares
+    weighted with mass (Kabsch, Acta Cryst. A 34, 827 (1978)).  A body of other atoms than before has the
+    shape that its atoms have.
+
+    Args:
+        former: the `Former` of LAMMPS's atoms.  ids: (n,) the bodies' IDs.
+        body, atoms, mass: (m,) each atom's body, index in LAMMPS's arrays, mass.
+        r: (m, 3) its place from the body's centre of mass, in the space frame.
+    Returns:
+        r (m, 3), the same array if nothing has deformed a body, and `Kept`, None if so.
+    Raises:
+        RunError: on all ranks, if a body was torn apart.
+    """
+    n = len(ids)
+
+    def total(columns):
+        sums = np.array([np.bincount(body, c, minlength=n) for c in columns])
+        sharers.combine(sums)
+        return sums
+
+    def largest(values, start, operation):
+        """The largest (or smallest) value over each body's atoms, (len(values), n)."""
+        result = np.full((len(values), n), start)
+        for row, column in zip(result, values):
+            operation.at(row, body, column)
+        sharers.combine(result, operation)
+        return result
+
+    known, old, natoms = (of_all[atoms] for of_all in (former.known, former.id, former.natoms))
+    low = largest(np.where(known, (old, -old, natoms), -np.inf), np.inf, np.minimum)
+    same = (low[0] == -low[1]) & (low[2] == total([np.ones(len(atoms))])[0])
+    if not former.followed:
+        same &= low[0] == ids
+    weight = mass * same[body]
+    d = former.d[:, atoms]
+    sums = total([weight, *(weight * d)])
+    d = d - np.divide(sums[1:], sums[0], out=np.zeros((3, n)), where=same)[:, body]
+    bound = OFF_BODY * lammps.box.size + 8 * np.spacing(lammps.box.farthest)
+
+    def off(placed):
+        """How far each body's atoms are from these places, at most, (n,)."""
+        return largest([np.linalg.norm(r - placed, axis=1)], 0.0, np.maximum)[0] * same
+
+    moved = off(np.einsum("abm,bm->ma", matrices(former.q[:, atoms]), d)) > bound
+    if not world.any(moved.any()):
+        return r, None
+    weight = weight * moved[body]
+    turn = np.tile(np.eye(3), (n, 1, 1))
+    products = total([weight * a * b for a in r.T for b in d]).T.reshape(n, 3, 3)
+    turn[moved] = best_turns(products[moved], lammps.dimension == 2)
+    placed = np.einsum("mab,bm->ma", turn[body], d)
+    far = off(placed) * moved
+    deformed = far > bound
+    if not world.any(deformed.any()):
+        return r, None
+    size = np.maximum(largest([np.linalg.norm(d, axis=0)], 0.0, np.maximum)[0], bound)
+    text = _say(world, membership, ids, far, size, deformed & sharers.owned)
+    mine = deformed[body]
+    shift = placed[mine] - r[mine]
+    r = np.where(mine[:, None], placed, r)
+    return r, Kept(atoms[mine], shift, text)
+
+
+def best_turns(products, plane=False):
+    """The rotations that bring one set of vectors nearest to another.
+
+    Args:
+        products: (n, 3, 3), the sums over the vectors of weight times a bᵀ, where b is to be turned into a.
+        plane: whether to turn about z only.
+    Returns:
+        (n, 3, 3) rotation matrices.
+    """
+    if plane:
+        angle = np.arctan2(products[:, 1, 0] - products[:, 0, 1], products[:, 0, 0] + products[:, 1, 1])
+        turn = np.tile(np.eye(3), (len(products), 1, 1))
+        turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+        turn[:, 1, 0] = np.sin(angle)
+        turn[:, 0, 1] = -turn[:, 1, 0]
+        return turn
+    left, _, right = np.linalg.svd(products)
+    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
+    return left @ right
+
+
+def _say(world, membership, ids, far, size, which):
+    """The line for the log on these bodies (n,) bool; collective. Raises: as `keep`."""
+    k = np.argmax(far / size * which)
+    worst = [[far[k] / size[k], far[k], ids[k]]] if which.any() else []
+    rows = world.gather_to_all(np.array(worst).reshape(-1, 3))
+    part, distance, name = rows[rows[:, 0].argmax()]
+    name = membership.name(int(name))
+    if part > _TORN:
+        raise RunError(
+            f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where the body's shape has it, "
+            f"{part:.2g} times its size. Bodies that a periodic face cuts are torn when the boundary changes, or the box without "
+            "'remap': move them off the face before. If the new shape is meant, unfix this fix and define it again",
+            everywhere=True,
+        )
+    count = round(world.total(np.array([which.sum()]))[0])
+    return (
+        f"Bodies that were deformed between the runs: {count}; {name} the most, by {distance:.3g}, "
+        f"{part:.2g} of its size. They keep their shape: each was put at the centre of mass of its atoms and turned "
+        "to fit them. If the new shape is meant, unfix this fix and define it again\n"
+    )

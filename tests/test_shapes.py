@@ -1,0 +1,140 @@
+"""Shapes of bodies that something deforms between two runs, and bodies of one kind with different shapes."""
+
+import itertools
+import re
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from systems import OURS, SHAPES, mixture
+
+ALL = "solid planar pair row single"
+EXACT = "modify sort id format float %.17g"
+SAID = r"Bodies that were deformed between the runs: (\d+); the body of molecule (\d+) the most, by (\S+), (\S+) of its size"
+
+# what deforms bodies, in boxes of three vectors, and where bodies turn with it
+DEFORMED = {
+    "scaled": (lambda: mixture(ALL), "change_box all x final 0 7.4 y final 0 8.1 z scale 1.0 remap units box"),
+    "twice as wide": (lambda: mixture(ALL), "change_box all x final 0 15.3 remap units box"),
+    "sheared": (lambda: mixture(ALL, tilt=0.3), "change_box all xy delta 0.9 yz delta -0.4 remap units box"),
+    "plane": (lambda: mixture("planar pair row single", side=5, dimension=2), "change_box all x final 0 11 remap units box"),
+    "moved at random": (lambda: mixture(ALL), "displace_atoms all random 0.1 0.1 0.1 4928 units box"),
+    "ramp": (lambda: mixture(ALL), "displace_atoms all ramp y 0.0 0.5 x 0.0 7.65 units box"),
+    "one atom": (lambda: mixture(ALL), "variable x atom x+0.2\nset atom 12 x v_x"),
+    "scaled in large steps": (lambda: mixture(ALL), "change_box all x final 0 7.5 remap x final 0 7.8 set y final 0 7.7 remap units box"),
+}
+
+
+@pytest.fixture
+def run_dumps(run_lammps, tmp_path):
+    """A function that runs a script in which DUMP name stands for a dump of unwrapped atoms; gives the log and these."""
+
+    def run(script, files, ranks=1, **how):
+        names = re.findall(r"DUMP (\w+)", script)
+        script = re.sub(r"DUMP (\w+)", rf"write_dump all custom \1 id xu yu zu vx vy vz ix iy iz {EXACT}", script)
+        done = run_lammps(script, files=files, ranks=ranks, **how)
+        return done, {name: np.loadtxt(tmp_path / name, skiprows=9)[:, 1:] for name in names if (tmp_path / name).exists()}
+
+    return run
+
+
+def placed(before, after, system):
+    """Where least squares put the shapes of `before`, and how far each body's atoms are from there, of its size: by scipy."""
+    result, far = after.copy(), []
+    for body in np.unique(system.molecule):
+        mine = system.molecule == body
+        mass, x, shape = system.mass[mine], after[mine], before[mine]
+        centre = mass @ x / mass.sum()
+        shape = shape - mass @ shape / mass.sum()
+        turn = Rotation.align_vectors(x - centre, shape, weights=mass)[0] if len(mass) > 1 else Rotation.identity()
+        result[mine] = centre + turn.apply(shape)
+        size = np.linalg.norm(shape, axis=1).max()
+        far.append(np.linalg.norm(x - result[mine], axis=1).max() / size if size > 1e-9 else 0.0)
+    return result, np.array(far)
+
+
+def with_atoms(system, x, v, log):
+    """The files of the system with other places, unwrapped, and velocities, in the box that the log's line BOX tells."""
+    lo, hi, tilt = np.array(re.search(r"(?m)^BOX (.*)", log)[1].split(), float).reshape(3, 3)
+    text = system.files["data.bodies"]
+    masses = text[text.index("Masses") : text.index("Atoms")]
+    rows = [line.split()[:3] for line in text[text.index("Atoms") : text.index("Velocities")].splitlines()[2:] if line]
+    lines = ["bodies", "", f"{len(x)} atoms", f"{len(SHAPES['row'][0])} atom types", ""]
+    lines += [f"{a:.17g} {b:.17g} {k}lo {k}hi" for a, b, k in zip(lo, hi, "xyz")]
+    lines += ["{:.17g} {:.17g} {:.17g} xy xz yz".format(*tilt)] if tilt.any() else []
+    lines += ["", masses, "Atoms # molecular", ""]
+    lines += [" ".join([*row, *(f"{c:.17g}" for c in place)]) for row, place in zip(rows, x)]
+    lines += ["", "Velocities", ""] + [f"{k + 1} " + " ".join(f"{c:.17g}" for c in speed) for k, speed in enumerate(v)]
+    return {"data.bodies": "\n".join(lines) + "\n"}
+
+
+BOX = "print 'BOX " + " ".join(f"$({k}:%.17g)" for k in "xlo ylo zlo xhi yhi zhi xy xz yz".split()) + "'"
+
+
+def script(system, then, words="molecule"):
+    fix = OURS.format(group="all", words=words)
+    more = "fix 9 all enforce2d\n" if "dimension 2" in system.setup else ""
+    return f"{system.setup}\n{more}{fix}\ntimestep {system.dt:.17g}\n{then}\n"
+
+
+@pytest.mark.filterwarnings("ignore:Optimal rotation is not uniquely")
+@pytest.mark.parametrize("name, ranks", [("scaled", 1), ("scaled", 4), *((name, 2) for name in DEFORMED)])
+def test_bodies_keep_their_shape(run_dumps, name, ranks):
+    """Locks out bodies that shrink, silently, when a script scales the box between two runs or displaces their atoms: each is
+    where scipy's least squares put it, its distances stay, and it moves on as in a fresh script."""
+    make, deform = DEFORMED[name]
+    system = make()
+    then = f"run 20\nDUMP before\n{deform}\nDUMP deformed\n{BOX}\nrun 0\nDUMP placed\nrun 30\nDUMP end"
+    run, atoms = run_dumps(script(system, then), system.files, ranks)
+    x, v = (np.split(atoms["deformed"], [3, 6], axis=1))[:2]
+    expected, far = placed(atoms["before"][:, :3], x, system)
+    np.testing.assert_allclose(atoms["placed"][:, :3], expected, rtol=0, atol=1e-12)
+    for body in np.unique(system.molecule):
+        pairs = np.array([*itertools.combinations(np.flatnonzero(system.molecule == body), 2)], int).reshape(-1, 2).T
+        old, new = (np.linalg.norm(a[pairs[0], :3] - a[pairs[1], :3], axis=1) for a in (atoms["before"], atoms["placed"]))
+        np.testing.assert_allclose(new, old, rtol=0, atol=1e-12)
+    said = re.findall(SAID, run.log)
+    assert len(said) == 1 and int(said[0][0]) == (far > 1e-8).sum()
+    assert int(said[0][1]) == far.argmax() + 1 and float(said[0][3]) == pytest.approx(far.max(), rel=0.05)
+    _, other = run_dumps(script(system, "run 30\nDUMP end"), with_atoms(system, expected, v, run.log))
+    distance = atoms["end"] - other["end"]
+    assert np.abs(distance[:, :6]).max() < 1e-9
+
+
+WHOLE = {  # what leaves every body its shape, if it leaves the body at all
+    "nothing": "",
+    "moved": "displace_atoms all move 0.3 -9.1 0.2 units box",
+    "turned": "group one molecule 3\ndisplace_atoms one rotate 1 1 1 0.3 0.5 1 77 units box",
+    "read again": "read_dump same 20 x y z ix iy iz vx vy vz",
+    "other members": "group part id 3 17\ndelete_atoms group part",
+    "other molecule-IDs": "variable m atom mol+100\nset group all mol v_m",
+    "defined again": "change_box all x scale 0.97 remap\nunfix 1\n" + OURS.format(group="all", words="molecule"),
+}
+
+
+@pytest.mark.parametrize("name", WHOLE)
+def test_bodies_with_the_shape_of_their_atoms(run_lammps, name):
+    """Locks out a message, and atoms that are moved, where nothing has deformed a body, it is of other atoms now, or the fix is new."""
+    system = mixture("solid planar")
+    dump = f"write_dump all custom same id type x y z ix iy iz vx vy vz {EXACT}"
+    run = run_lammps(script(system, f"run 20\n{dump}\n{WHOLE[name]}\nrun 20"), files=system.files, ranks=2)
+    assert "deformed" not in run.log and run.log.count("Loop time") == 2
+
+
+REFUSED = {
+    "box, reinit no": ("molecule reinit no", "change_box all x scale 0.97 remap\nrun 5", ("the box has changed", "with reinit yes")),
+    "box, pre no": ("molecule", "change_box all x scale 0.97 remap\nrun 5 pre no", ("the box has changed", "without infile or 'pre no'")),
+    "atoms, pre no": ("molecule", "displace_atoms all random 0.1 0.1 0.1 4928\nrun 5 pre no", ("where its rigid body has it", "run N pre yes")),
+    "boundary": ("molecule", "change_box all boundary p p f\nrun 5", ("was torn apart between the runs", "off the face")),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_keep_its_shape_is_refused(run_lammps, name, ranks):
+    """Locks out atoms that silently jump back, and bodies in the middle of nowhere, where bodies go on as they are or are torn."""
+    words, then, expected = REFUSED[name]
+    system = mixture(ALL)
+    run = run_lammps(script(system, f"run 5\n{then}", words), files=system.files, ranks=ranks, check=False, timeout=60)
+    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    assert run.code != 0 and len(errors) == 1 and all(words in errors[0] for words in expected), run.screen
