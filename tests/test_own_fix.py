@@ -128,10 +128,12 @@ def test_temperature_and_pressure(run_water, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_runs_in_a_row(run_water, ranks):
-    """Locks out a second run that starts from the first one's velocities, forces or indices."""
-    runs = "run 20\nrun 10\nvelocity all create 400 87287 temp thermo_temp\nrun 20"
+    """Locks out a second run that starts from the first one's velocities, forces or indices, and velocities of another temperature
+    than before a first run."""
+    create = "velocity all create 400 87287\n"
+    runs = f"run 20\nrun 10\n{create}run 20"
     lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
-    ours, theirs = run_water(f"{OURS}\n{lines}", runs, ranks=ranks), run_water(RIGID, runs)
+    ours, theirs = run_water(f"{OURS}\n{lines}", runs, ranks=ranks), run_water(RIGID, runs.replace(create, f"unfix 1\n{create}{RIGID}\n"))
     np.testing.assert_allclose(ours[1], theirs[1], rtol=0, atol=1e-8)
     np.testing.assert_allclose(ours[0].thermo["Temp"], theirs[0].thermo["Temp"], rtol=1e-10)
 
