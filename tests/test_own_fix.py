@@ -172,7 +172,8 @@ def test_fix_redefined(run_water):
     np.testing.assert_allclose(thermo["Pxx"][:4], plugin["Pxx"][:4], rtol=1e-4)
 
 
-IN_IMPORT = "value with a point", "integrator that does not exist"  # the message comes with Python's traceback
+# the message comes with Python's traceback
+IN_IMPORT = ("value with a point", "integrator that does not exist", "variable in the quotes", *(name for name in CASES if name.endswith("before a point")))
 # LAMMPS's own fix python/move speaks for itself in these, or its class cannot see them at the start
 OTHER = ("variable that is not atom-style", "fix nve before ours", "fix nve after ours", "minimisation", "run_style respa",
          "integrator without words", "force not finite from the start")  # fmt: skip
