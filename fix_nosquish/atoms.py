@@ -15,6 +15,8 @@ from .compiled import F2, I1, L1, array, cells
 from .errors import RunError
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
+_MISSING = "this fix does not advance"
+_TURNS = "whose torque and inertia this fix does not know: use points or spheres (atom_style sphere)"
 _ATOM_STYLE, _STRING = 1, 3  # of its variables
 
 
@@ -222,20 +224,36 @@ class Lammps:
 
         Returns:
             (radius, problem): (natoms,) the spheres' radii, 0 for a point, None where the atom style has
-            no spheres; (natoms,) the name of what an atom is, '' for a point or a sphere, None if none is more.
+            no spheres; (natoms,) what an atom is, and what of it this fix does not move, '' for a point or a sphere, None if none is more.
         """
         kinds = {}
         for name, what in ("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"), ("body", "a body particle"):
             index = self.per_atom(name, np.int32)
             if index is not None:
-                kinds[what] = index >= 0
-        dipole = self.per_atom("mu", columns=4)
-        if dipole is not None:
-            kinds["a dipole"] = dipole[:, 3] > 0
+                kinds[f"{what}, {_TURNS}"] = index >= 0
+        for name, what in ("mu", f"a dipole, {_TURNS}"), ("sp", f"a magnetic spin, whose precession {_MISSING}"):
+            vector = self.per_atom(name, columns=4)
+            if vector is not None:
+                kinds[what] = vector[:, 3] > 0
+        spin, phase = (self.per_atom(name, np.int32) for name in ("spin", "rheo_status"))
+        if self.per_atom("quat", columns=4) is not None:
+            kinds[f"a particle of atom style bpm/sphere, whose orientation {_MISSING}"] = True
+        if spin is not None:
+            kinds[f"an electron, whose radius {_MISSING}"] = np.abs(spin) == 1
+        if phase is not None:
+            kinds[f"a fluid particle of RHEO, whose density {_MISSING}; give it rheo/status 1 (solid)"] = phase & 1 == 0
+        if self.per_atom("vest", columns=3) is not None:  # velocities for the forces, which only these styles' own integrators extrapolate
+            if self.per_atom("esph") is not None:
+                kinds[f"an SPH particle, whose density and energy {_MISSING}; use fix rigid/meso"] = True
+            elif self.per_atom("edpd_temp") is not None:
+                kinds[f"a DPD particle of atom style edpd, whose temperature {_MISSING}"] = True
+            elif self.per_atom("rho") is None:  # style mdpd has it, whose forces are of v
+                kinds[f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"] = True
         # asked of the settings, because a rank without atoms must give the same answer
         spheres = all(self.setting(name) > 0 for name in ("radius_flag", "omega_flag", "torque_flag"))
         radius = self.per_atom("radius") if spheres else None
-        return radius, (np.select(list(kinds.values()), list(kinds), "") if kinds else None)
+        every = [np.broadcast_to(which, self._natoms.value) for which in kinds.values()]
+        return radius, (np.select(every, list(kinds), "") if kinds else None)
 
     def has(self, category, name):
         """Whether a group, variable, fix … of this ID is defined."""

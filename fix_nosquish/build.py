@@ -162,11 +162,7 @@ def _members(lammps, world, membership):
     radius, more = lammps.finite()
     more = more[atoms] if more is not None else np.zeros(len(atoms), "U1")
     odd = more != ""
-    world.agree(
-        f"atom {tag[odd][0]} is {more[odd][0]}, whose torque and inertia this fix does not know: use points or spheres (atom_style sphere)"
-        if odd.any()
-        else None
-    )
+    world.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
     bad = ~(mass >= 0)
     world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
     ids, body = np.unique(ids_of_atoms, return_inverse=True)

@@ -192,6 +192,48 @@ run 1
         assert run_lammps(script.replace(shape, points), ranks=2).code == 0
 
 
+# atom styles whose integrators advance more than positions and velocities, and what of each atom is refused, by how it is made
+MORE = {
+    "sph": ("is an SPH particle, whose density and energy", "fix rigid/meso"),
+    "smd": ("is an SPH particle",),
+    "hybrid charge sph": ("is an SPH particle",),
+    "rheo": ("is a fluid particle of RHEO, whose density", "rheo/status 1"),
+    "edpd": ("style edpd, whose temperature",),
+    "tdpd 2": ("style tdpd, whose concentrations",),
+    "bpm/sphere": ("style bpm/sphere, whose orientation",),
+    "electron": ("is an electron, whose radius",),
+    "spin": ("is a magnetic spin, whose precession",),
+}
+AS_POINTS = {"rheo": "set group all rheo/status 1", "electron": "set group all spin/electron 0", "spin": "", "mdpd": "", "dpd": "", "peri": ""}
+
+
+@pytest.mark.parametrize("style", [*MORE, "mdpd", "dpd", "peri"])
+def test_atoms_with_more_to_advance(run_lammps, tmp_path, style):
+    """Locks out densities, temperatures, spins that stand still, because an integrator that advances them was replaced by this
+    one; atoms of these styles that have none, or whose forces need none, are taken."""
+    made = {"spin": "set group all spin/atom 1.5 0 0 1", "electron": "set group all spin/electron 1"}.get(style, "")
+    script = f"""
+units lj
+atom_style {style}
+newton on
+atom_modify map array
+region box block 0 4 0 4 0 4
+region inner block 1 2 1 2 1 2
+create_box 1 box
+create_atoms 1 random 10 4928 inner
+pair_style none
+{"set group all mass 1.0" if style in ("smd", "bpm/sphere", "peri") else "mass * 1.0"}
+SET
+fix 1 all python/move "fix_nosquish.NVE all single"
+run 1
+"""
+    if style in MORE:
+        run = run_lammps(script.replace("SET", made), ranks=2, check=False, timeout=SECONDS)
+        assert_ended(run, (*MORE[style], "this fix does not advance"), tmp_path)
+    if style in AS_POINTS:
+        assert run_lammps(script.replace("SET", AS_POINTS[style]), ranks=2).code == 0
+
+
 def test_group_of_the_fix(run_case):
     """Locks out silence where the fix line's two groups differ, and one of them does not do what it seems to."""
     run = run_case(Case("bodies molecule", before="group bodies molecule <= 20", steps=5), ranks=2, check=True)

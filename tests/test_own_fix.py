@@ -129,10 +129,12 @@ def test_temperature_and_pressure(run_water, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_runs_in_a_row(run_water, ranks):
-    """Locks out a second run that starts from the first one's velocities, forces or indices."""
-    runs = "run 20\nrun 10\nvelocity all create 400 87287 temp thermo_temp\nrun 20"
+    """Locks out a second run that starts from the first one's velocities, forces or indices, and velocities of another temperature
+    than before a first run."""
+    create = "velocity all create 400 87287\n"
+    runs = f"run 20\nrun 10\n{create}run 20"
     lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
-    ours, theirs = run_water(f"{OURS}\n{lines}", runs, ranks=ranks), run_water(RIGID, runs)
+    ours, theirs = run_water(f"{OURS}\n{lines}", runs, ranks=ranks), run_water(RIGID, runs.replace(create, f"unfix 1\n{create}{RIGID}\n"))
     np.testing.assert_allclose(ours[1], theirs[1], rtol=0, atol=1e-8)
     np.testing.assert_allclose(ours[0].thermo["Temp"], theirs[0].thermo["Temp"], rtol=1e-10)
 
@@ -182,7 +184,8 @@ def test_fix_redefined(run_water):
     np.testing.assert_allclose(thermo["Pxx"][:4], plugin["Pxx"][:4], rtol=1e-4)
 
 
-IN_IMPORT = "value with a point", "integrator that does not exist"  # the message comes with Python's traceback
+# the message comes with Python's traceback
+IN_IMPORT = ("value with a point", "integrator that does not exist", "variable in the quotes", *(name for name in CASES if name.endswith("before a point")))
 # LAMMPS's own fix python/move speaks for itself in these, or its class cannot see them at the start
 OTHER = ("variable that is not atom-style", "fix nve before ours", "fix nve after ours", "minimisation", "run_style respa",
          "integrator without words", "force not finite from the start")  # fmt: skip
