@@ -139,6 +139,12 @@ class Bodies:
     force, torque = (property(lambda self, rows=rows: self.load[rows]) for rows in (slice(3), slice(3, 6)))
 
     @property
+    def flat(self):
+        """Which of the first `rotors` bodies are planar, (rotors,): the two smaller moments add up to the largest."""
+        moment = self.moment[:, : self.rotors]
+        return moment.sum(axis=0) <= moment.max(axis=0) * (2 + 1e-7)
+
+    @property
     def atoms(self):
         return self.blocks, self.rounds, self.index, self.d
 

@@ -29,7 +29,8 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
         bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
         puts in a body, the kinetic energy `kinetic` of the atoms and the part `removed` of
         it that is not rigid motion, the IDs `given` that the file names, `warnings`, a list of
-        lines, and the `Kept` in `kept`, if the atoms have to move because bodies keep their shape.
+        lines, and the `Kept` in `kept`, if the atoms have to move because bodies keep their shape,
+        and whether some of the bodies are `new`.
     Raises:
         RunError: on all ranks, naming the body.
     """
@@ -63,9 +64,9 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
         centre[:, here] = given.x - place[:, here] + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
         far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
         blame(far.any(axis=0), lambda k: "has its centre in the infile more than half the box from its atoms: check the image flags there")
-    r, kept = delta - centre[:, body].T, None
+    r, kept, new = delta - centre[:, body].T, None, True
     if former is not None:
-        r, kept = keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r)
+        r, kept, new = keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r)
     rx, ry, rz = r.T
     xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
     own = SPHERE * total(mass * radius**2)[0] if radius is not None else 0.0
@@ -82,7 +83,7 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     else:
         moment, axes, equal = _principal(inertia)
         if world.any(equal.any()):
-            sums = total(*(w * c for w in _weights(tag) for c in r.T)).reshape(2, 3, n)
+            sums = total(*(w * c for w in weights(tag) for c in r.T)).reshape(2, 3, n)
             _choose_axes(axes, equal, sums.transpose(2, 0, 1))
         if membership.command.order == 123:
             solid = moment[2] > 0
@@ -105,7 +106,7 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     result.find_sharers()  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
-    return result, notes | {"given": given.named if given else (), "warnings": [doubt] if doubt else [], "kept": kept}
+    return result, notes | {"given": given.named if given else (), "warnings": [doubt] if doubt else [], "kept": kept, "new": new}
 
 
 def count(lammps, world, membership):
@@ -219,7 +220,7 @@ def _principal_in_plane(inertia):
     return np.maximum([values[:, 1], values[:, 0], inertia[:, 2, 2]], 0.0), axes
 
 
-def _weights(tag):
+def weights(tag):
     """Two numbers in [0, 1) for each atom that follow from its tag and are like no others: splitmix64 of it, (2, n)."""
     bits = 2 * tag.astype(np.uint64) + np.array([[0], [1]], np.uint64)
     bits = (bits + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)

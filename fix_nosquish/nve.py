@@ -24,6 +24,7 @@ from .command import Command
 from .compiled import Cell, F, I
 from .errors import RunError
 from .hosts import OwnFix, driven_by_plugin, hook
+from .kinds import compare
 from .membership import Membership
 from .reports import Reports
 from .sharing import ALONE, World
@@ -224,6 +225,8 @@ class NVE(Reports):
         self.host.note()
         self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
         self._box = self.lammps.box
+        if self._notes.pop("new"):
+            self._notes["warnings"] += compare(self.bodies, self.lammps, self.world, self.membership)
 
     def _former(self):
         """What the atoms were in the bodies of the last run, None if that says nothing of their shape; collective.

@@ -34,7 +34,8 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
         body, atoms, mass: (m,) each atom's body, index in LAMMPS's arrays, mass.
         r: (m, 3) its place from the body's centre of mass, in the space frame.
     Returns:
-        r (m, 3), the same array if nothing has deformed a body, and `Kept`, None if so.
+        r (m, 3), the same array if nothing has deformed a body; `Kept`, None if so; and whether some body, on any
+        rank, is of other atoms than before.
     Raises:
         RunError: on all ranks, if a body was torn apart.
     """
@@ -58,6 +59,7 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
     same = (low[0] == -low[1]) & (low[2] == total([np.ones(len(atoms))])[0])
     if not former.followed:
         same &= low[0] == ids
+    new = world.any(not same.all())
     weight = mass * same[body]
     d = former.d[:, atoms]
     sums = total([weight, *(weight * d)])
@@ -70,7 +72,7 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
 
     moved = off(np.einsum("abm,bm->ma", matrices(former.q[:, atoms]), d)) > bound
     if not world.any(moved.any()):
-        return r, None
+        return r, None, new
     weight = weight * moved[body]
     turn = np.tile(np.eye(3), (n, 1, 1))
     products = total([weight * a * b for a in r.T for b in d]).T.reshape(n, 3, 3)
@@ -79,13 +81,13 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
     far = off(placed) * moved
     deformed = far > bound
     if not world.any(deformed.any()):
-        return r, None
+        return r, None, new
     size = np.maximum(largest([np.linalg.norm(d, axis=0)], 0.0, np.maximum)[0], bound)
     text = _say(world, membership, ids, far, size, deformed & sharers.owned)
     mine = deformed[body]
     shift = placed[mine] - r[mine]
     r = np.where(mine[:, None], placed, r)
-    return r, Kept(atoms[mine], shift, text)
+    return r, Kept(atoms[mine], shift, text), new
 
 
 def best_turns(products, plane=False):

@@ -61,8 +61,7 @@ def summary(nve, notes, virial):
     bodies, world, command = nve.bodies, nve.world, nve.command
     owned = bodies.sharers.owned
     n, r, e = len(bodies), bodies.rotors, bodies.extended
-    # a planar body's two smaller moments add up to its largest
-    flat = bodies.moment[:, :r].sum(axis=0) <= bodies.moment[:, :r].max(axis=0) * (2 + 1e-7)
+    flat = bodies.flat
     counts = [owned.sum(), (owned[:r] & ~flat).sum(), (owned[:r] & flat).sum(), owned[r:e].sum(), owned[e:n].sum(),
               bodies.natoms[owned].sum(), len(bodies.sharers.bodies[owned[bodies.sharers.bodies]])]  # fmt: skip
     total, solid, planar, linear, points, atoms, shared = world.total(np.array(counts, float)).astype(int)

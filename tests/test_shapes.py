@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import OURS, SHAPES, mixture
+from systems import OURS, SHAPES, assemble, mixture
 
 ALL = "solid planar pair row single"
 EXACT = "modify sort id format float %.17g"
@@ -138,3 +138,84 @@ def test_what_cannot_keep_its_shape_is_refused(run_lammps, name, ranks):
     run = run_lammps(script(system, f"run 5\n{then}", words), files=system.files, ranks=ranks, check=False, timeout=60)
     errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
     assert run.code != 0 and len(errors) == 1 and all(words in errors[0] for words in expected), run.screen
+
+
+# ---- bodies of one kind
+
+
+def bent(angle):
+    """A carbon dioxide of three unit steps, bent by so many degrees."""
+    half = np.radians(angle) / 2
+    return np.array([[0, 0, 0], [np.cos(half), np.sin(half), 0], [-np.cos(half), np.sin(half), 0]]) * 0.7
+
+
+CHIRAL = np.array([[0, 0, 0], [0.9, 0, 0], [0, 0.7, 0], [0.1, 0.2, 0.5]])
+TRIANGLE = np.array([[0, 0, 0], [0.9, 0, 0], [0.1, 0.7, 0]])
+SPECIES = {  # shapes of 27 bodies, and whether that calls for a warning
+    "bent": ([bent(k) for k in np.linspace(0.0, 26.0, 27)], True),
+    "one is bent": ([bent(20.0)] + [bent(0.0)] * 26, True),
+    "planar ones among linear ones": ([bent(0.06 * (k % 5 == 3)) for k in range(27)], True),
+    "stretched": ([TRIANGLE * (1 + 0.002 * (k == 13)) for k in range(27)], True),
+    "digits of a data file": ([np.round(TRIANGLE, 3) for k in range(27)], False),
+    "mirrored": ([CHIRAL * [1, 1, (-1) ** k] for k in range(27)], False),
+    "other order of types": ([TRIANGLE[:: (-1) ** k] if k < 2 else TRIANGLE for k in range(27)], False),
+}
+
+
+def herd(name, seed=3):
+    """The 27 bodies, turned at random, on a lattice that the faces of the box cut."""
+    shapes, _ = SPECIES[name]
+    rng, bodies = np.random.default_rng(seed), []
+    for k, (shape, site) in enumerate(zip(shapes, itertools.product(range(3), repeat=3))):
+        x = Rotation.from_quat(rng.normal(size=4)).apply(shape) + 2.55 * np.array(site)
+        if name == "digits of a data file":
+            x = np.round(x, 4)
+        types = np.array([1, 2, 3, 1])[: len(shape)]
+        bodies.append(("molecule", x, types[::-1] if name == "other order of types" and k == 1 else types))
+    return assemble(bodies, 7.65 * np.eye(3))
+
+
+def differences(system):
+    """How far each body is from the first one, at the most, of its size: by scipy."""
+    x = np.array([line.split()[3:] for line in system.files["data.bodies"].split("Atoms # molecular\n\n")[1].split("\n\n")[0].splitlines()], float)
+    x = (x[:, :3] + x[:, 3:] @ system.h.T).reshape(27, -1, 3)
+    mass = system.mass.reshape(27, -1)
+    x = x - (mass[..., None] * x).sum(axis=1, keepdims=True) / mass.sum(axis=1)[:, None, None]
+    fits = [Rotation.align_vectors(shape, x[0], weights=mass[0])[0].apply(x[0]) for shape in x]
+    return np.linalg.norm(x - fits, axis=2).max(axis=1) / np.linalg.norm(x[0], axis=1).max()
+
+
+@pytest.mark.filterwarnings("ignore:Optimal rotation is not uniquely")
+@pytest.mark.parametrize("name, ranks", [("bent", 1), ("bent", 4), ("one is bent", 2), *((name, 2) for name in list(SPECIES)[2:])])
+def test_molecules_of_one_kind_with_other_shapes(run_lammps, name, ranks):
+    """Locks out silence where molecules of one species differ in shape, as after a minimisation without bonds, on any number
+    of ranks, and a warning where only digits differ, the mirror image, or the order of the types."""
+    system, warned = herd(name), SPECIES[name][1]
+    run = run_lammps(script(system, "run 5\nrun 5"), files=system.files, ranks=ranks)
+    said = [line for line in run.log.splitlines() if line.startswith("WARNING: the 27 bodies of 3 atoms")]
+    assert len(said) == warned and ("have not one shape" in run.log) == warned, run.log
+    if not warned:
+        return
+    assert "same atom types as the body of molecule 1, in the same order" in said[0]
+    far = differences(system)
+    differ = re.search(r": (\d+) differ from it by more than 0.001 of its size, the body of molecule (\d+) the most, by (\S+?)[.;] ", said[0])
+    assert bool(differ) == (far > 1e-3).any()
+    if differ:
+        assert int(differ[1]) == (far > 1e-3).sum() and float(differ[3]) == pytest.approx(far.max(), rel=0.05)
+        assert far[int(differ[2]) - 1] == pytest.approx(far.max(), rel=1e-6)
+    straight = {"bent": 1, "one is bent": 26, "planar ones among linear ones": 22}.get(name)
+    assert (f"{27 - (straight or 0)} are planar and {straight} are linear" in said[0]) == bool(straight)
+
+
+@pytest.mark.parametrize("far_apart", [False, True])
+def test_kinds_of_molecules_whose_IDs_do_not_follow_one_another(run_lammps, far_apart):
+    """Locks out a kind of molecule that is told by the IDs themselves, not by their order."""
+    system = herd("stretched")
+    head, rest = system.files["data.bodies"].split("Atoms # molecular\n\n")
+    atoms, velocities = rest.split("\n\n", 1)
+    # first all first atoms, then all second ones
+    lines = [line.split() for line in atoms.splitlines()]
+    lines = [" ".join([str(1 + k // 3 + 27 * (k % 3)), *line[1:]]) for k, line in enumerate(lines)]
+    files = {"data.bodies": head + "Atoms # molecular\n\n" + "\n".join(lines if far_apart else atoms.splitlines()) + "\n\n" + velocities}
+    run = run_lammps(script(system, "run 0"), files=files)
+    assert "WARNING: the 27 bodies of 3 atoms" in run.log and " 1 differ from it" in run.log

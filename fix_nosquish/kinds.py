@@ -1,0 +1,129 @@
+"""Whether bodies of one kind, molecules of one species, have one shape."""
+
+import numpy as np
+
+from .build import weights
+
+_DIFFERENT = 1e-3  # deviation, as a part of a body's size, that a data file's digits do not explain
+_SAID = 5  # warnings at most
+_SHAPES = "three-dimensional", "planar", "linear"
+
+
+def compare(bodies, lammps, world, membership):
+    """Warn of bodies that have the same atom types, in the order of the atoms' IDs, but not the same shape; collective.
+
+    Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a racemate is of one kind)
+    by least squares weighted with mass.
+
+    Returns:
+        a list of lines, alike on all ranks.
+    """
+    sharers, n = bodies.sharers, len(bodies)
+    place, key = _places_and_keys(bodies, lammps)
+    shape = _shapes(bodies)
+    compared = (bodies.natoms > 1) & (key >= 0)
+    owned = compared & sharers.owned
+    keys, first, kind = np.unique(key[owned], return_index=True, return_inverse=True)
+    rows = np.empty((len(keys), 6), np.int64)
+    rows[:, 0], rows[:, 1] = keys, bodies.natoms[owned][first]
+    rows[:, 2] = np.iinfo(np.int64).max
+    np.minimum.at(rows[:, 2], kind, bodies.id[owned])
+    for k in range(3):
+        rows[:, 3 + k] = np.bincount(kind, shape[owned] == k, minlength=len(keys))
+    rows = world.gather_to_all(rows)
+    keys, first, kind = np.unique(rows[:, 0], return_index=True, return_inverse=True)
+    natoms, lowest, counts = rows[first, 1], np.full(len(keys), np.iinfo(np.int64).max), np.zeros((len(keys), 3), int)
+    np.minimum.at(lowest, kind, rows[:, 2])
+    np.add.at(counts, kind, rows[:, 3:])
+    several = counts.sum(axis=1) > 1
+    if not several.any():
+        return []
+    keys, natoms, lowest, counts = keys[several], natoms[several], lowest[several], counts[several]
+
+    kind = np.searchsorted(keys, key).clip(max=len(keys) - 1)
+    kind[~compared | (keys[kind] != key)] = -1
+    start = np.concatenate([[0], np.cumsum(natoms)])
+    mine = kind[bodies.body] >= 0
+    body, place, d = bodies.body[mine], place[mine], bodies.d[:3, mine]
+    where = start[kind[body]] + place
+    of_first = bodies.id[body] == lowest[kind[body]]
+    told = world.gather_to_all(np.concatenate([[where], d])[:, of_first].T)
+    model = np.empty((3, start[-1]))
+    model[:, told[:, 0].astype(int)] = told[:, 1:].T
+    size = np.maximum.reduceat(np.linalg.norm(model, axis=0), start[:-1])
+
+    mass, model = lammps.masses[bodies.index[mine]], model[:, where]
+    products = np.array([np.bincount(body, mass * a * b, minlength=n) for a in d for b in model])
+    sharers.combine(products)
+    left, _, right = np.linalg.svd(products.T.reshape(n, 3, 3))
+    far = np.zeros((1, n))
+    np.maximum.at(far[0], body, np.linalg.norm(d - np.einsum("mab,bm->am", (left @ right)[body], model), axis=0))
+    sharers.combine(far, np.maximum)
+    far = np.where(kind >= 0, far[0] / size[kind], 0.0)
+
+    other = np.flatnonzero((far > _DIFFERENT) & sharers.owned)
+    other = other[np.lexsort((-far[other], kind[other]))]  # of each kind the furthest is the first
+    kinds, first, count = np.unique(kind[other], return_index=True, return_counts=True)
+    worst = other[first]
+    found = world.gather_to_all(np.stack([kinds, count, far[worst], bodies.id[worst]], axis=1).astype(float))
+    found = found[np.lexsort((-found[:, 2], found[:, 0]))]
+    differ, furthest = np.zeros(len(keys), int), np.zeros((len(keys), 2))
+    np.add.at(differ, found[:, 0].astype(int), found[:, 1].astype(int))
+    kinds, first = np.unique(found[:, 0].astype(int), return_index=True)
+    furthest[kinds] = found[first, 2:]
+    mixed = np.count_nonzero(counts, axis=1) > 1
+    said = np.flatnonzero((differ > 0) | mixed)
+    said = said[np.argsort(-furthest[said, 0], kind="stable")]
+    lines = [_line(membership, natoms[k], lowest[k], counts[k], differ[k], *furthest[k]) for k in said[:_SAID]]
+    if len(said) > _SAID:
+        lines.append(f"WARNING: so it is with {len(said) - _SAID} other kinds of bodies")
+    return lines
+
+
+def _places_and_keys(bodies, lammps):
+    """The place of each atom here in its body's list of atoms, in the order of their IDs, and what tells kinds of bodies apart.
+
+    Returns:
+        (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if ranks that share the
+        body would have to tell each other the order: it is known to each where the IDs follow one another.
+    """
+    n, tag, body = len(bodies), bodies.tag, bodies.body
+    ends = np.full((2, n), np.inf)
+    np.minimum.at(ends[0], body, tag)
+    np.minimum.at(ends[1], body, -tag)
+    bodies.sharers.combine(ends, np.minimum)
+    order = np.lexsort((tag, body))
+    here = np.bincount(body, minlength=n)
+    place = np.empty(len(tag), int)
+    place[order] = np.arange(len(tag)) - (np.cumsum(here) - here)[body[order]]
+    shared = here < bodies.natoms
+    place = np.where(shared[body], tag - ends[0, body], place).astype(int)
+    types = lammps.per_atom("type", np.int32)[bodies.index]
+    # whole numbers, whose sums do not depend on their order
+    halves = np.floor(weights((place << 20) + types) * 2.0**31)
+    sums = np.array([np.bincount(body, half, minlength=n) for half in halves])
+    bodies.sharers.combine(sums)
+    key = (sums[0] % 2**31).astype(np.int64) << 31 | (sums[1] % 2**31).astype(np.int64)
+    gaps = -ends[1] - ends[0] + 1 != bodies.natoms
+    return place, np.where(shared & gaps, -1, key)
+
+
+def _shapes(bodies):
+    """Which of _SHAPES each body has, (n,)."""
+    shape = np.zeros(len(bodies), int)
+    shape[: bodies.rotors][bodies.flat] = 1
+    shape[bodies.rotors :] = 2
+    return shape if not bodies.plane else np.zeros(len(bodies), int)
+
+
+def _line(membership, natoms, lowest, counts, differ, far, furthest):
+    name = membership.name(int(lowest))
+    text = (
+        f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as {name}, in the same order, "
+        "have not one shape"
+    )
+    if differ:
+        text += f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {membership.name(int(furthest))} the most, by {far:.2g}"
+    if np.count_nonzero(counts) > 1:
+        text += "; " + " and ".join(f"{count} are {what}" for count, what in zip(counts, _SHAPES) if count)
+    return text + ". If like molecules are meant, give them one shape before the fix is defined (a minimisation without bonds and angles bends them)"
