@@ -16,6 +16,7 @@ from .sharing import ALONE, Agreement, Sharers, places
 
 SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
 OFF_BODY = 1e-9  # positions further off the rigid body than this part of the box were changed by something else
+_SOON = 100  # steps after which what happens is no longer due to the start
 
 # rows of a body's state
 ROWS = kernels.ROWS
@@ -84,6 +85,7 @@ class Bodies:
         atoms_here: (n,) how many atoms of each body this rank owns.
         away, shift, aways: those of them in another periodic image than their body; see `kernels.settle`.
         sharers: the `Sharers` of these bodies.
+        start: None, or what is known of the start of the run: its step, and what `thermo.forces_at_start` says.
         plane: whether they turn in the xy plane only, about their axis 3.
         spheres: whether some atom of a body, on any rank, is a sphere, with a torque of its own.
         cells: dictionary from the names that arguments of the loops in `kernels` have to `compiled.Cell`.
@@ -97,7 +99,7 @@ class Bodies:
 
     def __init__(self, state, body, d, here, plane, spheres, world=ALONE):
         n, m = state.shape[1], len(here)
-        self.plane, self.spheres, self._world = plane, spheres, world
+        self.plane, self.spheres, self._world, self.start = plane, spheres, world, None
         self._room, self._found, self._box = np.zeros(kernels.ROOMS, np.int64), np.zeros(kernels.FOUND, np.int64), None
         table, self.cells = cells(RENEWED)
         self.cells |= {name: Cell(kind) for name, kind in (_OF_ATOMS | _OF_BODIES | _OTHERS).items() if name not in RENEWED}
@@ -303,6 +305,16 @@ class Bodies:
         """Linear and angular momentum in the space frame, (6, n)."""
         return np.concatenate([self.mass * self.v, np.einsum("abn,bn->an", matrices(self.q), self.angular_momentum())])
 
+    def instability(self, body, lammps):
+        """Why a body moves too far in a step, and what to do; '', '' if it does not."""
+        move, turn = (lammps.dt * np.linalg.norm(speed[:, body]) for speed in (self.v, self.angular_velocity()))
+        first, cause, remedy, spacing = self.start or (0, "", "", np.inf)
+        if move < 0.5 * spacing and turn < 1.0:
+            return "", ""
+        if cause and lammps.step <= first + _SOON:
+            return cause, remedy
+        return f"the time step is too long: a body moves by {move:.3g} and turns by {turn:.2g} rad in it", "use a shorter one, or a better start"
+
     def kinetic(self):
         """Kinetic energy of translation and of rotation, mass times velocity squared, (2, n)."""
         turning = (self.angular_momentum() * self.angular_velocity()).sum(axis=0)
@@ -336,11 +348,12 @@ def _atoms_changed(lammps, world, membership, bodies):
     if len(gone):
         gone = gone[bodies.tag[gone].argmin()]
         body = bodies.body[gone]
-        moved = np.linalg.norm(bodies.v[:, body]) * lammps.dt
+        lost = f"atom {bodies.tag[gone]} of {membership.name(int(bodies.id[body]))} is gone by step {lammps.step}"
+        cause, remedy = bodies.instability(body, lammps)
+        if cause:
+            return f"{cause}, and {lost}: {remedy}"
         return (
-            f"atom {bodies.tag[gone]} of {membership.name(int(bodies.id[body]))} is gone by step {lammps.step}: it left the box, or was "
-            f"deleted or taken out of the group. The body was moving by {moved:.3g} a step: if that is too far, the run is unstable and "
-            "needs a shorter time step or a better start; if not, check the boundary, thermo_modify lost, and fixes that "
+            f"{lost}: it left the box, or was deleted or taken out of the group. Check the boundary, thermo_modify lost, and fixes that "
             "delete atoms, because bodies keep their atoms during a run (and with reinit no or infile, from run to run)"
         )
     if not (of_atoms == -1).any():

@@ -17,7 +17,7 @@ from math import gcd
 
 import numpy as np
 
-from . import compiled, kernels, lookup, packing, spheres
+from . import compiled, kernels, lookup, packing, spheres, thermo
 from .atoms import Lammps, pointer
 from .build import build, count
 from .command import Command
@@ -282,6 +282,10 @@ class NVE(Reports):
         if not isinstance(self.host, OwnFix):  # which comes here in the next step only
             self._say(bool(vflag))
             self._write()
+        cause, remedy, spacing = thermo.forces_at_start(self)
+        self.bodies.start = self.lammps.step, cause, remedy, spacing
+        if cause:
+            self.host.log(f"WARNING: {cause}: {remedy}\n")
 
     @hook
     def min_setup(self, vflag):
@@ -441,10 +445,13 @@ class NVE(Reports):
 
     def _blame_forces(self):
         bodies, step = self.bodies, self.lammps.step - self.host.waiting
-        bad = ~np.isfinite(bodies.load).all(axis=0)
+        bad = (~np.isfinite(bodies.load).all(axis=0)).argmax()
+        cause, remedy = bodies.instability(bad, self.lammps)
+        if not self._settled:
+            cause, remedy = "atoms overlap at the start", "minimise or move them apart before the fix line"
         raise RunError(
-            f"the force on {self.membership.name(bodies.id[bad.argmax()])} is not finite at step {step}: atoms overlap "
-            "or the run is unstable. Minimise or push the start apart, or use a shorter time step"
+            f"{cause or 'the run is unstable'}, and the force on {self.membership.name(bodies.id[bad])} is not finite at step {step}: "
+            + (remedy or "use a shorter time step or a better start, and look for what else acts on the body")
         )
 
     def _set_velocities(self):

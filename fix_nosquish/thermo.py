@@ -5,6 +5,7 @@ import numpy as np
 from . import __version__
 
 _FAST = 1.0  # radians in a time step that call for a warning
+_PUSHED = 0.1  # parts of the space between atoms by which the forces of the start move no body in a step, unless its atoms overlap
 
 
 def freedom(bodies, dimension):
@@ -128,6 +129,31 @@ def warnings(nve, notes):
             f"well: use one of about {0.2 * nve.dt / turn:.2g}, or a better start; a body that is almost linear can be made linear"
         )
     return lines
+
+
+def forces_at_start(nve):
+    """What the forces of the start tell of atoms that overlap; collective.
+
+    Returns:
+        (cause, remedy, spacing): what to say of the body that is pushed furthest in the first step, '' if that is as it should be;
+        what to do; and the distance that atoms have from each other, or the size of the largest body if that is less.
+    """
+    bodies, world, lammps = nve.bodies, nve.world, nve.lammps
+    owned, dimension = bodies.sharers.owned, lammps.dimension
+    push = 0.5 * nve.dt**2 * lammps.ftm2v * np.sqrt((bodies.force**2).sum(axis=0)) / bodies.mass
+    size = np.sqrt(bodies.moment.max(axis=0) / bodies.mass)
+    k = [push.argmax()] if len(push) else []
+    pushes, ids, sizes = world.gather_to_all(np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T).T
+    space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / world.total(np.array([len(lammps.groups)]))[0]
+    spacing = min(space ** (1 / dimension), sizes.max() or np.inf)
+    many, of = world.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
+    if not many:
+        return "", "", spacing
+    cause, remedy = "atoms overlap at the start", "minimise or move them apart before the fix line"
+    if many > 0.1 * of:
+        cause, remedy = f"the time step is too long, or {cause}", f"use a shorter one, or {remedy}"
+    furthest = nve.membership.name(int(ids[pushes.argmax()]))
+    return f"{cause}: the force on {furthest} moves it by {pushes.max():.3g} in the first step", remedy, spacing
 
 
 def _fastest(bodies, world, dt):

@@ -125,10 +125,18 @@ CASES = {
     "force that becomes NaN": Case(
         "all molecule", ("force on the body of molecule 3 ", "not finite at step 4"),
         before="variable f equal exp(200*step)-exp(200*step)\ngroup g id 7", after="fix 2 g addforce v_f 0 0"),
-    "run that explodes": Case("all molecule", ("of the body of molecule 1 ", "by step 1", "run is unstable", "shorter time step"), before="timestep 10\nvelocity all scale 100"),
+    "run that explodes": Case("all molecule", ("the time step is too long: a body moves by", "rad in it, and atom", "of the body of molecule 1 ",
+                                               "by step 1: use a shorter one"), before="timestep 10\nvelocity all scale 100"),
+    "time step too long for the forces": Case(
+        "all molecule", ("the time step is too long", "is gone by step", "shorter"), before="timestep 0.7", steps=10000),
+    "overlap at the start": Case(
+        "all molecule", ("atoms overlap at the start: the force on the body of molecule 2", "moves it by", "in the first step, and atom", "is gone by step 1",
+                         "minimise or move them apart before the fix line"),
+        before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.001 y 1.0 z 1.0\nset atom 5 x 1.601 y 1.0 z 1.0\nset atom 6 x 1.001 y 1.4 z 1.0\n"
+        "set atom 7 x 1.0 y 0.6 z 1.0\nset atom 8 x 1.6 y 0.6 z 1.0\nset atom 9 x 1.0 y 1.0 z 1.0"),
     "atoms lost": Case("all molecule", ("of the body of molecule ", "is gone by step", "thermo_modify lost"), boundary="f f f",
                        create="0 region inner mol bent 4928",
-                       before="thermo_modify lost ignore\nvelocity all scale 5000", steps=1000),
+                       before="thermo_modify lost ignore\nvelocity all scale 5000\nvelocity all zero angular", steps=1000),
     "atoms deleted by a fix": Case("all molecule", ("of the body of molecule ", "is gone by step 5", "fixes that delete"),
                                    after="fix 2 all evaporate 5 1 box 4928"),
     "atoms added by a fix": Case("all molecule", ("atom 82 came into the fix's group by step 1", "insert atoms between runs"),
