@@ -71,7 +71,7 @@ class Criterion:
 SET = "2026-11-22"
 DIMERS = "dimer-1", "dimer-0.1", "dimer-0.01"
 LIBRATION = "rigid water's fastest librations are near 900 cm⁻¹, a period of 37 fs: six steps of it are 6.2 fs; Silveira and Abreu (2019) ran to 6 fs"
-SIX = "six steps in a period, as the scheme has it: 2 sin(π/6) = 1, half of velocity Verlet's limit of 2 and below the resonances of five, four, three"
+SIX = "six steps in a period of 2π/ω: ωΔt = π/3, about half of velocity Verlet's limit of 2 and below the resonances of five, four and three steps"
 
 CRITERIA = {
     "drift": Criterion(
@@ -108,10 +108,10 @@ CRITERIA = {
         "the paper's step; six steps of a bond of 1,650 cm⁻¹, a period of 20 fs, are 3.4 fs", "who repeats the paper's runs", SET,
     ),
     "springs' step": Criterion(
-        ("springs",), "longest stable ωΔt, mean over starts", "≥", 1.0, "", SIX, "who makes six steps in the fastest period", SET,
+        ("springs",), "longest stable ωΔt, mean over starts", "≥", round(np.pi / 3, 3), "", SIX, "who makes six steps in the fastest period", SET,
     ),
     "resonance's step": Criterion(
-        ("resonance",), f"longest stable ωΔt, the lowest of {ENOUGH_STARTS} starts", "≥", 1.0, "",
+        ("resonance",), f"longest stable ωΔt, the lowest of {ENOUGH_STARTS} starts", "≥", round(np.pi / 3, 3), "",
         f"{SIX}; the lowest of the starts, as limits lie at resonances, in groups, and a mean is where none breaks; of {ENOUGH_STARTS} that hold, "
         "another does not with a chance of 1 in 20",
         "who makes six steps in the fastest period, from any start", SET,
