@@ -456,6 +456,10 @@ def _add_stability(verbs):
     length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
     length.add_argument("--full", action="store_true", help="one and a half to three hours of one core; start it once for each core to share the cases")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="integrators, as the table of --list names them (default: all that a case is run with)")
+    parser.add_argument("--starts", type=int, metavar="N", help="at least N starts where a case has several (default: until the verdict is sure, "
+                        "or there are as many as the case may have)")
+    parser.add_argument("--take", type=Path, metavar="DIR", help="rows of the atlas in DIR stand in for those that are not in the output folder: "
+                        "they are judged by the bounds of today and not run again")
     _add_silence(parser, 300.0)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/stability; --short: results/stability-short)")
     parser.set_defaults(function=_stability, parser=parser)
@@ -477,7 +481,8 @@ def _stability(arguments):
     out = arguments.out or Path("results") / ("stability" if full else "stability-short")
     out.mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, len(stability.plan(CASES, names, full, arguments.only)), "rows") as meter:
-        summary = stability.stability(CASES, names, out, full, arguments.silence, meter, arguments.only)
+        summary = stability.stability(CASES, names, out, full, arguments.silence, meter, arguments.only,
+                                      arguments.starts, arguments.take)  # fmt: skip
     stability_report.write(summary, out)
     stability_report.show(screen, summary, out)
     if summary["interrupted"]:

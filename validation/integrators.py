@@ -16,6 +16,7 @@ class Integrator:
             are filled from the scene.
         whole_bodies: whether a rank's atoms and ghost atoms must hold the whole of each body.
         kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes) or ``constraints`` (shake, rattle).
+        tolerance: of constraints, relative; None for others.
     """
 
     name: str
@@ -23,6 +24,7 @@ class Integrator:
     lines: tuple[str, ...]
     whole_bodies: bool = False
     kind: str = "ours"
+    tolerance: float | None = None
 
     def can_run(self, scene):
         """Whether this integrator knows how to hold the scene's bodies."""
@@ -59,6 +61,7 @@ def constrained(style, tolerance, iterations=100):
             f"fix 2 {{group}} {style} {tolerance} {iterations} 0 {{constraints}}",
         ),
         kind="constraints",
+        tolerance=float(tolerance),
     )
 
 

@@ -8,10 +8,11 @@ import numpy as np
 
 from validation.check import number
 from validation.compare import FS_PER_PS
+from validation.criteria import CRITERIA
 from validation.overview_pieces import Cell, Figure, Said, Table, sortable
 from validation.stability import COMPARED
 from validation.stability_cases import CASES
-from validation.stability_report import READ
+from validation.stability_report import READ, package
 
 OURS = "nosquish"
 WORDS = {True: "yes", False: "no", None: "cannot tell"}
@@ -35,16 +36,31 @@ def say(summary):
     rows = [
         [Cell(case["name"]), Cell(case["physics"]), Cell(case["criterion"]), Cell(_bound(case)), Cell(row["label"]),
          Cell(number(row["value"], row["error"] or 0.0, row.get("freedom")), sortable(row["value"])), Cell(case["bars"]),
-         Cell(row["verdict"]), Cell(row["note"] or ""), Cell(row["command"])]
+         Cell(row["verdict"]), Cell(row["note"] or ""), Cell(package(row)), Cell(row["date"][:10]), Cell(row["command"])]
         for case in cases for row in case["rows"]
     ]  # fmt: skip
-    columns = "case", "physics", "criterion", "bound", "integrator", "value", "error is", "verdict", "note", "command"
+    columns = "case", "physics", "criterion", "bound", "integrator", "value", "error is", "verdict", "note", "measured with", "date", "command"
     times = [np.atleast_1d(case["length"])[0] / FS_PER_PS for case in cases if case["unit"] == "fs"]
     return Said(
-        headlines, [], [Table("Every number", columns, rows)],
+        headlines, [], [_criteria(), _changes(), Table("Every number", columns, rows)],
         best=[_longest(cases, labels), Figure("matrix.png", READ), _physics(cases)],
         extent=f"the limits of the time step are those of {min(times):g} to {max(times):g} ps" if times else "",
     )  # fmt: skip
+
+
+def _criteria():
+    """Every bound, and what it is derived from."""
+    rows = [[Cell(one.quantity), Cell(one.text()), Cell(one.derivation), Cell(one.need), Cell(", ".join(one.cases)), Cell(one.date)]
+            for one in CRITERIA.values()]  # fmt: skip
+    columns = "quantity", "bound", "derived from", "whose need", "cases", "since"
+    return Table("Criteria: each bound is derived from physics or from a user's need, apart from any result", columns, rows)
+
+
+def _changes():
+    """Every change of a bound."""
+    rows = [[Cell(change.date), Cell(", ".join(change.cases)), Cell(change.old), Cell(change.new), Cell(change.reason)]
+            for one in CRITERIA.values() for change in one.changes]  # fmt: skip
+    return Table("Changes of bounds", ("date", "cases", "from", "to", "reason"), rows)
 
 
 def _longest(cases, labels):

@@ -1,7 +1,7 @@
 """Where integrators break: cases with a number each, run with fix_nosquish's schemes and with LAMMPS's rigid and constraint fixes.
 
-A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stability` runs cases with integrators, row by row, and judges
-each number against the case's bound.  Each row is kept in a file whose name has the hash of what it follows from: one that is there already is not
+A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stability` runs cases with integrators, row by row.  A row keeps
+what was measured, from each start; it is judged against the bounds of ``criteria`` whenever it is shown.  Each row is kept in a file whose name has the hash of what it follows from: one that is there already is not
 run again, those of other code or lengths stay and are not shown, and of a row that was interrupted the runs that are complete are taken over.
 Several processes may run with the same output folder: one alone has a case, and what it saves has the others' rows in it.
 """
@@ -12,12 +12,12 @@ import hashlib
 import json
 import shlex
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
-from validation import machine, run
+from validation import criteria, machine, measures, run
 from validation.check import Check
 from validation.integrators import INTEGRATORS, SWEPT
 from validation.report import save
@@ -40,8 +40,8 @@ EXTREME = "none: the largest of all deviations in runs that give the same each t
 
 SLOW = "matubayasi-nakahara", "gear"  # the paper's other schemes, here to be compared with: not made for speed
 LESS = " (reference 12 and Gear: a tenth of that)"
-# files of this package that no row follows from
-SHOWN = "*report.py", "*figures.py", "overview*.py", "console.py", "__main__.py"
+# files of this package that no row follows from; those criteria that rows follow from are told beside the code
+SHOWN = "*report.py", "*figures.py", "overview*.py", "console.py", "__main__.py", "criteria.py"
 
 # without those that are much like another
 FEW = tuple(name for name in COMPARED if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
@@ -56,12 +56,57 @@ class Number:
         error: its standard error, or how finely it was looked for.
         freedom: degrees of freedom of the error; None for many.
         note: what else there is to say, as which part of the case the number is of.
+        parts: of a case with several criteria, the number of each, by name; ``value`` is then the largest of them, each over its bound.
     """
 
     value: float
     error: float = 0.0
     note: str = ""
     freedom: float | None = None
+    parts: dict | None = None
+
+
+def of_parts(parts, note):
+    """The `Number` of a case with several criteria, each with a bound from above.
+
+    Args:
+        parts: name of a criterion to a number in its unit.
+    """
+    return Number(_largest(parts), note=note, parts={name: float(value) for name, value in parts.items()})
+
+
+def _largest(parts):
+    return float(max(value / criteria.CRITERIA[name].bound for name, value in parts.items()))
+
+
+def the_one(numbers):
+    """Of a case with one start."""
+    return numbers[0]
+
+
+def mean_of_starts(numbers):
+    """Their mean, with the error that their scatter tells and how finely each was looked for."""
+    mean = measures.of_few([one.value for one in numbers])
+    error, freedom = measures.combined(mean[1:], (np.mean([one.error for one in numbers]), None))
+    return Number(float(mean.value), float(error), _told(numbers), freedom)
+
+
+def lowest_of_starts(numbers):
+    """The lowest, with how finely it was looked for."""
+    return replace(min(numbers, key=lambda one: one.value), note=_told(numbers))
+
+
+def drift_of_starts(numbers):
+    """|mean| of rates that may have either sign; the errors are those of the lines."""
+    error = float(np.sqrt(sum(one.error**2 for one in numbers))) / len(numbers)
+    freedom = sum(one.freedom or np.inf for one in numbers)
+    mean = float(np.mean([one.value for one in numbers]))
+    return Number(abs(mean), error, _told(numbers), float(freedom) if np.isfinite(freedom) else None)
+
+
+def _told(numbers):
+    notes = [one.note for one in numbers if one.note]
+    return (f"{len(numbers)} starts: " if len(numbers) > 1 else "") + "; ".join(notes)
 
 
 class BlowUp(Exception):
@@ -80,29 +125,58 @@ class Case:
         name: on the command line and of its folder.
         physics: what happens, in a sentence.
         criterion: the number, in words.
-        unit: of the number; empty for a ratio.
-        why: where the bound comes from.
         bars: what the number's error is, or why there is none.
         measure: function of a `Stand` and a length, which gives a `Number`.
         short, full: lengths (what they count is the function's own).
-        low, high: bounds of the number; None for none.
         few: names of the integrators with ``--short``.
         tenth: names of those with a tenth of the length with ``--full``.
+        starts: how many at least and at most, between which a row gets more until its verdict is sure.
+        together: function of the starts' `Number`s that gives the row's.
+        every: whether all starts have to hold, of which there are to be ``criteria.ENOUGH_STARTS`` to say so.
+        criteria: name to ``Criterion``; by default those that name the case.
     """
 
     name: str
     physics: str
     criterion: str
-    unit: str
-    why: str
     bars: str
     measure: Callable
     short: object
     full: object
-    low: float | None = None
-    high: float | None = None
     few: tuple[str, ...] = FEW
     tenth: tuple[str, ...] = ()
+    starts: tuple[int, int] = (1, 1)
+    together: Callable = the_one
+    every: bool = False
+    criteria: dict | None = None
+
+    def __post_init__(self):
+        if self.criteria is None:
+            object.__setattr__(self, "criteria", criteria.of_case(self.name))
+
+    @property
+    def judged(self):
+        """The criteria that give the verdict."""
+        return [one for one in self.criteria.values() if not one.inner]
+
+    @property
+    def low(self):
+        """The bound from below, or None."""
+        return self._bounds[0]
+
+    @property
+    def high(self):
+        """The bound from above, or None."""
+        return self._bounds[1]
+
+    @property
+    def _bounds(self):
+        return self.judged[0].within() if len(self.judged) == 1 else (None, 1.0)
+
+    @property
+    def unit(self):
+        """Of the number; empty for a ratio."""
+        return self.judged[0].unit if len(self.judged) == 1 else ""
 
     @property
     def bound(self):
@@ -117,9 +191,16 @@ class Case:
         """Names of the integrators that it is run with."""
         return [name for name in COMPARED if full or name in self.few]
 
-    def verdict(self, number):
-        """pass, fail, or cannot tell where the number's 95 % interval reaches over the bound."""
-        return _WORDS[Check(self.name, "", self.criterion, number.value, number.error, self.low, self.high, freedom=number.freedom).holds]
+    def number(self, numbers):
+        """The row's `Number`, of its starts'; of one with parts by the bounds of today."""
+        found = self.together(numbers)
+        return replace(found, value=_largest(found.parts)) if found.parts else found
+
+    def verdict(self, numbers):
+        """pass, fail, or cannot tell where the 95 % interval of the starts' number reaches over the bound, or there are too few that hold."""
+        number = self.number(numbers)
+        holds = Check(self.name, "", self.criterion, number.value, number.error, self.low, self.high, freedom=number.freedom).holds
+        return _WORDS[None if holds and self.every and len(numbers) < criteria.ENOUGH_STARTS else holds]
 
 
 @dataclass
@@ -132,6 +213,7 @@ class Stand:
         silence: s without a sign of life after which a run is given up.
         meter: a ``console.Meter``.
         ranks: of scenes that are worth more than one.
+        start: which of the starts, from 0, of a case that has several.
     """
 
     case: Case
@@ -140,6 +222,7 @@ class Stand:
     silence: float
     meter: object
     ranks: int = 1
+    start: int = 0
     seconds: float = field(default=0.0)
 
     def run(self, scene, label, runs, *, more=(), files=(), integrator=None, **how):
@@ -189,7 +272,7 @@ def _broken(result):
     return f"after step {steps[-1]:.0f}: {result.error}"
 
 
-def stability(cases, names, out, full, silence, meter, only=None):
+def stability(cases, names, out, full, silence, meter, only=None, starts=None, take=None):
     """Run what is not there yet; another process may run other cases into the same folder meanwhile.
 
     Args:
@@ -200,24 +283,40 @@ def stability(cases, names, out, full, silence, meter, only=None):
         silence: s without a sign of life after which a run is given up.
         meter: a ``console.Meter`` that counts rows.
         only: names of integrators; None for all that the cases name.
+        starts: how many at least, of cases that have several; None for as many as each verdict needs.
+        take: folder of another atlas, whose rows stand in for those that are not there; they are judged anew and not run.
 
     Returns:
         plain data: ``cases``, each with its ``rows``; ``summary``, what is told of all; ``interrupted``; circumstances.
     """
     summary = machine.circumstances() | {"interrupted": False, "full": full, "cases": []}
+    taken = _taken(take, cases, full) if take else {}
     try:
         for name in _in_turn(names, out):
             for _, integrator in plan(cases, [name], full, only):
                 file = _file(out, cases[name], integrator, full)
-                if file.exists():
-                    meter.begin(f"{name}, {COMPARED[integrator].label}", 1)
-                    meter.end(None)
-                else:
-                    _save(summary, cases, out, file, _row(cases[name], integrator, out / "runs" / name, full, silence, meter))
+                meter.begin(f"{name}, {COMPARED[integrator].label}", 1)
+                ended = None
+                if file.exists() or (name, integrator) not in taken:
+                    for row in _rows(cases[name], integrator, file, out / "runs" / name, full, silence, meter, starts):
+                        _save(summary, cases, out, taken, file, row)
+                        ended = row["ended"] and row["ended"][1]
+                meter.end(ended)
     except KeyboardInterrupt:
         summary["interrupted"] = True
-    _save(summary, cases, out)
+    _save(summary, cases, out, taken)
     return summary
+
+
+def _taken(folder, cases, full):
+    """Rows of another atlas's summary, by case and integrator, without those of other lengths or inner bounds."""
+    rows = {(case["name"], row["integrator"]): row for case in json.loads((folder / "summary.json").read_text())["cases"] for row in case["rows"]}
+    return {(name, one): row for (name, one), row in rows.items()
+            if name in cases and row["inner"] == _inner(cases[name]) and row["length"] == _plain(cases[name].length(full, one))}  # fmt: skip
+
+
+def _plain(length):
+    return list(length) if isinstance(length, tuple) else length
 
 
 def _in_turn(names, out):
@@ -241,38 +340,75 @@ def plan(cases, names, full, only=None):
     return [(name, one) for name in names for one in COMPARED if one in (only or cases[name].integrators(full))]
 
 
-def _row(case, name, folder, full, silence, meter):
-    """Run a case with an integrator: its row, as plain data."""
+def _rows(case, name, file, folder, full, silence, meter, starts):
+    """Run a case with an integrator; yields its row, as plain data without verdict, after each start that it did not have yet."""
     integrator = COMPARED[name]
     ranks = 1 if full else 2  # in full, cases side by side make the better use of cores
     stand = Stand(case, integrator, folder / run.folder_name(name), silence, meter, ranks)
     stand.folder.mkdir(parents=True, exist_ok=True)
-    meter.begin(f"{case.name}, {integrator.label}", 1)
-    number = None
-    try:
-        with np.errstate(all="ignore"):  # what breaks, overflows: the number tells
-            number = case.measure(stand, case.length(full, name))
-        if not np.isfinite(number.value):
-            raise BlowUp(f"not finite; {number.note}")
-        verdict, note = case.verdict(number), number.note
-    except BlowUp as found:
-        verdict, note, number = "blow-up", str(found), None
-    except CannotRun as found:
-        verdict, note = "cannot run", str(found)
-    except (ValueError, IndexError, ArithmeticError) as found:  # what a broken trajectory does to its analysis (LinAlgError is a ValueError)
-        verdict, note, number = "blow-up", f"analysis: {type(found).__name__}: {found}", None
-    meter.end(note if verdict in BROKEN else None)
-    return {
-        "integrator": name, "label": integrator.label, "kind": integrator.kind,
-        "value": number and float(number.value), "error": number and float(number.error), "freedom": number and number.freedom,
-        "verdict": verdict, "note": note, "length": case.length(full, name), "seconds": stand.seconds,
+    row = json.loads(file.read_text()) if file.exists() else {
+        "integrator": name, "label": integrator.label, "kind": integrator.kind, "numbers": [], "ended": None,
+        "length": case.length(full, name), "inner": _inner(case), "seconds": 0.0,
+        "versions": machine.versions() | {"package": machine.package_hash()[:12]},
         "command": shlex.join(["python", "-m", "validation", "stability", case.name, "--only", name, "--full" if full else "--short"]),
     }  # fmt: skip
+    while not _enough(case, row, starts):
+        stand.start, before = len(row["numbers"]), stand.seconds
+        row = row | {"date": machine.now()} | _measured(stand, case.length(full, name), row["numbers"])
+        row["seconds"] += stand.seconds - before
+        yield row
+
+
+def _enough(case, row, starts=None):
+    """Whether a row needs no more starts: what is asked for, or a verdict that is sure when its number of starts is the least one, doubled again and
+    again."""
+    count, (least, most) = len(row["numbers"]), case.starts
+    if row["ended"] or count >= most:
+        return True
+    if starts:
+        return count >= max(least, starts)
+    doubled = count >= least and count % least == 0 and (count // least).bit_count() == 1  # few looks: each is a chance to be sure by chance
+    return doubled and verdict(case, row) != "cannot tell"
+
+
+def _measured(stand, length, before):
+    """What one start more adds to a row."""
+    try:
+        with np.errstate(all="ignore"):  # what breaks, overflows: the number tells
+            number = stand.case.measure(stand, length)
+        if not np.isfinite(number.value):
+            raise BlowUp(f"not finite; {number.note}")
+        plain = asdict(number) | {"value": float(number.value), "error": float(number.error), "freedom": number.freedom and float(number.freedom)}
+        return {"numbers": [*before, plain]}
+    except BlowUp as found:
+        return {"ended": ["blow-up", str(found)]}
+    except CannotRun as found:
+        return {"ended": ["cannot run", str(found)]}
+    except (ValueError, IndexError, ArithmeticError) as found:  # what a broken trajectory does to its analysis (LinAlgError is a ValueError)
+        return {"ended": ["blow-up", f"analysis: {type(found).__name__}: {found}"]}
+
+
+def verdict(case, row):
+    """A row's verdict, by the bounds of today."""
+    return row["ended"][0] if row["ended"] else case.verdict([Number(**one) for one in row["numbers"]])
+
+
+def judged(case, row):
+    """A row with its number, verdict and note, by the bounds of today."""
+    number = None if row["ended"] else case.number([Number(**one) for one in row["numbers"]])
+    note = row["ended"][1] if row["ended"] else number.note
+    found = {key: number and getattr(number, key) for key in ("value", "error", "freedom")}
+    return row | found | {"verdict": verdict(case, row), "note": note}
+
+
+def _inner(case):
+    """Bounds that what is measured follows from."""
+    return {key: one.bound for key, one in case.criteria.items() if one.inner} | {"rounding": criteria.rounding(1)}
 
 
 def _file(out, case, name, full):
-    """Where the row of a case with an integrator is kept: the name has the hash of what it follows from, code and length."""
-    origin = hashlib.sha256(json.dumps([_code(), repr(case.length(full, name))]).encode()).hexdigest()
+    """Where the row of a case with an integrator is kept: the name has the hash of what it follows from, code, length and inner bounds."""
+    origin = hashlib.sha256(json.dumps([_code(), repr(case.length(full, name)), _inner(case)]).encode()).hexdigest()
     return out / "rows" / case.name / f"{run.folder_name(name)}-{origin[:16]}.json"
 
 
@@ -289,7 +425,7 @@ def _code():
     return found.hexdigest()
 
 
-def _save(summary, cases, out, file=None, row=None):
+def _save(summary, cases, out, taken, file=None, row=None):
     """Keep a row, if one is given, and write the summary of all that there are, other processes' too."""
     with open(out / "summary.lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
@@ -299,7 +435,9 @@ def _save(summary, cases, out, file=None, row=None):
             part.write_text(json.dumps(row, indent=1, ensure_ascii=False) + "\n")
             part.replace(file)
         files = {(case.name, name): _file(out, case, name, summary["full"]) for case in cases.values() for name in COMPARED}
-        _fill(summary, cases, {key: json.loads(path.read_text()) for key, path in files.items() if path.exists()})
+        rows = taken | {key: json.loads(path.read_text()) for key, path in files.items() if path.exists()}
+        rows = {(name, key): row for (name, key), row in rows.items() if row["ended"] or len(row["numbers"]) >= cases[name].starts[0]}
+        _fill(summary, cases, rows)
         save(summary, out)
 
 
@@ -308,9 +446,9 @@ def _fill(summary, cases, rows):
     summary["cases"] = [
         {
             "name": case.name, "physics": case.physics, "criterion": case.criterion, "bound": case.bound, "low": case.low, "high": case.high,
-            "unit": case.unit, "why": case.why, "bars": case.bars, "length": case.length(summary["full"]),
-            "integrators": case.integrators(summary["full"]),
-            "rows": [rows[case.name, name] for name in COMPARED if (case.name, name) in rows],
+            "unit": case.unit, "bars": case.bars, "length": case.length(summary["full"]), "integrators": case.integrators(summary["full"]),
+            "criteria": [{"quantity": one.quantity, "text": one.text()} for one in case.criteria.values()],
+            "rows": [judged(case, rows[case.name, name]) for name in COMPARED if (case.name, name) in rows],
         }
         for case in cases.values() if any((case.name, name) in rows for name in COMPARED)
     ]  # fmt: skip

@@ -4,50 +4,53 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation import measures, motion, paper_peptide, starts
+from validation import criteria, measures, motion, paper_peptide, starts
 from validation.compare import FS_PER_PS
+from validation.criteria import CRITERIA
 from validation.scenes import SCENES
-from validation.stability import COMPARED, EXTREME, LESS, LINE, SLOW, Case, Number
+from validation.stability import COMPARED, EXTREME, LESS, LINE, SLOW, Case, Number, drift_of_starts, mean_of_starts, of_parts
+from validation.stability_tops import kept
+from validation.starts import from_dump, to_dump
 
-ALLOWED, OF_MANY = 0.1, 0.02  # of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
+# of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
+ALLOWED, OF_MANY = CRITERIA["stable, few"].bound, CRITERIA["stable, many"].bound
 GIVEN_UP = 10  # times that, by which the energy is off when a run is ended
 MOST = 4000  # steps that a step limit of many molecules is worth
 LONGEST = "longest {} at which the energy changes by less than {:.0%} of the kinetic energy, from the first to the last fifth of {} (--full: {})"
 GRID = "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
 ONE = f"{GRID}; one start, so what another would give is not in it"
-STARTS = 4  # of a limit or a change that is a mean over them
-SOME = f"from the scatter of {STARTS} starts, as Student's t has it, and {GRID}"
+STARTS = 4, criteria.ENOUGH_STARTS  # of a limit, at least and at most
+DRIFTS = 1, 8  # of a drift
+SOME = f"from the scatter of {STARTS[0]} starts or more, as Student's t has it, and {GRID}"
 SAMPLES = 50  # of the energy in a run at one time step
 PAPER_DIMER = 0.3  # fs, of the paper's figure 2a, for hydrogens of 0.1 amu
 FINE = 1.1  # ratio of one time step to the next
 BODIES = 512  # of water
+DRIFT = "|drift of the energy| over the mean kinetic energy"
+FS_PER_NS = 1000 * FS_PER_PS
 SPACING = 2000  # steps between the dimer's starts
 HEAVY = "nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4"  # integrators of the costly cases' short form
 
 
-def limit(stand, scenes, steps_of_time, time, unit=1.0, name=" fs", **how):
+def limit(stand, scene, steps_of_time, time, unit=1.0, name=" fs", **how):
     """The time step up to which runs keep their energy: it is never off by `GIVEN_UP` times `ALLOWED` of the kinetic energy, nor differs between the
-    first and the last fifth of the run by more than `ALLOWED` of that; a mean over starts.
+    first and the last fifth of the run by more than `ALLOWED` of that.
 
-    From each start all time steps are tried in one LAMMPS run, from the shortest, until one breaks it.
+    All time steps are tried in one LAMMPS run, from the shortest, until one breaks it.
 
     Args:
-        scenes: a ``Scene`` for each start.  steps_of_time: ascending, in the scene's unit of time.
+        scene: a ``Scene``, of the stand's start.  steps_of_time: ascending, in the scene's unit of time.
         time: that each run covers, in that unit.
         unit: that the limit is given in.  name: of it, after a blank.
         how: as ``Stand.run`` has it.
     """
-    dts, found = np.asarray(steps_of_time), []
-    for k, scene in enumerate(scenes, 1):
-        change, error = changes(stand, scene, f"start {k}", dts, time, ALLOWED, **how)
-        stable = change < ALLOWED
-        bad = len(dts) if stable.all() else int(np.argmin(stable))
-        again = bad + np.flatnonzero(stable[bad:])
-        more = f", but again at {dts[again[0]] / unit:.4g}{name}" if len(again) and bad else ""
-        found.append(_between(dts / unit, bad, error, more, name))
-    mean = measures.of_few([one.value for one in found])
-    error, freedom = measures.combined(mean[1:], (np.mean([one.error for one in found]), None))
-    return Number(float(mean.value), error, "; ".join(one.note for one in found), freedom)
+    dts = np.asarray(steps_of_time)
+    change, error = changes(stand, scene, f"start {stand.start + 1}", dts, time, ALLOWED, **how)
+    stable = change < ALLOWED
+    bad = len(dts) if stable.all() else int(np.argmin(stable))
+    again = bad + np.flatnonzero(stable[bad:])
+    more = f", but again at {dts[again[0]] / unit:.4g}{name}" if len(again) and bad else ""
+    return _between(dts / unit, bad, error, more, name)
 
 
 def halved(stand, scene, steps_of_time, time, allowed, **how):
@@ -159,40 +162,40 @@ def dimer_dt(mass):
     root = np.sqrt(mass)  # all times of the rotation scale with it
 
     def measure(stand, time):
-        scenes, state = later(stand, dimer_of(mass), SPACING, PAPER_DIMER * root, count=STARTS)
-        return limit(stand, scenes, root * FINE ** np.arange(32), root * time, files=[state])
+        scene, state = later(stand, dimer_of(mass), SPACING, PAPER_DIMER * root, starts=STARTS)
+        return limit(stand, scene, root * FINE ** np.arange(32), root * time, files=[state])
 
     return Case(
         f"dimer-{mass:g}", f"The bound water dimer with hydrogens of {mass:g} amu, which turn the faster the lighter they are.",
-        LONGEST.format("Δt", ALLOWED, f"{1 * root:.1g} ps", f"{25 * root:.2g} ps"), "fs",
-        "rigid TIP3P is known to run at 6 fs for long (Silveira and Abreu 2019); times of the rotation go with the root of the mass",
-        SOME, measure, 1 * FS_PER_PS, 25 * FS_PER_PS, low=round(6.0 * root, 2),
+        LONGEST.format("Δt", ALLOWED, f"{1 * root:.1g} ps", f"{25 * root:.2g} ps") + ", a mean over starts",
+        SOME, measure, 1 * FS_PER_PS, 25 * FS_PER_PS, starts=STARTS, together=mean_of_starts,
     )  # fmt: skip
 
 
-def later(stand, scene, steps, dt, *, count=1, more=(), **how):
-    """The scene so many steps later, as fix_nosquish.NVE moves it, and again so many later; the same for all integrators.
+def later(stand, scene, steps, dt, *, starts, more=(), **how):
+    """The scene so many steps later, as fix_nosquish.NVE moves it, again so many for each further start; the same for all integrators.
 
     Args:
+        starts: of the case, the most of them the second.
         more: LAMMPS commands.  how: as ``Stand.run`` has it.
     Returns:
-        ``count`` scenes, and the file that they are from.
+        the scene of the stand's start, and the file that it is from.
     """
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
-    more = [*more, *starts.to_dump(state, steps)]
-    outer.run(scene, "start", [count * steps], integrator=COMPARED["nosquish"], dt=dt, every=steps // 20, more=more, **how)
-    return [starts.from_dump(scene, state, k * steps) for k in range(1, count + 1)], state
+    more = [*more, *to_dump(state, steps)]
+    outer.run(scene, "start", [starts[1] * steps], integrator=COMPARED["nosquish"], dt=dt, every=steps // 20, more=more, **how)
+    return from_dump(scene, state, (stand.start + 1) * steps), state
 
 
 def _change(stand, temperature, time, dt, warm_time, warm_dt, damping):
-    """Energy gained or lost per ps, in parts of the kinetic energy at the start, by a straight line, after Langevin dynamics."""
+    """Energy gained or lost per ns, in parts of the mean kinetic energy, by a straight line, after Langevin dynamics."""
     bath = f"fix heat all langevin {temperature} {temperature} {damping} 4928"
-    (scene,), state = later(stand, water(stand), round(warm_time / warm_dt), warm_dt, more=[bath], ranks=stand.ranks)
-    result, _ = stand.run(scene, "run", [round(time / dt)], dt=dt, every=5, ranks=stand.ranks, files=[state])
-    kinetic, heat = result.thermo["KinEng"][0], result.thermo["Temp"]
-    slope = measures.drift(result.thermo["Time"] / FS_PER_PS, result.thermo["TotEng"])
-    return Number(abs(slope.value) / kinetic, slope.error / kinetic, f"{heat[0]:.3g} K at the start, {heat[-1]:.3g} K at the end", slope.freedom)
+    scene, state = later(stand, water(stand), round(warm_time / warm_dt), warm_dt, starts=DRIFTS, more=[bath], ranks=stand.ranks)
+    result, _ = stand.run(scene, f"start {stand.start + 1}", [round(time / dt)], dt=dt, every=5, ranks=stand.ranks, files=[state])
+    heat = result.thermo["Temp"]
+    slope = measures.drift(result.thermo["Time"] / FS_PER_NS, result.thermo["TotEng"]).times(1 / result.thermo["KinEng"].mean())
+    return Number(slope.value, slope.error, f"{heat[0]:.3g} K at the start, {heat[-1]:.3g} K at the end", slope.freedom)
 
 
 def water_hot(stand, time):
@@ -204,7 +207,7 @@ def water_cold(stand, time):
 
 
 def long_dimer(stand, steps):
-    """Energy over 1 % of the kinetic energy, momenta over 1e-9, distances over 1e-7."""
+    """Two molecules that stay bound."""
     result, folder = stand.run(SCENES["dimer"], "run", [steps], dt=PAPER_DIMER, every=max(1, steps // 2000), more=motion.dump(steps // 20))
     _, mass, x, v = motion.frames(folder)
     tenth = len(result.thermo["TotEng"]) // 10
@@ -213,38 +216,34 @@ def long_dimer(stand, steps):
     sizes = np.linalg.norm(mass[:, None] * v[0], axis=1).sum(), np.linalg.norm(mass[:, None] * np.cross(x[0], v[0]), axis=1).sum()
     lost = [np.linalg.norm(a - a[0], axis=1).max() / size for a, size in zip((momentum, angular), sizes)]
     shape = max(np.abs(d / d[0] - 1).max() for d in (motion.distances(x[:, :3]), motion.distances(x[:, 3:])))
-    found = {"energy": (energy, 1e-2), "momentum": (lost[0], 1e-9), "angular momentum": (lost[1], 1e-9), "|q|, by the distances": (shape, 1e-7)}
-    note = ", ".join(f"{key} {value:.1e}" for key, (value, _) in found.items())
-    return Number(max(value / bound for value, bound in found.values()), note=note)
+    found = {"energy": energy, "momentum": lost[0], "angular momentum": lost[1], "|q|, by the distances": shape}
+    note = ", ".join(f"{key} {value:.1e}" for key, value in found.items())
+    return of_parts({"long run": energy, **kept(stand, steps, max(lost), shape)}, note)
 
 
 CASES = (
     Case(
         "water-dt", f"{BODIES} TIP3P molecules at 295 K.",
-        LONGEST.format("Δt", OF_MANY, "0.2 ps", f"5 ps, or {MOST:,} steps if that is less"), "fs",
-        "rigid TIP3P is known to run at 6 fs for long (Silveira and Abreu 2019)",
-        ONE, water_dt, (0.2 * FS_PER_PS, 0.5), (5 * FS_PER_PS, 0.25), low=6.0, few=HEAVY,
+        LONGEST.format("Δt", OF_MANY, "0.2 ps", f"5 ps, or {MOST:,} steps if that is less"),
+        ONE, water_dt, (0.2 * FS_PER_PS, 0.5), (5 * FS_PER_PS, 0.25), few=HEAVY,
     ),
     *(dimer_dt(mass) for mass in (1.0, 0.1, 0.01)),
     Case(
         "peptide-dt", "A helix in 1,417 TIP3P molecules, partly rigid, with flexible bonds between the rigid groups.",
-        LONGEST.format("Δt", OF_MANY, "0.1 ps", f"5 ps, or {MOST:,} steps if that is less"), "fs", "the paper's step is 3 fs",
-        ONE, peptide_dt, (0.1 * FS_PER_PS, 1.0), (5 * FS_PER_PS, 0.5), low=3.0, few=HEAVY,
+        LONGEST.format("Δt", OF_MANY, "0.1 ps", f"5 ps, or {MOST:,} steps if that is less"),
+        ONE, peptide_dt, (0.1 * FS_PER_PS, 1.0), (5 * FS_PER_PS, 0.5), few=HEAVY,
     ),
     Case(
-        "water-hot", f"{BODIES} TIP3P molecules at 1500 K and 1 g/cm³, 2 fs.", "|drift of the energy| over the kinetic energy at the start", "1/ps",
-        "2 % in 5 ps, as of water-dt", LINE, water_hot, 1.6 * FS_PER_PS, 8 * FS_PER_PS, high=4e-3, few=HEAVY,
+        "water-hot", f"{BODIES} TIP3P molecules at 1500 K and 1 g/cm³, 2 fs.", DRIFT, LINE, water_hot, 1.6 * FS_PER_PS, 8 * FS_PER_PS,
+        few=HEAVY, starts=DRIFTS, together=drift_of_starts,
     ),
     Case(
-        "water-cold", f"{BODIES} TIP3P molecules, cooled to 1 K, 4 fs.",
-        "|drift of the energy| over the kinetic energy at the start", "1/ps",
-        "2 % in a ps; the mesh's noise is below that", LINE, water_cold, 8 * FS_PER_PS, 10 * FS_PER_PS, high=0.02, few=HEAVY,
+        "water-cold", f"{BODIES} TIP3P molecules, cooled to 1 K, 4 fs.", DRIFT, LINE, water_cold, 8 * FS_PER_PS, 10 * FS_PER_PS,
+        few=HEAVY, starts=DRIFTS, together=drift_of_starts,
     ),
     Case(
         "long-dimer", f"The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full{LESS}.",
-        "largest of: change of the mean energy from the first tenth to the last in parts of the kinetic energy, over 1e-2; relative change of momenta, "
-        "over 1e-9, and of distances, over 1e-7", "",
-        "the energy stays, momenta but for rounding, distances as of a constraint with a tolerance of 1e-7",
-        EXTREME, long_dimer, 200_000, 50_000_000, high=1.0, tenth=SLOW,
+        "largest of: change of the mean energy from the first tenth to the last, in parts of the kinetic energy; relative changes of momenta and of "
+        "distances; each over its bound", EXTREME, long_dimer, 200_000, 50_000_000, tenth=SLOW,
     ),
 )  # fmt: skip

@@ -10,6 +10,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from validation.check import SURE, number
+from validation.criteria import CRITERIA
 from validation.figures import INK, draw_each
 from validation.measures import margin
 from validation.report import page
@@ -31,7 +32,7 @@ READ = (
     "✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
     "Where each number's error comes from, or why it has none, is told case by case."
 )
-COLUMNS = "case", "integrator", "label", "value", "margin", "error is", "unit", "bound", "verdict", "note", "command"
+COLUMNS = "case", "integrator", "label", "value", "margin", "error is", "unit", "bound", "verdict", "note", "measured with", "date", "command"
 
 
 def write(summary, out):
@@ -45,7 +46,8 @@ def write(summary, out):
         writer.writeheader()
         for case in summary["cases"]:
             known = {"case": case["name"], "error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
-            writer.writerows({key: (known | row | {"margin": _margin(row) or None})[key] for key in COLUMNS} for row in case["rows"])
+            for row in case["rows"]:
+                writer.writerow({key: (known | row | {"margin": _margin(row) or None, "measured with": package(row)})[key] for key in COLUMNS})
     page(
         "stability.html",
         out / "report.html",
@@ -54,8 +56,15 @@ def write(summary, out):
         cell=cell,
         number=number,
         verdict=verdict,
+        package=package,
+        criteria=CRITERIA.values(),
         columns=_columns(summary),
     )
+
+
+def package(row):
+    """With which package a row was measured, as text."""
+    return f"fix_nosquish {row['versions']['fix_nosquish']} ({row['versions']['package']}), LAMMPS {row['versions']['lammps']}"
 
 
 def _columns(summary):
@@ -80,10 +89,16 @@ def _margin(row):
 def list_cases(console, cases):
     """Print all cases and integrators."""
     table = Table(title="Cases", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    for heading in "case", "physics", "number", "bound", "why", "error":
+    for heading in "case", "physics", "number", "error":
         table.add_column(heading, overflow="fold")
     for case in cases.values():
-        table.add_row(case.name, case.physics, case.criterion, f"{case.bound} {case.unit}", case.why, case.bars)
+        table.add_row(case.name, case.physics, case.criterion, case.bars)
+    console.print(table)
+    table = Table(title="Criteria", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    for heading in "quantity", "bound", "derived from", "whose need", "cases":
+        table.add_column(heading, overflow="fold")
+    for one in CRITERIA.values():
+        table.add_row(one.quantity, one.text(), one.derivation, one.need, ", ".join(one.cases))
     console.print(table)
     console.print("integrators: " + ", ".join(f'"{name}"' if " " in name else name for name in COMPARED), soft_wrap=True)
 
