@@ -28,17 +28,18 @@ QUICK = {
         test_nve.py::test_order_of_axes
         test_nve.py::test_body_styles
         test_nve.py::test_start_velocities[1]
-        test_nve.py::test_bodies_cut_by_a_face[4]
         test_nve.py::test_migration[(1, 2, 1)]""",
     "temperature and pressure": """
         test_nve.py::test_temperature_of_a_mixture[3-1]
-        test_nve.py::test_pressure_at_step_0[3-4]
+        test_nve.py::test_pressure_at_step_0[3-1]
         test_nve.py::test_pressure_does_not_depend_on_place[0.3-2]""",
     "boxes and domains": """
         test_domains.py::test_boxes[tilted-2]
-        test_domains.py::test_body_over_all_ranks""",
+        test_domains.py::test_body_of_many_atoms[2]""",
     "ranks that share bodies": """
-        test_sharing.py""",
+        test_sharing.py::test_ranks[2]
+        test_sharing.py::test_ranks[4]
+        test_sharing.py::test_one_rank_needs_no_mpi4py""",
     "compiled loops": """
         test_compiled.py::test_a_loop_computes_what_python_computes
         test_compiled.py::test_wrong_arguments
@@ -49,7 +50,7 @@ QUICK = {
         test_keywords.py::test_reinit[yes-1-velocities new]
         test_keywords.py::test_infile[molecule-2]
         test_keywords.py::test_wrong_infile[unknown body]
-        test_keywords.py::test_spheres[3-True-4]
+        test_keywords.py::test_sphere_in_a_group
         test_output.py::test_values
         test_output.py::test_same_on_any_number_of_ranks[2]
         test_output.py::test_disk_that_fills_up[2]""",
@@ -64,11 +65,9 @@ QUICK = {
     "other fixes, respa": """
         test_other_fixes.py::test_velocities_changed_by_fixes[1]
         test_respa.py::test_equal_steps_are_verlet[one level]
-        test_respa.py::test_time_reversal[two levels]
-        test_respa.py::test_four_ranks""",
+        test_respa.py::test_time_reversal[two levels]""",
     "runs in a row, restart": """
         test_scripts.py::test_rerun[2]
-        test_restart.py::test_continued[triclinic]
         test_restart.py::test_runs_in_parts[2]
         test_waiting.py::test_readers_find_velocities""",
     "plugin": """
