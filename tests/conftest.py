@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.append(str(ROOT))  # for validation, which puts it behind what is installed
 pytest.register_assert_rewrite("endings")
 
+import quick  # noqa: E402
 import validation  # noqa: E402, F401
 from endings import BENT, SECONDS, SPOIL  # noqa: E402
 from installed import tested  # noqa: E402
@@ -94,6 +95,17 @@ def pytest_sessionstart(session):
 
 def pytest_report_header(config):
     return config.tested
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Mark quick tests, before -m looks at marks."""
+    names = [quick.name(item) for item in items]
+    for item, name in zip(items, names):
+        if name:
+            item.add_marker("quick")
+    config.not_there = quick.NAMES - set(names)
+    config.files_there = {item.path for item in items}
 
 
 def fail_if_skipped(config, report):
