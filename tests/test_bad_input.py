@@ -1,10 +1,13 @@
 """Bad input ends the run on all ranks within seconds, with one message that says what is wrong and what to do."""
 
 import re
+from importlib import metadata
 from typing import NamedTuple
 
 import pytest
 from endings import SECONDS, assert_ended
+
+import fix_nosquish
 
 # 27 bodies of three atoms; what a case adds goes before the fix, and after it
 SCRIPT = """
@@ -264,6 +267,13 @@ def test_change_between_runs(run_case, ranks, between):
     """Locks out the refusal between runs of what is refused in mid-run, and bodies of a fix that is gone."""
     run = run_case(Case(steps=20, before="group odd molecule 1", after=f"run 20\n{between}"), ranks=ranks, check=True)
     assert run.screen.count("Loop time") == 2
+
+
+def test_version(run_case):
+    """Locks out a log that does not say which package made the run, and a version that is not that of what is installed."""
+    installed = metadata.version("fix_nosquish")
+    assert fix_nosquish.__version__ == installed
+    assert f"Rigid bodies by NO_SQUISH, fix_nosquish {installed}: NVE all molecule\n" in run_case(Case(steps=1), check=True).log
 
 
 def test_molecule_zero(run_case):

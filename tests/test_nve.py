@@ -11,7 +11,7 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, System, apart, assemble, mixture, tensor, turned, water
+from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, UNITS, System, apart, assemble, mixture, tensor, turned, water
 
 
 # ---- trajectories
@@ -296,6 +296,43 @@ def test_pressure_of_water_at_step_0(simulate):
     ours, theirs = (simulate(water(), fix, 3, dt=1e-5, every=1) for fix in (OURS, SMALL))
     scale = np.abs(tensor(ours)).max()
     np.testing.assert_allclose(tensor(ours)[0], tensor(theirs)[-1], rtol=0, atol=1e-4 * scale)
+
+
+STEP_0 = """
+velocity all create 295 4928 loop geom
+{fix}
+compute atomic all pressure NULL pair kspace
+thermo_style custom step temp press c_atomic vol
+thermo_modify format float %.17g
+timestep {dt}
+dump 1 all custom 1 forces id mol mass xu yu zu vx vy vz fx fy fz
+dump_modify 1 sort id format float %.17g
+run 0
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, ranks):
+    """Locks out a step 0 with the impulse that makes the velocities of `velocity create` rigid, as LAMMPS's rigid fixes print it:
+    the pressure is that of the molecules' centres, by hand from the forces on the atoms, and does not depend on the time step.
+
+    P V = (sum of M V^2 + atomic virial - sum of f (r - R)) / 3, where M, R and V are of a molecule.
+    """
+    system, found, mvv2p = water(), {}, UNITS["real"].mvv2e * 68568.415
+    for name, fix, dt in ("ours", OURS, 1.0), ("ours", OURS, 0.01), ("theirs", RIGID, 1.0), ("theirs", RIGID, 0.01):
+        script = STEP_0.format(fix=fix.format(group="bodies", words="molecule"), dt=dt)
+        thermo = run_lammps(f"{system.setup}\n{script}", files=system.files, ranks=ranks).thermo[0]
+        _, molecule, mass, *columns = np.loadtxt(tmp_path / "forces", skiprows=9).T
+        x, v, f = np.array(columns).reshape(3, 3, -1)
+        molecule = molecule.astype(int) - 1
+        of_body, total = np.bincount(molecule, mass), np.array([[np.bincount(molecule, mass * c) for c in of] for of in (x, v)])
+        centre, velocity = total / of_body
+        kinetic = mvv2p * (of_body * velocity**2).sum() / (3 * thermo["Volume"])
+        inside = 68568.415 * (f * (x - centre[:, molecule])).sum() / (3 * thermo["Volume"])
+        terms = np.array([kinetic, thermo["c_atomic"], -inside])
+        found[name, dt] = (thermo["Press"] - terms.sum()) / np.abs(terms).max()
+    assert abs(found["ours", 1.0]) < 1e-12 and abs(found["ours", 0.01]) < 1e-12, found
+    assert abs(found["theirs", 0.01]) > 10 * abs(found["theirs", 1.0]) > 0.1, "rigid/nve no longer has the impulse: say so in the README"
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
