@@ -55,11 +55,23 @@ def compare(bodies, lammps, world, membership):
     mass, model = lammps.masses[bodies.index[mine]], model[:, where]
     products = np.array([np.bincount(body, mass * a * b, minlength=n) for a in d for b in model])
     sharers.combine(products)
-    left, _, right = np.linalg.svd(products.T.reshape(n, 3, 3))
-    far = np.zeros((1, n))
-    np.maximum.at(far[0], body, np.linalg.norm(d - np.einsum("mab,bm->am", (left @ right)[body], model), axis=0))
-    sharers.combine(far, np.maximum)
-    far = np.where(kind >= 0, far[0] / size[kind], 0.0)
+    products = products.T.reshape(n, 3, 3)
+
+    def deviation(turn):
+        """How far each body is from the first of its kind when that is turned so, of its size, (n,)."""
+        far = np.zeros((1, n))
+        np.maximum.at(far[0], body, np.linalg.norm(d - np.einsum("mab,bm->am", turn[body], model), axis=0))
+        sharers.combine(far, np.maximum)
+        return np.where(kind >= 0, far[0] / size[kind], 0.0)
+
+    # principal axes of bodies of one shape differ in their signs only, unless moments are equal
+    turn = np.eye(3) * np.where(products < 0, -1.0, 1.0)
+    far = deviation(turn)
+    doubt = far > _DIFFERENT
+    if world.any(doubt.any()):
+        left, _, right = np.linalg.svd(products[doubt])
+        turn[doubt] = left @ right
+        far = deviation(turn)
 
     other = np.flatnonzero((far > _DIFFERENT) & sharers.owned)
     other = other[np.lexsort((-far[other], kind[other]))]  # of each kind the furthest is the first
