@@ -18,12 +18,14 @@ an integer. Nothing checks its indices.
 """
 
 import ctypes
+import fcntl
 import gc
 import importlib.util
 import math
 import operator
 import os
 import sys
+import time
 import warnings
 from contextlib import ExitStack, contextmanager
 from functools import cache, cached_property, partial, update_wrapper
@@ -159,7 +161,7 @@ def prefetch(array, row, column):
 def load(world, *names):
     """Make the loops of some modules ready now, with the machine code that rank 0 reads or compiles; collective.
 
-    Without this a loop's first use does it, on each rank for itself.
+    Without this a loop's first use does it, on each rank for itself.  Rank 0 tells standard error when it compiles.
 
     Args:
         world: the `World` or `Alone`.
@@ -173,7 +175,7 @@ def load(world, *names):
     sent = None
     with _together(world):
         if world.rank == 0:
-            sent = _processor(), {name: module.code for name, module in modules.items()}
+            sent = _processor(), {name: module.found() for name, module in modules.items()}
     processor, codes = world.share(sent)
     with _together(world):
         for name, module in modules.items():
@@ -245,14 +247,18 @@ class Loop:
 
 
 class _Module:
-    """The loops of a module, and the file of their machine code."""
+    """The loops of a module, and the file of their machine code.
+
+    Attributes:
+        code: the machine code, or None while it is not known.
+    """
 
     def __init__(self, name):
-        self.name, self.loops, self.ready = name, [], False
+        self.name, self.loops, self.ready, self.code = name, [], False, None
 
     def load(self):
         """Make the loops ready."""
-        engine = _engine(self.code)
+        engine = _engine(self.found())
         for loop in self.loops:
             address = engine.get_function_address(loop.name)
             loop.machine_code = ctypes.CFUNCTYPE(ctypes.c_int64)(address)
@@ -260,22 +266,42 @@ class _Module:
             loop.machine_code.engine = engine  # which owns the memory
         self.ready = True
 
-    @cached_property
-    def code(self):
-        """The machine code: the file's, or newly compiled, and kept if there is a place for it."""
-        places = self.places()
-        for place in places:
+    def found(self):
+        """The machine code: the file's, or newly compiled.
+
+        All that the package has imported is compiled with it, so that a later run, which may need more of it, compiles nothing.
+        """
+        if not self.read():
+            package = self.name.partition(".")[0]
+            modules = [module for name, module in _modules.items() if name.partition(".")[0] == package]
+            with _locked(self.places()):
+                if not self.read():  # nor has another process made it meanwhile
+                    print(f"{package} compiles its loops, once for this machine and version: about 15 s", file=sys.stderr, flush=True)
+                    begin = time.perf_counter()
+                    for module in modules:
+                        if not module.read():
+                            module.compile()
+                    print(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
+        return self.code
+
+    def read(self):
+        """Look for the machine code in the files. Returns: whether it is known now."""
+        for place in self.places() if self.code is None else ():
             try:
                 content = place.read_bytes()
             except OSError:
                 continue
             if content[:_HASH] == importlib.util.source_hash(content[_HASH:]):
-                return content[_HASH:]
-        code = _compile(self.loops)
-        if not any(_save(place, importlib.util.source_hash(code) + code) for place in places):
+                self.code = content[_HASH:]
+                break
+        return self.code is not None
+
+    def compile(self):
+        """Make the machine code, and keep it if there is a place for it."""
+        places, self.code = self.places(), _compile(self.loops)
+        if not any(_save(place, importlib.util.source_hash(self.code) + self.code) for place in places):
             folders = " nor ".join(str(place.parent) for place in places)
             warnings.warn(f"the loops of {self.name} are compiled at each start, because neither {folders} can be written", RuntimeWarning)
-        return code
 
     def places(self):
         """Where the file may be: beside the module's own compiled file, or in the user's cache.
@@ -310,6 +336,22 @@ def _save(place, content):
         if old != place:
             old.unlink(missing_ok=True)
     return True
+
+
+@contextmanager
+def _locked(places):
+    """Wait for other processes that compile for one of these places; where no folder can be locked, do not."""
+    with ExitStack() as stack:
+        for place in places:
+            try:
+                place.parent.mkdir(parents=True, exist_ok=True)
+                folder = os.open(place.parent, os.O_RDONLY)
+                stack.callback(os.close, folder)
+                fcntl.flock(folder, fcntl.LOCK_EX)
+                break
+            except OSError:
+                continue
+        yield
 
 
 @cache
@@ -365,12 +407,15 @@ def _contents(function):
     )  # fmt: skip
 
 
+_OPTIONS = {"_nrt": False}  # nothing counts who uses an array: no loop makes one
+
+
 @cache
 def _teach(function):
     """Let numba compile a function wherever a compiled one calls it, and inline it there."""
     from numba.extending import overload
 
-    options = {"forceinline": True, "no_cfunc_wrapper": True, "error_model": "numpy", **_inlined.get(function, {})}
+    options = _OPTIONS | {"no_cfunc_wrapper": True, "error_model": "numpy"} | _inlined.get(function, {})
     overload(function, options, strict=False)(lambda *types: function)
 
 
@@ -381,21 +426,28 @@ def _compile(loops):
         RuntimeError: for a loop that needs Python when it runs.
     """
     from llvmlite import binding as llvm
+    from numba.core.errors import NumbaError
 
     for function in (*_inlined, *(loop.__wrapped__ for loop in loops)):
         _teach(function)
     _teach_prefetch()
     linked = llvm.parse_assembly("")
+    entries = []
     with _only_what_is_needed():
-        entries = [(loop, _entry(loop)) for loop in loops]
+        for loop in loops:
+            try:
+                entries.append((loop, _entry(loop)))
+            except NumbaError as error:
+                raise RuntimeError(f"{loop.name} makes an array or raises an exception, or is not what numba can compile: {error}") from error
     for loop, entry in entries:
         module = llvm.parse_assembly(entry.inspect_llvm())
         for value in (*module.functions, *module.global_variables):
             if not value.is_declaration and value.name != entry.native_name:
                 value.linkage = "internal"
+                if value.is_function:
+                    value.add_function_attribute("alwaysinline")  # of LLVM, which simplifies it first
         module.get_function(entry.native_name).name = loop.name
-        _optimise(module)
-        needed = [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.") and not hasattr(math, f.name)]
+        needed = _optimise(module) and _optimise(module)
         if needed:
             raise RuntimeError(f"{loop.name} makes an array or raises an exception, for which it needs {', '.join(needed)}")
         linked.link_in(module)
@@ -423,7 +475,7 @@ def _teach_prefetch():
 
         return types.void(array, types.int64, types.int64), generate
 
-    @overload(prefetch, {"forceinline": True}, strict=False)
+    @overload(prefetch, _OPTIONS, strict=False)
     def fetching(array, row, column):
         def call(array, row, column):
             fetch(array, row, column)
@@ -432,53 +484,73 @@ def _teach_prefetch():
 
 
 def _optimise(module):
-    """Do what LLVM's -O2 does, twice: a second round has the loop without what turned out to be needless in the first.
+    """Do what LLVM's -O2 does.
 
     -O3, and loops that do several vectors at a time, make much more code that is not faster; between two steps LAMMPS drives
     what there is out of the caches.
+
+    Returns:
+        the names of Python's functions that are left: those for errors that a second round may find impossible.
     """
     from llvmlite import binding as llvm
 
-    for _ in range(2):
-        options = llvm.create_pipeline_tuning_options(speed_level=2)
-        options.loop_vectorization, options.loop_interleaving = True, False
-        builder = llvm.create_pass_builder(_target(), options)
-        builder.getModulePassManager().run(module, builder)
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.loop_vectorization, options.loop_interleaving = True, False
+    builder = llvm.create_pass_builder(_target(), options)
+    builder.getModulePassManager().run(module, builder)
+    return [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.") and not hasattr(math, f.name)]
 
 
 def _entry(loop):
     """The C function that takes a loop's arguments out of their cells and runs it, as numba's cfunc."""
-    from numba import carray, cfunc, types
+    from numba import cfunc, types
+    from numba.core import cgutils
     from numba.extending import intrinsic
 
-    def pointer(dtype):
-        @intrinsic
-        def pointer(typing, address):
-            def generate(context, builder, signature, arguments):
-                return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+    scalars = [getattr(types, kind.dtype.name) for kind in loop.kinds.values()]
+    kinds = [types.Array(scalar, kind.dimensions, "C") if kind.dimensions else scalar for scalar, kind in zip(scalars, loop.kinds.values())]
 
-            return types.CPointer(getattr(types, dtype.name))(types.int64), generate
+    @intrinsic
+    def arguments(typing, slots):
+        def generate(context, builder, signature, given):
+            word = context.get_value_type(types.int64)
+            table = builder.inttoptr(given[0], word.as_pointer().as_pointer())
+            values = []
+            for n, (kind, scalar) in enumerate(zip(kinds, scalars)):
+                cell = builder.load(cgutils.gep_inbounds(builder, table, n))
+                value = builder.load(cell)
+                if kind is scalar:
+                    values.append(builder.bitcast(value, context.get_value_type(scalar)))
+                    continue
+                view = context.make_array(kind)(context, builder)
+                view.itemsize = context.get_constant(types.intp, context.get_abi_sizeof(context.get_value_type(scalar)))
+                shape = [builder.load(cgutils.gep_inbounds(builder, cell, 1 + k)) for k in range(kind.ndim)]
+                strides = [view.itemsize]
+                for length in shape[:0:-1]:
+                    strides.insert(0, builder.mul(strides[0], length))
+                view.data = builder.inttoptr(value, view.data.type)
+                view.shape, view.strides = cgutils.pack_array(builder, shape), cgutils.pack_array(builder, strides)
+                view.nitems = builder.mul(shape[0], shape[-1]) if kind.ndim == 2 else shape[0]
+                for unused in "meminfo", "parent":
+                    setattr(view, unused, cgutils.get_null_value(getattr(view, unused).type))
+                values.append(view._getvalue())
+            return context.make_tuple(builder, signature.return_type, values)
 
-        return pointer
+        return types.Tuple(kinds)(types.int64), generate
 
-    values = []
-    for n, kind in enumerate(loop.kinds.values()):
-        if kind.dimensions:
-            shape = "".join(f"cell{n}[{k}], " for k in range(1, kind.dimensions + 1))
-            values.append(f"carray({kind.dtype}(cell{n}[0]), ({shape}))")
-        else:
-            values.append(f"cell{n}[0]")
-    cells = [(n, "float64" if kind is F else "int64", 1 + kind.dimensions) for n, kind in enumerate(loop.kinds.values())]
-    lines = [
-        "def entry(slots):",
-        f"    slots = carray(int64(slots), {len(cells)})",
-        *(f"    cell{n} = carray({dtype}(slots[{n}]), {size})" for n, dtype, size in cells),
-        f"    result = loop({', '.join(values)})",
-        f"    return {'result' if loop.__annotations__.get('return') else 0}",
-    ]
-    names = {"loop": loop.__wrapped__, "carray": carray, **{kind.dtype.name: pointer(kind.dtype) for kind in (I, F, *loop.kinds.values())}}
-    exec("\n".join(lines), names)
-    return cfunc(types.int64(types.int64), forceinline=True)(names["entry"])
+    function = loop.__wrapped__
+    if loop.__annotations__.get("return"):
+
+        def entry(slots):
+            return function(*arguments(slots))
+
+    else:
+
+        def entry(slots):
+            function(*arguments(slots))
+            return 0
+
+    return cfunc(types.int64(types.int64), forceinline=True, **_OPTIONS)(entry)
 
 
 @contextmanager
