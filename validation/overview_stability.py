@@ -10,7 +10,7 @@ from validation.check import number
 from validation.compare import FS_PER_PS
 from validation.criteria import CRITERIA
 from validation.overview_pieces import Cell, Figure, Said, Table, sortable
-from validation.stability import COMPARED
+from validation.stability import COMPARED, LOST
 from validation.stability_cases import CASES
 from validation.stability_report import READ, package
 
@@ -110,3 +110,19 @@ def _result(row, case, name=None):
         return f"{name}{verb}: {textwrap.shorten(why, 80, placeholder=' …')}".strip()
     doubt = " (cannot tell)" if row["verdict"] == "cannot tell" else ""
     return f"{name}{number(row['value'], row['error'] or 0.0, row.get('freedom'))} {case['unit']}".strip() + doubt
+
+
+def standing(summary):
+    """Who comes to which verdict in how many cases, and in which ones, as a Markdown table."""
+    cases = summary["cases"]
+    verdicts = {row["integrator"]: {} for case in cases for row in case["rows"]}
+    labels = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
+    for case in cases:
+        for row in case["rows"]:
+            verdicts[row["integrator"]].setdefault("fail" if row["verdict"] in LOST else row["verdict"], []).append(case["name"])
+    lines = ["| integrator | passes | fails | cannot tell | cannot run |", "|---|---|---|---|---|"]
+    for name in sorted(verdicts, key=lambda name: PLACES.get(name, len(PLACES))):
+        found = verdicts[name]
+        cells = (f"{len(found[key])}: {', '.join(found[key])}" if key in found else "0" for key in ("fail", "cannot tell", "cannot run"))
+        lines.append(f"| `{labels[name]}` | {len(found.get('pass', []))} | {' | '.join(cells)} |")
+    return "\n".join(lines)
