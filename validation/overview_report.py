@@ -96,7 +96,7 @@ def _read(part, name, path):
 
 def _missing(part, name, folder, warnings):
     """The section of results that are not there."""
-    return Section(part, name, folder, {}, overview_pieces.Said(), [*warnings, f"No results: python -m validation {part.verb} makes them."])
+    return Section(part, name, folder, {}, overview_pieces.Said(), [*warnings, f"No results; this makes them: python -m validation {part.verb}."])
 
 
 def _facts(sections):

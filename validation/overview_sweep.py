@@ -23,12 +23,12 @@ def say(summary):
     failed = sum(bool(point["failed"]) for point in points)
     broken = [f"{name}: {scene['error']}" for name, scene in scenes.items() if scene.get("error")]
     missing = [f"{name}: not measured; this adds it: python -m validation sweep {name}." for name in SWEEPS if name not in scenes]
-    columns = "scene", "wanted", "fastest", "wall s per ns, least (median)", "ours / fastest", "how sure"
+    columns = "scene", "wanted", "use", "wall s per ns, least (median)", "ours / fastest", "how sure"
     return Said(
         [*(_advice(name, scene) for name, scene in scenes.items()), *missing,
          f"Ordinary accuracy: the total energy's standard deviation is below {100 * ORDINARY:g} % of that of the kinetic energy at that temperature, "
          f"kT √(f/2), by {CERTAIN:g} standard errors; who drifts, by as many, more than {DRIFT:g} kT per ns and degree of freedom is out; "
-         "for another accuracy: python -m validation advise SCENE --target …"],
+         f"for another accuracy: python -m validation advise {next(iter(scenes), 'water')} --target energy_sd=0.1."],
         [f"{len(points)} points (an integrator with a time step), {goals.ranks_of(summary['ranks'])}; {failed} failed.", *broken],
         [Table("Fastest way to every error", columns, ways), _points(summary)],
         [Figure(f"{name}.png", f"{scene['title']}. {sweep_figures.READ}") for name, scene in scenes.items()],
@@ -77,7 +77,7 @@ def _advice(name, scene):
     sure = f"How sure: {_sure(points, targets, choice)}; {_starts([best])} of {_lengths([best])}"
     told += [sure + f": {sweep_report.ONE_START}" * (best["starts"] < 2)]
     if own.best and not best["ours"]:
-        told.append(f"Ours: {sweep_report.named(own.best)}, takes {sweep_report.over(own.best, best)} times as long")
+        told.append(f"Ours: {sweep_report.named(own.best)}, takes {sweep_report.over(own.best, choice.fastest)} times as long")
     elif not own.best:
         told.append(f"Ours: {own.verdict}")
     return ". ".join(told) + "."
@@ -111,9 +111,9 @@ def _way(scene, data, words, way):
     best, ours = choice.best, own.best
     if not best:
         return [*wanted, Cell("–"), Cell("–", math.nan), Cell("–", math.nan), Cell(choice.verdict)]
-    ratio = ours["cost"]["min"] / best["cost"]["min"] if ours else math.nan
+    ratio = ours["cost"]["min"] / choice.fastest["cost"]["min"] if ours else math.nan
     return [*wanted, Cell(sweep_report.named(best)), Cell(sweep_report.seconds(best["cost"]), best["cost"]["min"]),
-            Cell(sweep_report.over(ours, best) if ours else own.verdict, ratio),
+            Cell(sweep_report.over(ours, choice.fastest) if ours else own.verdict, ratio),
             Cell(_sure(data["points"], {measure: target}, choice))]  # fmt: skip
 
 
