@@ -40,7 +40,7 @@ def point(integrator, dt, cost, errors, failed=None):
     spread = cost and {"median": 1.1 * cost, "min": cost, "max": 1.3 * cost, "values": [cost, 1.1 * cost, 1.3 * cost]}
     return {
         "integrator": integrator, "label": {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator), "ours": integrator.startswith("nosquish"), "dt": dt,
-        "steps": 1000, "ps": 1.0, "starts": 3, "failed": failed, "failures": int(bool(failed)), "cost": spread, "cpu": spread,
+        "steps": 1000, "ps": 1.0, "starts": 3, "failed": failed, "failures": int(bool(failed)), "cost": spread, "lines": [f"fix 1 all {integrator}"], "cpu": spread,
         "errors": {name: {"value": value, "error": error} for name, (value, error) in errors.items()}, "signed": {},
         "command": f"python -m validation sweep water --only {integrator} --dt {dt:g}",
     }  # fmt: skip
