@@ -179,11 +179,11 @@ def test_random_walk_is_told_from_noise():
     """Locks out a rate that is off by the time of a block, an error that is not the estimate's scatter, and noise taken for a walk."""
     t, rng = 0.02 * np.arange(2048), np.random.default_rng(9)
     rates, errors = np.transpose(
-        [measures.random_walk(t, rng.normal(size=len(t)) + np.cumsum(rng.normal(size=len(t))) * np.sqrt(3.0 * 0.02)) for _ in range(100)]
+        [measures.random_walk(t, rng.normal(size=len(t)) + np.cumsum(rng.normal(size=len(t))) * np.sqrt(3.0 * 0.02))[:2] for _ in range(100)]
     )
     assert rates.mean() == pytest.approx(3.0, rel=0.15)
     assert errors.mean() == pytest.approx(rates.std(), rel=0.4)
-    still = [measures.random_walk(t, rng.normal(size=len(t))) for _ in range(20)]
+    still = [measures.random_walk(t, rng.normal(size=len(t)))[:2] for _ in range(20)]
     assert np.mean([rate < 2.5 * error for rate, error in still]) > 0.8 and np.max(still) < 0.05
 
 
@@ -263,7 +263,7 @@ def test_who_drifts():
     assert claim(starts, "reference 12, stable")["verdict"] == "does not hold"
 
 
-@pytest.mark.parametrize("size, equal, within", [(1.0, True, True), (1.1, True, False), (1.3, False, False)])
+@pytest.mark.parametrize("size, equal, within", [(1.0, True, True), (1.085, True, False), (1.3, False, False)])
 def test_who_is_equal(size, equal, within):
     """Locks out a difference that passes since errors are large, and one that does since it is small."""
     found = {"peptide-nosquish-123": made("a", noise(size, 1), "peptide"), "peptide-rigid/nve/small": made("b", noise(1.0, 2), "peptide")}

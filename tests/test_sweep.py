@@ -22,6 +22,7 @@ from scipy.spatial.transform import Rotation  # noqa: E402
 
 from validation import paper_peptide, run, sweep, sweep_errors, sweep_plan, sweep_structure  # noqa: E402
 from validation.integrators import SWEPT  # noqa: E402
+from validation.measures import Estimate  # noqa: E402
 from validation.scenes import SCENES  # noqa: E402
 
 CELL = np.diag([20.0, 22.0, 24.0])
@@ -139,16 +140,18 @@ def test_what_a_failure_is():
 
 def test_a_point_has_the_larger_error():
     """Locks out errors of short runs that do not see what differs from start to start, and scatter of few starts that is small by chance."""
-    assert sweep_errors.pooled([(1.0, 0.3), (1.0, 0.4)]) == pytest.approx((1.0, 0.25))
-    assert sweep_errors.pooled([(2.0, 0.1)]) == pytest.approx((2.0, 0.1))
+    assert sweep_errors.pooled([Estimate(1.0, 0.3), Estimate(1.0, 0.4)])[:2] == pytest.approx((1.0, 0.25))
+    assert sweep_errors.pooled([Estimate(2.0, 0.1)])[:2] == pytest.approx((2.0, 0.1))
+    apart = sweep_errors.pooled([Estimate(1.0, 0.3), Estimate(2.0, 0.4)])
+    assert apart == pytest.approx((1.5, 0.5, 1)) and apart.margin == pytest.approx(0.5 * 12.706, rel=1e-3)  # by a table of Student's t
 
 
 @pytest.mark.parametrize("starts", [2, 4])
 def test_few_starts_have_an_honest_scatter(starts):
-    """Locks out an error from the scatter of two or four values that covers less often than a standard error does."""
+    """Locks out an interval from the scatter of two or four values that is called one of 95 %, and covers 83 or 90."""
     values = np.random.default_rng(1).normal(0.0, 1.0, (2000, starts))
-    covered = np.mean([abs(mean) < error for mean, error in (sweep_errors.pooled([(value, 0.0) for value in row]) for row in values)])
-    assert covered == pytest.approx(0.683, abs=0.03)
+    found = [sweep_errors.pooled([Estimate(value) for value in row]) for row in values]
+    assert np.mean([abs(one.value) < one.margin for one in found]) == pytest.approx(0.95, abs=0.015)
 
 
 STARTS = 4
@@ -164,7 +167,7 @@ def averages(limit, seed, chance=0.0):
         for dt in (1.0, 2.0, 3.0, 4.0, 8.0):
             value = limit + slope * dt**2 + (5.0 if dt > 4 else 0.0) + (1.0 if abs(slope) > 1 else 0.0)  # no law at long steps, or of what drifts
             found[sweep.Point("water", SWEPT[name], dt)] = [
-                {"potential": (value + shared[start] + random.normal(0.0, 0.01), np.hypot(0.01, chance))} for start in range(STARTS)
+                {"potential": Estimate(value + shared[start] + random.normal(0.0, 0.01), np.hypot(0.01, chance))} for start in range(STARTS)
             ]
     return swept, found
 
@@ -186,7 +189,7 @@ def test_limits_are_those_of_the_symplectic_schemes(chance):
 def test_another_model_is_held_against_nothing_of_ours():
     """Locks out shake's freely bending CH3 groups taken for an integrator's error, and mixed into the limit of rigid ones."""
     swept, found = averages(-9.7, 3)
-    odd = [{"potential": (5.0, 0.001)} for _ in range(STARTS)]
+    odd = [{"potential": Estimate(5.0, 0.001)} for _ in range(STARTS)]
     shake = {sweep.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
     peptide = dataclasses.replace(swept, differs="CH3 bends")
     assert sweep_errors.limits(found | shake, peptide) == sweep_errors.limits(found, swept) != sweep_errors.limits(found | shake, swept)
@@ -222,9 +225,9 @@ def test_noise_is_no_difference_of_g(difference, starts):
             for point, added in ((first, 0.0), (second, 0.0), (third, difference))
         }
         errors = sweep_errors.of_points(found, {}, swept)
-        value, error = errors[third][0]["g_oo"].values()
-        assert error < 0.03
-        off.append((value - difference) / error if difference else value > 2 * error)
+        one = Estimate(**errors[third][0]["g_oo"])
+        assert one.error < 0.03
+        off.append((one.value - difference) / one.error if difference else one.value > one.margin)
     if difference:
         assert abs(np.mean(off)) < 0.4 and 0.4 < np.std(off) < 1.5
     else:

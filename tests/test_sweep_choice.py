@@ -81,6 +81,9 @@ def synthetic(name="water"):
 # ---- choices against a search over everything
 
 
+NORMAL = 1.959963984540054  # standard errors to each side that hold 95 % of a normal variable
+
+
 def by_hand(points, targets):
     """Best, ties and perhaps as a `Choice` should have them, by plain comparisons of every point with every other: sets of places in the list."""
     verdicts = []
@@ -91,8 +94,8 @@ def by_hand(points, targets):
             if found is None or found["error"] is None:
                 sure = False
                 continue
-            sure &= found["value"] + 2 * found["error"] <= target
-            never |= found["value"] - 2 * found["error"] > target
+            sure &= found["value"] + NORMAL * found["error"] <= target
+            never |= found["value"] - NORMAL * found["error"] > target
         verdicts.append((sure, never))
     good = [n for n, (sure, _) in enumerate(verdicts) if sure and points[n]["cost"]]
     first = [n for n in good if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in good)]
@@ -109,7 +112,7 @@ def by_hand(points, targets):
         with_it, without = points[best[0]], points[n]
         if without["integrator"] == "nosquish" and without["dt"] == with_it["dt"] and without["cost"] and all(
             name in without["errors"] and without["errors"][name]["error"] is not None
-            and without["errors"][name]["value"] <= with_it["errors"][name]["value"] + 2 * with_it["errors"][name]["error"] for name in targets
+            and without["errors"][name]["value"] <= with_it["errors"][name]["value"] + NORMAL * with_it["errors"][name]["error"] for name in targets
         ):  # fmt: skip
             best = [n]
             break
@@ -155,7 +158,7 @@ def test_choice_is_that_of_a_search():
 
 
 WRONG = {
-    "an error bar counts for nothing": lambda patch: patch.setattr("validation.check.CERTAIN", 0.0),
+    "an error bar counts for nothing": lambda patch: patch.setattr("validation.measures.margin", lambda error, freedom=None: 0.0),
     "a failed point may be chosen": lambda patch: patch.setattr(
         sweep_choice, "meets", lambda one, targets, right=sweep_choice.meets: right(one | {"failed": None}, targets)
     ),
@@ -211,7 +214,7 @@ def test_front_is_what_is_chosen(seed):
         assert sweep_choice.choose(points, {"x": rungs[0]}).best is None and sweep_choice.choose(points, {"x": rungs[1]}).best is not None
         assert sweep_choice.choose(points, {"x": rungs[-1]}).best is front[0]
     known = [one["errors"]["x"] for one in points if "x" in one["errors"] and not one["failed"] and one["errors"]["x"]["error"] is not None]
-    noise = sorted(one["value"] + 2 * one["error"] for one in known if one["value"] < 2 * one["error"])
+    noise = sorted(one["value"] + NORMAL * one["error"] for one in known if one["value"] < NORMAL * one["error"])
     good = [rung for rung in rungs if not noise or rung >= np.median(noise)]
     ways = sweep_choice.fastest(points, ("x", "convergence"))
     below = len(good) < len(rungs)
@@ -230,7 +233,7 @@ def test_a_bar_across_the_target_is_not_met():
     assert sweep_choice.choose([fast], {"x": 1.03}).verdict == "met" and sweep_choice.choose([fast], {"x": 0.7}).verdict == "not met"
     other = [fast, slow, point("c", cost=[1.0], y=(1.0, 0.1)) | {"without": ["x"]}]
     assert sweep_choice.choose(other, {"x": 1.0}) == choice, "what does not apply may be good enough"
-    assert sweep_choice.nearest([fast, slow], {"x": 0.1}) == (slow, pytest.approx(6.2))
+    assert sweep_choice.nearest([fast, slow], {"x": 0.1}) == (slow, pytest.approx(5 + 0.6 * NORMAL))
 
 
 def test_a_tie_goes_to_the_default():
@@ -293,11 +296,11 @@ def test_advice_where_nothing_is_good_enough(capsys, folder):
     points = synthetic()["scenes"]["water"]["points"]
     status, text = advise(capsys, folder, "energy_sd=0.001")
     point, factor = min(
-        ((one, (one["errors"]["energy_sd"]["value"] + 2 * one["errors"]["energy_sd"]["error"]) / 0.001) for one in points if not one["failed"]),
+        ((one, (one["errors"]["energy_sd"]["value"] + NORMAL * one["errors"]["energy_sd"]["error"]) / 0.001) for one in points if not one["failed"]),
         key=lambda pair: pair[1],
     )
     assert status == 1 and "No point of the sweep reaches this." in text and "timestep" not in text
-    assert f"The nearest one: {sweep_report.named(point)}, with 2 standard errors {factor:.3g} times the target" in text
+    assert f"The nearest one: {sweep_report.named(point)}, with its 95 % margin {factor:.3g} times the target" in text
     value, error = (point["errors"]["energy_sd"][part] for part in ("value", "error"))
     status, text = advise(capsys, folder, f"energy_sd={value + error}")
     assert status == 1 and "Cannot tell" in text and "--budget 1200 " in text
@@ -414,7 +417,7 @@ def test_figures_mark_failures_and_doubts():
     assert sorted(x for line in top.lines if line.get_marker() == "|" for x in line.get_xdata()) == sorted(one["dt"] for one in shown if not one["failed"])
     drawn = {place for container in axis.containers for place in zip(*(container.lines[0].get_xdata(), container.lines[0].get_ydata()))}
     good = [one for one in shown if not one["failed"]]
-    heights = [0.02 if n == 0 else one["errors"]["energy_sd"]["value"] for n, one in enumerate(good)]
+    heights = [1e-9 + 0.01 * NORMAL if n == 0 else one["errors"]["energy_sd"]["value"] for n, one in enumerate(good)]
     for one, height in zip(good, heights):
         assert any(np.allclose(place, (one["cost"]["min"], height), rtol=1e-6) for place in drawn), one
     assert len(drawn) == len(good)

@@ -40,7 +40,7 @@ def ar1(n, phi, seed):
 def test_drift_is_recovered(phi):
     """Locks out a slope per sample instead of per unit of time, and a wrong sign."""
     t = np.arange(4000) * 0.02
-    slope, error = measures.drift(t, 7.0 - 0.03 * t + ar1(len(t), phi, seed=1))
+    slope, error, _ = measures.drift(t, 7.0 - 0.03 * t + ar1(len(t), phi, seed=1))
     assert abs(slope + 0.03) < 5 * error
     assert error < 0.006, "an error so large that the check above cannot fail"
 
@@ -53,7 +53,7 @@ def random_walk(n, seed):
 def test_drift_error_is_the_scatter_of_slopes(noise):
     """Locks out an error that takes correlated samples for independent ones, or a chance slope of a random walk for a drift."""
     t = np.arange(1000) * 0.1
-    fits = np.array([measures.drift(t, noise(len(t), seed)) for seed in range(200)])
+    fits = np.array([measures.drift(t, noise(len(t), seed))[:2] for seed in range(200)])
     ratio = fits[:, 0] / fits[:, 1]
     assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, abs=0.25)
     assert np.abs(ratio).max() < 5
@@ -106,9 +106,42 @@ def test_error_of_the_mean_of_few(n):
 
 def test_error_of_standard_deviation():
     """Locks out an error of the variance given as that of its root: sd / sqrt(2n)."""
-    sd, error = measures.standard_deviation(3.0 * ar1(20000, 0.0, seed=4))
+    sd, error, _ = measures.standard_deviation(3.0 * ar1(20000, 0.0, seed=4))
     assert error == pytest.approx(3.0 / np.sqrt(2 * 20000), rel=0.1)
     assert abs(sd - 3.0) < 5 * error
+
+
+@pytest.mark.parametrize("number, table", [(2, 12.706), (4, 3.182), (32, 2.040)])
+def test_margin_of_few_is_students(number, table):
+    """Locks out two standard errors of few values that are called 95 %, where they cover 83 % (two) or 90 % (four); a table of Student's t beside it."""
+    rows = np.random.default_rng(number).normal(size=(4000, number))
+    found = [measures.of_few(row) for row in rows]
+    assert found[0].margin / found[0].error == pytest.approx(table, rel=1e-3)
+    assert np.mean([abs(one.value) < one.margin for one in found]) == pytest.approx(0.95, abs=0.012)
+    assert measures.margin(1.0) == pytest.approx(1.960, abs=1e-3)
+
+
+@pytest.mark.parametrize("sizes, second", [((4, 4), 1.0), ((2, 32), 0.2), ((3, 5), 3.0), ((4, 200), 3.0)])
+def test_sum_of_numbers_with_few_values_each(sizes, second):
+    """Locks out the larger number of degrees of freedom, or Welch's where a part has one: the interval of a sum of two means then covers too seldom."""
+    rng, covered = np.random.default_rng(5), []
+    for _ in range(3000):
+        one, other = (measures.of_few(size * rng.normal(size=number)) for number, size in zip(sizes, (1.0, second)))
+        error, freedom = measures.combined(one[1:], other[1:])
+        covered.append(abs(one.value + other.value) < measures.margin(error, freedom))
+    assert 0.94 < np.mean(covered) < 0.99
+    assert measures.combined((3.0, None), (4.0, None)) == (5.0, None) and measures.combined((0.0, 3), (0.0, None)) == (0.0, None)
+
+
+def test_quotient_and_power_have_the_freedom_of_their_parts():
+    """Locks out a quotient whose error counts as sure, and a law through points that few values tell."""
+    few, many = measures.Estimate(2.0, 0.2, 3), measures.Estimate(-4.0, 0.4)
+    assert measures.quotient(few, many)[:2] == pytest.approx((-0.5, 0.05 * np.sqrt(2)), rel=1e-9)
+    assert measures.quotient(few, many).margin == pytest.approx(np.hypot(0.05 * 3.182, 0.05 * 1.960), rel=1e-3)
+    assert measures.quotient(many, many).freedom is None
+    x = np.array([1.0, 2.0, 4.0])
+    law = measures.power(x, [measures.Estimate(3 * one**2, 0.3 * one**2, 5) for one in x])
+    assert law[:2] == pytest.approx((2.0, 0.1 / (np.sqrt(2) * np.log(2)))) and law.freedom == pytest.approx(5.0)
 
 
 CUBE = np.diag([10.0, 10.0, 10.0])

@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from validation.check import CERTAIN
+from validation.check import SURE
 from validation.sweep_choice import choose, each, meets, nearest, ours, resolution
 from validation.sweep_report import ONE_START, error_of, named, names, over, seconds
 
@@ -94,7 +94,7 @@ def advise(console, summary, folder, name, targets):
             say(f"Not resolved by this sampling: half of the points whose {measure} cannot be told from zero are only known to be below {least:.2g} or more; "
                 "which one is below the target for sure is chance.")  # fmt: skip
     wanted = "; ".join(f"{_title(summary, key)} below {most:g}" for key, most in targets.items())
-    say(f"Wanted, sure by {CERTAIN:g} standard errors: {wanted}\n")
+    say(f"Wanted, sure by {SURE}: {wanted}\n")
     if choice.best:
         _say_best(say, choice, targets)
         say(_of_ours(own, choice, points, targets))
@@ -136,7 +136,7 @@ def _say_none(say, choice, points, targets, longer):
     if near:
         point, factor = near
         errors = ", ".join(f"{measure} {error_of(point, measure)} (wanted {most:g})" for measure, most in targets.items())
-        say(f"The nearest one: {named(point)}, with {CERTAIN:g} standard errors {_above(factor)}: {errors}.")
+        say(f"The nearest one: {named(point)}, with its {SURE} margin {_above(factor)}: {errors}.")
     else:
         say("No point that did not fail has all these errors, with error bars.")
 

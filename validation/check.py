@@ -1,16 +1,17 @@
 """A number beside the bounds that it is held against, and how such numbers are shown: in the terminal and as CSV."""
 
 import csv
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from validation import measures
 from validation.report import estimate
 
-CERTAIN = 2.0  # standard errors that a number has to be off a bound to be on one side of it for sure
-COLUMNS = "part", "subject", "what", "value", "error", "unit", "low", "high", "verdict", "note", "source"
+SURE = f"{100 * measures.CONFIDENCE:g} %"  # of the margin beside a number, by which verdicts are
+COLUMNS = "part", "subject", "what", "value", "margin", "unit", "low", "high", "verdict", "note", "source"
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Check:
         what: the number, in words.
         value: measured; None if it could not be.
         error: its standard error; 0 for a number that has none, as one that is computed, not sampled.
+        freedom: degrees of freedom of the error; None for many.
         low, high: bounds; None for none.
         unit: of all of these.
         note: what else there is to say, as why there is no value.
@@ -39,14 +41,20 @@ class Check:
     unit: str = ""
     note: str = ""
     source: str = ""
+    freedom: float | None = field(default=None, kw_only=True)
+
+    @property
+    def margin(self):
+        """Half the width of the 95 % interval."""
+        return measures.margin(self.error, self.freedom)
 
     @property
     def holds(self):
-        """Whether all of value ± `CERTAIN` errors is within the bounds: False if all is outside of them, None if neither, or without bounds."""
+        """Whether all of value ± `margin` is within the bounds: False if all is outside of them, None if neither, or without bounds."""
         if self.value is None or self.low is None and self.high is None:
             return None
         low, high = -np.inf if self.low is None else self.low, np.inf if self.high is None else self.high
-        least, most = self.value - CERTAIN * self.error, self.value + CERTAIN * self.error
+        least, most = self.value - self.margin, self.value + self.margin
         if low <= least and most <= high:
             return True
         return False if most < low or least > high else None
@@ -63,18 +71,19 @@ class Check:
         return asdict(self) | {"verdict": self.verdict}
 
 
-def number(value, error=0.0):
-    """Value ± error as text, in a form that shows both, whatever their size."""
+def number(value, error=0.0, freedom=None):
+    """Value ± its 95 % margin as text, in a form that shows both, whatever their size."""
     if value is None:
         return "–"
     if not error > 0:
         return f"{value:.3g}"
-    return estimate(value, error) if 1e-2 < max(abs(value), error) < 1e5 else f"{value:.2e} ± {error:.1e}"
+    margin = measures.margin(error, freedom)
+    return estimate(value, margin) if 1e-2 < max(abs(value), margin) < 1e5 else f"{value:.2e} ± {margin:.1e}"
 
 
 def measured(check):
     """The number of a check as text; ``check`` is of `Check.plain`."""
-    return f"{number(check['value'], check['error'])} {check['unit']}".strip()
+    return f"{number(check['value'], check['error'], check.get('freedom'))} {check['unit']}".strip()
 
 
 def bound(check):
@@ -84,11 +93,11 @@ def bound(check):
 
 
 def write(checks, path):
-    """Write checks, of `Check.plain`, to a CSV file; where there is no error its cell is empty."""
+    """Write checks, of `Check.plain`, to a CSV file; where there is no margin its cell is empty."""
     with open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n", extrasaction="ignore")
         writer.writeheader()
-        writer.writerows(one | {"error": one["error"] or None} for one in checks)
+        writer.writerows(one | {"margin": measures.margin(one["error"], one.get("freedom")) or None} for one in checks)
 
 
 def show(console, checks, titles):
@@ -110,7 +119,7 @@ def show(console, checks, titles):
         if table.rows:
             console.print(table)
     counts = [f"{sum(check['verdict'] == verdict for check in checks)} × {verdict}" for verdict in ("holds", "does not hold", "cannot tell")]
-    console.print(", ".join(counts) + f" (by {CERTAIN:g} standard errors)")
+    console.print(", ".join(counts) + f" (± and verdicts: {SURE} intervals)")
     for check in checks:
         if check["verdict"] not in ("", "holds") and check["note"]:
             console.print(f"{check['subject']}, {check['what']}: {check['note']}", markup=False, soft_wrap=True)

@@ -112,10 +112,10 @@ def _thermodynamics(thermo, steps):
     time, energy, temperature, pressure = (
         thermo[name][kept] for name in ("Time", "TotEng", "Temp", "Press")
     )
-    row["energy_sd"] = _with_error(measures.standard_deviation(energy))
-    row["drift"] = _with_error(measures.drift(time / FS_PER_PS, energy))
-    row["temperature"] = _with_error(measures.mean(temperature))
-    row["pressure"] = _with_error(measures.mean(pressure))
+    row["energy_sd"] = measures.standard_deviation(energy).plain()
+    row["drift"] = measures.drift(time / FS_PER_PS, energy).plain()
+    row["temperature"] = measures.mean(temperature).plain()
+    row["pressure"] = measures.mean(pressure).plain()
     return row
 
 
@@ -160,10 +160,6 @@ def _modify(timing):
 
 def _complete(result):
     return not result.error and len(result.timings) == 2
-
-
-def _with_error(pair):
-    return {"value": float(pair[0]), "error": float(pair[1])}
 
 
 def _circumstances(scene, ranks, steps, dt, rounds, segment):

@@ -74,7 +74,7 @@ def long_run(out, steps, names, meter, silence):
                 row["steps"] = int(errors["steps"][-1])
                 row |= {key: float(np.abs(errors[key]).max()) for key in QUANTITIES}
                 if len(errors["steps"]) > 20:
-                    row["energy_drift"], row["energy_drift_error"] = measures.drift(errors["steps"] / errors["steps"][-1], errors["energy"])
+                    row["energy_drift"] = measures.drift(errors["steps"] / errors["steps"][-1], errors["energy"]).plain()
                 if result.timings:
                     row["us_per_step"] = result.timings[0]["loop"] / result.timings[0]["steps"] * 1e6
             rows.append(row)
@@ -128,11 +128,16 @@ def _errors(folder):
 
 def _save(rows, out):
     (Path(out) / "summary.json").write_text(json.dumps(machine.circumstances() | {"bound": BOUND, "runs": rows}, indent=1) + "\n")
-    pd.DataFrame(rows).to_csv(Path(out) / "table.csv", index=False, float_format="%.3g")
+    flat = [row | ({"energy_drift": row["energy_drift"]["value"], "energy_drift_margin": _margin(row)} if "energy_drift" in row else {}) for row in rows]
+    pd.DataFrame(flat).to_csv(Path(out) / "table.csv", index=False, float_format="%.3g")
+
+
+def _margin(row):
+    return measures.Estimate(**row["energy_drift"]).margin
 
 
 def show(console, rows):
-    """Print the table."""
+    """Print the table; ± is the half width of the 95 % interval."""
     table = Table(title=f"Largest relative error of a free body (bound {BOUND:g})", title_justify="left", box=SIMPLE_HEAD)
     for column in "integrator", "turn a step, rad", "steps", *QUANTITIES.values(), "drift of energy in the run", "µs/step":
         table.add_column(column, justify="left" if column == "integrator" else "right")
@@ -140,7 +145,7 @@ def show(console, rows):
         if "steps" in row:
             table.add_row(
                 row["label"], f"{row['angle']:g}", f"{row['steps']:,}", *(f"{row[key]:.1e}" for key in QUANTITIES),
-                f"{row['energy_drift']:.1e} ± {row['energy_drift_error']:.0e}" if "energy_drift" in row else "–", f"{row.get('us_per_step', np.nan):.1f}",
+                f"{row['energy_drift']['value']:.1e} ± {_margin(row):.0e}" if "energy_drift" in row else "–", f"{row.get('us_per_step', np.nan):.1f}",
             )  # fmt: skip
         if row["error"]:
             console.print(f"✗ {row['label']}: {row['error']}", markup=False)

@@ -1,15 +1,63 @@
 """From time series and positions to numbers with errors.  NumPy and SciPy, no LAMMPS.
 
 Errors are standard errors (one standard deviation of the estimate) that account for
-the correlation in time of successive samples.
+the correlation in time of successive samples.  An error that few values tell is uncertain itself: its degrees of freedom go with it.
+What is shown beside a number, and what verdicts go by, is its margin, made of both: the half width of its 95 % interval.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
 BLOCKS = 64  # that a series is cut into for the error of its drift
 FEW_BLOCKS = 12  # for the error of its mean
+CONFIDENCE = 0.95  # of the interval value ± margin
 WORTH = 2.0  # of one more parameter in -2 log likelihood, by Akaike's criterion
+
+
+def margin(error, freedom=None):
+    """Half the width of the `CONFIDENCE` interval: the standard error times Student's t for these degrees of freedom; None for a normal variable."""
+    quantile = (1 + CONFIDENCE) / 2
+    return error * float(special.ndtri(quantile) if freedom is None else special.stdtrit(freedom, quantile))
+
+
+def combined(*parts):
+    """Standard error of a sum of independent numbers, and degrees of freedom with which its margin is the root of the sum of theirs squared.
+
+    Such a margin covers at least as often as those of the parts (W. G. Howe, J. Am. Stat. Assoc. 69, 789, 1974); one with Welch's and Satterthwaite's
+    degrees of freedom covers less often where a part has very few.
+
+    Args:
+        parts: of each (error, freedom).
+    """
+    size = max((abs(error) for error, _ in parts), default=0.0)
+    if not 0 < size < np.inf:
+        return float(size), None
+    error, wide = (float(np.sqrt(sum(float(one / size) ** 2 for one in some))) for some in zip(*((one, margin(one, freedom)) for one, freedom in parts)))
+    times = wide / error
+    return float(size) * error, None if times <= margin(1.0) * (1 + 1e-9) else float(special.stdtridf((1 + CONFIDENCE) / 2, times))
+
+
+class Estimate(NamedTuple):
+    """A number, its standard error, and the degrees of freedom of that; None for many."""
+
+    value: float
+    error: float = 0.0
+    freedom: float | None = None
+
+    @property
+    def margin(self):
+        """Half the width of the 95 % interval."""
+        return margin(self.error, self.freedom)
+
+    def times(self, factor):
+        """The number in another unit."""
+        return Estimate(self.value * factor, self.error * abs(factor), self.freedom)
+
+    def plain(self):
+        """As a dictionary, for JSON and as keywords."""
+        return {"value": float(self.value), "error": float(self.error), "freedom": self.freedom and float(self.freedom)}
 
 
 def statistical_inefficiency(x):
@@ -29,19 +77,14 @@ def statistical_inefficiency(x):
     return max(1.0, g[np.argmax(enough) if enough.any() else -1])
 
 
-def student(number):
-    """By how much the standard error of the mean of so many values is larger than their scatter has it, to cover as often as one of a normal variable:
-    68 %.  (Two of them cover less than 95 %, as of a normal variable: 90 % with four values.)"""
-    return special.stdtrit(number - 1, special.ndtr(1.0))
-
-
-def error_of_few(values):
-    """Standard error of the mean of few independent values, of starts for example, from their scatter, as Student's t has it; 0 for one value."""
-    return student(len(values)) * np.std(values, ddof=1) / np.sqrt(len(values)) if len(values) > 1 else 0.0
+def of_few(values):
+    """The mean of few independent values, of starts for example, with the error that their scatter tells; of one value that is 0, for it tells none."""
+    number = len(values)
+    return Estimate(np.mean(values), np.std(values, ddof=1) / np.sqrt(number), number - 1) if number > 1 else Estimate(values[0])
 
 
 def mean(x):
-    """Mean and its standard error, in units of ``x``.
+    """`Estimate` of the mean, in units of ``x``.
 
     The error is the larger one of sd sqrt(g / n) and of what the scatter of the means of `FEW_BLOCKS` equal blocks says.  For the window of g
     closes behind the first fast decay: a slow part behind it, small in each sample but most of the mean's error, is seen by the blocks only, as far as
@@ -49,23 +92,24 @@ def mean(x):
     """
     x = np.asarray(x, float)
     blocks = [block.mean() for block in np.array_split(x, min(FEW_BLOCKS, len(x)))]
-    errors = x.std(ddof=1) * np.sqrt(statistical_inefficiency(x) / len(x)), np.std(blocks, ddof=1) / np.sqrt(len(blocks))
-    return x.mean(), max(errors)
+    independent = len(x) / statistical_inefficiency(x)
+    smooth = Estimate(x.mean(), x.std(ddof=1) / np.sqrt(independent), max(1.0, independent - 1))
+    return max(smooth, Estimate(x.mean(), *of_few(blocks)[1:]), key=lambda one: one.error)
 
 
 def standard_deviation(x):
-    """Standard deviation about the mean, and its standard error, in units of ``x``.
+    """`Estimate` of the standard deviation about the mean, in units of ``x``.
 
     The error is that of the mean of (x - <x>)^2, divided by 2 sd.
     """
     x = np.asarray(x, float)
     sd = x.std(ddof=1)
-    _, error = mean((x - x.mean()) ** 2)
-    return sd, error / (2 * sd) if sd > 0 else 0.0
+    _, error, freedom = mean((x - x.mean()) ** 2)
+    return Estimate(sd, error / (2 * sd), freedom) if sd > 0 else Estimate(sd)
 
 
 def drift(t, x):
-    """Slope of the least-squares line x = a + b t and its standard error, for noise that may also wander.
+    """`Estimate` of the slope of the least-squares line x = a + b t, for noise that may also wander.
 
     The noise is taken as white plus a random walk, in the means of up to `BLOCKS` equal blocks of successive samples.
     The part of the walk that makes what the line leaves over most likely (restricted maximum likelihood,
@@ -78,18 +122,18 @@ def drift(t, x):
         x: as many values.
 
     Returns:
-        slope and its standard error, in units of ``x`` over units of ``t``.
+        in units of ``x`` over units of ``t``.
     """
     t, x = _block_means(t, x, BLOCKS)
     size = np.abs(x).max() or 1.0  # the squares of a run that blew up would overflow
     weights = np.linalg.pinv(_line(t))[1]
     white, walk, _ = _noise(t, x / size, WORTH)
     covariance = white * np.eye(len(x)) + walk * _walk(len(x))
-    return weights @ x, size * np.sqrt(weights @ covariance @ weights)
+    return Estimate(weights @ x, size * np.sqrt(weights @ covariance @ weights), len(x) - 2)
 
 
 def random_walk(t, x, blocks=32):
-    """How much the variance of x(t + s) - x(t) grows with s, and its standard error, in units of ``x``^2 over those of ``t``.
+    """How much the variance of x(t + s) - x(t) grows with s, an `Estimate`, in units of ``x``^2 over those of ``t``.
 
     By the noise of `drift`, the most likely one; a block has to be longer than the correlation time of all that does not wander, else that passes for a
     walk.  So there are few blocks.  The error is that of maximum likelihood, from the Fisher information.
@@ -102,7 +146,7 @@ def random_walk(t, x, blocks=32):
     """
     t, x = _block_means(t, x, blocks)
     _, walk, error = _noise(t, x, 0.0)
-    return walk / (t[1] - t[0]), error / (t[1] - t[0])
+    return Estimate(walk, error).times(1 / (t[1] - t[0]))
 
 
 def _block_means(t, x, blocks):
@@ -143,21 +187,24 @@ def _noise(t, x, worth):
 
 
 def scatter(values):
-    """Standard deviation of independent values, and its standard error."""
-    sd = np.std(values, ddof=1)
-    return sd, sd / np.sqrt(2 * (len(values) - 1))
+    """`Estimate` of the standard deviation of independent values."""
+    sd, freedom = np.std(values, ddof=1), len(values) - 1
+    return Estimate(sd, sd / np.sqrt(2 * freedom), freedom)
 
 
 def quotient(first, second):
-    """First over second, of independent (value, error), and its standard error."""
-    value = first[0] / second[0]
-    return value, np.hypot(first[1], value * second[1]) / abs(second[0])
+    """First over second, independent `Estimate`s."""
+    value = first.value / second.value
+    return Estimate(value, *combined(first.times(1 / second.value)[1:], second.times(value / second.value)[1:]))
 
 
-def power(x, y, errors):
-    """The exponent of y ~ x^exponent and its standard error, by a straight line through the logarithms that weighs the errors of ``y``."""
-    (exponent, _), covariance = np.polyfit(np.log(x), np.log(y), 1, w=np.divide(y, errors), cov="unscaled")
-    return exponent, np.sqrt(covariance[0, 0])
+def power(x, y):
+    """The exponent of y ~ x^exponent, by a straight line through the logarithms that weighs the errors of ``y``, `Estimate`s."""
+    relative = np.array([one.error / one.value for one in y])
+    line = np.stack([np.log(x), np.ones(len(y))], axis=1) / relative[:, None]
+    weights = np.linalg.pinv(line)[0]
+    exponent = weights @ (np.log([one.value for one in y]) / relative)
+    return Estimate(exponent, *combined(*((weight, one.freedom) for weight, one in zip(weights, y))))
 
 
 def nearest_image(d, cell, periodic):
@@ -218,7 +265,7 @@ def spread(values):
 
 
 def ratio(first, second):
-    """Geometric mean of second / first over independent pairs of positive numbers, and its standard error."""
-    logarithms = np.log(np.asarray(second, float) / np.asarray(first, float))
-    value = np.exp(logarithms.mean())
-    return value, value * student(len(logarithms)) * logarithms.std(ddof=1) / np.sqrt(len(logarithms))
+    """Geometric mean of second / first over independent pairs of positive numbers, an `Estimate`."""
+    logarithm = of_few(np.log(np.asarray(second, float) / np.asarray(first, float)))
+    value = np.exp(logarithm.value)
+    return Estimate(value, value * logarithm.error, logarithm.freedom)

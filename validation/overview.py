@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from validation import goals, overview_stability, overview_sweep, paper_claims, published, report, theory_report
 from validation.bench_report import spread
 from validation.bench_report import title as point_title
-from validation.check import bound, measured, number
+from validation.check import SURE, bound, measured, number
 from validation.integrators import INTEGRATORS
 from validation.longrun import QUANTITIES
+from validation.measures import Estimate
 from validation.overview_pieces import Cell, Figure, Said, Table, sortable
 from validation.paper import STATEMENTS
 
@@ -172,8 +173,8 @@ def _compare(summary):
     told = [f"{row['label']} {number(**row['energy_sd'])}" for row in measured_rows]
     span = f"{settings['steps']:,} steps of {settings['dt_fs']:g} fs, {goals.ranks_of(settings['ranks'])}"
     lines = [f"{summary['title']}, {span}: standard deviation of the energy in kcal/mol: {', '.join(told) or 'none was measured'}."]
-    drifts = [f"{row['label']} {number(**row['drift'])}" for row in measured_rows if abs(row["drift"]["value"]) > DRIFTS * row["drift"]["error"]]
-    lines += [f"Energy drifts by more than {DRIFTS:g} of its errors, kcal/mol/ps: {', '.join(drifts) or 'none'}."]
+    drifts = [f"{row['label']} {number(**row['drift'])}" for row in measured_rows if abs(row["drift"]["value"]) > Estimate(**row["drift"]).margin]
+    lines += [f"Energy drifts for sure ({SURE}), kcal/mol/ps: {', '.join(drifts) or 'none'}."]
     failed = [f"{row['label']}: {report.status(row)}" for row in rows if row["error"]]
     lines += [f"Failed: {'; '.join(failed)}."] * bool(failed) + [report.busy(summary)] * bool(report.busy(summary))
     table = [[Cell(row["label"]), *(Cell(report.cell(row, column), sortable(row.get(column.key))) for column in report.COLUMNS), Cell(report.status(row))]
@@ -183,9 +184,6 @@ def _compare(summary):
         tables=[Table("All columns", ("integrator", *(f"{one.title}, {one.unit}" for one in report.COLUMNS), "status"), table)],
         figures=[Figure("energy.png", "Change of the total energy, on one scale.")],
     )
-
-
-DRIFTS = 5.0  # standard errors
 
 
 def _long(summary):

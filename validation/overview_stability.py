@@ -34,11 +34,11 @@ def say(summary):
     headlines += [f"Not all integrators have had their turn yet in {', '.join(partial)}."] * bool(partial)
     rows = [
         [Cell(case["name"]), Cell(case["physics"]), Cell(case["criterion"]), Cell(_bound(case)), Cell(row["label"]),
-         Cell(number(row["value"], row["error"] or 0.0), sortable(row["value"])), Cell(case["bars"]),
+         Cell(number(row["value"], row["error"] or 0.0, row.get("freedom")), sortable(row["value"])), Cell(case["bars"]),
          Cell(row["verdict"]), Cell(row["note"] or ""), Cell(row["command"])]
         for case in cases for row in case["rows"]
     ]  # fmt: skip
-    columns = "case", "physics", "criterion", "bound", "integrator", "value", "± is", "verdict", "note", "command"
+    columns = "case", "physics", "criterion", "bound", "integrator", "value", "error is", "verdict", "note", "command"
     times = [np.atleast_1d(case["length"])[0] / FS_PER_PS for case in cases if case["unit"] == "fs"]
     return Said(
         headlines, [], [Table("Every number", columns, rows)],
@@ -65,7 +65,7 @@ def _step(row):
     if row is None or row["value"] is None:
         return Cell("–" if row is None else row["verdict"], math.nan)
     least = "≥ " if row["value"] and not row["error"] else ""
-    return Cell(least + number(row["value"], row["error"] or 0.0), row["value"], row["verdict"])
+    return Cell(least + number(row["value"], row["error"] or 0.0, row.get("freedom")), row["value"], row["verdict"])
 
 
 def _physics(cases):
@@ -93,4 +93,4 @@ def _result(row, case, name=None):
         verb = "cannot run" if row["verdict"] == "cannot run" else "breaks"
         return f"{name}{verb}: {textwrap.shorten(why, 80, placeholder=' …')}".strip()
     doubt = " (cannot tell)" if row["verdict"] == "cannot tell" else ""
-    return f"{name}{number(row['value'], row['error'] or 0.0)} {case['unit']}".strip() + doubt
+    return f"{name}{number(row['value'], row['error'] or 0.0, row.get('freedom'))} {case['unit']}".strip() + doubt

@@ -3,7 +3,7 @@
 import math
 
 from validation import goals, sweep_choice, sweep_figures, sweep_report
-from validation.check import CERTAIN
+from validation.check import SURE
 from validation.overview_pieces import Cell, Figure, Said, Table, sortable
 from validation.sweep_errors import BOLTZMANN
 from validation.sweep_plan import SWEEPS
@@ -27,7 +27,7 @@ def say(summary):
     return Said(
         [*(_advice(name, scene) for name, scene in scenes.items()), *missing,
          f"Ordinary accuracy: the total energy's standard deviation is below {100 * ORDINARY:g} % of that of the kinetic energy at that temperature, "
-         f"kT √(f/2), by {CERTAIN:g} standard errors; who drifts, by as many, more than {DRIFT:g} kT per ns and degree of freedom is out; "
+         f"kT √(f/2), sure by {SURE}; who drifts, as sure, more than {DRIFT:g} kT per ns and degree of freedom is out; "
          f"for another accuracy: python -m validation advise {next(iter(scenes), 'water')} --target energy_sd=0.1."],
         [f"{len(points)} points (an integrator with a time step), {goals.ranks_of(summary['ranks'])}; {failed} failed.", *broken],
         [Table("Fastest way to every error", columns, ways), _points(summary)],

@@ -28,10 +28,10 @@ TITLES = {
     "rigidity": "Rigid groups",
 }
 PARTS = 8  # of a trajectory, for the error of a ratio
-STABLE = 5.0  # errors that a drift may have
+STABLE = 2.5  # margins (95 %) that a drift may have
 LOST = 0.05  # of Richardson's drift, that another one may be
 FAR, NEAR = 10.0, np.sqrt(10.0)  # "far more accurate", "about": one order of magnitude, and the same one
-EQUAL, EQUAL_ERRORS, TELLING = 0.15, 3.0, 0.05  # off 1: a ratio, also in its errors; the error that tells something
+EQUAL, EQUAL_MARGINS, TELLING = 0.15, 1.5, 0.1  # off 1: a ratio, also in its 95 % margins; the margin that tells something
 SAME = 0.02  # off 1: a ratio of deviations from the same start
 SOON = 0.5  # ps for which two schemes stay near each other
 BEGINNING = 20  # steps in which Gear's scheme, begun with a free body's derivatives, finds the right ones: its energy jumps meanwhile
@@ -84,11 +84,11 @@ def row(one):
     }  # fmt: skip
     if len(one.total) >= FEW:
         found |= {
-            "temperature": _pair(measures.mean(one.temperature)),
+            "temperature": measures.mean(one.temperature).plain(),
             "energy": float(one.total.mean()),
-            "sd": _pair(measures.standard_deviation(one.total)),
-            "measure": _pair(measures.mean(measure(one.total))),
-            "drift": _pair(measures.drift(one.time, one.total)),
+            "sd": measures.standard_deviation(one.total).plain(),
+            "measure": measures.mean(measure(one.total)).plain(),
+            "drift": measures.drift(one.time, one.total).plain(),
         }
     if one.positions:
         found["rigidity"] = rigidity(one.positions)
@@ -112,10 +112,6 @@ def parts_of(total, parts=PARTS):
     return total[: parts * size].reshape(parts, size)
 
 
-def _pair(pair):
-    return {"value": float(pair[0]), "error": float(pair[1])}
-
-
 def _length(*series):
     """How long the shortest is, in words."""
     return f"{min(one.time[-1] for one in series):.4g} ps"
@@ -136,7 +132,7 @@ def _pairs(first, second):
 
 
 def _measures(pairs):
-    """The second trajectory's average measure over the first one's, mean of all pairs, and its error from their scatter."""
+    """The second trajectory's average measure over the first one's, mean of all pairs, with the error that their scatter tells."""
     return measures.ratio(*([measure(one.total).mean() for one in series] for series in zip(*pairs)))
 
 
@@ -145,8 +141,7 @@ def _drift(series):
     fits = [measures.drift(one.time, one.total) for one in series]
     if len(fits) == 1:
         return fits[0]
-    slopes = [slope for slope, _ in fits]
-    return np.mean(slopes), measures.error_of_few(slopes)
+    return measures.of_few([fit.value for fit in fits])
 
 
 def _deviation(series):
@@ -156,11 +151,11 @@ def _deviation(series):
 
 def _steady(check, name, series):
     """Stable: the drift moves the energy by less than it fluctuates anyway."""
-    slope, error = _drift(series)
+    slope = _drift(series)
     scale = min(one.time[-1] for one in series) / _deviation(series)
-    note = f"drift {slope:.2g} ± {error:.1g} kcal/mol/ps" + f", mean of {len(series)} starts" * (len(series) > 1)
+    note = f"drift {number(*slope)} kcal/mol/ps" + f", mean of {len(series)} starts" * (len(series) > 1)
     what = f"stable: drift of the energy, times {_length(*series)}, over its sd"
-    return check(PAPER[name].label, what, slope * scale, error * scale, -1.0, 1.0, note=note)
+    return check(PAPER[name].label, what, **slope.times(scale).plain(), low=-1.0, high=1.0, note=note)
 
 
 def _dimer(whole):
@@ -174,18 +169,18 @@ def _dimer(whole):
     pairs = _pairs(ours, other)
     if len(pairs) > 1:
         span = _length(*(one for pair in pairs for one in pair))
-        yield check(OVER, f"more accurate: average measure, {span}, mean of {len(pairs)} starts", *_measures(pairs), low=1.0)
+        yield check(OVER, f"more accurate: average measure, {span}, mean of {len(pairs)} starts", **_measures(pairs).plain(), low=1.0)
         first, second = (measures.scatter([one.total.mean() for one in series]) for series in zip(*pairs))
-        yield check(OVER, f"its slow part: scatter of ⟨E⟩ over {len(pairs)} starts with one shadow energy, {span} each", *measures.quotient(second, first),
-                    low=1.0, note=f"of {second[0]:.2g} and {first[0]:.2g} kcal/mol; all starts lie on one trajectory of NO_SQUISH, and the shadow "
+        yield check(OVER, f"its slow part: scatter of ⟨E⟩ over {len(pairs)} starts with one shadow energy, {span} each", **measures.quotient(second, first).plain(),
+                    low=1.0, note=f"of {second.value:.2g} and {first.value:.2g} kcal/mol; all starts lie on one trajectory of NO_SQUISH, and the shadow "
                     "energy that they share is NO_SQUISH's")  # fmt: skip
-        value, error = measures.ratio(*([one.total[one.time <= SOON].std() for one in series] for series in zip(*pairs)))
-        yield check(OVER, f"sd of energy in the first {SOON:g} ps, mean of {len(pairs)} starts", value, error, 1.0 - SAME, 1.0 + SAME, source="",
+        same = measures.ratio(*([one.total[one.time <= SOON].std() for one in series] for series in zip(*pairs)))
+        yield check(OVER, f"sd of energy in the first {SOON:g} ps, mean of {len(pairs)} starts", **same.plain(), low=1.0 - SAME, high=1.0 + SAME, source="",
                     note="nearly all of it is the force splitting's error, which both share: see the theory's page for the two splittings' H⁽²⁾")  # fmt: skip
     if "dimer-starts" in whole:
         first, aim = whole["dimer-starts"], TEMPERATURE["dimer"]
         what = f"mean temperature of the trajectory that all starts are of, {_length(first)}"
-        yield check("NO_SQUISH", what, *measures.mean(first.temperature), aim - KELVIN, aim + KELVIN, "K", source="Caption of figure 2")
+        yield check("NO_SQUISH", what, **measures.mean(first.temperature).plain(), low=aim - KELVIN, high=aim + KELVIN, unit="K", source="Caption of figure 2")
     for name, series in ("nosquish", ours), (OTHER, other):
         if len(series) > 1:
             yield _steady(check, name, list(series.values()))
@@ -197,14 +192,15 @@ def _liquid(whole):
     ours, other, small = (whole.get(f"water-{name}") for name in ("nosquish", OTHER, "small-step"))
     if ours and other:
         span = _length(ours, other)
-        value, error = measures.quotient(*(measures.standard_deviation(one.total) for one in (other, ours)))
-        yield check(OVER, f"more accurate: sd of energy about its mean, {span}", value, error, low=1.0)
+        over = measures.quotient(*(measures.standard_deviation(one.total) for one in (other, ours)))
+        yield check(OVER, f"more accurate: sd of energy about its mean, {span}", **over.plain(), low=1.0)
         first, second = (measures.scatter(parts_of(one.total).mean(axis=1)) for one in (ours, other))
-        note = f"of {second[0]:.2g} and {first[0]:.2g} kcal/mol"
+        note = f"of {second.value:.2g} and {first.value:.2g} kcal/mol"
         if small:
-            walk, unsure = np.sqrt(ours.time[-1] / 6 * np.maximum(np.cumsum(measures.random_walk(small.time, small.total)), 0))
-            note += f"; the force field's own random walk, as with {SMALL_DT:g} fs, makes {walk:.2g} in {span}, at one more error {unsure:.2g}"
-        yield check(OVER, f"wander: sd of the energy's means in {PARTS} parts, {span}", *measures.quotient(second, first), low=1.0, note=note)
+            walk = measures.random_walk(small.time, small.total)
+            made, most = np.sqrt(ours.time[-1] / 6 * np.maximum([walk.value, walk.value + walk.margin], 0))
+            note += f"; the force field's own random walk, as with {SMALL_DT:g} fs, makes {made:.2g} in {span}, at most {most:.2g}"
+        yield check(OVER, f"wander: sd of the energy's means in {PARTS} parts, {span}", **measures.quotient(second, first).plain(), low=1.0, note=note)
     for name, one in ("nosquish", ours), (OTHER, other):
         if one:
             yield _steady(check, name, [one])
@@ -219,29 +215,29 @@ def _peptide(whole, conventions):
         name = entry["name"].removeprefix("peptide-")
         if name in series and entry["convention"] == "over |total energy|":
             what = f"average measure about {AVERAGE_MEASURE:g}, {_length(series[name])}"
-            yield check(PAPER[name].label, what, entry["value"], entry["error"], AVERAGE_MEASURE / NEAR, AVERAGE_MEASURE * NEAR)
+            yield check(PAPER[name].label, what, entry["value"], entry["error"], AVERAGE_MEASURE / NEAR, AVERAGE_MEASURE * NEAR, freedom=entry["freedom"])
     for name, against in (ORDERED, "rigid/nve/small"), ("nosquish", "shake"):
         if {name, against} <= series.keys():
             label = f"NO_SQUISH{' order 123' if name == ORDERED else ''} over {PAPER[against].label}"
             what = f"equal: sd of energy about the means of {PARTS} parts, {_length(series[name], series[against])}"
             samples = min(len(series[one].total) for one in (against, name))  # parts of the same length
-            value, error = measures.ratio(*(parts_of(series[one].total[:samples]).std(axis=1, ddof=1) for one in (against, name)))
-            yield check(label, what, value, error, 1.0 - EQUAL, 1.0 + EQUAL)
+            over = measures.ratio(*(parts_of(series[one].total[:samples]).std(axis=1, ddof=1) for one in (against, name)))
+            yield check(label, what, **over.plain(), low=1.0 - EQUAL, high=1.0 + EQUAL)
             if name == ORDERED:  # these are one scheme; shake is another
-                off = abs(value - 1) / error if error < TELLING else None
-                note = f"error {error:.2g}" + f", must be below {TELLING:g}" * (off is None)
-                yield check(label, "equal within the errors: that ratio less 1", off, high=EQUAL_ERRORS, unit="errors", note=note)
+                off = abs(over.value - 1) / over.margin if over.margin < TELLING else None
+                note = f"margin {over.margin:.2g}" + f", must be below {TELLING:g}" * (off is None)
+                yield check(label, "equal within the margin: that ratio less 1", off, high=EQUAL_MARGINS, unit="margins", note=note)
     drifts = {name: measures.drift(one.time, one.total) for name, one in series.items() if name != ORDERED}
-    for name, (slope, error) in drifts.items():
+    for name, slope in drifts.items():
         label, span = PAPER[name].label, _length(series[name])
-        drifting = partial(check, value=abs(slope) / error, unit="errors", note=f"{slope:.2g} ± {error:.1g} kcal/mol/ps")
+        drifting = partial(check, value=abs(slope.value) / slope.margin, unit="margins", note=f"{number(*slope)} kcal/mol/ps")
         if name == "rigid/small":
             yield drifting(label, f"drifts: |drift| of the energy, {span}", low=STABLE, source="Richardson's scheme, which is not symplectic")
             continue
         yield drifting(label, f"no drift: |drift| of the energy, {span}", high=STABLE)
         if "rigid/small" in drifts:
-            value, error = measures.quotient((slope, error), drifts["rigid/small"])
-            yield check(label, f"stable: drift over that of rigid/small, {span}", value, error, -LOST, LOST)
+            over = measures.quotient(slope, drifts["rigid/small"])
+            yield check(label, f"stable: drift over that of rigid/small, {span}", **over.plain(), low=-LOST, high=LOST)
         else:
             yield _steady(check, name, [series[name]])
 
@@ -272,9 +268,9 @@ def _conventions(complete, whole, exponents):
         entries = [(f"over |{what}|", scale, np.abs(one.total - one.total.mean())) for what, scale in scales.items()]
         entries.append(("E - E(0) in place of E - <E>, over |total energy|", one.total.mean(), np.abs(one.total - one.total[0])))
         for convention, scale, deviations in entries:
-            value, error = measures.mean(deviations)
-            value, error, bodies = float(value / abs(scale)), float(error / abs(scale)), one.trajectory.scene.unit
-            entry = {"name": name, "convention": convention, "scale": float(scale), "value": value, "error": error, "bodies": bodies,
+            average, bodies = measures.mean(deviations).times(1 / abs(scale)).plain(), one.trajectory.scene.unit
+            value = average["value"]
+            entry = {"name": name, "convention": convention, "scale": float(scale), **average, "bodies": bodies,
                      "about": bool(1 / NEAR < value / AVERAGE_MEASURE < NEAR)}  # fmt: skip
             if TIME_WORDS in exponents:
                 entry["dt_for_it"] = float(one.trajectory.dt * (AVERAGE_MEASURE / value) ** (1 / exponents[TIME_WORDS]))
@@ -285,7 +281,7 @@ def _conventions(complete, whole, exponents):
 
 
 def _in_windows(one):
-    """sd of the energy about the means of windows of `WINDOW`, so without what wanders, and its standard error."""
+    """sd of the energy about the means of windows of `WINDOW`, so without what wanders."""
     kept = one.total[one.time > SETTLED * one.time[-1]]
     size = round(WINDOW / (one.time[1] - one.time[0]))
     windows = parts_of(kept, max(1, len(kept) // size))
@@ -298,20 +294,20 @@ def _sizes(whole):
     for name, one in whole.items():
         if name.removeprefix("water-").isdigit():
             settled = one.total[one.time > SETTLED * one.time[-1]]
-            rows.append({"bodies": one.trajectory.scene.unit, "sd": _pair(_in_windows(one)), "measure": _pair(measures.mean(measure(settled)))})
+            rows.append({"bodies": one.trajectory.scene.unit, "sd": _in_windows(one).plain(), "measure": measures.mean(measure(settled)).plain()})
     return sorted(rows, key=lambda entry: entry["bodies"])
 
 
 def _laws(whole, sizes):
     """The exponents with which the deviation goes with time step and size."""
-    steps = [(dt, *_in_windows(whole[f"peptide-at-{dt:g}-fs"])) for dt in STEPS if f"peptide-at-{dt:g}-fs" in whole]
-    boxes = [(row["bodies"], row["sd"]["value"], row["sd"]["error"]) for row in sizes]
+    steps = [(dt, _in_windows(whole[f"peptide-at-{dt:g}-fs"])) for dt in STEPS if f"peptide-at-{dt:g}-fs" in whole]
+    boxes = [(row["bodies"], measures.Estimate(**row["sd"])) for row in sizes]
     checks = []
     for what, points, law, off in (TIME_WORDS, steps, TIME_LAW, TIME_LAW_WITHIN), (SIZE_WORDS, boxes, SIZE_LAW, SIZE_LAW_WITHIN):
         if len(points) > 1:
-            exponent, error = measures.power(*np.transpose(points))
-            checks.append(Check("scaling", "NO_SQUISH", what, float(exponent), float(error), law - off, law + off,
-                                note=", ".join(f"{x:g}: {sd:.3g} ± {e:.1g}" for x, sd, e in points) + " kcal/mol"))  # fmt: skip
+            exponent = measures.power(*zip(*points))
+            note = ", ".join(f"{x:g}: {number(*sd)}" for x, sd in points) + " kcal/mol"
+            checks.append(Check("scaling", "NO_SQUISH", what, **exponent.plain(), low=law - off, high=law + off, note=note))
     return checks
 
 
@@ -351,22 +347,21 @@ def _gear(found, whole):
         ours, theirs = zip(*pairs)
         span = min(one.time[-1] for pair in pairs for one in pair)
         where, when = f"at {theirs[0].trajectory.dt:g} fs", f"{span:.4g} ps without the first {BEGINNING} steps, {len(pairs)} starts"
-        (ours_slope, ours_error), (slope, error) = ours_drift, drift = _drift(ours), _drift(theirs)
-        note, off = f"{slope:.2g} ± {error:.1g} kcal/mol/ps", abs(slope) / error
-        yield check(f"Gear, {scene}", f"drifts {where}: |drift| of the energy, {when}", off, low=STABLE, unit="errors", note=note)
-        yield check(f"Gear over NO_SQUISH, {scene}", f"less accurate {where}: average measure, {when}", *_measures(pairs), low=1.0)
+        ours_drift, drift = _drift(ours), _drift(theirs)
+        note, off = f"{number(*drift)} kcal/mol/ps", abs(drift.value) / drift.margin
+        yield check(f"Gear, {scene}", f"drifts {where}: |drift| of the energy, {when}", off, low=STABLE, unit="margins", note=note)
+        yield check(f"Gear over NO_SQUISH, {scene}", f"less accurate {where}: average measure, {when}", **_measures(pairs).plain(), low=1.0)
         over = partial(check, f"NO_SQUISH over Gear, {scene}", f"far more accurate {where}: drift of the energy, {when}", low=-1 / FAR, high=1 / FAR)
         if off < STABLE:  # nothing can be said over a drift that may be none
             yield over(value=None, note=f"Gear's drift itself cannot be told: {note}")
             continue
-        value, unsure = measures.quotient(ours_drift, drift)
-        yield over(value=value, error=unsure, note=f"{ours_slope:.2g} ± {ours_error:.1g} and {note}")
-        crossing, note = _deviation(ours) / abs(slope), ""
-        soon = [tuple(replace(one, total=one.total[one.time < crossing]) for one in pair) for pair in pairs]
+        yield over(**measures.quotient(ours_drift, drift).plain(), note=f"{number(*ours_drift)} and {note}")
+        crossing, note = measures.quotient(measures.Estimate(_deviation(ours)), drift._replace(value=abs(drift.value))), ""
+        soon = [tuple(replace(one, total=one.total[one.time < crossing.value]) for one in pair) for pair in pairs]
         if min(map(_shortest, soon)) >= FEW:
             note = f"up to there Gear's average measure is {number(*_measures(soon))} times NO_SQUISH's"
         what = f"after which time its drift {where} is more than the sd of NO_SQUISH's energy"
-        yield check(f"Gear, {scene}", what, crossing, crossing / off, high=span, unit="ps", note=note)
+        yield check(f"Gear, {scene}", what, **crossing.plain(), high=span, unit="ps", note=note)
 
 
 def _force_field(whole):
@@ -375,12 +370,12 @@ def _force_field(whole):
     for name, one in whole.items():
         if not name.startswith("force-field-"):
             continue
-        sd, error = measures.standard_deviation(one.total)
-        walk, unsure = measures.random_walk(one.time, one.total)
-        entry = {"name": name.removeprefix("force-field-"), "ps": float(one.time[-1]), "sd": _pair((sd, error)), "walk": _pair((walk, unsure))}
+        sd, walk = measures.standard_deviation(one.total), measures.random_walk(one.time, one.total)
+        entry = {"name": name.removeprefix("force-field-"), "ps": float(one.time[-1]), "sd": sd.plain(), "walk": walk.plain()}
         if usual:
             longer = (usual.time[-1] - one.time[-1]) / 6  # a walk's variance about its own mean goes with a sixth of the time
-            entry["variance"] = _pair((sd**2 + walk * longer, np.hypot(2 * sd * error, unsure * longer)))
+            square, wander = sd.times(2 * sd.value), walk.times(longer)
+            entry["variance"] = measures.Estimate(sd.value**2 + wander.value, *measures.combined(square[1:], wander[1:])).plain()
             entry |= {"usual_ps": float(usual.time[-1]), "usual_variance": float(usual.total.var())}
         rows.append(entry)
     return rows
@@ -391,9 +386,9 @@ def _force_field_checks(whole, rows):
     check = partial(Check, "force field", "peptide, NO_SQUISH")
     for entry in rows:
         if entry["name"] == "as it is" and "variance" in entry:
-            value, error = (entry["variance"][key] / entry["usual_variance"] for key in ("value", "error"))
+            part = measures.Estimate(**entry["variance"]).times(1 / entry["usual_variance"]).plain()
             note = f"from {entry['ps']:.3g} ps at {SMALL_DT:g} fs: sd {number(**entry['sd'])} kcal/mol, random walk {number(**entry['walk'])} (kcal/mol)²/ps"
-            yield check(f"does not dominate: its part of the energy's variance in {entry['usual_ps']:.4g} ps at {DT:g} fs", value, error, high=DOMINATES,
+            yield check(f"does not dominate: its part of the energy's variance in {entry['usual_ps']:.4g} ps at {DT:g} fs", **part, high=DOMINATES,
                         note=note)  # fmt: skip
     as_it_is, renewed = (whole.get(f"force-field-{name}") for name in ("as it is", "neighbour list each step"))
     if as_it_is and renewed:
@@ -419,10 +414,9 @@ def _helix_checks(helix):
         if late.sum() < 2:
             continue
         label, span, begun = PAPER[name.removeprefix("peptide-")].label, f"second half of {path['time'][-1]:.4g} ps", path["helical"][0]
-        kept, error = measures.mean(path["helical"][late] / begun)
-        yield Check("helix", label, f"kept: helical residues by DSSP over those of the start, {span}", kept, error, low=HELIX, note=f"{begun} at the start")
-        bent, error = measures.mean(path["rmsd"][late])
-        yield Check("helix", label, f"kept: backbone's RMSD from the start, {span}", bent, error, high=BENT, unit="Å")
+        kept, bent = measures.mean(path["helical"][late] / begun).plain(), measures.mean(path["rmsd"][late]).plain()
+        yield Check("helix", label, f"kept: helical residues by DSSP over those of the start, {span}", **kept, low=HELIX, note=f"{begun} at the start")
+        yield Check("helix", label, f"kept: backbone's RMSD from the start, {span}", **bent, high=BENT, unit="Å")
 
 
 def _rigidity(complete):

@@ -42,7 +42,7 @@ def write(summary, found, out):
             if name in SHOWN:
                 writer.writerows((name, f"{time:.6g}", f"{error:.4g}") for time, error in zip(*thin(one)))
     page("paper.html", out / "report.html", draw(found, summary, out), summary=summary, titles=TITLES, columns=COLUMNS, cell=cell, number=number,
-         measured=check.measured, bound=check.bound, certain=check.CERTAIN, aim=AVERAGE_MEASURE, liquid=LIQUID)  # fmt: skip
+         measured=check.measured, bound=check.bound, sure=check.SURE, aim=AVERAGE_MEASURE, liquid=LIQUID)  # fmt: skip
 
 
 def cell(row, key):

@@ -107,23 +107,25 @@ def checks(found):
     made = []
     for dt, theirs in PUBLISHED.items():
         result = found.get(dt)
-        value = error = None
+        value = measures.Estimate(None)
         if result is not None and not result.error:
-            spread, of_it = measures.standard_deviation(result.thermo["TotEng"])
-            value, error = spread / theirs, spread / theirs * np.hypot(of_it / spread, THEIR_ERROR)
-            note = f"{check.number(spread, of_it)} over {check.number(theirs, theirs * THEIR_ERROR)} kcal/mol"
+            spread, published = measures.standard_deviation(result.thermo["TotEng"]), measures.Estimate(theirs, theirs * THEIR_ERROR)
+            value = measures.quotient(spread, published)
+            note = f"{check.number(*spread)} over {check.number(*published)} kcal/mol"
         else:
             note = f"no complete run: {result.error if result else 'not begun'}"
-        made.append(_check(f"{dt:g} fs", value, error or 0.0, note))
+        made.append(_check(f"{dt:g} fs", value, note))
     if all(one.value is not None for one in made):
         values, weights = np.array([one.value for one in made]), np.array([one.error for one in made]) ** -2.0
-        made.append(_check(ALL, np.average(values, weights=weights), weights.sum() ** -0.5, ""))
+        parts = ((weight * one.error, one.freedom) for weight, one in zip(weights / weights.sum(), made))
+        made.append(_check(ALL, measures.Estimate(np.average(values, weights=weights), *measures.combined(*parts)), ""))
     return made
 
 
-def _check(subject, value, error, note):
+def _check(subject, found, note):
     what = "standard deviation of the total energy over the published one"
-    return Check("spread", subject, what, value, error, 1 - WITHIN, 1 + WITHIN, "", note, f"{SOURCE}; {SERIES}")
+    value, error, freedom = found
+    return Check("spread", subject, what, value, error, 1 - WITHIN, 1 + WITHIN, "", note, f"{SOURCE}; {SERIES}", freedom=freedom)
 
 
 def spread(made):
@@ -135,11 +137,11 @@ def spread(made):
     axis.axhspan(1 - WITHIN, 1 + WITHIN, color=OTHERS, alpha=0.15, lw=0)
     axis.axhline(1.0, color=OTHERS, lw=0.8)
     dts = [float(one.subject.split()[0]) for one in known]
-    axis.errorbar(dts, [one.value for one in known], [one.error for one in known], fmt="o", color=OURS, capsize=3)
+    axis.errorbar(dts, [one.value for one in known], [one.margin for one in known], fmt="o", color=OURS, capsize=3)
     axis.set_xlabel("time step (fs)")
     axis.set_ylabel("standard deviation of the energy,\nfix_nosquish.NVE over published")
     axis.set_xticks(list(PUBLISHED), [f"{dt:g}" for dt in PUBLISHED])
-    return figure, f"Error bars: one standard error, of both together (theirs alone: {100 * THEIR_ERROR:.1f} %); shaded: within {100 * WITHIN:g} %."
+    return figure, f"Error bars: {check.SURE} intervals, of both together (theirs alone: ± {100 * measures.margin(THEIR_ERROR):.1f} %); shaded: within {100 * WITHIN:g} %."
 
 
 def write(summary, made, out):
@@ -152,4 +154,4 @@ def write(summary, made, out):
     save(summary, out)
     check.write(summary["checks"], out / "table.csv")
     page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE, series=SERIES,
-         temperature=TEMPERATURE, their_error=THEIR_ERROR, measured=check.measured, bound=check.bound, certain=check.CERTAIN)  # fmt: skip
+         temperature=TEMPERATURE, their_margin=measures.margin(THEIR_ERROR), measured=check.measured, bound=check.bound, sure=check.SURE)  # fmt: skip

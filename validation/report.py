@@ -8,6 +8,8 @@ from pathlib import Path
 
 import jinja2
 
+from validation.measures import margin
+
 FREE = 90.0  # percent of a core that a rank must have had
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -19,7 +21,7 @@ class Column:
     key: str
     title: str
     unit: str
-    kind: str  # "estimate": value and standard error; "number"; "spread": median, min, max
+    kind: str  # "estimate": value, standard error, its degrees of freedom; "number"; "spread": median, min, max
     meaning: str
 
 
@@ -27,12 +29,12 @@ COLUMNS = (
     Column(
         "energy_sd", "sd of energy", "kcal/mol", "estimate",
         "Standard deviation of the total energy of the whole box about its mean. "
-        "± is one standard error, correlation in time included; so it is in the next columns.",
+        "± is the half width of its 95 % interval, correlation in time included; so it is in the next columns.",
     ),
     Column(
         "drift", "energy drift", "kcal/mol/ps", "estimate",
-        "Slope of the straight line through the total energy. Within about twice its "
-        "error it is not distinguishable from zero.",
+        "Slope of the straight line through the total energy. If it is smaller than what stands "
+        "beside it, it is not distinguishable from zero.",
     ),
     Column("temperature", "temperature", "K", "estimate", "Mean of LAMMPS's temp."),
     Column(
@@ -71,7 +73,7 @@ def cell(row, column, short=False):
     if value is None:
         return "–"
     if column.kind == "estimate":
-        return estimate(value["value"], value["error"])
+        return estimate(value["value"], _margin(value))
     if column.kind == "number":
         return f"{value:.1e}" if value else "0"
     digits = 0 if value["median"] >= 100 else 2
@@ -80,14 +82,18 @@ def cell(row, column, short=False):
     return f"{value['median']:.{digits}f} [{value['min']:.{digits}f}–{value['max']:.{digits}f}]"
 
 
-def estimate(value, error):
-    """Value ± error, to two digits of the error."""
-    if not error > 0:
+def _margin(found):
+    return margin(found["error"], found.get("freedom"))
+
+
+def estimate(value, margin):
+    """Value ± margin, to two digits of the margin."""
+    if not margin > 0:
         return f"{value:.4g}"
     digits = 0
-    while error * 10**digits < 9.5 and digits < 12:
+    while margin * 10**digits < 9.5 and digits < 12:
         digits += 1
-    return f"{value:.{digits}f} ± {error:.{digits}f}"
+    return f"{value:.{digits}f} ± {margin:.{digits}f}"
 
 
 def status(row):
@@ -132,7 +138,7 @@ def write(summary, series, figures, out):
 
 
 def _write_table(summary, path):
-    parts = {"estimate": ("value", "error"), "spread": ("median", "min", "max")}
+    parts = {"estimate": ("value", "margin"), "spread": ("median", "min", "max")}
     header, picks = ["integrator"], []
     for column in COLUMNS:
         for part in parts.get(column.kind, (None,)):
@@ -144,9 +150,9 @@ def _write_table(summary, path):
         writer.writerow([*header, "status"])
         for row in summary["integrators"]:
             values = [
-                "" if row.get(key) is None else row[key][part] if part else row[key]
-                for key, part in picks
-            ]
+                "" if row.get(key) is None else _margin(row[key]) if part == "margin"
+                else row[key][part] if part else row[key] for key, part in picks
+            ]  # fmt: skip
             writer.writerow([row["label"], *values, status(row)])
 
 

@@ -54,12 +54,14 @@ class Number:
     Attributes:
         value: in the case's unit.
         error: its standard error, or how finely it was looked for.
+        freedom: degrees of freedom of the error; None for many.
         note: what else there is to say, as which part of the case the number is of.
     """
 
     value: float
     error: float = 0.0
     note: str = ""
+    freedom: float | None = None
 
 
 class BlowUp(Exception):
@@ -116,8 +118,8 @@ class Case:
         return [name for name in COMPARED if full or name in self.few]
 
     def verdict(self, number):
-        """pass, fail, or cannot tell where the number's error reaches over the bound."""
-        return _WORDS[Check(self.name, "", self.criterion, number.value, number.error, self.low, self.high).holds]
+        """pass, fail, or cannot tell where the number's 95 % interval reaches over the bound."""
+        return _WORDS[Check(self.name, "", self.criterion, number.value, number.error, self.low, self.high, freedom=number.freedom).holds]
 
 
 @dataclass
@@ -262,7 +264,7 @@ def _row(case, name, folder, full, silence, meter):
     meter.end(note if verdict in BROKEN else None)
     return {
         "integrator": name, "label": integrator.label, "kind": integrator.kind,
-        "value": number and float(number.value), "error": number and float(number.error),
+        "value": number and float(number.value), "error": number and float(number.error), "freedom": number and number.freedom,
         "verdict": verdict, "note": note, "length": case.length(full, name), "seconds": stand.seconds,
         "command": shlex.join(["python", "-m", "validation", "stability", case.name, "--only", name, "--full" if full else "--short"]),
     }  # fmt: skip

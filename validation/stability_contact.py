@@ -57,9 +57,9 @@ def _turn(rng, place, others, box, least):
 def _drift(result, span=None):
     """|change of the energy, by a straight line| over the mean kinetic energy, in a span of time, or in the whole run."""
     time = result.thermo["Time"]
-    slope, error = measures.drift(time, result.thermo["TotEng"])
+    slope = measures.drift(time, result.thermo["TotEng"])
     scale = (span or time[-1]) / result.thermo["KinEng"].mean()
-    return abs(slope) * scale, error * scale
+    return Number(abs(slope.value) * scale, slope.error * scale, freedom=slope.freedom)
 
 
 def mass_ratio(stand, steps):
@@ -68,7 +68,7 @@ def mass_ratio(stand, steps):
     masses[13] = 1e6
     scene = _liquid(stand, "masses", 3, 6.0, seed=3, dt=0.008, masses=masses)
     result, _ = stand.run(scene, "run", [steps], dt=scene.dt, every=max(1, steps // 1000))
-    return Number(*_drift(result, HITS))
+    return _drift(result, HITS)
 
 
 def contact(stand, steps):
@@ -85,7 +85,7 @@ def contact(stand, steps):
     )
     scene = bodies.scene(stand.folder.parent, found, setup, box=40.0, corner=(-20, -20, -20), dt=0.001, name="pair", bonded=True)
     result, _ = stand.run(scene, "run", [steps], dt=scene.dt, every=max(1, steps // 1000))
-    return Number(*_drift(result, BOUNCES))
+    return _drift(result, BOUNCES)
 
 
 def springs(stand, periods):
@@ -131,7 +131,7 @@ def gradient(stand, steps):
     )  # fmt: skip
     scene = bodies.scene(stand.folder.parent, found, setup, box=100.0, corner=(-50, -50, -50), dt=DT, name="dipoles", bonded=True)
     result, _ = stand.run(scene, "run", [steps], dt=scene.dt, every=max(1, steps // 1000))
-    return Number(*_drift(result))
+    return _drift(result)
 
 
 def far_away(stand, steps):

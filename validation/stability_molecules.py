@@ -16,7 +16,7 @@ LONGEST = "longest {} at which the energy changes by less than {:.0%} of the kin
 GRID = "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
 ONE = f"{GRID}; one start, so what another would give is not in it"
 STARTS = 4  # of a limit or a change that is a mean over them
-SOME = f"standard error of the mean of {STARTS} starts, as Student's t has it, and {GRID}"
+SOME = f"from the scatter of {STARTS} starts, as Student's t has it, and {GRID}"
 SAMPLES = 50  # of the energy in a run at one time step
 PAPER_DIMER = 0.3  # fs, of the paper's figure 2a, for hydrogens of 0.1 amu
 FINE = 1.1  # ratio of one time step to the next
@@ -45,9 +45,9 @@ def limit(stand, scenes, steps_of_time, time, unit=1.0, name=" fs", **how):
         again = bad + np.flatnonzero(stable[bad:])
         more = f", but again at {dts[again[0]] / unit:.4g}{name}" if len(again) and bad else ""
         found.append(_between(dts / unit, bad, error, more, name))
-    values = [one.value for one in found]
-    error = np.hypot(measures.error_of_few(values), np.mean([one.error for one in found]))
-    return Number(float(np.mean(values)), float(error), "; ".join(one.note for one in found))
+    mean = measures.of_few([one.value for one in found])
+    error, freedom = measures.combined(mean[1:], (np.mean([one.error for one in found]), None))
+    return Number(float(mean.value), error, "; ".join(one.note for one in found), freedom)
 
 
 def halved(stand, scene, steps_of_time, time, allowed, **how):
@@ -191,8 +191,8 @@ def _change(stand, temperature, time, dt, warm_time, warm_dt, damping):
     (scene,), state = later(stand, water(stand), round(warm_time / warm_dt), warm_dt, more=[bath], ranks=stand.ranks)
     result, _ = stand.run(scene, "run", [round(time / dt)], dt=dt, every=5, ranks=stand.ranks, files=[state])
     kinetic, heat = result.thermo["KinEng"][0], result.thermo["Temp"]
-    slope, error = measures.drift(result.thermo["Time"] / FS_PER_PS, result.thermo["TotEng"])
-    return Number(abs(slope) / kinetic, error / kinetic, f"{heat[0]:.3g} K at the start, {heat[-1]:.3g} K at the end")
+    slope = measures.drift(result.thermo["Time"] / FS_PER_PS, result.thermo["TotEng"])
+    return Number(abs(slope.value) / kinetic, slope.error / kinetic, f"{heat[0]:.3g} K at the start, {heat[-1]:.3g} K at the end", slope.freedom)
 
 
 def water_hot(stand, time):

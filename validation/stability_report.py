@@ -9,8 +9,9 @@ from matplotlib.patches import Patch
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from validation.check import CERTAIN, number
+from validation.check import SURE, number
 from validation.figures import INK, draw_each
+from validation.measures import margin
 from validation.report import page
 from validation.stability import COMPARED
 
@@ -25,12 +26,12 @@ LOOKS = {
 SHADES = 6.0  # decades from the bound at which a colour is full
 NARROW = {"fix_nosquish.NVE": "ours\n(NVE)"}
 READ = (
-    "Each case's number against its bound (at the left): a longest step with its error; else the number and two errors, which is "
-    "what is judged, with < where the number is below two errors; the paler the nearer to the bound. "
+    f"Each case's number against its bound (at the left): a longest step with its {SURE} margin; else number and margin together, which is "
+    "what is judged, with < where the number is below its margin; the paler the nearer to the bound. "
     "✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
-    "What each number's error is, or why it has none, is told case by case."
+    "Where each number's error comes from, or why it has none, is told case by case."
 )
-COLUMNS = "case", "integrator", "label", "value", "error", "error is", "unit", "bound", "verdict", "note", "command"
+COLUMNS = "case", "integrator", "label", "value", "margin", "error is", "unit", "bound", "verdict", "note", "command"
 
 
 def write(summary, out):
@@ -44,7 +45,7 @@ def write(summary, out):
         writer.writeheader()
         for case in summary["cases"]:
             known = {"case": case["name"], "error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
-            writer.writerows({key: (known | row | {"error": row["error"] or None})[key] for key in COLUMNS} for row in case["rows"])
+            writer.writerows({key: (known | row | {"margin": _margin(row) or None})[key] for key in COLUMNS} for row in case["rows"])
     page(
         "stability.html",
         out / "report.html",
@@ -68,14 +69,18 @@ def cell(row):
     if row is None:
         return ""
     sign = LOOKS[row["verdict"]][1]
-    value = "" if row["value"] is None else number(row["value"], row["error"] if row["error"] and row["error"] > 1e-3 * abs(row["value"]) else 0.0)
+    value = "" if row["value"] is None else number(row["value"], row["error"] if _margin(row) > 1e-3 * abs(row["value"]) else 0.0, row.get("freedom"))
     return f"{sign} {value}".strip()
+
+
+def _margin(row):
+    return margin(row["error"] or 0.0, row.get("freedom"))
 
 
 def list_cases(console, cases):
     """Print all cases and integrators."""
     table = Table(title="Cases", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    for heading in "case", "physics", "number", "bound", "why", "±":
+    for heading in "case", "physics", "number", "bound", "why", "error":
         table.add_column(heading, overflow="fold")
     for case in cases.values():
         table.add_row(case.name, case.physics, case.criterion, f"{case.bound} {case.unit}", case.why, case.bars)
@@ -166,16 +171,16 @@ def _brief(x):
 def _tile(case, row):
     """Colour of a tile, of its text, and the text."""
     colour, sign, _ = LOOKS[row["verdict"]]
-    full, value, error = np.array(to_rgb(colour)), row["value"], row["error"] or 0.0
+    full, value, unsure = np.array(to_rgb(colour)), row["value"], _margin(row)
     if value is None:
         return full, "white" if full.mean() < 0.5 else INK, sign
     if case["high"] is None:
-        judged, text = value - CERTAIN * error, f"{value:.3g}±{error:.1g}" if error else f"{value:.3g}"
+        judged, text = value - unsure, f"{value:.3g}±{unsure:.1g}" if unsure else f"{value:.3g}"
         decades = SHADES * abs(np.log10(judged / case["low"])) if judged > 0 else np.inf  # a time step is not far off in decades
     else:
-        judged = abs(value) + CERTAIN * error
+        judged = abs(value) + unsure
         decades = abs(np.log10(judged / case["high"])) if judged else np.inf
-        text = ("<" if value < CERTAIN * error else "") + _brief(judged)
+        text = ("<" if value < unsure else "") + _brief(judged)
     strength = 0.45 + 0.55 * min(1.0, decades / SHADES)
     shade = 1 - strength * (1 - full) if row["verdict"] in ("pass", "fail") else full
     return shade, "white" if shade @ (0.299, 0.587, 0.114) < 0.55 else INK, f"{sign} {text}".strip()

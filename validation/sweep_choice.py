@@ -10,7 +10,8 @@ import math
 import statistics
 from dataclasses import dataclass
 
-from validation.check import CERTAIN, Check
+from validation.check import Check
+from validation.measures import margin
 
 # these say whether something is right, or not; they are no errors that a shorter step makes smaller
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"
@@ -47,12 +48,17 @@ class Choice:
         return "met" if self.best else "cannot tell" if self.perhaps else "not met"
 
 
+def margin_of(found):
+    """The 95 % margin of an error that is known."""
+    return margin(found["error"], found.get("freedom"))
+
+
 def bound(point, measure):
-    """What an error is at most for sure: value + `CERTAIN` standard errors; infinite if the point failed, or if one of the two is not known."""
+    """What an error is at most for sure: value + its 95 % margin; infinite if the point failed, or if one of the two is not known."""
     found = point["errors"].get(measure)
     if point["failed"] or found is None or found["error"] is None:
         return math.inf
-    most = found["value"] + CERTAIN * found["error"]
+    most = found["value"] + margin_of(found)
     return most if math.isfinite(most) else math.inf
 
 
@@ -60,7 +66,7 @@ def meets(point, targets):
     """Whether all errors of a point are within the targets.
 
     Returns:
-        True if they are by `CERTAIN` standard errors, False if one is above by as many or does not apply or the point failed, None if there is no telling.
+        True if they are with their 95 % margins, False if one less its margin is above or does not apply or the point failed, None if there is no telling.
     """
     if point["failed"] or not targets.keys().isdisjoint(point.get("without", ())):
         return False
@@ -71,7 +77,7 @@ def meets(point, targets):
 def _within(found, target):
     if found is None or found["error"] is None:
         return None
-    return Check("", "", "", found["value"], found["error"], high=target).holds
+    return Check("", "", "", **found, high=target).holds
 
 
 def choose(points, targets):
@@ -120,9 +126,9 @@ def nearest(points, targets):
 
 
 def is_zero(point, measure):
-    """Whether a point's error cannot be told from zero by `CERTAIN` standard errors; not if it is not known."""
+    """Whether a point's error cannot be told from zero by its 95 % margin; not if it is not known."""
     found = point["errors"].get(measure)
-    return not point["failed"] and found is not None and found["error"] is not None and found["value"] < CERTAIN * found["error"]
+    return not point["failed"] and found is not None and found["error"] is not None and found["value"] < margin_of(found)
 
 
 def resolution(points, measure):

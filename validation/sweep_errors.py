@@ -1,8 +1,7 @@
 """From the runs of a sweep's points to errors with standard errors.
 
-Numbers of one run are pairs (value, standard error), the error from the correlation in time of its samples or from the scatter of
-its bodies.  Those of a point are means over its starts, whose error is the larger one of what the runs tell and what their scatter
-tells, as Student's t has it.  Averages are held against their limits for steps of zero length, extrapolated, start by start.
+Numbers of one run are ``measures.Estimate``s, with an error from the correlation in time of its samples or from the scatter of
+its bodies.  Those of a point are means over its starts, with the larger margin of what the runs tell and what their scatter tells.  Averages are held against their limits for steps of zero length, extrapolated, start by start.
 """
 
 from math import ceil
@@ -11,6 +10,7 @@ import numpy as np
 
 from validation import measures, sweep_structure
 from validation.compare import FS_PER_PS
+from validation.measures import Estimate
 from validation.sweep_structure import Motion
 
 BOLTZMANN = 0.0019872067  # kcal/mol/K, LAMMPS's
@@ -84,7 +84,7 @@ def of_run(result, reference, dt, parts, asked):
         asked: names of the measures; nothing else is computed.
 
     Returns:
-        dict: of the measures a pair (value, standard error), or where only all starts together give one, what it is made of: ``g_oo`` (blocks, bins);
+        dict: of the measures an ``Estimate``, or where only all starts together give one, what it is made of: ``g_oo`` (blocks, bins);
         ``convergence`` the energy's deviations from its mean, (samples,); ``ke_distribution`` energies of single bodies; ``pv_equipartition`` kinetic
         energies of translation and rotation, (2, samples).  Also ``cost`` and ``cpu``, lists: s per simulated ns of each timed segment;
         ``temperature``; degrees of freedom: ``all``, ``moving`` and ``turning``.
@@ -98,7 +98,7 @@ def of_run(result, reference, dt, parts, asked):
     turning = total - 3 * (motion.count + motion.free - 1)
     makers = {
         "energy_sd": lambda: measures.standard_deviation(energy),
-        "drift": lambda: np.multiply(measures.drift(time, energy), PS_PER_NS / (BOLTZMANN * kelvin * total)),
+        "drift": lambda: measures.drift(time, energy).times(PS_PER_NS / (BOLTZMANN * kelvin * total)),
         "paper": lambda: measures.mean(np.abs(energy - energy.mean()) / abs(energy.mean())),
         "position": lambda: motion.distance(parts.at_horizon, reference.positions["x"][-1]),
         "orientation": lambda: motion.angle(parts.at_horizon, reference.positions["x"][-1]),
@@ -107,8 +107,8 @@ def of_run(result, reference, dt, parts, asked):
         "pressure": lambda: measures.mean(thermo["Press"]),
         "g_oo": lambda: sweep_structure.pair_distribution(motion, parts.frames),
         "helix": lambda: measures.mean(sweep_structure.helicity(motion, parts.frames)),
-        "bond": lambda: (motion.bond_error(), 0.0),
-        "angle": lambda: (motion.angle_error(), 0.0),
+        "bond": lambda: Estimate(motion.bond_error()),
+        "angle": lambda: Estimate(motion.angle_error()),
         "convergence": lambda: energy - energy.mean(),
         "ke_distribution": lambda: motion.kinetic(parts.frames)[:: ceil(APART * FS_PER_PS / (parts.frame * dt))].ravel(),
         "pv_equipartition": lambda: np.array([thermo["v_translation"], thermo["v_rotation"]]),
@@ -121,14 +121,15 @@ def of_run(result, reference, dt, parts, asked):
     }  # fmt: skip
 
 
-def pooled(pairs):
-    """The mean over starts, and its standard error: the larger one of what the runs tell and what their scatter tells.
+def pooled(starts):
+    """The mean over starts, with the larger margin of what the runs tell and what their scatter tells.
 
     Args:
-        pairs: of each start (value, error).
+        starts: an ``Estimate`` of each.
     """
-    values, errors = np.transpose(np.array(pairs, float))
-    return values.mean(), max(np.sqrt(np.sum(errors**2)) / len(values), measures.error_of_few(values))
+    scattered = measures.of_few([one.value for one in starts])
+    runs = Estimate(scattered.value, *measures.combined(*(one.times(1 / len(starts))[1:] for one in starts)))
+    return max(runs, scattered, key=lambda one: one.margin)
 
 
 def limits(found, swept):
@@ -142,7 +143,7 @@ def limits(found, swept):
         swept: the ``Sweep``.
 
     Returns:
-        dict: measure to ``starts``, a list of each start's (limit, error), and ``all``, of all: {"value", "error"}; without those for which
+        dict: measure to ``starts``, a list of each start's ``Estimate``, and ``all``, of all, as plain data; without those for which
         there are too few points.
     """
     used = [point for point in found if point.integrator.name in SYMPLECTIC and point.dt <= swept.law and swept.same(point.integrator)]
@@ -153,30 +154,31 @@ def limits(found, swept):
         return {}
     fitted = {}
     for name in set(AVERAGES) & set(swept.measures):
-        each = [_limit(matrix, np.array([found[point][start][name] for point in used])) for start in range(number)]
-        fitted[name] = {"starts": each, "all": _plain(*pooled(each))}
+        each = [_limit(matrix, [found[point][start][name] for point in used]) for start in range(number)]
+        fitted[name] = {"starts": each, "all": pooled(each).plain()}
     return fitted
 
 
-def _limit(matrix, pairs):
-    """Of one start, from pairs (points, 2): the fit's first parameter, and its standard error."""
-    values, errors = pairs.T
+def _limit(matrix, averages):
+    """Of one start, from the points' ``Estimate``s: the fit's first parameter."""
+    values, errors = (np.array([one[k] for one in averages]) for k in (0, 1))
     covariance = np.linalg.inv(matrix.T / errors**2 @ matrix)
     fit = covariance @ (matrix.T / errors**2 @ values)
     more = len(values) - len(fit)
     scale = max(1.0, np.sqrt(np.sum(((values - matrix @ fit) / errors) ** 2) / more)) if more else 1.0
-    return fit[0], max(scale * np.sqrt(covariance[0, 0]), errors.min())
+    surest = min(averages, key=lambda one: one.error)
+    return Estimate(fit[0], max(scale * np.sqrt(covariance[0, 0]), surest.error), surest.freedom)
 
 
-def _off_limit(pairs, limit):
-    """An average less its limit, start by start, and its standard error.
+def _off_limit(averages, limit):
+    """An average less its limit, start by start.
 
     Of ``ENOUGH`` starts that is their scatter, which knows how much of a start's chance both share; else, too large then, as if they shared none.
     """
-    differences = [(value - at, np.hypot(error, unsure)) for (value, error), (at, unsure) in zip(pairs, limit["starts"])]
-    if len(differences) >= ENOUGH:
-        differences = [(value, 0.0) for value, _ in differences]
-    return pooled(differences)
+    pairs = list(zip(averages, limit["starts"]))
+    if len(pairs) >= ENOUGH:
+        return measures.of_few([one.value - at.value for one, at in pairs])
+    return pooled([Estimate(one.value - at.value, *measures.combined(one[1:], at[1:])) for one, at in pairs])
 
 
 def of_points(found, limits, swept):
@@ -188,7 +190,7 @@ def of_points(found, limits, swept):
         swept: the ``Sweep``.
 
     Returns:
-        dict: ``Point`` to (errors, signed), each measure to {"value", "error"}; errors are not negative.
+        dict: ``Point`` to (errors, signed), each measure to an ``Estimate`` as plain data; errors are not negative.
     """
     return {point: _of_point(point, found, limits, swept) for point, numbers in found.items() if numbers}
 
@@ -197,29 +199,25 @@ def _of_point(point, found, limits, swept):
     numbers, errors, signed = found[point], {}, {}
     for name in swept.measures_of(point.integrator):
         if name in TOGETHER:
-            pair = TOGETHER[name](point, found)
-            if pair:
-                errors[name] = _plain(*pair)
+            together = TOGETHER[name](point, found)
+            if together:
+                errors[name] = together.plain()
             continue
-        pairs = [one[name] for one in numbers]
+        each = [one[name] for one in numbers]
         if name in AVERAGES and name not in limits:
             continue
         if name in AVERAGES:
-            value, error = _off_limit(pairs, limits[name])
+            one = _off_limit(each, limits[name])
         elif name in LARGEST:
-            value, error = max(value for value, _ in pairs), 0.0
+            one = max(each)
         else:
-            value, error = pooled(pairs)
+            one = pooled(each)
         if name == "helix":
-            value = 1 - value
+            one = one._replace(value=1 - one.value)
         if name in ("drift", "helix", *AVERAGES):
-            signed[name] = _plain(value, error)
-        errors[name] = _plain(max(value, 0.0) if name == "helix" else abs(value), error)
+            signed[name] = one.plain()
+        errors[name] = one._replace(value=max(one.value, 0.0) if name == "helix" else abs(one.value)).plain()
     return errors, signed
-
-
-def _plain(value, error):
-    return {"value": float(value), "error": float(error)}
 
 
 def _pair_distribution(point, found):
@@ -238,9 +236,9 @@ def _pair_distribution(point, found):
     number, own = len(products), np.diag(products)
     square = (products.sum() - own.sum()) / (number * (number - 1))
     without = (products.sum() - own.sum() - 2 * (products.sum(axis=1) - own)) / ((number - 1) * (number - 2))  # one of them
-    error = measures.student(number) * np.sqrt((number - 1) / number * np.sum((without - without.mean()) ** 2))
-    value, least, most = np.sqrt(np.maximum([square, square - error, max(square, 0.0) + error], 0.0))
-    return value, max(value - least, most - value)
+    margin = measures.margin(np.sqrt((number - 1) / number * np.sum((without - without.mean()) ** 2)), number - 1)
+    value, least, most = np.sqrt(np.maximum([square, square - margin, max(square, 0.0) + margin], 0.0))
+    return Estimate(value, max(value - least, most - value) / measures.margin(1.0, number - 1), number - 1)
 
 
 def _convergence(point, found):
@@ -250,16 +248,15 @@ def _convergence(point, found):
         return None
     pair = point, max(shorter, key=lambda one: one.dt)
     value = sweep_structure.convergence({one.dt: np.concatenate([numbers["convergence"] for numbers in found[one]]) for one in pair})
-    (first, first_error), (second, second_error) = (pooled([numbers["energy_sd"] for numbers in found[one]]) for one in pair)
-    scaled = first / second * (pair[1].dt / pair[0].dt) ** 2
-    return value, scaled * np.hypot(first_error / first, second_error / second)
+    scaled = measures.quotient(*(pooled([numbers["energy_sd"] for numbers in found[one]]) for one in pair)).times((pair[1].dt / pair[0].dt) ** 2)
+    return scaled._replace(value=value)
 
 
 def _distribution(point, found):
     """Of all starts together, in standard deviations."""
     numbers = found[point]
     energies = np.concatenate([one["ke_distribution"] for one in numbers])
-    return sweep_structure.distribution(energies, np.mean([one["temperature"] for one in numbers])), 1.0
+    return Estimate(sweep_structure.distribution(energies, np.mean([one["temperature"] for one in numbers])), 1.0)
 
 
 def _equipartition(point, found):
@@ -268,7 +265,7 @@ def _equipartition(point, found):
     each = (one["pv_equipartition"] for one in numbers)
     series = np.concatenate([pair[:, :: ceil(max(map(measures.statistical_inefficiency, pair)))] for pair in each], axis=1)
     temperature = np.mean([one["temperature"] for one in numbers])
-    return sweep_structure.equipartition(*series, numbers[0]["moving"], numbers[0]["turning"], temperature), 1.0
+    return Estimate(sweep_structure.equipartition(*series, numbers[0]["moving"], numbers[0]["turning"], temperature), 1.0)
 
 
 TOGETHER = {"g_oo": _pair_distribution, "convergence": _convergence, "ke_distribution": _distribution, "pv_equipartition": _equipartition}

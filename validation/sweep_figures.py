@@ -8,9 +8,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from validation.bench_figures import MARKS, MISSED
-from validation.check import CERTAIN
+from validation.check import SURE
 from validation.figures import PALE, draw_each
-from validation.sweep_choice import bound, is_zero
+from validation.sweep_choice import bound, is_zero, margin_of
 from validation.sweep_plan import OURS, SHORT
 
 MAIN = "energy_sd", "drift", "paper"  # the first of these that a scene has is its main figure
@@ -27,8 +27,8 @@ GROUPS = {  # name of the file: (title, measures)
 FAMILIES = MARKS | {"matubayasi-nakahara": ("#3d9fb0", "P"), "gear": ("#a6a11f", "X")}  # the beginning of an integrator's name: colour, marker
 DASHES = "-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (4, 1.2, 1, 1.2)), (0, (7, 2)), (0, (1, 3))  # of one family, in turn
 READ = (
-    "Left and down is better. Whiskers: one standard error of the error; run time from the least of its repeats, where the point stands, to their "
-    f"median. A pale point with an arrow is what an error is at most ({CERTAIN:g} standard errors) where it cannot be told from zero; a hollow point "
+    f"Left and down is better. Whiskers: the error's {SURE} interval; run time from the least of its repeats, where the point stands, to their "
+    f"median. A pale point with an arrow is what an error is at most (the end of its {SURE} interval) where it cannot be told from zero; a hollow point "
     "has no known error bar."
 )
 
@@ -150,7 +150,8 @@ def _group(name, points, title, shown, noise, measures, looks):
 def _parameters(name, points, measure, measures, looks):
     """Ours with each mrot, and shake and rattle with each tolerance: the error times the square of the run time, which dt does not change if it is ~ dt^2."""
     scaled = [
-        point | {"errors": {measure: {key: value and value * point["cost"]["min"] ** 2 for key, value in point["errors"][measure].items()}}}
+        point | {"errors": {measure: point["errors"][measure] | {
+            key: value and value * point["cost"]["min"] ** 2 for key, value in point["errors"][measure].items() if key in ("value", "error")}}}
         for point in points if _drawn(point, measure)
     ]  # fmt: skip
     figure, axis = plt.subplots(figsize=(10.5, 5), layout="constrained")
@@ -197,17 +198,17 @@ def _line(axis, row, measure, look, floor):
     x, usual = (np.array([point["cost"][key] for point in row]) for key in ("min", "median"))
     y = np.array([max(_height(point, measure), floor) for point in row])
     limit, hollow = (np.array([test(point, measure) for point in row]) for test in (is_zero, _is_unknown))
-    error = np.where(limit, 0.0, [point["errors"][measure]["error"] or 0.0 for point in row])
-    down = np.minimum(error, 0.9 * y)
+    margin = np.where(limit | hollow, 0.0, [0.0 if unknown else margin_of(point["errors"][measure]) for point, unknown in zip(row, hollow)])
+    down = np.minimum(margin, 0.9 * y)
     axis.plot(x, np.where(limit, np.nan, y), **look)
     points = look | {"ls": "none", "label": None}
     for those, style in (limit, points | {"alpha": 0.5}), (~limit, points):
-        bars = {"yerr": [down[those], error[those]], "xerr": [np.zeros(those.sum()), usual[those] - x[those]]}
+        bars = {"yerr": [down[those], margin[those]], "xerr": [np.zeros(those.sum()), usual[those] - x[those]]}
         axis.errorbar(x[those], y[those], capsize=1.5, elinewidth=0.8, **bars, **style)
     axis.plot(x[hollow], y[hollow], **points | {"mfc": "white", "zorder": 5})
     below = matplotlib.transforms.offset_copy(axis.transData, axis.figure, y=-6, units="points")
     axis.plot(x[limit], y[limit], **points | {"marker": matplotlib.markers.CARETDOWN, "ms": 4.5, "alpha": 0.7, "transform": below})
-    return [*(y - down), *(y + error)]
+    return [*(y - down), *(y + margin)]
 
 
 def _tick(value, _):

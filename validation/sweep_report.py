@@ -6,16 +6,16 @@ import json
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from validation.check import CERTAIN, number
+from validation.check import SURE, number
 from validation.report import page, save
-from validation.sweep_choice import fastest, front
+from validation.sweep_choice import fastest, front, margin_of
 from validation.sweep_figures import MAIN, draw
 from validation.sweep_plan import MESH, SAMPLED
 
 PARTS = "min", "median", "max"
 ONE_START = "there is one start, so timings of one process only: how run times scatter among processes is not known, and others may be as fast"
 UNTOLD = (
-    "A run time has its median beside it and no standard error, for it is the least of its repeats: what disturbs a run only makes it longer. Nor "
+    "A run time has its median beside it and no margin, for it is the least of its repeats: what disturbs a run only makes it longer. Nor "
     "has a ratio of two of them. Nor have bond and angle, for they are the largest error of all frames, not a mean."
 )
 
@@ -35,7 +35,7 @@ def write(summary, out):
         places[name] = range(len(figures), len(figures) + len(drawn))
         figures += drawn
     page("sweep.html", out / "report.html", figures, places=places, summary=summary, ways={name: distinct(rows) for name, rows in ways.items()},
-         fronts=_fronts(summary), certain=CERTAIN, named=named, names=names, seconds=seconds, error_of=error_of, over=over, unit_of=unit_of,
+         fronts=_fronts(summary), sure=SURE, named=named, names=names, seconds=seconds, error_of=error_of, over=over, unit_of=unit_of,
          number=number, one_start=ONE_START, untold=UNTOLD, mesh=MESH, least=SAMPLED)  # fmt: skip
 
 
@@ -127,14 +127,14 @@ def _write_points(summary, path):
         writer.writerow([
             "scene", "integrator", "label", "dt (fs)", "steps", "sampled (ps)", "starts", "failures", "status",
             *(f"{what} {part} (s/ns)" for what in ("wall", "CPU") for part in PARTS),
-            *(f"{name}{word}{unit_of(measure)}" for name, measure in measures.items() for word in ("", " error")),
+            *(f"{name}{word}{unit_of(measure)}" for name, measure in measures.items() for word in ("", " margin")),
             "unbeaten in", "command",
         ])  # fmt: skip
         for name, scene in summary["scenes"].items():
             for point in scene["points"]:
                 times = [point[kind][part] if point[kind] else "" for kind in ("cost", "cpu") for part in PARTS]
                 found = (point["errors"].get(measure, {}) for measure in measures)
-                errors = [value for one in found for value in (one.get("value"), one.get("error") or None)]  # the largest of all frames has none
+                errors = [value for one in found for value in (one.get("value"), one.get("error") and margin_of(one) or None)]  # the largest of all frames has none
                 here = point["integrator"], point["dt"]
                 writer.writerow([
                     name, point["integrator"], point["label"], point["dt"], point["steps"], point["ps"], point["starts"],
@@ -147,7 +147,7 @@ def _write_ways(summary, ways, path):
     with open(path, "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["scene", "measure", "unit", "target", "verdict", "use", "dt (fs)", *(f"wall {part} (s/ns)" for part in PARTS), "value",
-                         "error", "a tie with", "no telling", "ours", "ours dt (fs)", "ours / fastest"])  # fmt: skip
+                         "margin", "a tie with", "no telling", "ours", "ours dt (fs)", "ours / fastest"])  # fmt: skip
         for name, rows in ways.items():
             for measure, target, choice, ours in rows:
                 best, own = choice.best, ours.best
@@ -155,7 +155,7 @@ def _write_ways(summary, ways, path):
                 writer.writerow([
                     name, measure, summary["measures"][measure]["unit"], target, choice.verdict,
                     *([best["label"], best["dt"], *(best["cost"][part] for part in PARTS)] if best else [""] * 5),
-                    found.get("value", ""), found.get("error", ""), names(choice.ties), names(choice.perhaps),
+                    found.get("value", ""), margin_of(found) if found else "", names(choice.ties), names(choice.perhaps),
                     *([own["label"], own["dt"]] if own else ["", ""]), own["cost"]["min"] / choice.fastest["cost"]["min"] if own else "",
                 ])  # fmt: skip
 
@@ -195,7 +195,7 @@ def _show_integrators(console, name, scene, measures):
 
 
 def _show_fastest(console, name, scene, measures):
-    table = _table(f"{name}: fastest way to an error, sure by {CERTAIN:g} standard errors", "error of")
+    table = _table(f"{name}: fastest way to an error, sure by {SURE}", "error of")
     for head in "below", "use", "s per ns", "a tie with", "ours / fastest":
         table.add_column(head, justify="right" if head in ("below", "s per ns", "ours / fastest") else "left", overflow="fold")
     before = None

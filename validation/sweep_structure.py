@@ -55,12 +55,12 @@ class Motion:
         return centre, r - centre[:, None]
 
     def distance(self, frame, exact):
-        """Root mean square over all bodies of how far their centres of mass are from those of ``exact``, (atoms, 3); its standard error. Angstrom."""
+        """Root mean square over all bodies of how far their centres of mass are from those of ``exact``, (atoms, 3); Angstrom."""
         moved = [self._image(self._parts(self.x[frame], group)[0] - self._parts(exact, group)[0]) for group in self.groups]
         return _rms(np.linalg.norm(np.concatenate(moved), axis=1))
 
     def angle(self, frame, exact):
-        """Root mean square over all bodies of the angle of the rotation that fits them best to ``exact``; its standard error. Radians.
+        """Root mean square over all bodies of the angle of the rotation that fits them best to ``exact``; radians.
 
         Of linear bodies the angle between their axes; single atoms do not count.  The fit is by singular values (Kabsch, Acta Cryst. A32, 922, 1976).
         """
@@ -100,10 +100,10 @@ class Motion:
 
 
 def _rms(distances):
-    """And its standard error, of independent distances."""
+    """`measures.Estimate` of it, of independent distances."""
     square = distances**2
-    value = np.sqrt(square.mean())
-    return value, square.std() / np.sqrt(len(square)) / (2 * value) if value else 0.0
+    value, number = np.sqrt(square.mean()), len(square)
+    return measures.Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1) if value and number > 1 else measures.Estimate(value)
 
 
 def _straight(r):

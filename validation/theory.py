@@ -291,16 +291,15 @@ def recursion(scene, dimer, tick, **_):
     turned = np.array([-1, -1, 1, 1])
     back = turned * calculus.repeated(broken, 1000)(turned * calculus.repeated(broken, 1000)(start, 1000 * dt), 1000 * dt)
     J = calculus.jacobian(lambda x: broken(x, 0.5), start)
-    drift, error = (value / (dt**2 * gain) for value in measures.drift(time, np.array(energies["with a curl"])))
-    still, tremor = (value / (dt**2 * gain) for value in measures.drift(time, np.array(energies["velocity Verlet"])))
+    drift, still = (measures.drift(time, np.array(energies[name])).times(1 / (dt**2 * gain)).plain() for name in ("with a curl", "velocity Verlet"))
     average = "average of G⁽¹⁾·∇H⁽⁰⁾ along a closed orbit"
     checks += [
         check("velocity Verlet, oscillator", f"{what} of {len(angles)} states", _rest(whole), high=1e-8),
         check("velocity Verlet, oscillator", f"|{average}|", float(abs(whole[1].mean())), high=SHOWN),
-        check("velocity Verlet, oscillator", "drift of H over Δt² times the power of the curl", still, tremor, -0.01, 0.01),
+        check("velocity Verlet, oscillator", "drift of H over Δt² times the power of the curl", **still, low=-0.01, high=0.01),
         check("oscillator with a curl", average, float(cut[1].mean()), low=SHOWN),
         check("oscillator with a curl", "that less the power of the curl", float(abs(cut[1].mean() - gain)), high=SHOWN),
-        check("oscillator with a curl", "drift of H over Δt² times that average", drift, error, 0.95, 1.05),
+        check("oscillator with a curl", "drift of H over Δt² times that average", **drift, low=0.95, high=1.05),
         check("oscillator with a curl", "distance from the start after 1,000 steps and back", float(np.abs(back - start).max()), high=1e-10),
         check("oscillator with a curl", "|det J − 1|", float(abs(np.linalg.det(J) - 1)), high=ROUND_OFF),
         check("oscillator with a curl", "|J g⁻¹ Jᵀ − g⁻¹|", calculus.symplectic_defect(J), low=SHOWN),
@@ -315,7 +314,7 @@ def _rest(terms):
 
 def _power(check, scheme, what, x, y, low, high):
     exponent, error = calculus.slope(x, y)
-    return check(scheme, what, exponent, error, low, high)
+    return check(scheme, what, exponent, error, low, high, freedom=len(x) - 2)
 
 
 PARTS = {  # name: its function, and how many pieces of work that tells of

@@ -28,7 +28,7 @@ def write(summary, out):
     check.write(summary["checks"], out / "table.csv")
     figures = draw_each((reversal, symplectic, conserved, mrot, recursion), out, summary["data"])
     page("theory.html", out / "report.html", figures, summary=summary, titles=TITLES,
-         measured=check.measured, bound=check.bound, certain=check.CERTAIN)  # fmt: skip
+         measured=check.measured, bound=check.bound, sure=check.SURE)  # fmt: skip
 
 
 def show(console, summary, out):
