@@ -68,7 +68,7 @@ class PlatformWheel(bdist_wheel):
 
 setup(
     ext_modules=[
-        Extension("fix_nosquish.plugin.python_moveplugin", ["fix_nosquish/plugin/python_move.cpp"])
+        Extension("fix_nosquish.plugin.python_moveplugin", ["src/fix_nosquish/plugin/python_move.cpp"])
     ],
     cmdclass={"build_ext": BuildPlugin, "bdist_wheel": PlatformWheel},
 )

@@ -1,4 +1,4 @@
-"""Helpers of all tests: write an input script, run it in a chosen way, read what LAMMPS reports."""
+"""Fixtures and helpers of all tests: write an input script, run it in a chosen way, read what LAMMPS reports."""
 
 import os
 import subprocess
@@ -8,6 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+
+pytest.register_assert_rewrite("endings")
+
+from endings import BENT, SECONDS, SPOIL  # noqa: E402
+from installed import tested  # noqa: E402
+from systems import Result  # noqa: E402
 
 BIN = Path(sys.executable).parent
 
@@ -70,6 +76,40 @@ def read_thermo(log):
     return np.array(rows, dtype=[(name, float) for name in names])
 
 
+def pytest_addoption(parser):
+    parser.addoption("--nothing-missing", action="store_true", help="fail what would be skipped")
+
+
+def pytest_sessionstart(session):
+    """Refuse to test another package than the checkout's; the workers of pytest-xdist need not look again."""
+    try:
+        session.config.tested = None if hasattr(session.config, "workerinput") else tested()
+    except SystemExit as refusal:
+        raise pytest.UsageError(refusal) from None
+
+
+def pytest_report_header(config):
+    return config.tested
+
+
+def fail_if_skipped(config, report):
+    """With --nothing-missing, make a skip a failure that has the skip's reason."""
+    if config.option.nothing_missing and report.skipped and not hasattr(report, "wasxfail"):
+        report.outcome = "failed"
+        report.longrepr = f"{report.longrepr[2]} (--nothing-missing is set)"
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    return fail_if_skipped(item.config, (yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector):
+    return fail_if_skipped(collector.config, (yield))
+
+
 @pytest.fixture
 def run_lammps(tmp_path):
     """A function that writes an input script to an empty folder and runs it there."""
@@ -99,5 +139,51 @@ def run_lammps(tmp_path):
         if check:
             assert done.returncode == 0, f"exit code {done.returncode}:\n{done.stdout}"
         return Run(done.returncode, done.stdout, log.read_text() if log.exists() else "")
+
+    return run
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Results of runs that several tests compare with, by their input."""
+    return {}
+
+
+@pytest.fixture
+def simulate(run_lammps, tmp_path, known):
+    """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
+
+    def run(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, ranks=1, before="", columns="",
+            after="", **how):  # fmt: skip
+        """Args: dt is in units of the system's own time step; LAMMPS's fixes leave single atoms to fix nve."""
+        ours = "python/move" in fix
+        group = group or ("all" if ours else system.group)
+        script = "\n".join([
+            system.setup, before, fix.format(group=group, words=words),
+            "" if ours or not system.singles else "fix 2 single nve",
+            f"thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}",
+            "thermo_modify format float %.16g norm no", f"thermo {every}",
+            f"timestep {dt * system.dt:.17g}", f"run {steps}", after,
+            "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g", "",
+        ])  # fmt: skip
+        key = script, ranks, *system.files.values()
+        if key not in known:
+            done = run_lammps(script, files=system.files, ranks=ranks, **how)
+            if done.code:
+                return done
+            atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+            known[key] = Result(atoms[:, 1:4], atoms[:, 4:], done.thermo, done.log)
+        return known[key]
+
+    return run
+
+
+@pytest.fixture
+def run_case(run_lammps):
+    """Run a case's script; it may fail."""
+
+    def run(case, **how):
+        files = {"mol.bent": BENT, "spoil.py": SPOIL}
+        return run_lammps(case.script, files=files, **{"check": False, "timeout": SECONDS, **how})
 
     return run

@@ -1,6 +1,6 @@
 """Systems that several test modules run: the water of inputs/, and small boxes of Lennard-Jones bodies.
 
-`simulate` runs one of them with a fix and gives its atoms and thermodynamics; one result is computed once.
+The fixture `simulate` runs one of them with a fix and gives its atoms and thermodynamics; one result is computed once.
 """
 
 import itertools
@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pytest
 from scipy.spatial.transform import Rotation
 
 INPUTS = Path(__file__).resolve().parent.parent / "inputs" / "water"
@@ -168,41 +167,6 @@ class Result(NamedTuple):
     v: np.ndarray
     thermo: np.ndarray
     log: str
-
-
-@pytest.fixture(scope="module")
-def known():
-    """Results of runs that several tests compare with, by their input."""
-    return {}
-
-
-@pytest.fixture
-def simulate(run_lammps, tmp_path, known):
-    """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
-
-    def run(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, ranks=1, before="", columns="",
-            after="", **how):  # fmt: skip
-        """Args: dt is in units of the system's own time step; LAMMPS's fixes leave single atoms to fix nve."""
-        ours = "python/move" in fix
-        group = group or ("all" if ours else system.group)
-        script = "\n".join([
-            system.setup, before, fix.format(group=group, words=words),
-            "" if ours or not system.singles else "fix 2 single nve",
-            f"thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}",
-            "thermo_modify format float %.16g norm no", f"thermo {every}",
-            f"timestep {dt * system.dt:.17g}", f"run {steps}", after,
-            "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g", "",
-        ])  # fmt: skip
-        key = script, ranks, *system.files.values()
-        if key not in known:
-            done = run_lammps(script, files=system.files, ranks=ranks, **how)
-            if done.code:
-                return done
-            atoms = np.loadtxt(tmp_path / "end", skiprows=9)
-            known[key] = Result(atoms[:, 1:4], atoms[:, 4:], done.thermo, done.log)
-        return known[key]
-
-    return run
 
 
 def apart(a, b, h):

@@ -1,13 +1,9 @@
 """Bad input ends the run on all ranks within seconds, with one message that says what is wrong and what to do."""
 
-import os
-import time
-from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-
-SECONDS = 30  # a run that ends on its first steps; longer is a hang
+from endings import SECONDS, assert_ended
 
 # 27 bodies of three atoms; what a case adds goes before the fix, and after it
 SCRIPT = """
@@ -32,51 +28,6 @@ thermo        5
 fix           1 all python/move "{target}"
 {after}
 run           {steps}
-"""
-BENT = """an L of three atoms
-
-3 atoms
-
-Coords
-
-1 0.0 0.0 0.0
-2 0.6 0.0 0.0
-3 0.0 0.4 0.0
-
-Types
-
-1 1
-2 1
-3 1
-"""
-
-# Classes that do, when LAMMPS calls them, what no input script can.
-SPOIL = """
-from ctypes import c_double
-from fix_nosquish.atoms import Lammps
-from fix_nosquish.hosts import hook
-from fix_nosquish.nve import NVE
-
-class NoMass:
-    mass = 0.0
-    def __init__(self, ptr):
-        lammps = Lammps(ptr)
-        table = lammps.lib.lammps_extract_atom(lammps.handle, b"mass")
-        (c_double * 2).from_address(table)[1] = self.mass
-    def initial_integrate(self, vflag): pass
-    def final_integrate(self): pass
-
-class NegativeMass(NoMass):
-    mass = -1.0
-
-class BreaksOnOneRank(NVE):
-    def __init__(self, ptr):
-        super().__init__(ptr, "NVE all molecule")
-    @hook
-    def final_integrate(self):
-        super().final_integrate()
-        if self.lammps.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
-            raise ValueError("no such luck")
 """
 
 
@@ -177,43 +128,6 @@ CASES = {
                                  after="fix 2 all deposit 1 1 5 4928 region box near 0.5"),
     "exception of its own": Case("", ("ValueError: no such luck",), module="spoil.BreaksOnOneRank"),
 }  # fmt: skip
-
-
-def left_behind(folder):
-    """Processes that still work in a folder."""
-    found = []
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            if Path(os.readlink(process / "cwd")) == folder:
-                found.append((process / "cmdline").read_text().replace("\0", " "))
-        except OSError:
-            pass  # ended meanwhile, or another user's
-    return found
-
-
-def assert_ended(run, expected, folder):
-    """The run failed with one LAMMPS error that says all this, and nothing of it still runs."""
-    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
-    assert run.code != 0, f"the run went on:\n{run.screen}"
-    assert len(errors) == 1, f"{len(errors)} messages:\n{run.screen}"
-    missing = [words for words in expected if words not in errors[0]]
-    assert not missing, f"no {missing} in the message:\n{errors[0]}"
-    for _ in range(20):
-        if not left_behind(folder):
-            return
-        time.sleep(0.1)
-    raise AssertionError(f"still running: {left_behind(folder)}")
-
-
-@pytest.fixture
-def run_case(run_lammps):
-    """Run a case's script; it may fail."""
-
-    def run(case, **how):
-        files = {"mol.bent": BENT, "spoil.py": SPOIL}
-        return run_lammps(case.script, files=files, **{"check": False, "timeout": SECONDS, **how})
-
-    return run
 
 
 @pytest.mark.parametrize("name", CASES)

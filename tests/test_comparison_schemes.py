@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 from scipy.linalg import expm
-from systems import apart, known, mixture, simulate, water  # noqa: F401 (known and simulate are fixtures)
 from systems import OURS as NVE
+from systems import apart, mixture, water
 from test_nve import hot_rods
 from test_respa import TWO, smooth
 from test_rotor import ASYMMETRIC, S, body_momentum, conjugate, energy, exact, one_atom_bodies, product, space_momentum, tops

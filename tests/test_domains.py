@@ -9,9 +9,7 @@ import re
 import numpy as np
 import pytest
 from conftest import read_thermo
-from systems import (  # noqa: F401 (known and simulate are fixtures)
-    LIKE_LAMMPS, RIGID, System, apart, assemble, known, mixture, simulate, turned,
-)  # fmt: skip
+from systems import LIKE_LAMMPS, RIGID, System, apart, assemble, mixture, turned
 
 # a column that changes whenever an atom changes its rank
 OWNER = "compute proc all property/atom proc\nvariable owner atom (c_proc+1)*id*id\ncompute owner all reduce sum v_owner"

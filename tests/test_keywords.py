@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from endings import SECONDS, assert_ended
 from fix_nosquish.command import Command
 from fix_nosquish.errors import RunError
 from scipy.spatial.transform import Rotation
-from systems import LIKE_LAMMPS, OURS, RIGID, apart, known, mixture, simulate  # noqa: F401 (known and simulate are fixtures)
-from test_bad_input import SECONDS, Case, assert_ended, run_case  # noqa: F401 (run_case is a fixture)
+from systems import LIKE_LAMMPS, OURS, RIGID, apart, mixture
+from test_bad_input import Case
 
 
 def assert_same(ours, theirs, system, tolerance=1e-9):

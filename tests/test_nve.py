@@ -11,9 +11,7 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import (  # noqa: F401 (known and simulate are fixtures)
-    LIKE_LAMMPS, OURS, RIGID, SMALL, apart, assemble, known, mixture, simulate, tensor, turned, water,
-)  # fmt: skip
+from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, apart, assemble, mixture, tensor, turned, water
 
 
 # ---- trajectories

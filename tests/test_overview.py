@@ -14,8 +14,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")

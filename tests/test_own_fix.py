@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from endings import BENT, SECONDS, SPOIL, left_behind
 from systems import OURS as NVE
-from systems import apart, known, mixture, simulate  # noqa: F401 (known and simulate are fixtures)
-from test_bad_input import BENT, CASES, SECONDS, SPOIL, left_behind
+from systems import apart, mixture
+from test_bad_input import CASES
 
 import fix_nosquish
 

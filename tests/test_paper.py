@@ -4,17 +4,12 @@ Statistical checks use fixed random seeds.
 """
 
 import dataclasses
-import sys
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import Silent
-
-ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")

@@ -4,7 +4,6 @@ import gzip
 import json
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import mdtraj
@@ -13,8 +12,6 @@ import pytest
 from conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
 from validation import paper_peptide  # noqa: E402
 from validation.scenes import SCENES  # noqa: E402

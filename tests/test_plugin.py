@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from conftest import BIN, LAUNCHERS, read_thermo
-from test_bad_input import left_behind
+from endings import left_behind
 
 MELT = """
 units         lj

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from conftest import read_thermo
-from test_bad_input import BENT
+from endings import BENT
 
 SCRIPT = """
 clear

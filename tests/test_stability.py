@@ -5,7 +5,6 @@ import dataclasses
 import fcntl
 import json
 import shutil
-import sys
 import threading
 from pathlib import Path
 
@@ -15,8 +14,6 @@ from conftest import Silent
 from scipy import stats
 
 ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")

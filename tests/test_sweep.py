@@ -2,16 +2,11 @@
 
 import dataclasses
 import shlex
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import Silent
-
-ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")

@@ -3,15 +3,9 @@
 import csv
 import itertools
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")

@@ -13,8 +13,6 @@ from conftest import Silent
 from scipy.spatial.transform import Rotation
 
 ROOT = Path(__file__).resolve().parent.parent
-if str(ROOT) not in sys.path:
-    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")

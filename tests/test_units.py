@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from systems import LIKE_LAMMPS, OURS, RIGID, UNITS, Units, apart, known, mixture, simulate, tensor  # noqa: F401 (fixtures)
+from systems import LIKE_LAMMPS, OURS, RIGID, UNITS, Units, apart, mixture, tensor
 
 # Length, mass, energy; mass v^2 / energy by LAMMPS's definition; joules in its unit of energy.  Of electron LAMMPS's manual
 # says that velocities are in Bohr / 1.03275 fs, but it moves atoms by v dt with dt in fs: they are in Bohr / fs.

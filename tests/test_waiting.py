@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from systems import OURS, apart, known, mixture, simulate  # noqa: F401
+from systems import OURS, apart, mixture
 
 STEPS = 60
 

@@ -8,12 +8,12 @@ import itertools
 
 import numpy as np
 import pytest
-import test_bad_input
+from endings import BENT, assert_ended
 from scipy.spatial.transform import Rotation
-from systems import (  # noqa: F401 (known and simulate are fixtures)
-    LIKE_LAMMPS, OURS, RIGID, SHAPES, SMALL, UNITS, Result, Units, apart, assemble, known, mixture, simulate,
-    tensor, turned,
+from systems import (
+    LIKE_LAMMPS, OURS, RIGID, SHAPES, SMALL, UNITS, Result, Units, apart, assemble, mixture, tensor, turned,
 )  # fmt: skip
+from test_bad_input import Case
 
 FREE = "pair_style zero 2.5\npair_coeff * *\n"
 SMOOTH = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1 1\n"
@@ -414,9 +414,9 @@ for name in ("init", "setup", "initial_integrate", "post_neighbor", "dof"):
 @pytest.mark.parametrize("method", ["init", "setup", "initial_integrate", "post_neighbor", "dof"])
 def test_exception_on_one_rank(run_lammps, tmp_path, method):
     """Locks out a hang, or more than one message, where one method breaks on one rank while the others go on."""
-    case = test_bad_input.Case("", module=f"spoil.Breaks_{method}", before="neigh_modify every 1 delay 0 check no")
-    run = run_lammps(case.script, files={"mol.bent": test_bad_input.BENT, "spoil.py": BREAKS}, ranks=4, check=False, timeout=60)
-    test_bad_input.assert_ended(run, (f"ValueError: no such luck in {method}",), tmp_path)
+    case = Case("", module=f"spoil.Breaks_{method}", before="neigh_modify every 1 delay 0 check no")
+    run = run_lammps(case.script, files={"mol.bent": BENT, "spoil.py": BREAKS}, ranks=4, check=False, timeout=60)
+    assert_ended(run, (f"ValueError: no such luck in {method}",), tmp_path)
 
 
 # ---- symmetric and spherical tops

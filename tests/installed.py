@@ -1,0 +1,49 @@
+"""Which fix_nosquish is tested: the one that LAMMPS's processes import, if its files are the checkout's."""
+
+import importlib.util
+from importlib import metadata
+from pathlib import Path
+
+from validation import startup
+
+SOURCE = Path(__file__).resolve().parent.parent / "src" / "fix_nosquish"
+
+
+def tested():
+    """Say which package is tested: its version, its folder, and that its files are the checkout's.
+
+    Raises:
+        SystemExit: if there is none, or it is another one; the message says what to do.
+    """
+    package = startup.package().resolve()
+    here = Path(importlib.util.find_spec("fix_nosquish").origin).resolve().parent
+    if here != package:
+        raise SystemExit(f"this Python imports {here}, LAMMPS's processes import {package}: unset PYTHONPATH")
+    if other := differences(package, SOURCE):
+        raise SystemExit(
+            f"the fix_nosquish that is installed, {package}, is not the one of this checkout. "
+            f"Files that are not the same: {', '.join(other)}. Install it first: pip install ."
+        )
+    editable = package == SOURCE
+    if editable and not compiled(package / "plugin"):
+        raise SystemExit(f"{package / 'plugin'} is not compiled as it is now. Do it first: pip install -e .")
+    kind = "the checkout's own files" if editable else "the same files as the checkout's"
+    return f"fix_nosquish {metadata.version('fix_nosquish')}: {package}, {kind}"
+
+
+def differences(package, other):
+    """The files of a package that are not the same in another folder, or only in one of them; sorted names."""
+    ours, theirs = sources(package), sources(other)
+    return sorted(name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name))
+
+
+def sources(folder):
+    """From relative names to contents of a package's files, without what is compiled from them."""
+    paths = (path for path in folder.rglob("*") if path.suffix in (".py", ".cpp"))
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def compiled(folder):
+    """Whether what is compiled in a folder is there, and is as new as its source."""
+    made = [path.stat().st_mtime for path in folder.glob("*plugin.so")]
+    return bool(made) and min(made) >= max(path.stat().st_mtime for path in folder.glob("*.cpp"))

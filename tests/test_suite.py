@@ -1,0 +1,121 @@
+"""The suite itself: it tests the installed package, and says when a part is missing."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import installed
+import pytest
+from conftest import BIN
+
+from validation import startup
+
+ROOT = Path(__file__).resolve().parent.parent
+COMMANDS = {"module": [sys.executable, "-m", "pytest"], "script": [str(BIN / "pytest")]}
+
+WHERE = """
+import subprocess
+import sys
+
+CODE = "import fix_nosquish; print(fix_nosquish.__file__)"
+
+def test_where():
+    import fix_nosquish
+    import validation
+
+    assert validation.__file__ == {validation!r}
+    assert fix_nosquish.__file__ == {package!r}
+    for folder in "/", {checkout!r}:
+        done = subprocess.run([sys.executable, "-c", CODE], cwd=folder, capture_output=True, text=True)
+        assert done.stdout.strip() == {package!r}
+"""
+PARTS = """
+import pytest
+
+@pytest.mark.skipif(True, reason="no engine")
+def test_engine():
+    pass
+
+@pytest.mark.xfail
+def test_known():
+    assert False
+"""
+MODULE = 'import pytest\n\npytest.importorskip("no_such_module")\n'
+
+
+@pytest.fixture
+def checkout(tmp_path):
+    """A copy of the checkout with these tests alone, by name."""
+    folder = tmp_path / "copy"
+    ignore = shutil.ignore_patterns("__pycache__", "results", "test_*", "*.so")
+    for name in "src", "tests", "validation":
+        shutil.copytree(ROOT / name, folder / name, ignore=ignore)
+    shutil.copy(ROOT / "pyproject.toml", folder)
+    return folder
+
+
+def run(checkout, *words, how="module", **tests):
+    """Run pytest on these tests in the copy of the checkout."""
+    for name, text in tests.items():
+        (checkout / "tests" / f"test_{name}.py").write_text(text)
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    return subprocess.run([*COMMANDS[how], *words], cwd=checkout, env=environment, text=True, timeout=60,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
+
+
+@pytest.mark.parametrize("how", COMMANDS)
+def test_imports_what_is_installed(checkout, how):
+    """Locks out tests of the checkout's files while LAMMPS's processes import others."""
+    package = startup.package()
+    done = run(checkout, how=how, where=WHERE.format(
+        checkout=str(checkout), validation=str(checkout / "validation" / "__init__.py"), package=str(package / "__init__.py")))  # fmt: skip
+    assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
+    assert str(package) in done.stdout.split("collected")[0]
+
+
+def test_refuses_another_package(checkout):
+    """Locks out a suite that silently tests another package than the checkout's."""
+    (checkout / "src" / "fix_nosquish" / "nve.py").open("a").write("# changed\n")
+    done = run(checkout, where="def test_nothing():\n    pass\n")
+    assert done.returncode == pytest.ExitCode.USAGE_ERROR and "passed" not in done.stdout, done.stdout
+    assert "not the same: nve.py. Install it first: pip install ." in done.stdout
+
+
+def test_differences(tmp_path):
+    """Locks out a file that is not compared, and what is left of a module that is no more."""
+    for name in "package", "other":
+        (tmp_path / name / "plugin").mkdir(parents=True)
+        for file in "same.py", "text.py", "plugin/code.cpp":
+            (tmp_path / name / file).write_text(file)
+    package, other = tmp_path / "package", tmp_path / "other"
+    (package / "plugin" / "code.so").write_text("only where it is compiled")
+    assert installed.differences(package, other) == []
+    (other / "text.py").write_text("changed")
+    (other / "plugin" / "code.cpp").write_text("changed")
+    (other / "new.py").write_text("")
+    (package / "old.py").write_text("")
+    assert installed.differences(package, other) == ["new.py", "old.py", "plugin/code.cpp", "text.py"]
+
+
+def test_editable_install_is_compiled(tmp_path):
+    """Locks out a plugin that is tested as it was before its source was changed, where both are in the checkout."""
+    source, made = tmp_path / "code.cpp", tmp_path / "code_plugin.so"
+    source.write_text("")
+    assert not installed.compiled(tmp_path)
+    made.write_text("")
+    os.utime(source, (1000, 1000))
+    assert installed.compiled(tmp_path)
+    os.utime(made, (999, 999))
+    assert not installed.compiled(tmp_path)
+
+
+@pytest.mark.parametrize("options", [[], ["--nothing-missing"], ["--nothing-missing", "-n", "1"]])
+def test_nothing_missing(checkout, options):
+    """Locks out tests and modules that are skipped without notice where all parts are to be there."""
+    done = run(checkout, *options, "-rA", "--continue-on-collection-errors", parts=PARTS, module=MODULE)
+    told = re.findall(r"^(SKIPPED|FAILED|ERROR|XFAIL)", done.stdout, re.MULTILINE)
+    expected = ["ERROR", "ERROR", "XFAIL"] if options else ["SKIPPED", "SKIPPED", "XFAIL"]
+    assert sorted(told) == expected and "no engine" in done.stdout and "no_such_module" in done.stdout, done.stdout
