@@ -2,6 +2,7 @@
 
 import base64
 import csv
+import html
 import io
 import json
 import re
@@ -522,3 +523,49 @@ def test_tables_sort(results, clicks):
     costs = sorted((2000.0, 1000.0, 1234.0, 1700.0, 3000.0, 1050.0, 500.0, 10.0, 10.5), reverse=clicks == 2)
     assert [float(cost) for cost in order[:-1]] == costs and order[-1] == ""
     assert f'aria-sort="{"ascending" if clicks == 1 else "descending"}"' in table
+
+
+LOOK = """<script>
+addEventListener("load", () => {
+  for (const details of document.querySelectorAll("details")) details.open = true;
+  const found = [];
+  for (const cell of document.querySelectorAll("td, th")) {
+    if (!cell.textContent.trim()) continue;
+    const range = document.createRange();
+    range.selectNodeContents(cell);
+    const text = range.getBoundingClientRect(), box = cell.getBoundingClientRect();
+    if (cell.scrollWidth > cell.clientWidth + 1 || text.right > box.right + 1 || text.left < box.left - 1 || text.bottom > box.bottom + 1)
+      found.push(`${cell.textContent.trim().slice(0, 60)}: ${Math.round(text.width)} in ${Math.round(box.width)}`);
+  }
+  const wide = [...document.querySelectorAll("body > *, section > *")].filter(one => one.getBoundingClientRect().right > innerWidth + 1);
+  found.push(...wide.map(one => `${one.tagName} is wider than the page: ${one.textContent.trim().slice(0, 60)}`));
+  const report = document.createElement("pre");
+  report.id = "found";
+  report.textContent = `${document.querySelectorAll("td, th").length} cells\\n${found.join("\\n")}`;
+  document.body.append(report);
+});
+</script></body>"""
+
+
+def spilled(path, width, folder):
+    """How many cells a page has in a window of this width, and those whose text is outside of them."""
+    shown = folder / "look.html"
+    shown.write_text(path.read_text().replace("</body>", LOOK))
+    done = subprocess.run(
+        [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900", "--dump-dom",
+         shown.as_uri()], capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    cells, *found = html.unescape(re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)[1]).splitlines()
+    return int(cells.split()[0]), found
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium on PATH")
+def test_no_text_leaves_its_cell(tmp_path, monkeypatch):
+    """Locks out a table that prints one column over another, or over the page's edge: of the committed results, with all that can be unfolded."""
+    monkeypatch.setattr(overview_report, "light", lambda path: "")
+    overview_report.write(overview_report.gather(tmp_path), tmp_path / "page.html")
+    (tmp_path / "bad.html").write_text('<body><table><td style="max-width: 3rem; white-space: nowrap">one column over another</td><td>x</td></table></body>')
+    assert spilled(tmp_path / "bad.html", 800, tmp_path)[1], "what is outside is not found"
+    for width in 800, 1300, 1900:
+        cells, found = spilled(tmp_path / "page.html", width, tmp_path)
+        assert cells > 1000 and not found, f"at {width} px: " + "\n".join(found[:20])

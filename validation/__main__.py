@@ -38,6 +38,7 @@ def parser():
     _add_sweep(verbs)
     _add_advise(verbs)
     _add_stability(verbs)
+    _add_breaks(verbs)
     return parser
 
 
@@ -511,6 +512,41 @@ def _stability(arguments):
     if summary["interrupted"]:
         return 130
     return int(summary["summary"][0]["holds"] is False)
+
+
+def _add_breaks(verbs):
+    parser = verbs.add_parser(
+        "breaks",
+        help="what users report as broken in LAMMPS's rigid fixes, beside ours",
+        description="Measure the defects of LAMMPS's rigid fixes that the README names, and the same with ours, each a number that is small where all is "
+        "well. Writes a table to the terminal and summary.json, table.csv and a self-contained report.html, in some minutes of one core.",
+        epilog="Exit status: 0 if ours passes all, 1 if it does not, 130 after Ctrl-C, which keeps the cases that are complete.",
+    )
+    parser.add_argument("cases", nargs="*", type=_one_of("case", _defects), metavar="CASE", help="which (default: all)")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/breaks"), help="output folder (default %(default)s)")
+    parser.set_defaults(function=_breaks)
+
+
+def _defects():
+    from validation.breaks import CASES  # heavy: not for --help
+
+    return CASES
+
+
+def _breaks(arguments):
+    import tempfile
+
+    from validation import breaks, breaks_report, console, machine  # heavy: not for --help
+
+    out, screen = arguments.out, console.console()
+    out.mkdir(parents=True, exist_ok=True)
+    names, summary = [name for name in breaks.CASES if name in (arguments.cases or breaks.CASES)], machine.circumstances()
+    with console.Meter(screen, len(names) * len(breaks.FIXES), "cases") as meter, tempfile.TemporaryDirectory() as folder:
+        rows, interrupted = breaks.breaks(names, Path(folder), meter)
+    summary |= {"interrupted": interrupted, "rows": rows}
+    breaks_report.write(summary, out)
+    breaks_report.show(screen, summary, out)
+    return 130 if interrupted else int(any(row["verdict"] != "pass" for row in rows if row["integrator"] == breaks.OUR_LABEL))
 
 
 def _add_silence(parser, default):
