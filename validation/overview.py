@@ -106,7 +106,8 @@ def _checks(summary, titles, noun, shown):
     """Numbers between bounds: how many hold, and those with a ``shown`` verdict."""
     checks = [check for check in summary["checks"] if check["verdict"]]
     counts = {verdict: sum(check["verdict"] == verdict for check in checks) for verdict in VERDICTS}
-    headlines = [f"Of {len(checks)} {noun} {counts['holds']} hold, {counts['does not hold']} do not, {counts['cannot tell']} cannot be told."]
+    others = [f"{counts[verdict]} {words}" for verdict, words in (("does not hold", "do not"), ("cannot tell", "cannot be told")) if counts[verdict]]
+    headlines = [f"Of {len(checks)} {noun} {', '.join([f'{counts[VERDICTS[0]]} hold', *others])}." if others else f"All {len(checks)} {noun} hold."]
     lines = []
     for part, title in titles.items():
         some = [check["verdict"] == "holds" for check in checks if check["part"] == part]
@@ -130,8 +131,10 @@ def _theory(summary):
 
 
 def _published(summary):
-    said = _checks(summary, published.TITLES, "standard deviations of the energy, held against published ones,", VERDICTS)
-    return replace(said, figures=[Figure("spread.png", f"Beside {published.SOURCE}.")])
+    said = _checks(summary, published.TITLES, "standard deviations of the energy, held within {:g} % of those of others,".format(100 * published.WITHIN), VERDICTS)
+    origins = [[Cell(what), Cell(where)] for what, where in published.ORIGINS.items()]
+    return replace(said, best=[*said.best, Table("Where each number comes from", ("number", "from"), origins)],
+                   figures=[Figure("spread.png", f"Beside {published.SOURCE}.")])  # fmt: skip
 
 
 def _paper(summary):
