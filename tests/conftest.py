@@ -18,7 +18,7 @@ import quick  # noqa: E402
 import validation  # noqa: E402, F401
 from endings import BENT, SECONDS, SPOIL  # noqa: E402
 from installed import tested  # noqa: E402
-from systems import Result  # noqa: E402
+from systems import result, script  # noqa: E402
 
 BIN = Path(sys.executable).parent
 
@@ -169,26 +169,15 @@ def known():
 def simulate(run_lammps, tmp_path, known):
     """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
 
-    def run(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, ranks=1, before="", columns="",
-            after="", **how):  # fmt: skip
-        """Args: dt is in units of the system's own time step; LAMMPS's fixes leave single atoms to fix nve."""
-        ours = "python/move" in fix
-        group = group or ("all" if ours else system.group)
-        script = "\n".join([
-            system.setup, before, fix.format(group=group, words=words),
-            "" if ours or not system.singles else "fix 2 single nve",
-            f"thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}",
-            "thermo_modify format float %.16g norm no", f"thermo {every}",
-            f"timestep {dt * system.dt:.17g}", f"run {steps}", after,
-            "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g", "",
-        ])  # fmt: skip
-        key = script, ranks, *system.files.values()
+    def run(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, ranks=1, before="", columns="", after="", **how):
+        """Args: as of ``validation.boxes.script``, others as of run_lammps."""
+        text = script(system, fix, steps, words=words, group=group, dt=dt, every=every, before=before, columns=columns, after=after)
+        key = text, ranks, *system.files.values()
         if key not in known:
-            done = run_lammps(script, files=system.files, ranks=ranks, **how)
+            done = run_lammps(text, files=system.files, ranks=ranks, **how)
             if done.code:
                 return done
-            atoms = np.loadtxt(tmp_path / "end", skiprows=9)
-            known[key] = Result(atoms[:, 1:4], atoms[:, 4:], done.thermo, done.log)
+            known[key] = result(tmp_path / "end", done.thermo, done.log)
         return known[key]
 
     return run

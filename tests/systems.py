@@ -1,152 +1,18 @@
-"""Systems that several test modules run: the water of inputs/, and small boxes of Lennard-Jones bodies.
+"""Systems that several test modules run: the water of inputs/, and the harness's small boxes of Lennard-Jones bodies.
 
 The fixture `simulate` runs one of them with a fix and gives its atoms and thermodynamics; one result is computed once.
 """
 
-import itertools
 import re
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+
+from validation.boxes import (  # noqa: F401 (for the tests)
+    LIKE_LAMMPS, MASSES, OURS, RIGID, SHAPES, SMALL, UNITS, Result, System, Units, apart, assemble, mixture, result, script, tensor, turned,
+)  # fmt: skip
 
 INPUTS = Path(__file__).resolve().parent.parent / "inputs" / "water"
-
-OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
-LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
-RIGID = "fix 1 {group} rigid/nve {words}"
-SMALL = "fix 1 {group} rigid/nve/small {words}"
-
-
-# ---- systems
-
-
-class System(NamedTuple):
-    """The first part of an input script, its files, and what is known of the atoms.
-
-    `group` holds all bodies that LAMMPS's fix rigid takes, `singles` are there if it does not take all.
-    """
-
-    setup: str
-    files: dict
-    h: np.ndarray
-    dt: float
-    group: str = "bodies"
-    singles: bool = False
-    mass: np.ndarray = None
-    molecule: np.ndarray = None
-
-
-class Units(NamedTuple):
-    """A Lennard-Jones system's length, mass and energy in LAMMPS's units, and mass v^2 / energy there."""
-
-    length: float = 1.0
-    mass: float = 1.0
-    energy: float = 1.0
-    mvv2e: float = 1.0
-
-    @property
-    def time(self):
-        return self.length * np.sqrt(self.mass * self.mvv2e / self.energy)
-
-
-UNITS = {
-    "lj": Units(),
-    "real": Units(3.4, 12.0, 0.24, 48.88821291**2),
-    "metal": Units(3.4, 12.0, 0.0104, 1.0364269e-4),
-    "si": Units(3.4e-10, 2e-26, 1.66e-21, 1.0),
-}
-
-# shapes in units of the Lennard-Jones diameter, with the type of each atom
-SHAPES = {
-    "solid": ([[0, 0, 0], [0.9, 0.1, 0], [-0.2, 0.7, 0.1], [0.1, -0.3, 0.8], [-0.6, -0.4, -0.2]], [1, 2, 3, 1, 2]),
-    "planar": ([[0, 0, 0], [0.9, 0.1, 0], [-0.3, 0.6, 0], [0.2, -0.5, 0]], [2, 1, 3, 1]),
-    "pair": ([[-0.5, 0, 0], [0.5, 0, 0]], [1, 2]),
-    "row": ([[-0.8, 0, 0], [0, 0, 0], [0.6, 0, 0]], [3, 1, 2]),
-    "single": ([[0, 0, 0]], [2]),
-}
-MASSES = np.array([1.0, 1.6, 0.4])
-
-
-def assemble(bodies, h, *, units="lj", dimension=3, flags=True, temperature=1.0, dt=0.002, seed=1, setup=""):
-    """A System of Lennard-Jones atoms with random velocities, which are not rigid motion.
-
-    Args:
-        bodies: A list of (kind, positions, types).
-        h: The box, columns are its vectors; positions may be outside.
-        flags: Whether the data file has the image flags, or says 0 0 0.
-    """
-    u, rng = UNITS[units], np.random.default_rng(seed)
-    molecule = np.concatenate([[k + 1] * len(x) for k, (_, x, _) in enumerate(bodies)])
-    x = np.concatenate([x for _, x, _ in bodies])
-    kind = np.concatenate([types for *_, types in bodies])
-    mass = MASSES[kind - 1]
-    image = np.floor(x @ np.linalg.inv(h).T + 1e-12).astype(int)
-    if dimension == 2:
-        image[:, 2] = 0
-    x = x - image @ h.T
-    v = rng.normal(size=x.shape) * np.sqrt(temperature / mass)[:, None]
-    v[:, dimension:] = 0
-    v -= mass @ v / mass.sum()
-    low = -0.5 * h[2, 2] if dimension == 2 else 0.0
-    tilt = [h[0, 1], h[0, 2], h[1, 2]]
-    lines = ["bodies", "", f"{len(x)} atoms", f"{len(MASSES)} atom types", ""]
-    lines += [f"0 {h[0, 0] * u.length:.17g} xlo xhi", f"0 {h[1, 1] * u.length:.17g} ylo yhi"]
-    lines += [f"{low * u.length:.17g} {(low + h[2, 2]) * u.length:.17g} zlo zhi"]
-    lines += ["{:.17g} {:.17g} {:.17g} xy xz yz".format(*np.multiply(tilt, u.length))] if any(tilt) else []
-    lines += ["", "Masses", "", *(f"{k + 1} {m * u.mass:.17g}" for k, m in enumerate(MASSES))]
-    lines += ["", "Atoms # molecular", ""]
-    for k in range(len(x)):
-        place = " ".join(f"{c:.17g}" for c in x[k] * u.length)
-        lines += [f"{k + 1} {molecule[k]} {kind[k]} {place} " + "{} {} {}".format(*image[k] * flags)]
-    lines += ["", "Velocities", ""]
-    lines += [f"{k + 1} " + " ".join(f"{c:.17g}" for c in v[k] * (u.length / u.time)) for k in range(len(x))]
-    names = [name for name, *_ in bodies]
-    groups = {name: [k + 1 for k, other in enumerate(names) if other == name] for name in sorted(set(names))}
-    text = [
-        f"units {units}", f"dimension {dimension}", "atom_style molecular", "atom_modify map array", setup,
-        "read_data data.bodies",
-        f"pair_style lj/cut {2.5 * u.length:.17g}", f"pair_coeff * * {u.energy:.17g} {u.length:.17g}",
-        f"neighbor {0.4 * u.length:.17g} bin", "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
-        *(f"group {name} molecule " + " ".join(map(str, ids)) for name, ids in groups.items()),
-        "group bodies " + ("subtract all single" if "single" in groups else "union all"),
-    ]  # fmt: skip
-    return System("\n".join(text), {"data.bodies": "\n".join(lines) + "\n"}, h * u.length, dt * u.time,
-                  singles="single" in groups, mass=mass * u.mass, molecule=molecule)  # fmt: skip
-
-
-def turned(kind, place, others, h, rng):
-    """A body (kind, positions, types) of a shape at a place, turned at random so that it overlaps with no other."""
-    shape, types = SHAPES[kind]
-    for _ in range(1000):
-        flat = h[2, 2] == 1  # two dimensions
-        turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)]) if flat else Rotation.from_quat(rng.normal(size=4))
-        x = turn.apply(shape) + place
-        gap = np.inf
-        for _, y, _ in others:
-            delta = x[:, None] - y
-            delta -= np.rint(delta @ np.linalg.inv(h).T) @ h.T
-            gap = min(gap, np.linalg.norm(delta, axis=2).min())
-        if gap > 0.9:
-            return kind, x, np.array(types)
-    raise RuntimeError("no room")
-
-
-def mixture(kinds="solid planar pair row single", *, side=3, tilt=0.0, spacing=2.55, dimension=3, seed=1, **more):
-    """Bodies of these kinds in turn, each turned at random, on a lattice that the box's faces cut.
-
-    No distance in the lattice is the cutoff, at which the potential energy jumps."""
-    rng = np.random.default_rng(seed)
-    count = np.array([side, side, side if dimension == 3 else 1])
-    h = spacing * side * np.array([[1, tilt, -tilt / 2], [0, 1, tilt / 3], [0, 0, 1.0]])
-    if dimension == 2:
-        h[:, 2] = 0, 0, 1
-    bodies = []
-    for kind, site in zip(itertools.cycle(kinds.split()), itertools.product(*map(range, count))):
-        bodies.append(turned(kind, h @ (site / count), bodies, h, rng))
-    bodies.sort(key=lambda body: list(SHAPES).index(body[0]))
-    return assemble(bodies, h, dimension=dimension, seed=seed, **more)
 
 
 def water():
@@ -155,27 +21,3 @@ def water():
     setup = "units real\natom_style full\nread_data data.water\ninclude forcefield.water\ngroup bodies type 1 2"
     box = re.search(r"(\S+) xlo", files["data.water"].replace("0.0 ", "", 1))[1]
     return System(setup, files, float(box) * np.eye(3), 1.0)
-
-
-# ---- runs
-
-
-class Result(NamedTuple):
-    """Atoms in order of ID at the end of a run, the thermo table, and the log."""
-
-    x: np.ndarray
-    v: np.ndarray
-    thermo: np.ndarray
-    log: str
-
-
-def apart(a, b, h):
-    """The largest distance between atoms of two Results, nearest images."""
-    delta = a.x - b.x
-    delta -= np.rint(delta @ np.linalg.inv(h).T) @ h.T
-    return np.linalg.norm(delta, axis=1).max()
-
-
-def tensor(result):
-    """The six pressure components of all printed steps, (steps, 6)."""
-    return np.stack([result.thermo[name] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")], axis=1)

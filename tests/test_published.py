@@ -122,3 +122,15 @@ def test_command_line_writes_all_files(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "summary.json").read_text())["checks"][0]["verdict"] == "holds"
     found.pop(2.0)
     assert __main__.main(["published", "--out", str(tmp_path)]) == 1
+
+
+def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
+    """Locks out numbers that are called printed ones: each and its error are worked out here, from a file of the authors, which table, page and README name."""
+    monkeypatch.setattr(published, "published", lambda *arguments: ({dt: result(sd) for dt, sd in published.PUBLISHED.items()}, False))
+    __main__.main(["published", "--out", str(tmp_path)])
+    for one, dt in zip(json.loads((tmp_path / "summary.json").read_text())["checks"], published.PUBLISHED):
+        assert f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}" in one["source"]
+    page, readme = ((tmp_path / "report.html").read_text(), (published.INPUTS.parent / "README.md").read_text())
+    for text in page, readme:
+        assert "NVE_1fs.csv" in text and "S1.csv" in text and "github.com/craabreu/rigid_nvt" in text and published.SERIES in text
+    assert published.THEIR_ERROR == pytest.approx(1 / np.sqrt(2 * 667)) and f"{published.ENERGIES} energies" in readme

@@ -15,6 +15,13 @@ SHORT = "nosquish", "rigid/nve", "rigid/nve/small", "shake"
 
 def main(words=None):
     """Parse the command line and run its verb; the exit status."""
+    arguments = parser().parse_args(words)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the verb's children as Ctrl-C does
+    return arguments.function(arguments)
+
+
+def parser():
+    """The command line's parser: what it accepts can be run, so far as that is known without running it."""
     parser = argparse.ArgumentParser(
         prog="python -m validation",
         description="Compare fix_nosquish with LAMMPS's own rigid and constraint fixes.",
@@ -31,9 +38,43 @@ def main(words=None):
     _add_sweep(verbs)
     _add_advise(verbs)
     _add_stability(verbs)
-    arguments = parser.parse_args(words)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the verb's children as Ctrl-C does
-    return arguments.function(arguments)
+    _add_breaks(verbs)
+    return parser
+
+
+def _one_of(kind, known):
+    """A type of argparse: a word among those that ``known()`` gives when one is asked for, as names can be slow to find."""
+
+    def word(text):
+        if text not in (names := known()):
+            raise argparse.ArgumentTypeError(f"there is no {kind} {text}: choose from {', '.join(names)}")
+        return text
+
+    return word
+
+
+def _swept():
+    from validation.sweep_plan import SCENES as swept  # heavy: not for --help
+
+    return swept
+
+
+def _cases():
+    from validation.stability_cases import CASES  # heavy: not for --help
+
+    return CASES
+
+
+def _compared():
+    from validation.stability import COMPARED  # heavy: not for --help
+
+    return COMPARED
+
+
+def _theorems():
+    from validation.theory import PARTS as theorems  # heavy: not for --help
+
+    return theorems
 
 
 def _add_compare(verbs):
@@ -125,7 +166,8 @@ def _add_bench(verbs):
         "parts, the output folder gathers them: all scenes of the same code and input are shown.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), 130 after Ctrl-C.",
     )
-    parser.add_argument("parts", nargs="*", metavar="PART", help=f"what to measure, of: {', '.join(PARTS)} (default: all)")
+    parser.add_argument("parts", nargs="*", type=_one_of("part", lambda: PARTS), metavar="PART",
+                        help=f"what to measure, of: {', '.join(PARTS)} (default: all)")
     parser.add_argument("--ranks", type=_wholes, default=(1, 2), metavar="N,N", help="numbers of MPI ranks (default 1,2)")
     parser.add_argument("--sizes", type=_wholes, metavar="N,N",
                         help=f"numbers of molecules of the water (default {','.join(map(str, SCENES['water'].sizes))}; --short: the first)")
@@ -137,13 +179,10 @@ def _add_bench(verbs):
     parser.add_argument("--again", action="store_true", help="measure anew what is there already")
     _add_silence(parser, 300.0)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/bench; --short: results/bench-short)")
-    parser.set_defaults(function=_bench, parser=parser)
+    parser.set_defaults(function=_bench)
 
 
 def _bench(arguments):
-    unknown = [part for part in arguments.parts if part not in PARTS]
-    if unknown:
-        arguments.parser.error(f"there is no part {unknown[0]}: choose from {', '.join(PARTS)}")
     from validation import bench, bench_figures, bench_report, console  # heavy: not for --help
 
     short = arguments.short
@@ -209,19 +248,16 @@ def _add_theory(verbs):
         "and summary.json, table.csv, figures and a self-contained report.html to the output folder.",
         epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C, which keeps the parts that are complete.",
     )
-    parser.add_argument("parts", nargs="*", metavar="PART",
+    parser.add_argument("parts", nargs="*", type=_one_of("part", _theorems), metavar="PART",
                         help="what to measure, of: reversal (in LAMMPS), symplectic, conserved, mrot, recursion (default: all)")
     _add_silence(parser, 120.0)
     parser.add_argument("--out", type=Path, default=Path("results/theory"), metavar="DIR", help="output folder (default %(default)s)")
-    parser.set_defaults(function=_theory, parser=parser)
+    parser.set_defaults(function=_theory)
 
 
 def _theory(arguments):
     from validation import console, machine, theory, theory_report  # heavy: not for --help
 
-    unknown = [part for part in arguments.parts if part not in theory.PARTS]
-    if unknown:
-        arguments.parser.error(f"there is no part {unknown[0]}: choose from {', '.join(theory.PARTS)}")
     parts = [part for part in theory.PARTS if part in (arguments.parts or theory.PARTS)]
     out, screen = arguments.out, console.console()
     out.mkdir(parents=True, exist_ok=True)
@@ -361,7 +397,7 @@ def _add_sweep(verbs):
         epilog="A step that is too long fails; that is a result. Exit status: 0 if each integrator has a step that does not fail, 1 if one has none, "
         "130 after Ctrl-C.",
     )
-    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="what to simulate (default: all; --short: the small ones)")
+    parser.add_argument("scenes", nargs="*", type=_one_of("scene", _swept), metavar="SCENE", help="what to simulate (default: all; --short: the small ones)")
     parser.add_argument("--ranks", type=_whole, default=1, metavar="N", help="MPI ranks of what is larger than the dimer (default %(default)s)")
     parser.add_argument("--budget", type=_positive, metavar="MINUTES",
                         help="how long all scenes may take on one core, by what a step nominally costs; of scenes that are named each has its part of "
@@ -378,9 +414,6 @@ def _add_sweep(verbs):
 def _sweep(arguments):
     from validation import console, sweep, sweep_report  # heavy: not for --help
 
-    unknown = [name for name in arguments.scenes if name not in sweep.SCENES]
-    if unknown:
-        arguments.parser.error(f"there is no scene {unknown[0]} to sweep: choose from {', '.join(sweep.SCENES)}")
     short = arguments.short
     names = [name for name in sweep.SCENES if name in (arguments.scenes or (sweep.SHORT_SCENES if short else sweep.SCENES))]
     try:
@@ -411,7 +444,7 @@ def _add_advise(verbs):
         epilog="Exit status: 0 if some point meets the targets by two standard errors, 1 if none does, 2 if there is no sweep, no such scene or "
         "measure.",
     )
-    parser.add_argument("scene", metavar="SCENE", help="a scene of the sweep")
+    parser.add_argument("scene", type=_one_of("scene", _swept), metavar="SCENE", help="a scene of the sweep")
     parser.add_argument("--target", nargs="+", type=_target, required=True, metavar="MEASURE=VALUE",
                         help="largest errors, in the measures' units, as in energy_sd=0.5 drift=0.01; an unknown measure lists all")
     parser.add_argument("--from", type=Path, dest="folder", metavar="DIR",
@@ -423,7 +456,7 @@ def _advise(arguments):
     from validation import advise, console  # heavy: not for --help
 
     try:
-        met = advise.advise(console.console(), advise.load(arguments.folder), arguments.scene, dict(arguments.target))
+        met = advise.advise(console.console(), *advise.load(arguments.folder), arguments.scene, dict(arguments.target))
     except LookupError as error:
         arguments.parser.exit(2, f"{error}\n")
     return int(not met)
@@ -450,19 +483,19 @@ def _add_stability(verbs):
         "are kept and not shown. The same command in several processes at once shares the cases among them.",
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, 130 after Ctrl-C.",
     )
-    parser.add_argument("cases", nargs="*", metavar="CASE", help="which (default: all); --list names them")
+    parser.add_argument("cases", nargs="*", type=_one_of("case", _cases), metavar="CASE", help="which (default: all); --list names them")
     parser.add_argument("--list", action="store_true", help="name all cases, with their physics, and end")
     length = parser.add_mutually_exclusive_group()
     length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
     length.add_argument("--full", action="store_true", help="one and a half to three hours of one core; start it once for each core to share the cases")
-    parser.add_argument("--only", nargs="+", metavar="NAME", help="integrators, as the table of --list names them (default: all that a case is run with)")
+    parser.add_argument("--only", nargs="+", type=_one_of("integrator", _compared), metavar="NAME", help="integrators, as the table of --list names them (default: all that a case is run with)")
     parser.add_argument("--starts", type=int, metavar="N", help="at least N starts where a case has several (default: until the verdict is sure, "
                         "or there are as many as the case may have)")
     parser.add_argument("--take", type=Path, metavar="DIR", help="rows of the atlas in DIR stand in for those that are not in the output folder: "
                         "they are judged by the bounds of today and not run again")
     _add_silence(parser, 300.0)
     parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/stability; --short: results/stability-short)")
-    parser.set_defaults(function=_stability, parser=parser)
+    parser.set_defaults(function=_stability)
 
 
 def _stability(arguments):
@@ -473,10 +506,6 @@ def _stability(arguments):
     if arguments.list:
         stability_report.list_cases(screen, CASES)
         return 0
-    for kind, asked, known in ("case", arguments.cases, CASES), ("integrator", arguments.only or (), stability.COMPARED):
-        unknown = [name for name in asked if name not in known]
-        if unknown:
-            arguments.parser.error(f"there is no {kind} {unknown[0]}: choose from {', '.join(known)}")
     names, full = [name for name in CASES if name in (arguments.cases or CASES)], arguments.full
     out = arguments.out or Path("results") / ("stability" if full else "stability-short")
     out.mkdir(parents=True, exist_ok=True)
@@ -488,6 +517,41 @@ def _stability(arguments):
     if summary["interrupted"]:
         return 130
     return int(summary["summary"][0]["holds"] is False)
+
+
+def _add_breaks(verbs):
+    parser = verbs.add_parser(
+        "breaks",
+        help="what users report as broken in LAMMPS's rigid fixes, beside ours",
+        description="Measure the defects of LAMMPS's rigid fixes that the README names, and the same with ours, each a number that is small where all is "
+        "well. Writes a table to the terminal and summary.json, table.csv and a self-contained report.html, in some minutes of one core.",
+        epilog="Exit status: 0 if ours passes all, 1 if it does not, 130 after Ctrl-C, which keeps the cases that are complete.",
+    )
+    parser.add_argument("cases", nargs="*", type=_one_of("case", _defects), metavar="CASE", help="which (default: all)")
+    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/breaks"), help="output folder (default %(default)s)")
+    parser.set_defaults(function=_breaks)
+
+
+def _defects():
+    from validation.breaks import CASES  # heavy: not for --help
+
+    return CASES
+
+
+def _breaks(arguments):
+    import tempfile
+
+    from validation import breaks, breaks_report, console, machine  # heavy: not for --help
+
+    out, screen = arguments.out, console.console()
+    out.mkdir(parents=True, exist_ok=True)
+    names, summary = [name for name in breaks.CASES if name in (arguments.cases or breaks.CASES)], machine.circumstances()
+    with console.Meter(screen, len(names) * len(breaks.FIXES), "cases") as meter, tempfile.TemporaryDirectory() as folder:
+        rows, interrupted = breaks.breaks(names, Path(folder), meter)
+    summary |= {"interrupted": interrupted, "rows": rows}
+    breaks_report.write(summary, out)
+    breaks_report.show(screen, summary, out)
+    return 130 if interrupted else int(any(row["verdict"] != "pass" for row in rows if row["integrator"] == breaks.OUR_LABEL))
 
 
 def _add_silence(parser, default):

@@ -1,6 +1,7 @@
 """What to run for a wished accuracy: the answer of a sweep that was done before."""
 
 import json
+import shlex
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -11,35 +12,45 @@ from validation.sweep_choice import choose, each, meets, nearest, ours, resoluti
 from validation.sweep_report import ONE_START, error_of, named, names, over, seconds
 
 FOLDERS = Path("results/sweep"), Path(__file__).parent / "results" / "sweep"  # looked into in this order
+LONGER = 4  # times as long halves an error
 UNSURE = "the error bar reaches across the target, or is not known, or the run time is not"
 
 
 def load(folder=None):
-    """The summary of the sweep in a folder, by default the first of `FOLDERS` that has one.
+    """The summary of the sweep in a folder, by default the first of `FOLDERS` that has one, and that folder.
 
     Raises:
         LookupError: there is none; the message says by which command it is made.
     """
     folders = [folder] if folder else FOLDERS
     found = next((path for path in folders if (path / "summary.json").exists()), folders[0])
-    command = f"python -m validation sweep --out {found}"
+    command = shlex.join(["python", "-m", "validation", "sweep", "--out", str(found)])
     try:
-        return json.loads((found / "summary.json").read_text())
+        return json.loads((found / "summary.json").read_text()), found
     except OSError as error:
-        raise LookupError(f"no sweep in {found}; this makes one: {command}") from error
+        raise LookupError(f"no sweep in {found}; this makes one, in some hours (with --short in some minutes): {command}") from error
     except json.JSONDecodeError as error:
         raise LookupError(f"{found / 'summary.json'} is not complete ({error}); this writes it anew: {command}") from error
 
 
-def scene_of(summary, name, targets):
+def again(summary, folder, name, times=1):
+    """The command that sweeps a scene into that folder, as the rest of it was swept; ``times`` as long, into a folder of its own."""
+    known = summary["scenes"].get(name) or next(iter(summary["scenes"].values()), {"swept": {"command": ""}})
+    words = ["python", "-m", "validation", "sweep", name, *["--short"] * ("--short" in known["swept"]["command"])]
+    budget = next((one["budget"] for one in summary["lengths"].values()), None)
+    words += ["--budget", f"{times * budget:.10g}"] * (budget is not None)
+    return shlex.join([*words, "--out", str(folder) if times == 1 else f"{folder}-{times}-times"])
+
+
+def scene_of(summary, folder, name, targets):
     """The swept scene of that name.
 
     Raises:
         LookupError: it is not in the sweep, or one of the targets' measures is not among its own.
     """
     if name not in summary["scenes"]:
-        swept = ", ".join(summary["scenes"]) or "none"
-        raise LookupError(f"scene {name} is not in this sweep (there: {swept}); this adds it: python -m validation sweep {name}")
+        there, place = ", ".join(summary["scenes"]) or "none", FOLDERS[0] if folder == FOLDERS[-1] else folder
+        raise LookupError(f"scene {name} is not in the sweep in {folder} (there: {there}); this measures it: {again(summary, place, name)}")
     scene = summary["scenes"][name]
     for measure in targets:
         if measure not in scene["measures"]:
@@ -48,12 +59,12 @@ def scene_of(summary, name, targets):
     return scene
 
 
-def advise(console, summary, name, targets):
+def advise(console, summary, folder, name, targets):
     """Print which integrator and time step reach the targets the fastest, and what else there is to know.
 
     Args:
         console: where to.
-        summary: of a sweep.
+        summary: of a sweep.  folder: where it is.
         name: of a scene in it.
         targets: measure to the largest error, see ``sweep_choice``.
 
@@ -63,7 +74,7 @@ def advise(console, summary, name, targets):
     Raises:
         LookupError: see `scene_of`.
     """
-    scene = scene_of(summary, name, targets)
+    scene = scene_of(summary, folder, name, targets)
     points, choice = scene["points"], choose(scene["points"], targets)
     own = ours(points, targets)
 
@@ -88,7 +99,7 @@ def advise(console, summary, name, targets):
         _say_best(say, choice, targets)
         say(_of_ours(own, choice, points, targets))
     else:
-        _say_none(say, choice, points, targets, name)
+        _say_none(say, choice, points, targets, again(summary, FOLDERS[0] if folder == FOLDERS[-1] else folder, name, LONGER))
     console.print(_table(points, targets))
     if choice.best:
         say("In the input script:")
@@ -103,8 +114,10 @@ def _say_best(say, choice, targets):
     say(f"{best['label']} with a time step of {best['dt']:g} fs: {seconds(best['cost'])} s per ns")
     for measure, most in targets.items():
         say(f"    {measure} {error_of(best, measure)}, wanted {most:g}")
+    if not meets(best, targets):
+        say(f"That it is below is not sure for itself: but its error is not above that of {named(choice.fastest)}, which is below for sure, within the error bars.")
     if choice.ties:
-        say(f"As fast, within the spread of the timings: {names(choice.ties)}.")
+        say(f"A tie: as fast, within the spread of the timings, {names(choice.ties)}.")
     elif best["starts"] > 1:
         say("No other one is as fast.")
     if best["starts"] < 2:
@@ -113,11 +126,10 @@ def _say_best(say, choice, targets):
         say(f"Perhaps good enough and as fast, but {UNSURE}: {names(choice.perhaps, 4)}.")
 
 
-def _say_none(say, choice, points, targets, name):
+def _say_none(say, choice, points, targets, longer):
     if choice.perhaps:
         say(f"Cannot tell: {UNSURE}: {names(choice.perhaps, 4)}.")
-        say(f"Longer runs tell: python -m validation sweep {name} --budget MINUTES --out DIR, with more minutes, and another folder: in this one "
-            "they would take the place of what is there.")  # fmt: skip
+        say(f"Longer runs tell; this takes {LONGER} times as long, for half the error, and goes to a folder of its own: {longer}")
     else:
         say("No point of the sweep reaches this.")
     near = nearest(points, targets)
@@ -133,7 +145,7 @@ def _of_ours(own, choice, points, targets):
     if own.best is choice.best:
         return "This is ours."
     if own.best:
-        return f"Ours: {named(own.best)}, {over(own.best, choice.best)} times the run time."
+        return f"Ours: {named(own.best)}, {over(own.best, choice.fastest)} times the run time of the fastest."
     near = nearest([point for point in points if point["ours"]], targets)
     text = "Ours: cannot tell" if own.perhaps else "Ours: none reaches this"
     return text + (f"; the nearest one, {named(near[0])}, is {_above(near[1])}." if near else ".")

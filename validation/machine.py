@@ -23,6 +23,12 @@ def circumstances():
     }
 
 
+def package(summary):
+    """With which package something was measured, of its `circumstances`: version, and the first digits of its files' hash."""
+    found = summary.get("versions", {})
+    return f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})" if "package" in found else "a package that is not told"
+
+
 def now():
     """The time, to the second, as text."""
     return datetime.now(timezone.utc).isoformat(timespec="seconds")

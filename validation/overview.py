@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from validation import goals, overview_stability, overview_sweep, paper_claims, published, report, theory_report
+from validation import breaks_report, goals, overview_stability, overview_sweep, paper_claims, published, report, theory_report
 from validation.bench_report import spread
 from validation.bench_report import title as point_title
 from validation.check import SURE, bound, measured, number
@@ -41,7 +41,7 @@ class Part:
 
 def _bench(summary):
     """Time in the fixes and of the whole step against the fixes of LAMMPS, and the goals."""
-    headlines, best, rows, whole = [], [], [], {}
+    headlines, best, rows, whole, short = [], [], [], {}, []
     for point in summary["points"]:
         ratios = {row["name"]: row["modify_ratio"] for row in point["integrators"] if row.get("modify_ratio")}
         ours = next(row for row in point["integrators"] if row["name"] == OURS)
@@ -65,6 +65,9 @@ def _bench(summary):
         least, most = min(whole, key=whole.get), max(whole, key=whole.get)
         headlines.insert(0, f"A whole step with ours takes {whole[least]:.2f} ({least}) to {whole[most]:.2f} ({most}) times that with the fastest of "
                             "LAMMPS's rigid fixes.")  # fmt: skip
+        water = [ratio for where, ratio in whole.items() if where.startswith("water")]
+        short.append(f"A whole step of water takes {min(water):.2f} to {max(water):.2f} times that with the fastest of LAMMPS's rigid fixes; "
+                     f"over all scenes {whole[least]:.2f} to {whole[most]:.2f}." if water else headlines[0])  # fmt: skip
     judged = [goal for goal in summary["goals"] if goal["met"] is not None]
     lines = [f"Of the goals {sum(goal['met'] for goal in judged)} are met, of {len(judged)} that were measured; each is in the first table."]
     for start in summary["starts"]:
@@ -83,7 +86,7 @@ def _bench(summary):
         [Table("Time in the fixes (LAMMPS's Modify) and of the whole step; below 1 ours is the faster; median [minimum–maximum] of rounds", (
             "bodies, ranks", "ours, µs a step", *(f"ours / {INTEGRATORS[name].label}" for name in _USUAL),
             "whole step, ours / the fastest rigid fix"), best)],
-        commands=_bench_commands(summary),
+        commands=_bench_commands(summary), short=short,
     )  # fmt: skip
 
 
@@ -103,7 +106,8 @@ def _checks(summary, titles, noun, shown):
     """Numbers between bounds: how many hold, and those with a ``shown`` verdict."""
     checks = [check for check in summary["checks"] if check["verdict"]]
     counts = {verdict: sum(check["verdict"] == verdict for check in checks) for verdict in VERDICTS}
-    headlines = [f"Of {len(checks)} {noun} {counts['holds']} hold, {counts['does not hold']} do not, {counts['cannot tell']} cannot be told."]
+    others = [f"{counts[verdict]} {words}" for verdict, words in (("does not hold", "do not"), ("cannot tell", "cannot be told")) if counts[verdict]]
+    headlines = [f"Of {len(checks)} {noun} {', '.join([f'{counts[VERDICTS[0]]} hold', *others])}." if others else f"All {len(checks)} {noun} hold."]
     lines = []
     for part, title in titles.items():
         some = [check["verdict"] == "holds" for check in checks if check["part"] == part]
@@ -116,6 +120,7 @@ def _checks(summary, titles, noun, shown):
         headlines, lines, [Table("All numbers", ("part", "of", "number", "measured", "bound", "verdict", "note"), rows)],
         best=[Table("All of them" if VERDICTS[0] in shown else "Those that do not hold, or cannot be told",
                     ("of", "number", "measured", "bound", "verdict"), few)],
+        short=headlines,
     )  # fmt: skip
 
 
@@ -126,8 +131,10 @@ def _theory(summary):
 
 
 def _published(summary):
-    said = _checks(summary, published.TITLES, "standard deviations of the energy, held against published ones,", VERDICTS)
-    return replace(said, figures=[Figure("spread.png", f"Beside {published.SOURCE}.")])
+    said = _checks(summary, published.TITLES, "standard deviations of the energy, held within {:g} % of those of others,".format(100 * published.WITHIN), VERDICTS)
+    origins = [[Cell(what), Cell(where)] for what, where in published.ORIGINS.items()]
+    return replace(said, best=[*said.best, Table("Where each number comes from", ("number", "from"), origins)],
+                   figures=[Figure("spread.png", f"Beside {published.SOURCE}.")])  # fmt: skip
 
 
 def _paper(summary):
@@ -138,6 +145,23 @@ def _paper(summary):
         said, lines=[*said.lines, *[f"Not complete: {'; '.join(failed)}."] * bool(failed)],
         figures=[Figure(f"figure_{name}.png", f"Figure {name}, run again. The paper says of its own:", STATEMENTS[scene]) for name, scene in figures.items()],
     )  # fmt: skip
+
+
+def _breaks(summary):
+    """What users report of LAMMPS's rigid fixes, beside ours."""
+    cases, fixes = breaks_report.cases(summary), breaks_report.fixes(summary)
+    told = []
+    for fix in fixes:
+        verdicts = [of_it[fix]["verdict"] for of_it in cases.values() if fix in of_it]
+        bad = [f"{sum(one == word for one in verdicts)} {words}" for word, words in (("fail", "goes wrong"), ("ends", "ends the run")) if word in verdicts]
+        told.append(f"{fix} passes {sum(one == 'pass' for one in verdicts)}" + f" ({', '.join(bad)})" * bool(bad))
+    rows = [
+        [Cell(name), Cell(next(iter(of_it.values()))["what"]), Cell(f"{next(iter(of_it.values()))['most']:.2g}", next(iter(of_it.values()))["most"]),
+         *(Cell(breaks_report.shown(of_it.get(fix)), sortable(of_it.get(fix, {}).get("value")), of_it.get(fix, {}).get("verdict", "")) for fix in fixes)]
+        for name, of_it in cases.items()
+    ]  # fmt: skip
+    sentence = f"Of {len(cases)} cases that users report as broken {'; '.join(told)}."
+    return Said([sentence], best=[Table("Small is good", ("case", "what is measured", "at most", *fixes), rows)], short=[sentence])
 
 
 def _scaling(summary):
@@ -221,6 +245,7 @@ def _spread(value):
 PARTS = (
     Part("sweep", "What to use", "sweep", overview_sweep.say),
     Part("stability", "What breaks where", "stability", overview_stability.say),
+    Part("breaks", "What breaks others", "breaks", _breaks),
     Part("bench", "What it costs", "bench", _bench),
     Part("theory", "Whether the theory holds", "theory", _theory),
     Part("paper", "The paper's test problems again", "paper --full", _paper),

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 STYLES = {"holds": "holds", "does not hold": "does-not-hold", "cannot tell": "cannot-tell", "pass": "holds", "fail": "does-not-hold",
-          "blow-up": "does-not-hold", "met": "holds", "not met": "does-not-hold", "not measured": "cannot-tell"}  # fmt: skip
+          "blow-up": "does-not-hold", "ends": "does-not-hold", "met": "holds", "not met": "does-not-hold", "not measured": "cannot-tell"}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,7 @@ class Said:
         figures: list of `Figure`.
         commands: what makes these results; None takes the summary's own.
         extent: how long the runs were, in words.
+        short: what is known for sure, in a sentence or two, for the first lines of the page.
     """
 
     headlines: list = field(default_factory=list)
@@ -60,6 +61,7 @@ class Said:
     best: list = field(default_factory=list)
     commands: list | None = None
     extent: str = ""
+    short: list = field(default_factory=list)
 
 
 def sortable(value):

@@ -41,10 +41,22 @@ class Section:
     warnings: list
 
     @property
+    def measured(self):
+        """When, and with which package."""
+        return f"Measured {_days(self.summary)} with {machine.package(self.summary)}."
+
+    @property
     def commands(self):
         """What makes these results, or would."""
         made = [self.summary["command"]] if "command" in self.summary else [f"python -m validation {self.part.verb}"]
         return self.said.commands or made
+
+
+def _days(summary):
+    """The days of a summary: of its parts, where these were measured at different times."""
+    parts = [*(scene.get("swept", {}) for scene in summary.get("scenes", {}).values())] or [*summary.get("points", ())] or [summary]
+    days = sorted({(part.get("date") or part.get("begin") or summary.get("date") or "on a day that is not told")[:10] for part in parts})
+    return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
 
 
 def gather(results):
@@ -96,16 +108,15 @@ def _read(part, name, path):
 
 def _missing(part, name, folder, warnings):
     """The section of results that are not there."""
-    return Section(part, name, folder, {}, overview_pieces.Said(), [*warnings, f"No results: python -m validation {part.verb} makes them."])
+    return Section(part, name, folder, {}, overview_pieces.Said(), [*warnings, f"No results; this makes them: python -m validation {part.verb}."])
 
 
 def _facts(sections):
     """Machine and versions: {what: {value: names of the sections that have it}}."""
     seen = {}
     for section in sections:
-        known = {"package": "not told"} | section.summary.get("versions", {})
-        for key, value in (section.summary.get("machine", {}) | known).items():
-            if key != "load_at_start":
+        for key, value in (section.summary.get("machine", {}) | section.summary.get("versions", {})).items():
+            if key not in ("load_at_start", "package", "fix_nosquish"):  # the package stands beside each result
                 seen.setdefault(key.replace("_", " "), {}).setdefault(value, []).append(section.name)
     return seen
 
@@ -121,13 +132,12 @@ def differing(sections):
 
 
 def circumstances(sections):
-    """A ``overview_pieces.Table``: when and by which command each section was measured, and in what its machine and versions differ from others'."""
+    """A ``overview_pieces.Table``: by which command each section was measured, and in what its machine and versions differ from others'."""
     seen, rows = differing(sections), []
     for section in sections:
         of_it = [", ".join(str(value) for value, names in values.items() if section.name in names) or "not told" for values in seen.values()]
-        date = section.summary.get("date", "not told")[:10]
-        rows.append([overview_pieces.Cell(text) for text in (section.part.title, date, *of_it, _place(section.folder), "; ".join(section.commands))])
-    return overview_pieces.Table("Each part", ("part", "measured", *seen, "results", "command"), rows)
+        rows.append([overview_pieces.Cell(text) for text in (section.part.title, *of_it, _place(section.folder), "; ".join(section.commands))])
+    return overview_pieces.Table("Each part", ("part", *seen, "results", "command"), rows)
 
 
 def write(sections, path):
@@ -138,7 +148,8 @@ def write(sections, path):
         path: of the page.
     """
     found = [section for section in sections if section.folder]
-    page("overview.html", path, [], sections=sections, picture=picture, date=machine.now(), commit=commit(), common=common(found),
+    short = [(section, line) for section in found for line in section.said.short]
+    page("overview.html", path, [], sections=sections, short=short, picture=picture, date=machine.now(), commit=commit(), common=common(found),
          differing=differing(found), circumstances=circumstances(found), renamed=" and ".join(overview.NAMES))  # fmt: skip
 
 

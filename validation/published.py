@@ -1,8 +1,8 @@
 """The energy's spread of rigid water at several time steps, beside published numbers.
 
 A. J. Silveira and C. R. A. Abreu, J. Chem. Phys. 150, 114110 (2019), integrated TIP3P water with the free rotor's exact solution
-and forces that end smoothly; `inputs/water_smooth` has their potential, but for the form of its end.  Its parameters are those in the input
-of their program, where the paper cites TIP3P's first ones; what is held against is the energies of their trajectories, beside the manuscript.
+and forces that end smoothly; `inputs/water_smooth` has their potential, but for the form of its end.  Their paper draws the energies
+and prints no number of their spread: `PUBLISHED` and its error are worked out from the authors' files, as `ORIGINS` says number by number.
 """
 
 from dataclasses import replace
@@ -20,12 +20,22 @@ from validation.scenes import INPUTS, SCENES
 from validation.starts import from_dump, to_dump
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
-SERIES = "github.com/craabreu/rigid_nvt_paper"
-PUBLISHED = {1.0: 0.0603, 2.0: 0.2205, 3.0: 0.4871, 4.0: 0.8872}  # fs: standard deviation of TotEng in Figures/NVE_1fs.csv and so on, kcal/mol
-THEIR_ERROR = 1 / np.sqrt(2 * 667)  # of these, relative: each is of 667 energies, 9 ps apart, which no more depend on each other
-# All four have one energy, above its mean at 298 K, so they are warmer (the mean of all four; E and Cv1 of S1.csv at 1 fs)
+SERIES = "github.com/craabreu/rigid_nvt_paper"  # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
+FILE = "Figures/NVE_{:g}fs.csv"  # there: energies of their trajectories of constant energy
+PUBLISHED = {1.0: 0.0603, 2.0: 0.2205, 3.0: 0.4871, 4.0: 0.8872}  # fs: standard deviation of TotEng in `FILE`, kcal/mol
+ENERGIES = 667  # in each `FILE`, 9 ps apart: neighbours' correlation is below 0.06 in all four
+THEIR_ERROR = 1 / np.sqrt(2 * ENERGIES)  # of these, relative, for they do not depend on each other
+# All four have one energy, above its mean at 298 K, so they are warmer: the mean of TotEng of all four; E and Cv1 of Figures/S1.csv at 1 fs
 ENERGY, ENERGY_AT_298, HEAT_CAPACITY = -6475.0, -6616.5, 17.5  # kcal/mol, kcal/mol, kcal/mol/K
 TEMPERATURE = 298.0 + (ENERGY - ENERGY_AT_298) / HEAT_CAPACITY  # K
+ORIGINS = {
+    "standard deviations of the energy": f"computed here: of TotEng in the authors' Figures/NVE_1fs.csv to NVE_4fs.csv ({SERIES}); the paper draws "
+    "these energies and prints no standard deviation",
+    "their errors": f"computed here: 1/√(2·{ENERGIES}) of each, for {ENERGIES} energies that do not depend on each other",
+    "903 molecules, 970 kg/m³, cutoff 10 Å from 9.5 Å on, erfc(0.29 r/Å)": f"the authors' manuscript, as in the paper (rigid_bodies.tex, {SERIES})",
+    "parameters of the potential": "the input of the authors' program (github.com/craabreu/rigid_nvt); the paper cites TIP3P's first ones",
+    f"temperature, {TEMPERATURE:.0f} K": f"computed here: from the mean of these energies, and from energy and heat capacity at 298 K in Figures/S1.csv ({SERIES})",
+}
 WITHIN = 0.10  # of the published numbers
 ALL = "all"  # time steps together
 TITLES = {"spread": f"Standard deviation of the energy over the published one, 903 TIP3P molecules at {TEMPERATURE:.0f} K"}
@@ -125,7 +135,9 @@ def checks(found):
 def _check(subject, found, note):
     what = "standard deviation of the total energy over the published one"
     value, error, freedom = found
-    return Check("spread", subject, what, value, error, 1 - WITHIN, 1 + WITHIN, "", note, f"{SOURCE}; {SERIES}", freedom=freedom)
+    file = "all four" if subject == ALL else FILE.format(float(subject.split()[0]))
+    source = f"{SOURCE}; theirs and its error computed here from TotEng in {file}, {SERIES}"
+    return Check("spread", subject, what, value, error, 1 - WITHIN, 1 + WITHIN, "", note, source, freedom=freedom)
 
 
 def spread(made):
@@ -153,5 +165,5 @@ def write(summary, made, out):
     """
     save(summary, out)
     check.write(summary["checks"], out / "table.csv")
-    page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE, series=SERIES,
+    page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE, origins=ORIGINS,
          temperature=TEMPERATURE, their_margin=measures.margin(THEIR_ERROR), measured=check.measured, bound=check.bound, sure=check.SURE)  # fmt: skip

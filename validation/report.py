@@ -8,6 +8,8 @@ from pathlib import Path
 
 import jinja2
 
+from validation import machine
+
 from validation.measures import margin
 
 FREE = 90.0  # percent of a core that a rank must have had
@@ -192,6 +194,7 @@ def page(template, path, figures, **values):
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.globals["package"] = machine.package
     embedded = [
         (base64.b64encode(Path(png).read_bytes()).decode(), caption) for png, caption in figures
     ]

@@ -1,8 +1,8 @@
 """Which measured point of a sweep is the fastest that is accurate enough.  Pure functions; nothing between two points is guessed.
 
 A point is one integrator with one time step, as plain data (see ``sweep``); of it are used ``integrator``, ``dt`` (fs), ``failed``, ``ours``,
-``cost`` (min and median of its run time, s per simulated ns; None if not timed), ``errors`` (measure to value and standard error) and ``without``
-(measures that do not apply to it).
+``lines`` (of the input script), ``cost`` (min and median of its run time, s per simulated ns; None if not timed), ``errors`` (measure to value and
+standard error) and ``without`` (measures that do not apply to it).
 Targets are a dictionary from measure to the largest error that is good enough, in the measure's unit.
 """
 
@@ -15,6 +15,7 @@ from validation.measures import margin
 
 # these say whether something is right, or not; they are no errors that a shorter step makes smaller
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"
+DEFAULT = "nosquish"  # the integrator that a tie goes to: this package's, without keywords
 DECADES = 3.0  # a ladder of targets that spans more has one rung in each decade, else three
 
 
@@ -24,14 +25,17 @@ class Choice:
 
     Attributes:
         targets: measure to what its error has to be below.
-        best: the point that meets all targets for sure and has the smallest least run time; None if none does.
-        ties: further such points, from the fastest: their least run time is not above the median of the best one's.
+        best: the simplest of the ``fastest`` and those that tie with it; None if none meets all targets for sure.  Where that is this package's
+            with keywords, its default at the same step is, if its errors are not above the variant's within that one's error bars: it may not meet the targets for sure itself.
+        fastest: the point that meets all targets for sure and has the smallest least run time.
+        ties: further points that tie with it, from the fastest: they meet all targets for sure, and their least run time is not above its median.
         perhaps: points of which there is no telling whether they meet the targets, or which are not timed, as fast as the best one or faster.
         resolved: whether the targets are not below the `resolution`.
     """
 
     targets: dict
     best: dict | None
+    fastest: dict | None = None
     ties: tuple = ()
     perhaps: tuple = ()
     resolved: bool = True
@@ -85,8 +89,22 @@ def choose(points, targets):
         point for point, met in verdicts
         if (met is None or met and not point["cost"]) and (not point["cost"] or point["cost"]["min"] <= usual)
     ]  # fmt: skip
-    ties = [point for point in good[1:] if point["cost"]["min"] <= usual]
-    return Choice(dict(targets), good[0] if good else None, tuple(ties), tuple(sorted(perhaps, key=_by_cost)))
+    tied = [point for point in good if point["cost"]["min"] <= usual]
+    best = _plain(min(tied, key=_by_words, default=None), perhaps, targets)
+    perhaps = [point for point in perhaps if point is not best]
+    ties = [point for point in tied if point is not best]
+    return Choice(dict(targets), best, good[0] if good else None, tuple(ties), tuple(sorted(perhaps, key=_by_cost)))
+
+
+def _plain(best, perhaps, targets):
+    """The default in the place of its variant with keywords, where no error of it is above the variant's: a keyword has to be seen to help."""
+    if best is None or not best["ours"] or best["integrator"] == DEFAULT:
+        return best
+    for point in perhaps:
+        if point["integrator"] == DEFAULT and point["dt"] == best["dt"] and point["cost"] and meets(point, targets) is None:
+            if all(measure in point["errors"] and point["errors"][measure]["value"] <= bound(best, measure) for measure in targets):
+                return point
+    return best
 
 
 def ours(points, targets):
@@ -163,6 +181,11 @@ def fastest(points, measures):
             found.append((measure, target, none, none))
         found += [(measure, target, choose(points, {measure: target}), ours(points, {measure: target})) for target in resolved]
     return found
+
+
+def _by_words(point):
+    """From the simplest: this package's default, then what takes the fewest words in an input script; of equal ones the fastest first."""
+    return point["integrator"] != DEFAULT, len(" ".join(point["lines"]).split()), _by_cost(point)
 
 
 def _by_cost(point):

@@ -102,9 +102,9 @@ def error_of(point, measure):
     return f"{found['value']:.3g} ± ?" if found["error"] is None else number(**found)
 
 
-def over(ours, best):
-    """How many times the best one's run time ours takes, as text."""
-    return f"{ours['cost']['min'] / best['cost']['min']:.2f}" if ours and best else "–"
+def over(ours, fastest):
+    """How many times the fastest one's run time ours takes, as text."""
+    return f"{ours['cost']['min'] / fastest['cost']['min']:.2f}" if ours and fastest else "–"
 
 
 def unit_of(measure):
@@ -146,8 +146,8 @@ def _write_points(summary, path):
 def _write_ways(summary, ways, path):
     with open(path, "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["scene", "measure", "unit", "target", "verdict", "fastest", "dt (fs)", *(f"wall {part} (s/ns)" for part in PARTS), "value",
-                         "margin", "as fast", "no telling", "ours", "ours dt (fs)", "ours / fastest"])  # fmt: skip
+        writer.writerow(["scene", "measure", "unit", "target", "verdict", "use", "dt (fs)", *(f"wall {part} (s/ns)" for part in PARTS), "value",
+                         "margin", "a tie with", "no telling", "ours", "ours dt (fs)", "ours / fastest"])  # fmt: skip
         for name, rows in ways.items():
             for measure, target, choice, ours in rows:
                 best, own = choice.best, ours.best
@@ -156,7 +156,7 @@ def _write_ways(summary, ways, path):
                     name, measure, summary["measures"][measure]["unit"], target, choice.verdict,
                     *([best["label"], best["dt"], *(best["cost"][part] for part in PARTS)] if best else [""] * 5),
                     found.get("value", ""), margin_of(found) if found else "", names(choice.ties), names(choice.perhaps),
-                    *([own["label"], own["dt"]] if own else ["", ""]), own["cost"]["min"] / best["cost"]["min"] if own else "",
+                    *([own["label"], own["dt"]] if own else ["", ""]), own["cost"]["min"] / choice.fastest["cost"]["min"] if own else "",
                 ])  # fmt: skip
 
 
@@ -196,7 +196,7 @@ def _show_integrators(console, name, scene, measures):
 
 def _show_fastest(console, name, scene, measures):
     table = _table(f"{name}: fastest way to an error, sure by {SURE}", "error of")
-    for head in "below", "fastest", "s per ns", "as fast", "ours / fastest":
+    for head in "below", "use", "s per ns", "a tie with", "ours / fastest":
         table.add_column(head, justify="right" if head in ("below", "s per ns", "ours / fastest") else "left", overflow="fold")
     before = None
     for measure, target, choice, ours in distinct(fastest(scene["points"], scene["measures"])):
@@ -204,7 +204,7 @@ def _show_fastest(console, name, scene, measures):
         title = f"{measure}{unit_of(measures[measure])}" if measure != before else ""
         before = measure
         words = named(best) if best else choice.verdict + (f": {names(choice.perhaps, 2)}" if choice.perhaps else "")
-        table.add_row(title, f"{target:g}", words, seconds(best["cost"]) if best else "–", names(choice.ties, 2), over(ours.best, best),
+        table.add_row(title, f"{target:g}", words, seconds(best["cost"]) if best else "–", names(choice.ties, 2), over(ours.best, choice.fastest),
                       style=_style(best) if best else "dim")  # fmt: skip
     console.print(table)
 

@@ -1,0 +1,118 @@
+"""Every command of the harness that it prints as advice is one that its own command line accepts."""
+
+import functools
+import html
+import json
+import re
+import shlex
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from test_sweep_choice import advise, synthetic  # noqa: E402
+
+from validation import __main__ as command  # noqa: E402
+from validation import overview, overview_report, sweep_plan, sweep_report  # noqa: E402
+
+COMMITTED = ROOT / "validation" / "results"
+
+
+def commands(text):
+    """The commands in a text, page or JSON: each ends with its line, sentence, code or JSON string, or where the next one begins."""
+    found = re.findall(r"python -m validation ([^\n<`;\"\\]*)", text)
+    return sorted({re.sub(r"[.,:)]+$", "", one.split("python -m")[0].strip()) for one in found} - {"", "VERB"})
+
+
+lengths = functools.cache(sweep_plan.lengths)  # takes its time
+
+
+def refused(words):
+    """Why the command line refuses these words; None if it takes them."""
+    try:
+        arguments = command.parser().parse_args(shlex.split(words))
+    except SystemExit as end:
+        return None if end.code == 0 else f"refused: python -m validation {words}"
+    if arguments.verb == "sweep":  # which has limits that depend on each other
+        names = tuple(arguments.scenes or sweep_plan.SCENES)
+        lengths(names, arguments.short, arguments.budget)
+        sweep_plan.points(names, arguments.short, arguments.only, arguments.steps)
+    return None
+
+
+def assert_accepted(text, least=1):
+    found = commands(text)
+    assert len(found) >= least, "no command was found: look at how they are found"
+    wrong = [why for why in map(refused, found) if why]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_commands_are_found():
+    """Locks out a search that passes because it finds nothing, and one that takes everything."""
+    text = "Use `python -m validation sweep water`; this: python -m validation sweep butter.\n<td>python -m validation advise water</td>"
+    assert commands(text) == ["advise water", "sweep butter", "sweep water"]
+    assert [bool(refused(words)) for words in commands(text)] == [True, True, False]
+
+
+@pytest.mark.parametrize("asked", ["advise butter --target energy_sd=1", "sweep butter", "advise mixed --target energy_sd=1", "stability butter",
+                                   "stability --only butter", "theory butter", "bench butter", "compare butter"])  # fmt: skip
+def test_unknown_names_are_refused_at_once(capsys, asked):
+    """Locks out a name that nothing knows found out late, or never, and a refusal that does not tell the names that there are."""
+    assert refused(asked)
+    told = capsys.readouterr().err
+    assert "choose from" in told and asked.split()[1].removeprefix("--") in told
+    if asked.split()[0] in ("advise", "sweep"):
+        assert "dimer, water, peptide" in told
+
+
+@pytest.mark.parametrize("asked", [("energy_sd=0.3",), ("energy_sd=0.001",), ("energi=1",), ("drift=2.2e-5",)])
+def test_what_advise_prints(capsys, tmp_path, asked):
+    """Locks out a command that advise prints, on any of its ways, and that then fails."""
+    out = tmp_path / "with a space"
+    out.mkdir()
+    (out / "summary.json").write_text(json.dumps(sweep_report.gathered(synthetic(), out)))
+    told = [advise(capsys, out, *asked)[1], advise(capsys, out, *asked, scene="dimer")[1], advise(capsys, tmp_path, *asked)[1]]
+    assert_accepted("\n".join(told), least=2)
+
+
+def test_what_advise_prints_where_it_cannot_tell(capsys, tmp_path):
+    """Locks out the advice of a longer sweep that needs words which nobody knows."""
+    summary = synthetic()
+    for point in summary["scenes"]["water"]["points"]:
+        if point["errors"]:
+            point["errors"]["energy_sd"] = {"value": 1.0, "error": 0.5}
+    (tmp_path / "summary.json").write_text(json.dumps(sweep_report.gathered(summary, tmp_path)))
+    status, told = advise(capsys, tmp_path, "energy_sd=1.1")
+    assert status == 1 and "Longer runs tell" in told
+    assert_accepted(told)
+
+
+def test_what_the_page_prints(tmp_path, monkeypatch):
+    """Locks out such a command on the page: of the committed results, and where there are none."""
+    monkeypatch.setattr(overview_report, "light", lambda path: "")
+    overview_report.write(overview_report.gather(tmp_path), tmp_path / "page.html")
+    monkeypatch.setattr(overview_report, "COMMITTED", tmp_path)
+    overview_report.write(overview_report.gather(tmp_path), tmp_path / "empty.html")
+    assert_accepted(html.unescape((tmp_path / "page.html").read_text()), least=100)
+    assert_accepted(html.unescape((tmp_path / "empty.html").read_text()), least=len(overview.PARTS))
+
+
+@pytest.mark.parametrize("name", sorted(path.parent.name for path in COMMITTED.glob("*/summary.json")))
+def test_what_results_hold(name):
+    """Locks out committed results whose commands cannot be given again."""
+    assert_accepted(json.dumps(json.loads((COMMITTED / name / "summary.json").read_text()), indent=0, ensure_ascii=False))
+
+
+def test_what_is_written_down():
+    """Locks out such a command in the README and in the templates of pages."""
+    assert_accepted((ROOT / "README.md").read_text(), least=10)
+    for path in (ROOT / "validation" / "templates").glob("*.html"):
+        wrong = [why for why in map(refused, commands(re.sub(r"{{.*?}}", "water", path.read_text()))) if why]
+        assert not wrong, f"{path.name}: {wrong}"
