@@ -28,7 +28,7 @@ import sys
 import time
 import warnings
 from contextlib import ExitStack, contextmanager
-from functools import cache, cached_property, partial, update_wrapper
+from functools import cache, partial, update_wrapper
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import NamedTuple

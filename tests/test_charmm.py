@@ -9,7 +9,6 @@ from typing import NamedTuple
 import charmm
 import numpy as np
 import pytest
-from conftest import read_thermo
 from systems import LIKE_LAMMPS, OURS, RIGID
 
 STEPS, DT = 10, 0.25  # fs

@@ -6,7 +6,7 @@ outer level has just stored, so that its trajectory does not converge to that of
 
 import numpy as np
 import pytest
-from systems import OURS, Result, apart, mixture, tensor, water
+from systems import OURS, apart, mixture, tensor, water
 
 TWO = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
 THREE = "run_style respa 3 2 2 inner 1 1.2 1.5 middle 2 1.8 2.2 outer 3"
