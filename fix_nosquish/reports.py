@@ -28,7 +28,7 @@ class Reports:
         if not said or said[:3] != lines[:3]:
             advice = self.host.advice(removed) if isinstance(self.host, OwnFix) else ()
             self.host.log("\n".join([*lines, *advice, ""]))
-        elif said[3] != lines[3] and self._notes["removed"] > 1e-9 * self._notes["kinetic"]:
+        elif said[3] != lines[3] and thermo.projected(self._notes):
             self.host.log(lines[3] + "\n")
         if warnings:
             self.host.log("\n".join([*warnings, ""]))

@@ -53,6 +53,11 @@ def energies(bodies, world, lammps):
     return np.append(energy[:2], np.divide(2 * energy, degrees * lammps.boltz, out=np.zeros(3), where=degrees > 0))
 
 
+def projected(notes):
+    """Whether start velocities were not rigid motion already. Args: notes: what `build` says."""
+    return notes["removed"] > 1e-9 * notes["kinetic"]
+
+
 def summary(nve, notes, virial):
     """The lines for the log at the start of a run, and the degrees of freedom removed; collective.
 
@@ -98,8 +103,13 @@ def summary(nve, notes, virial):
         f"Rigid bodies by {nve.method}, fix_nosquish {__version__}: {command.text}",
         f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
-        f"  start velocities: {notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed; "
-        f"temperature {before:.8g} of the atoms before, {now:.8g} of the bodies now",
+        "  start velocities: "
+        + (
+            f"{notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed; "
+            f"temperature {before:.8g} of the atoms before, {now:.8g} of the bodies now"
+            if projected(notes)
+            else f"rigid motion, temperature {now:.8g} of the bodies"
+        ),
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
