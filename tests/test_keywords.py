@@ -128,7 +128,7 @@ def test_bad_words_in_the_plane(simulate, tmp_path, words, said):
 BETWEEN = {
     "nothing": "run 20",
     "velocities scaled": "velocity all scale 2.5\nrun 20",
-    "velocities new": "velocity all create 0.7 4928\nrun 20\nvelocity all set 0.1 0 0 sum yes\nrun 20",
+    "velocities new": "variable w atom sin(id)\nvelocity all set v_w NULL v_w\nrun 20\nvelocity all set 0.1 0 0 sum yes\nrun 20",
     "another time step": "timestep 0.001\nrun 20",
     "pre no": "velocity all scale 2.5\nrun 20 pre no",
 }
