@@ -10,10 +10,10 @@ _SHAPES = "three-dimensional", "planar", "linear"
 
 
 def compare(bodies, lammps, world, membership):
-    """Warn of bodies that have the same atom types, in the order of the atoms' IDs, but not the same shape; collective.
+    """Warn of bodies with the same atom types, in the order of atom IDs, but not one shape; collective.
 
-    Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a racemate is of one kind)
-    by least squares weighted with mass.
+    Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a racemate
+    is of one kind) by least squares weighted with mass.
 
     Returns:
         a list of lines, alike on all ranks.
@@ -32,7 +32,8 @@ def compare(bodies, lammps, world, membership):
         rows[:, 3 + k] = np.bincount(kind, shape[owned] == k, minlength=len(keys))
     rows = world.gather_to_all(rows)
     keys, first, kind = np.unique(rows[:, 0], return_index=True, return_inverse=True)
-    natoms, lowest, counts = rows[first, 1], np.full(len(keys), np.iinfo(np.int64).max), np.zeros((len(keys), 3), int)
+    natoms, counts = rows[first, 1], np.zeros((len(keys), 3), int)
+    lowest = np.full(len(keys), np.iinfo(np.int64).max)
     np.minimum.at(lowest, kind, rows[:, 2])
     np.add.at(counts, kind, rows[:, 3:])
     several = counts.sum(axis=1) > 1
@@ -58,9 +59,9 @@ def compare(bodies, lammps, world, membership):
     products = products.T.reshape(n, 3, 3)
 
     def deviation(turn):
-        """How far each body is from the first of its kind when that is turned so, of its size, (n,)."""
-        far = np.zeros((1, n))
-        np.maximum.at(far[0], body, np.linalg.norm(d - np.einsum("mab,bm->am", turn[body], model), axis=0))
+        """How far each body is from the first of its kind, turned so, as a part of its size, (n,)."""
+        far, off = np.zeros((1, n)), d - np.einsum("mab,bm->am", turn[body], model)
+        np.maximum.at(far[0], body, np.linalg.norm(off, axis=0))
         sharers.combine(far, np.maximum)
         return np.where(kind >= 0, far[0] / size[kind], 0.0)
 
@@ -77,7 +78,8 @@ def compare(bodies, lammps, world, membership):
     other = other[np.lexsort((-far[other], kind[other]))]  # of each kind the furthest is the first
     kinds, first, count = np.unique(kind[other], return_index=True, return_counts=True)
     worst = other[first]
-    found = world.gather_to_all(np.stack([kinds, count, far[worst], bodies.id[worst]], axis=1).astype(float))
+    found = np.stack([kinds, count, far[worst], bodies.id[worst]], axis=1).astype(float)
+    found = world.gather_to_all(found)
     found = found[np.lexsort((-found[:, 2], found[:, 0]))]
     differ, furthest = np.zeros(len(keys), int), np.zeros((len(keys), 2))
     np.add.at(differ, found[:, 0].astype(int), found[:, 1].astype(int))
@@ -86,18 +88,21 @@ def compare(bodies, lammps, world, membership):
     mixed = np.count_nonzero(counts, axis=1) > 1
     said = np.flatnonzero((differ > 0) | mixed)
     said = said[np.argsort(-furthest[said, 0], kind="stable")]
-    lines = [_line(membership, natoms[k], lowest[k], counts[k], differ[k], *furthest[k]) for k in said[:_SAID]]
+    lines = [
+        _line(membership, natoms[k], lowest[k], counts[k], differ[k], *furthest[k]) for k in said[:_SAID]
+    ]
     if len(said) > _SAID:
         lines.append(f"WARNING: so it is with {len(said) - _SAID} other kinds of bodies")
     return lines
 
 
 def _places_and_keys(bodies, lammps):
-    """The place of each atom here in its body's list of atoms, in the order of their IDs, and what tells kinds of bodies apart.
+    """The place of each atom here among its body's, in the order of IDs, and what tells kinds apart.
 
     Returns:
-        (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if ranks that share the
-        body would have to tell each other the order: it is known to each where the IDs follow one another.
+        (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if ranks
+        that share the body would have to tell each other the order: each knows it where the IDs
+        follow one another.
     """
     n, tag, body = len(bodies), bodies.tag, bodies.body
     ends = np.full((2, n), np.inf)
@@ -131,11 +136,15 @@ def _shapes(bodies):
 def _line(membership, natoms, lowest, counts, differ, far, furthest):
     name = membership.name(int(lowest))
     text = (
-        f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as {name}, in the same order, "
-        "have not one shape"
+        f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as {name}, "
+        "in the same order, have not one shape"
     )
     if differ:
-        text += f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {membership.name(int(furthest))} the most, by {far:.2g}"
+        other = membership.name(int(furthest))
+        text += f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {other} the most, by {far:.2g}"
     if np.count_nonzero(counts) > 1:
-        text += "; " + " and ".join(f"{count} are {what}" for count, what in zip(counts, _SHAPES) if count)
-    return text + ". If like molecules are meant, give them one shape before the fix is defined (a minimisation without bonds and angles bends them)"
+        text += "; " + " and ".join(f"{n} are {what}" for n, what in zip(counts, _SHAPES) if n)
+    return (
+        f"{text}. If like molecules are meant, give them one shape before the fix is defined (a minimisation "
+        "without bonds and angles bends them)"
+    )

@@ -9,6 +9,7 @@ from .errors import RunError
 
 _TORN = 2.0  # atoms further off than this times the size of their body say nothing of where it is
 
+
 class Kept(NamedTuple):
     """What keeping the shapes of bodies changes.
 
@@ -25,17 +26,17 @@ class Kept(NamedTuple):
 def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
     """Give bodies that something has deformed since the last run their shape again; collective.
 
-    Such a body is put at the centre of mass of its atoms and turned to fit them best, by least squares
-    weighted with mass (Kabsch, Acta Cryst. A 34, 827 (1978)).  A body of other atoms than before has the
-    shape that its atoms have.
+    Such a body is put at the centre of mass of its atoms and turned to fit them best, by least
+    squares weighted with mass (Kabsch, Acta Cryst. A 34, 827 (1978)).  A body of other atoms than
+    before has the shape that its atoms have.
 
     Args:
         former: the `Former` of LAMMPS's atoms.  ids: (n,) the bodies' IDs.
         body, atoms, mass: (m,) each atom's body, index in LAMMPS's arrays, mass.
         r: (m, 3) its place from the body's centre of mass, in the space frame.
     Returns:
-        r (m, 3), the same array if nothing has deformed a body; `Kept`, None if so; and whether some body, on any
-        rank, is of other atoms than before.
+        r (m, 3), the same array if nothing has deformed a body; `Kept`, None if so; and whether
+        some body, on any rank, is of other atoms than before.
     Raises:
         RunError: on all ranks, if a body was torn apart.
     """
@@ -94,13 +95,14 @@ def best_turns(products, plane=False):
     """The rotations that bring one set of vectors nearest to another.
 
     Args:
-        products: (n, 3, 3), the sums over the vectors of weight times a bᵀ, where b is to be turned into a.
+        products: (n, 3, 3), the sums over the vectors of weight times a bᵀ; b is turned into a.
         plane: whether to turn about z only.
     Returns:
         (n, 3, 3) rotation matrices.
     """
     if plane:
-        angle = np.arctan2(products[:, 1, 0] - products[:, 0, 1], products[:, 0, 0] + products[:, 1, 1])
+        xx, xy, yx, yy = products[:, :2, :2].reshape(-1, 4).T
+        angle = np.arctan2(yx - xy, xx + yy)
         turn = np.tile(np.eye(3), (len(products), 1, 1))
         turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
         turn[:, 1, 0] = np.sin(angle)
@@ -120,14 +122,15 @@ def _say(world, membership, ids, far, size, which):
     name = membership.name(int(name))
     if part > _TORN:
         raise RunError(
-            f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where the body's shape has it, "
-            f"{part:.2g} times its size. Bodies that a periodic face cuts are torn when the boundary changes, or the box without "
-            "'remap': move them off the face before. If the new shape is meant, unfix this fix and define it again",
+            f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where the "
+            f"body's shape has it, {part:.2g} times its size. Bodies that a periodic face cuts are torn "
+            "when the boundary changes, or the box without 'remap': move them off the face before. "
+            "If the new shape is meant, unfix this fix and define it again",
             everywhere=True,
         )
     count = round(world.total(np.array([which.sum()]))[0])
     return (
         f"Bodies that were deformed between the runs: {count}; {name} the most, by {distance:.3g}, "
-        f"{part:.2g} of its size. They keep their shape: each was put at the centre of mass of its atoms and turned "
-        "to fit them. If the new shape is meant, unfix this fix and define it again\n"
+        f"{part:.2g} of its size. They keep their shape: each was put at the centre of mass of its "
+        "atoms and turned to fit them. If the new shape is meant, unfix this fix and define it again\n"
     )

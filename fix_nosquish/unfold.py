@@ -21,9 +21,9 @@ def unfold(lammps, world, membership, sharers, ids, body, tag, atoms):
         sharers: the `Sharers` of the bodies.  ids: (n,) the bodies' IDs.
         body, tag, atoms: (m,) the place of each atom's body, its ID, its index in LAMMPS's arrays.
     Returns:
-        (place, image, delta, rebuilt, doubt): of each body's first atom its place in the box and image flags,
-        (3, n) each; the place of each atom from there, (atoms, 3); the bodies that were put together
-        by the nearest images, (n,) bool; a warning, None for none.
+        (place, image, delta, rebuilt, doubt): of each body's first atom its place in the box and
+        image flags, (3, n) each; the place of each atom from there, (atoms, 3); the bodies that
+        were put together by the nearest images, (n,) bool; a warning, None for none.
     """
     n, box = len(ids), lammps.box
     x, image = lammps.per_atom("x", columns=3)[atoms], lammps.images[atoms]
@@ -70,19 +70,21 @@ def unfold(lammps, world, membership, sharers, ids, body, tag, atoms):
 
 
 def _doubt(world, membership, owned, ids, first, width, gap):
-    """The warning for bodies that may be cut, those with a gap (3, n) that is not zero; None for none; collective."""
+    """The warning for bodies that may be cut, with a gap (3, n) above zero; None for none; collective."""
     gap = gap * owned
-    k, b = np.unravel_index(gap.argmax(), gap.shape) if gap.any() else (0, 0)
-    worst = [[gap[k, b], width[k, b], k, ids[b], first[b], gap.any(axis=0).sum()]] if gap.any() else []
+    worst = []
+    if gap.any():
+        k, b = np.unravel_index(gap.argmax(), gap.shape)
+        worst = [gap[k, b], width[k, b], k, ids[b], first[b], gap.any(axis=0).sum()]
     rows = world.gather_to_all(np.array(worst).reshape(-1, 6))
     if not len(rows):
         return None
     inside, wide, k, body, atom, _ = rows[rows[:, 0].argmax()]
     others = rows[:, 5].sum() - 1
     return (
-        f"WARNING: {membership.name(int(body))} (its first atom is {atom:.0f}) may be cut by a periodic face: by "
-        f"its image flags it is {wide:.2f} box lengths wide along {'xyz'[int(k)]}, with a gap of {inside:.2f} inside "
-        f"and of {max(0.0, 1.0 - wide):.2f} outside. The flags are trusted"
+        f"WARNING: {membership.name(int(body))} (its first atom is {atom:.0f}) may be cut by a periodic "
+        f"face: by its image flags it is {wide:.2f} box lengths wide along {'xyz'[int(k)]}, with a gap of "
+        f"{inside:.2f} inside and of {max(0.0, 1.0 - wide):.2f} outside. The flags are trusted"
         + (f" (as are those of {others:.0f} more)" if others else "")
         + ". If they are wrong, set them (set ... image, or in the data file) before the first run"
     )
