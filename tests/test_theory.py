@@ -18,7 +18,7 @@ for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from fix_nosquish import rotor  # noqa: E402
-from validation import theory, theory_reversal  # noqa: E402
+from validation import theory, theory_loops, theory_reversal  # noqa: E402
 from validation import theory_calculus as calculus  # noqa: E402
 from validation.scenes import SCENES  # noqa: E402
 from validation.theory_reference import FS, Dimer, Oscillator  # noqa: E402
@@ -141,7 +141,7 @@ def test_defects_are_seen():
 # ---- the statements
 
 
-@pytest.mark.parametrize("part", ["symplectic", "conserved", "mrot", "recursion"])
+@pytest.mark.parametrize("part", ["symplectic", "conserved", "mrot", "recursion", "loops"])
 def test_the_theory_holds(part):
     """Locks out a rotor or a reference that loses what the paper proves of it."""
     assert not failed(part)
@@ -201,6 +201,27 @@ def test_a_lossy_rotation_is_found(monkeypatch):
     monkeypatch.setattr(rotor, "turn", lossy)
     text = " ".join(failed("symplectic"))
     assert "NO_SQUISH: |det J − 1|" in text and "NO_SQUISH: |J g⁻¹ Jᵀ − g⁻¹|" in text
+
+
+@pytest.mark.parametrize("kind", ["solid", "planar", "linear", "point"])
+def test_forces_without_a_potential_are_found(monkeypatch, kind):
+    """Locks out differences of the compiled loops that call any step symplectic: an addition to the forces that has a curl."""
+    rng = np.random.default_rng(1)
+    pair = theory_loops.Scene(kind, 2, rng)
+    start, right = pair.random(rng), pair.forces
+    assert pair.defects(start, 0.2)[0] < theory.DIFFERENCES
+    monkeypatch.setattr(pair, "forces", lambda r: right(r) + 1e-4 * np.roll(r, 1, axis=1) * [1, -1, 1])
+    assert pair.defects(start, 0.2)[0] > 100 * theory.DIFFERENCES
+
+
+@pytest.mark.parametrize("kind", ["solid", "planar", "equal moments", "linear", "nearly linear"])
+@pytest.mark.parametrize("scheme", ["NVE", "MatubayasiNakahara"])
+def test_other_equations_are_found(kind, scheme):
+    """Locks out a tie of loops and equations that a moment of inertia off by 1e-10 passes."""
+    rng = np.random.default_rng(1)
+    scene = theory_loops.Scene(kind, 200, rng, scheme)
+    scene.moments = scene.moments * (1 + 1e-10)
+    assert max(scene.apart(rng, scheme)) > theory.TIED
 
 
 # ---- in LAMMPS

@@ -14,6 +14,7 @@ TITLES = {
     "conserved": "Conserved quantity (2.37), (2.51)",
     "mrot": "Inner steps of the rotor",
     "recursion": "Recursion relation (2.30)",
+    "loops": "The compiled loops",
 }
 LEAST = 1e-17  # shown for a zero
 
