@@ -84,6 +84,14 @@ def test_drift_error_covers(n, time):
             assert np.median(found.error) < 3.5 * np.std(found.value), "an error so large that the checks above cannot fail"
 
 
+def test_deviation_about_the_line():
+    """Locks out a drift that passes for scatter: about the line the deviation is the noise's, with and without a drift."""
+    t, x = np.arange(4000) * 0.1, ar1(4000, 0.5, seed=8)
+    assert measures.standard_deviation(x + 0.1 * t).value > 10
+    assert measures.about_line(t, x + 0.1 * t) == pytest.approx(measures.about_line(t, x))
+    assert measures.about_line(t, x).value == pytest.approx(1.0, rel=0.05)
+
+
 def test_drift_of_several_series_and_of_none():
     """Locks out series that are mixed up, and a series without noise that has some or ends in a division by zero."""
     t = np.arange(500) * 0.1

@@ -110,6 +110,12 @@ def standard_deviation(x):
     return Estimate(sd, error / (2 * sd), freedom) if sd > 0 else Estimate(sd)
 
 
+def about_line(t, x):
+    """`standard_deviation` about the least-squares line, of a series that drifts."""
+    line = _line(np.asarray(t, float))
+    return standard_deviation(x - line @ (np.linalg.pinv(line) @ x))
+
+
 def drift(t, x):
     """`Estimate` of the slope of the least-squares line x = a + b t, for noise that may also wander.
 
