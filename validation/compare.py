@@ -113,6 +113,7 @@ def _thermodynamics(thermo, steps):
         thermo[name][kept] for name in ("Time", "TotEng", "Temp", "Press")
     )
     row["energy_sd"] = measures.standard_deviation(energy).plain()
+    row["energy_sd_line"] = measures.about_line(time, energy).plain()
     row["drift"] = measures.drift(time / FS_PER_PS, energy).plain()
     row["temperature"] = measures.mean(temperature).plain()
     row["pressure"] = measures.mean(pressure).plain()
@@ -181,6 +182,7 @@ def _circumstances(scene, ranks, steps, dt, rounds, segment):
         },
         "units": {
             "energy_sd": "kcal/mol",
+            "energy_sd_line": "kcal/mol",
             "drift": "kcal/mol/ps",
             "temperature": "K",
             "pressure": "atm",

@@ -87,6 +87,7 @@ def row(one):
             "temperature": measures.mean(one.temperature).plain(),
             "energy": float(one.total.mean()),
             "sd": measures.standard_deviation(one.total).plain(),
+            "sd_line": measures.about_line(one.time, one.total).plain(),
             "measure": measures.mean(measure(one.total)).plain(),
             "drift": measures.drift(one.time, one.total).plain(),
         }

@@ -13,7 +13,7 @@ from validation.paper_figures import SHOWN, draw, thin
 from validation.report import page, save
 
 COLUMNS = (  # key, heading, unit
-    ("temperature", "temperature", "K"), ("sd", "sd of energy", "kcal/mol"), ("measure", "average measure", ""), ("drift", "drift", "kcal/mol/ps"),
+    ("temperature", "temperature", "K"), ("sd", "sd of energy", "kcal/mol"), ("sd_line", "sd about its line", "kcal/mol"), ("measure", "average measure", ""), ("drift", "drift", "kcal/mol/ps"),
     ("rigidity", "rigidity", "Å"),
 )  # fmt: skip
 

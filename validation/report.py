@@ -34,6 +34,10 @@ COLUMNS = (
         "± is the half width of its 95 % interval, correlation in time included; so it is in the next columns.",
     ),
     Column(
+        "energy_sd_line", "sd about its line", "kcal/mol", "estimate",
+        "The same about the straight line through the energy: what is left of it without its drift.",
+    ),
+    Column(
         "drift", "energy drift", "kcal/mol/ps", "estimate",
         "Slope of the straight line through the total energy. If it is smaller than what stands "
         "beside it, it is not distinguishable from zero.",
