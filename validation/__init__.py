@@ -46,6 +46,7 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
     stability_cases       the list of cases, which are in
     stability_molecules, stability_tops, stability_contact
     stability_bodies      small scenes of bodies
+    criteria              every bound, what it is derived from, and each change of it
     stability_report
 
     published             a verb: the energy's spread in water beside published numbers
