@@ -243,7 +243,7 @@ CASES = (
         turn_per_step, 10_000, 1_000_000, low=0.1,
     ),
     Case(
-        "long-tops", "100 free tops for 20,000 steps at 0.05 rad each; 1e6 steps, 1e8 body-steps, with --full.",
+        "long-tops", "100 free tops at 0.05 rad a step: 1e6 steps, 1e8 body-steps, with --full.",
         "largest relative change of energy over 1e-3, of momenta over 1e-9, of distances over 1e-7", "",
         "the energy's splitting error stays, momenta but for rounding, distances as of a constraint with a tolerance of 1e-7",
         EXTREME, long_tops, 20_000, 1_000_000, high=1.0,
