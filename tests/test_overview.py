@@ -181,7 +181,7 @@ def test_what_to_use(results):
 def test_the_first_lines_are_what_is_sure(results):
     """Locks out a first line that names a winner where there is a tie, and one that hides that something else is faster."""
     short = sections(results)["sweep"].said.short
-    assert short[0] == "Dimer: a tie. Ours and rigid/nve are as accurate and as fast; 0.3 fs is a good step."
+    assert short[0] == "Dimer: a tie. Ours and rigid/nve are accurate enough with the same run time; 0.3 fs is a good step."
     assert short[1] == "Water: use fix_nosquish.NVE, 2 fs; rigid/nve takes 1.2 times as long."
     summary = sweep()
     for one in (one for one in summary["scenes"]["water"]["points"] if one["ours"]):
@@ -616,3 +616,16 @@ def test_breaks_is_what_the_table_and_the_readme_say():
         for number, *shown in zip(measured, in_readme, on_page[3:]):
             for word in shown:
                 assert word == "ends" if not number else float(word) == pytest.approx(float(number), rel=0.06), (name, number, shown)
+
+
+@pytest.mark.parametrize("full", [True, False])
+def test_texts_name_the_lengths_of_the_run(results, full):
+    """Locks out results of --full beside which the page names the lengths of --short, or the other way round."""
+    summary = stability() | {"full": full}
+    summary["cases"][0]["criterion"] = "from the first to the last fifth of 0.2 ps (--full: 5 ps, or 4,000 steps if that is less)"
+    summary["cases"][1]["physics"] = "A thin top: 1e6 turns with --full (reference 12: a tenth of that)."
+    (results / "stability" / "summary.json").write_text(json.dumps(summary))
+    said = sections(results)["stability"].said
+    text = " ".join(cell for row in rows(said.best[2]) for cell in row)
+    assert ("fifth of 5 ps, or 4,000 steps if that is less ≥" in text) == full and ("fifth of 0.2 ps ≥" in text) != full
+    assert ("A thin top: 1e6 turns (Matubayasi-Nakahara" in text) == full and "--full" not in text and "A thin top" in text

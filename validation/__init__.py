@@ -49,6 +49,9 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
     criteria              every bound, what it is derived from, and each change of it
     stability_report
 
+    breaks                a verb: what users report of LAMMPS's rigid fixes, beside ours; with breaks_report
+    boxes                 of breaks, and of the tests: small boxes of Lennard-Jones bodies
+
     published             a verb: the energy's spread in water beside published numbers
 
     report                a verb: all results on one page; it uses overview, overview_report

@@ -115,7 +115,7 @@ def _say_best(say, choice, targets):
     for measure, most in targets.items():
         say(f"    {measure} {error_of(best, measure)}, wanted {most:g}")
     if not meets(best, targets):
-        say(f"That it is below is not sure for itself: but its error is not above that of {named(choice.fastest)}, which is below for sure, within the error bars.")
+        say(f"Its own error bar reaches across a target; but no error of it is above the error bar of {named(choice.fastest)}, which is below for sure.")
     if choice.ties:
         say(f"A tie: as fast, within the spread of the timings, {names(choice.ties)}.")
     elif best["starts"] > 1:

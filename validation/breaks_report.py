@@ -39,7 +39,9 @@ def cases(summary):
 
 def shown(row):
     """A number as text; that it has ended in its place."""
-    return "not run" if row is None else "ends" if row["value"] is None else f"{row['value']:.1e}" if row["value"] else "0"
+    if row is None or row["value"] is None:
+        return "not run" if row is None else "ends"
+    return f"{row['value']:.1e}" if 0 < row["value"] < 1e-3 else f"{row['value']:.2g}"
 
 
 def show(console, summary, out):

@@ -78,7 +78,7 @@ def number(value, error=0.0, freedom=None):
     if not error > 0:
         return f"{value:.3g}"
     margin = measures.margin(error, freedom)
-    return estimate(value, margin) if 1e-2 < max(abs(value), margin) < 1e5 else f"{value:.2e} ± {margin:.1e}"
+    return estimate(value, margin) if 1e-3 < max(abs(value), margin) < 1e5 else f"{value:.2e} ± {margin:.1e}"
 
 
 def measured(check):

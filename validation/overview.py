@@ -131,7 +131,7 @@ def _theory(summary):
 
 
 def _published(summary):
-    said = _checks(summary, published.TITLES, "standard deviations of the energy, held within {:g} % of those of others,".format(100 * published.WITHIN), VERDICTS)
+    said = _checks(summary, published.TITLES, f"statements that the energy's spread is within {100 * published.WITHIN:g} % of that of others", VERDICTS)
     origins = [[Cell(what), Cell(where)] for what, where in published.ORIGINS.items()]
     return replace(said, best=[*said.best, Table("Where each number comes from", ("number", "from"), origins)],
                    figures=[Figure("spread.png", f"Beside {published.SOURCE}.")])  # fmt: skip
@@ -153,14 +153,14 @@ def _breaks(summary):
     told = []
     for fix in fixes:
         verdicts = [of_it[fix]["verdict"] for of_it in cases.values() if fix in of_it]
-        bad = [f"{sum(one == word for one in verdicts)} {words}" for word, words in (("fail", "goes wrong"), ("ends", "ends the run")) if word in verdicts]
-        told.append(f"{fix} passes {sum(one == 'pass' for one in verdicts)}" + f" ({', '.join(bad)})" * bool(bad))
+        bad = [f"{sum(one == word for one in verdicts)} {words}" for word, words in (("fail", "wrong"), ("ends", "ended by an error or a crash")) if word in verdicts]
+        told.append(f"{fix} {sum(one == 'pass' for one in verdicts)}" + f" ({', '.join(bad)})" * bool(bad))
     rows = [
         [Cell(name), Cell(next(iter(of_it.values()))["what"]), Cell(f"{next(iter(of_it.values()))['most']:.2g}", next(iter(of_it.values()))["most"]),
          *(Cell(breaks_report.shown(of_it.get(fix)), sortable(of_it.get(fix, {}).get("value")), of_it.get(fix, {}).get("verdict", "")) for fix in fixes)]
         for name, of_it in cases.items()
     ]  # fmt: skip
-    sentence = f"Of {len(cases)} cases that users report as broken {'; '.join(told)}."
+    sentence = f"Passed, of {len(cases)} cases that users report as broken: {'; '.join(told)}."
     return Said([sentence], best=[Table("Small is good", ("case", "what is measured", "at most", *fixes), rows)], short=[sentence])
 
 

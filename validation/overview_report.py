@@ -55,7 +55,9 @@ class Section:
 def _days(summary):
     """The days of a summary: of its parts, where these were measured at different times."""
     parts = [*(scene.get("swept", {}) for scene in summary.get("scenes", {}).values())] or [*summary.get("points", ())] or [summary]
-    days = sorted({(part.get("date") or part.get("begin") or summary.get("date") or "on a day that is not told")[:10] for part in parts})
+    days = sorted({told[:10] for part in parts if (told := part.get("date") or part.get("begin") or summary.get("date"))})
+    if not days:
+        return "on a day that is not told"
     return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
 
 

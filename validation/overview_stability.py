@@ -35,7 +35,7 @@ def say(summary):
     headlines += [f"Cases that were not run: {', '.join(unseen)}."] * bool(unseen)
     headlines += [f"Not all integrators have had their turn yet in {', '.join(partial)}."] * bool(partial)
     rows = [
-        [Cell(case["name"]), Cell(case["physics"]), Cell(_criterion(case, summary)), Cell(_bound(case)), Cell(row["label"]),
+        [Cell(case["name"]), Cell(_of_this(case["physics"], summary.get("full"))), Cell(_criterion(case, summary)), Cell(_bound(case)), Cell(row["label"]),
          Cell(number(row["value"], row["error"] or 0.0, row.get("freedom")), sortable(row["value"])), Cell(case["bars"]),
          Cell(row["verdict"]), Cell(row["note"] or ""), Cell(package(row)), Cell(row["date"][:10]), Cell(row["command"])]
         for case in cases for row in case["rows"]
@@ -78,9 +78,21 @@ def _short(cases):
     return f"passed for sure, of the cases that a fix can run: {', '.join(told)}{', the most of LAMMPS’s fixes' * (best is not None)}."
 
 
+def _of_this(text, full):
+    """A case's text with the lengths of this run alone: they write ``0.2 ps (--full: 5 ps)``, and ``: 1e6 turns with --full``."""
+    text = re.sub(r"(\S+ \S+) \(--full: ([^)]*)\)", r"\2" if full else r"\1", text)
+    return re.sub(r",? with --full", "", text) if full else re.sub(r"[:;] [^:;]*? with --full( \([^)]*\))?", "", text)
+
+
 def _criterion(case, summary):
-    """What is measured, with the lengths of this run alone."""
-    return re.sub(r"(\S+ \S+) \(--full: ([^)]*)\)", r"\2" if summary.get("full") else r"\1", case["criterion"])
+    return _of_this(case["criterion"], summary.get("full"))
+
+
+def _few(row):
+    """A number with its margin as text; without it where it is below a thousandth of the number."""
+    text = number(row["value"], row["error"] or 0.0, row.get("freedom"))
+    value, *margin = (float(word) for word in text.split(" ± "))
+    return f"{row['value']:.3g}" if margin and margin[0] < 1e-3 * abs(value) else text
 
 
 def _longest(cases, labels):
@@ -111,7 +123,7 @@ def _physics(cases, summary):
         ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
         bad = [_result(row, case) for row in case["rows"] if row["verdict"] not in ("pass", "cannot run") and row is not ours]
         rows.append([
-            Cell(case["name"]), Cell(case["physics"]), Cell(f"{_criterion(case, summary)} {_bound(case)}"),
+            Cell(case["name"]), Cell(_of_this(case["physics"], summary.get("full"))), Cell(f"{_criterion(case, summary)} {_bound(case)}"),
             Cell(_result(ours, case, "") if ours else "not run", verdict=ours["verdict"] if ours else "cannot tell"), Cell("; ".join(bad) or "–"),
         ])  # fmt: skip
     return Table("The cases", ("case", "what happens", "number, bound", "ours", "who else does not pass"), rows)
@@ -129,7 +141,7 @@ def _result(row, case, name=None):
         verb = "cannot run" if row["verdict"] == "cannot run" else "breaks"
         return f"{name}{verb}: {textwrap.shorten(why, 80, placeholder=' …')}".strip()
     doubt = " (cannot tell)" if row["verdict"] == "cannot tell" else ""
-    return f"{name}{number(row['value'], row['error'] or 0.0, row.get('freedom'))} {case['unit']}".strip() + doubt
+    return f"{name}{_few(row)} {case['unit']}".strip() + doubt
 
 
 def standing(summary):

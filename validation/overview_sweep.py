@@ -114,7 +114,7 @@ def _in_short(name, points, targets, choice, own):
     rival = min(theirs, key=lambda point: point["cost"]["min"], default=None)
     tied = [point for point in choice.ties if not _of_us(point)]
     if best["ours"] and tied:
-        return f"{_title(name)}: a tie. Ours and {_kinds(tied)} are as accurate and as fast; {best['dt']:g} fs is a good step.", True
+        return f"{_title(name)}: a tie. Ours and {_kinds(tied)} are accurate enough with the same run time; {best['dt']:g} fs is a good step.", True
     if best["ours"]:
         how = f"{rival['label']} takes {_ratio(rival, best):.2g} times as long" if rival else "no fix of LAMMPS reaches it for sure"
         return f"{_title(name)}: use {sweep_report.named(best)}; {how}.", False

@@ -246,7 +246,7 @@ CASES = (
         turn_per_step, 10_000, 1_000_000,
     ),
     Case(
-        "long-tops", "100 free tops for 20,000 steps at 0.05 rad each; 1e6 steps, 1e8 body-steps, with --full.",
+        "long-tops", "100 free tops at 0.05 rad a step: 1e6 steps, 1e8 body-steps, with --full.",
         "largest of the relative changes of energy, momenta and distances, each over its bound", EXTREME, long_tops, 20_000, 1_000_000,
     ),
 )  # fmt: skip
