@@ -259,13 +259,29 @@ class Bodies:
             for name, value in ("h", box.h), ("inverse", box.inverse), ("lo", box.lo), ("periodic", box.wrap), ("near", OFF_BODY * box.size):
                 self.cells[name].set(value)
         if self._settle():
-            far, atom = self.cells["off"].array
-            problem = (
-                f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something else moved "
-                "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
-                "with 'run N pre yes' after it, and not with reinit no or infile, which keep the bodies of the last run"
-            )
+            problem = self._off()
         self._world.agree(problem)
+
+    def refuse_moved_atoms(self, lammps):
+        """End the run if an atom is not where its body has it; the bodies stay as they are, to the last bit; collective."""
+        tags, problem = lammps.tags, None
+        there = self.index[self.index < len(tags)]
+        if not np.array_equal(tags[there], self.tag):
+            problem = "LAMMPS has moved atoms of the bodies to other places in its arrays since the last run: use 'run N pre yes'"
+        else:
+            copies = {name: Cell(self.cells[name].kind, self.cells[name].array.copy()) for name in ("state", "away", "shift", "aways")}
+            if kernels.settle.bind_to(self.cells | lammps.cells | copies)():
+                problem = self._off()
+        self._world.agree(problem)
+
+    def _off(self):
+        """What to say of the atom that `kernels.settle` has found off its body."""
+        far, atom = self.cells["off"].array
+        return (
+            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something else moved "
+            "it. Let no other fix integrate atoms of the bodies, and change positions between runs only, "
+            "with 'run N pre yes' after it, and not with reinit no or infile, which keep the bodies of the last run"
+        )
 
     def take_velocities(self, lammps, given=None):
         """Set v and p to the rigid motion with the linear and angular momentum of the atoms' velocities; collective.

@@ -365,7 +365,8 @@ class NVE(Reports):
             self.setup(0)
         elif self._over:  # what changes velocities now is a script
             self._over = False
-            self.post_neighbor()  # which ends the run if it has changed more than velocities
+            self._refuse_new_box(self.lammps.box.periodic)
+            self.bodies.refuse_moved_atoms(self.lammps)
             self._say_ignored("pre no")
         elif self.late:
             self._take_changed_velocities(self.lammps.step - 1)

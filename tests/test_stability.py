@@ -433,7 +433,7 @@ APART = [
     ("degenerate", 20_000, "rigid/nve", "rigid"),
     ("middle-axis", 1000, "nosquish", "rigid"),
     ("turn-per-step", 10_000, "shake 1e-8", "rigid"),
-    ("long-tops", 2000, "nosquish", "rigid"),
+    ("long-tops", 8000, "nosquish", "rigid"),
     ("contact", 200_000, "nosquish", "gear"),
     ("far-away", 50, "nosquish", "rigid/nve/small"),
     ("resonance", 50, "nosquish", "gear"),

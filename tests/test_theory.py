@@ -18,7 +18,7 @@ for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from fix_nosquish import rotor  # noqa: E402
-from validation import theory, theory_loops, theory_reversal  # noqa: E402
+from validation import measures, theory, theory_loops, theory_reversal  # noqa: E402
 from validation import theory_calculus as calculus  # noqa: E402
 from validation.scenes import SCENES  # noqa: E402
 from validation.theory_reference import FS, Dimer, Oscillator  # noqa: E402
@@ -256,7 +256,7 @@ def test_command(tmp_path):
     rows = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert {check["part"] for check in checks} == {"mrot", "symplectic"}
     assert [float(row["value"]) for row in rows] == [check["value"] for check in checks]
-    assert [row["error"] and float(row["error"]) for row in rows] == [check["error"] or "" for check in checks]
+    assert [row["margin"] and float(row["margin"]) for row in rows] == [measures.margin(check["error"], check["freedom"]) or "" for check in checks]
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 2 and 'src="http' not in page and "href=" not in page
     assert page.count('class="holds"') == len(checks)

@@ -41,7 +41,7 @@ def test_drift_is_recovered(phi):
     t = np.arange(4000) * 0.02
     slope, error, _ = measures.drift(t, 7.0 - 0.03 * t + ar1(len(t), phi, seed=1))
     assert abs(slope + 0.03) < 5 * error
-    assert error < 0.015, "an error so large that the check above cannot fail"
+    assert error < 0.03, "an error so large that the check above cannot fail"
 
 
 def random_walk(n, seed):
@@ -63,23 +63,22 @@ def noise_of(rng, series, n, time, step):
 
 
 @pytest.mark.parametrize("time", [0, 1 / 200, 1 / 50])
-@pytest.mark.parametrize("n", [100, 119, 1000])
+@pytest.mark.parametrize("n", [100, 119, 640])
 def test_drift_error_covers(n, time):
-    """Locks out an error that covers too seldom: of the most likely walk, where a weak one shows in the slowest motions alone, one error covered 45 %
-    and two 65 %; or one that takes correlated samples for independent ones.
+    """Locks out an error that covers too seldom or too often, whatever the noise: white or correlated, with a walk of any size.
 
-    As often as a normal variable's, 68 and 95 %, for a walk that shows.  A weaker one cannot be told from none, of which the error is too large then.
+    An error by the most likely walk covered 45 % of weak walks, and two errors 65 %; one that averages over all walks 98 % of white noise.
     """
     rng, t = np.random.default_rng(n), np.arange(n) * 0.1
     for step in STEPS:
-        found = measures.drift(t, 0.3 * t - 7.0 + noise_of(rng, 1000, n, time * n, step))
+        found = measures.drift(t, 0.3 * t - 7.0 + noise_of(rng, 6000, n, time * n, step))
         off = np.abs(found.value - 0.3)
-        assert np.mean(off < found.error) > 0.64, step
-        assert np.mean(off < 2 * found.error) > 0.93 and np.mean(off < found.margin) > 0.93, step
-        if step is None or step >= 10.0:
-            assert np.mean(off < found.error) < 0.78, "an error so large that the checks above cannot fail"
-        if step == time == 0.0:
-            assert np.median(found.error) < 3.5 * np.std(found.value), "an error so large that the checks above cannot fail"
+        assert 0.64 < np.mean(off < found.error) < 0.72, step
+        assert 0.93 < np.mean(off < 2 * found.error) < 0.96, step
+        assert 0.94 < np.mean(off < found.margin) < 0.97, step
+        if step is None and not time:
+            least = 64 / n / (0.1 * np.sqrt(n))  # no slope of a walk scatters less than that of its ends
+            assert np.std(found.value) < 1.4 * least, "an error so large that the checks above cannot fail"
 
 
 def test_deviation_about_the_line():
@@ -99,7 +98,8 @@ def test_drift_of_several_series_and_of_none():
         assert measures.drift(t, row)[:2] == pytest.approx((value, error))
     assert measures.drift(t, np.full(500, 7.0))[:2] == pytest.approx((0.0, 0.0), abs=1e-14)
     assert measures.drift(t, 3 * t)[:2] == pytest.approx((3.0, 0.0), abs=1e-12)
-    assert all(np.isfinite(measures.drift(t[:n], x[0, :n])).all() for n in (3, 8, 23, 24, 47))
+    assert all(np.isfinite(measures.drift(t[:n], x[0, :n])).all() for n in (4, 5, 8, 13, 23, 24, 47))
+    assert measures.drift(t[:3], x[0, :3]).error == np.inf, "three values tell no error"
 
 
 def test_ratio_of_pairs():

@@ -10,10 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-BLOCKS = 48  # that a series is cut into for the error of its drift
-EVEN, NONE = 0.7, 0.1  # see `_walks`
-ONE, TWO = 0.6827, 0.965  # of a drift that its error holds, and twice that; a little more than 95 %, for a walk is hard to tell
-TWO_ERRORS = 60.0  # degrees of freedom with which a margin is two errors
+STRETCHES, GAP = 7, 0.04  # of a series for its drift, and the part of it between two of them
+WIDER = 1.13  # than the standard error of seven slopes: so ± one error covers 70 %, ± two 93.6 %
 FEW_BLOCKS = 12  # for the error of its mean
 CONFIDENCE = 0.95  # of the interval value ± margin
 
@@ -117,74 +115,47 @@ def about_line(t, x):
 
 
 def drift(t, x):
-    """`Estimate` of the slope of the least-squares line x = a + b t, for noise that may also wander.
+    """`Estimate` of the slope of a series whose noise may also wander.
 
-    The noise is taken as white plus a random walk, in the means of some `BLOCKS` equal blocks of successive samples; what is correlated over a time
-    up to a fiftieth of the series is hardly so there, and passes for a walk in part.  How large the walk is shows in the few slowest motions about the line alone.  So the most likely
-    walk would be too sure: the error averages over all of them (`_walks`), each as likely as what the line leaves over makes it.
+    It is the mean of the least-squares slopes of `STRETCHES` stretches of equal length, and their
+    scatter tells its error, with Student's t.  The slope of a stretch follows from the steps within
+    it.  So the slopes of all stretches are independent and alike for white noise, for a random
+    walk, and for any sum of both, whatever the part of each: the error is right without a model.
+    `GAP` of the series lies between two stretches, so that noise with a correlation time of
+    up to half of it is independent there, too.
 
-    Of white noise, a walk, all that lies between and such correlated noise one error covers 64 % or more, and two, which is the margin, 93 %.
-    No series tells white noise from a walk that makes the slope's true error two or three times as large.  So of white noise the error is about that
-    much too large, and covers 98 %; of noise with a correlation time of a fiftieth of the series some eight times.
+    One line through the whole series has a smaller error in white noise (11 times).  But a walk that is
+    too small for any series to show doubles that error, so nobody knows it.
 
     Args:
         t: equally spaced times.
         x: as many values; of several series in the last axis.
 
     Returns:
-        in units of ``x`` over units of ``t``; arrays for several series.
+        in units of ``x`` over units of ``t``; arrays for several series.  One error covers 70 %, two
+        93.6 %.  The error is infinite for less than 4 values.
     """
-    x = np.asarray(x, float)
+    t, x = np.asarray(t, float), np.asarray(x, float)
     size = np.abs(x).max(axis=-1, keepdims=True)  # the squares of a run that blew up would overflow
     size[size == 0] = 1.0
-    t, x = _block_means(t, x / size, BLOCKS)
-    line = np.linalg.pinv(_line(t))[1]
-    values, modes = _modes(t)
-    power = ((x - x.mean(axis=-1, keepdims=True)) @ modes) ** 2
-    walks, weights = _walks()
-    spectra = 1 + walks[:, None] * values
-    squares = power @ (1 / spectra).T  # (..., walks): what the line leaves over, in units of the white part, with each walk
-    some = squares[..., :1] > 0
-    freedom = max(1, len(values))
-    likely = np.log(weights) - 0.5 * np.log(spectra).sum(axis=1) - 0.5 * freedom * np.log(np.where(some, squares, 1.0))
-    likely = np.exp(likely - likely.max(axis=-1, keepdims=True))
-    scales = np.sqrt(squares / freedom * (line @ line + walks * (line @ _walk(len(t)) @ line)))
-    error = _half_width(likely / likely.sum(axis=-1, keepdims=True), scales, freedom)
-    found = Estimate(x @ line, error).times(size[..., 0])
-    return found._replace(freedom=TWO_ERRORS)
-
-
-def _walks():
-    """Sizes of a walk, its variance from block to block over the white one, none at first, and how likely each is beforehand.
-
-    Even in the ratio of the standard deviations up to `EVEN`, and beyond it in the ratio's logarithm; `NONE` for none.
-    """
-    ratios = np.geomspace(0.05, 30.0, 40)
-    weights = np.minimum(ratios / EVEN, 1.0)
-    return np.append(0.0, ratios**2), np.append(NONE, (1 - NONE) * weights / weights.sum())
-
-
-def _half_width(weights, scales, freedom):
-    """Error e of a mixture of Student's t variables (..., parts): the least of which ± e holds `ONE` of it, and ± 2 e holds `TWO`."""
-    low, high = np.zeros(scales.shape[:-1]), special.stdtrit(freedom, 0.99) * scales.max(axis=-1)  # 98 % of the widest part
-    scales = np.where(scales > 0, scales, 1.0)
-    errors = np.geomspace(1e-3, 1e3, 4000)
-    held = 2 * special.stdtr(freedom, errors) - 1  # the function itself would take a second for a thousand series
-
-    def within(x):
-        return np.sum(weights * np.interp(x[..., None] / scales, errors, held), axis=-1)
-
-    for _ in range(30):
-        middle = (low + high) / 2
-        enough = (within(middle) >= ONE) & (within(2 * middle) >= TWO)
-        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
-    return high
+    gap = round(GAP * len(t))
+    number = max(1, min(STRETCHES, (len(t) + gap) // (2 + gap)))
+    length = (len(t) - (number - 1) * gap) // number
+    starts = np.rint(np.arange(number) * (len(t) - length) / max(1, number - 1)).astype(int)
+    line = np.arange(length) - (length - 1) / 2
+    stretches = (x / size)[..., starts[:, None] + np.arange(length)]
+    slopes = stretches @ line / (line @ line * (t[1] - t[0]))
+    if number == 1:
+        return Estimate(slopes[..., 0] * size[..., 0], np.inf * size[..., 0])
+    error = WIDER * slopes.std(axis=-1, ddof=1) / np.sqrt(number)
+    freedom = special.stdtridf(0.5 + CONFIDENCE / 2, margin(1.0, number - 1) / WIDER)  # keeps Student's margin
+    return Estimate(slopes.mean(axis=-1), error, float(freedom)).times(size[..., 0])
 
 
 def random_walk(t, x, blocks=32):
     """How much the variance of x(t + s) - x(t) grows with s, an `Estimate`, in units of ``x``^2 over those of ``t``.
 
-    By the model of `drift`, the most likely walk; a block has to be longer than the correlation time of all that does not wander, else that passes for a
+    In white noise beside a walk, by the most likely walk; a block has to be longer than the correlation time of all that does not wander, else that passes for a
     walk.  So there are few blocks.  The error is that of maximum likelihood, from the Fisher information.
     A walk over the time T makes a variance about its own mean of this number times T / 6.
 

@@ -35,7 +35,7 @@ COMPARED = {
     **{name: SWEPT[name.replace(" ", "-")] for name in ("shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8")},
 }
 # why a number has the error bar that it has, or none
-LINE = "standard error of the line's slope, from the scatter of blocks of samples about it"
+LINE = "standard error of the mean slope of seven stretches of the run, from their scatter"
 EXTREME = "none: the largest of all deviations in runs that give the same each time, of which no mean is taken"
 
 SLOW = "matubayasi-nakahara", "gear"  # the paper's other schemes, here to be compared with: not made for speed

@@ -41,7 +41,7 @@ LENGTH = 1.0  # Angstrom: about a bond's, of which a tolerance is a part
 # once does, 0.005^4 = 6e-10 times a fifth derivative of order one, and rounding, 1e-16 / 0.0025; what is said of them is said to 1e-8.
 DIFFERENCES = 1e-8
 TIED = 1e-13  # the most that a step of the loops and of the equations may be apart: some hundred rounding errors
-STEPS_OF_LOOPS = 0.05, 0.1, 0.2  # with forces and rates of rotation of about a third
+STEPS_OF_LOOPS = 0.05, 0.07, 0.1, 0.14, 0.2  # with forces and rates of rotation of about a third
 RANDOM = 500  # bodies of each kind, order, mrot and scheme
 CURL = 0.3  # of the force without a potential, over dt^2, that breaks a scheme
 
