@@ -266,8 +266,12 @@ class Bodies:
         """End the run if an atom is not where its body has it; the bodies stay as they are, to the last bit; collective."""
         tags, problem = lammps.tags, None
         there = self.index[self.index < len(tags)]
-        if not np.array_equal(tags[there], self.tag):
-            problem = "LAMMPS has moved atoms of the bodies to other places in its arrays since the last run: use 'run N pre yes'"
+        lost = np.setdiff1d(self.tag, tags[there])
+        if len(lost) or not np.array_equal(tags[there], self.tag):
+            problem = (
+                f"atom {[*lost, *self.tag][0]} is not where its rigid body has it: since the last run it has gone to another rank, "
+                "or to another place in LAMMPS's arrays. Use 'run N pre yes'"
+            )
         else:
             copies = {name: Cell(self.cells[name].kind, self.cells[name].array.copy()) for name in ("state", "away", "shift", "aways")}
             if kernels.settle.bind_to(self.cells | lammps.cells | copies)():

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import special
 
 STRETCHES, GAP = 7, 0.04  # of a series for its drift, and the part of it between two of them
-WIDER = 1.13  # than the standard error of seven slopes: so ± one error covers 70 %, ± two 93.6 %
+WIDER = 1.14  # than the standard error of seven slopes: so ± one error covers 70 %, ± two 94 %
 FEW_BLOCKS = 12  # for the error of its mean
 CONFIDENCE = 0.95  # of the interval value ± margin
 
@@ -133,7 +133,7 @@ def drift(t, x):
 
     Returns:
         in units of ``x`` over units of ``t``; arrays for several series.  One error covers 70 %, two
-        93.6 %.  The error is infinite for less than 4 values.
+        94 %.  The error is infinite for less than 4 values.
     """
     t, x = np.asarray(t, float), np.asarray(x, float)
     size = np.abs(x).max(axis=-1, keepdims=True)  # the squares of a run that blew up would overflow
