@@ -240,7 +240,7 @@ def test_who_is_more_accurate_in_the_liquid(size, holds):
 def test_who_drifts():
     """Locks out a drift that passes for stable, chance that passes for a drift, and stable by large errors."""
     t = np.arange(4000) * 0.03
-    steady, drifting = made("a", noise(1.0, 3), "peptide"), made("b", noise(1.0, 4) + 0.1 * t, "peptide", integrator="rigid/small")
+    steady, drifting = made("a", noise(1.0, 3, 40_000), "peptide", every=1), made("b", noise(1.0, 4) + 0.1 * t, "peptide", integrator="rigid/small")
     loud = made("c", noise(300.0, 5), "peptide")
 
     def verdict(one, *words, **more):
