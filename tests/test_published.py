@@ -13,10 +13,11 @@ from validation import __main__, published, run
 from validation.integrators import INTEGRATORS
 
 
-def result(sd, error=None):
-    """A complete run whose energy has this standard deviation."""
-    energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0
-    return run.Result(error=error, thermo={"TotEng": energy}, timings=[], positions=None, versions={})
+def result(sd, error=None, slope=0.0):
+    """A complete run whose energy has this standard deviation about a line with this slope, kcal/mol/ps."""
+    time = np.arange(4000) * 10.0
+    energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0 + slope * time / 1000
+    return run.Result(error=error, thermo={"Time": time, "TotEng": energy}, timings=[], positions=None, versions={})
 
 
 def test_published_numbers_have_errors_too():
@@ -122,6 +123,12 @@ def test_command_line_writes_all_files(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "summary.json").read_text())["checks"][0]["verdict"] == "holds"
     found.pop(2.0)
     assert __main__.main(["published", "--out", str(tmp_path)]) == 1
+
+
+def test_a_spread_that_is_a_drift_says_so():
+    """Locks out a drift that passes for a spread: its number and the spread about the line stand beside it."""
+    still, drifting = (published.checks({2.0: result(0.22, slope=slope)})[1].note for slope in (0.0, 0.5))
+    assert "drifts" not in still and re.search(r"about its line 0\.2\d* ± \S+, drifts by 0\.5\d* ± \S+ kcal/mol/ps\)", drifting)
 
 
 def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):

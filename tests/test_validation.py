@@ -89,6 +89,14 @@ def test_deviation_about_the_line():
     assert measures.about_line(t, x).value == pytest.approx(1.0, rel=0.05)
 
 
+@pytest.mark.parametrize("slope, said", [(0.02, ""), (-0.05, ", drifts")])
+def test_a_deviation_that_is_a_drift_says_so(slope, said):
+    """Locks out a standard deviation that hides that the energy drifts."""
+    column = next(one for one in report.COLUMNS if one.key == "energy_sd")
+    row = {"energy_sd": {"value": 2.0, "error": 0.1}, "drift": {"value": slope, "error": 0.02, "freedom": 12.0}}
+    assert report.cell(row, column) == f"2.00 ± 0.20{said}"
+
+
 def test_drift_of_several_series_and_of_none():
     """Locks out series that are mixed up, and a series without noise that has some or ends in a division by zero."""
     t = np.arange(500) * 0.1

@@ -121,7 +121,10 @@ def checks(found):
         if result is not None and not result.error:
             spread, published = measures.standard_deviation(result.thermo["TotEng"]), measures.Estimate(theirs, theirs * THEIR_ERROR)
             value = measures.quotient(spread, published)
-            note = f"{check.number(*spread)} over {check.number(*published)} kcal/mol"
+            line = measures.about_line(result.thermo["Time"], result.thermo["TotEng"])
+            slope = measures.drift(result.thermo["Time"] / FS_PER_PS, result.thermo["TotEng"])
+            drifts = f", drifts by {check.number(*slope)} kcal/mol/ps" if abs(slope.value) > slope.margin else ""
+            note = f"{check.number(*spread)} (about its line {check.number(*line)}{drifts}) over {check.number(*published)} kcal/mol"
         else:
             note = f"no complete run: {result.error if result else 'not begun'}"
         made.append(_check(f"{dt:g} fs", value, note))

@@ -31,7 +31,8 @@ COLUMNS = (
     Column(
         "energy_sd", "sd of energy", "kcal/mol", "estimate",
         "Standard deviation of the total energy of the whole box about its mean. "
-        "± is the half width of its 95 % interval, correlation in time included; so it is in the next columns.",
+        "± is the half width of its 95 % interval, correlation in time included; so it is in the next columns. "
+        "It says so where the energy drifts: then this number grows with the length of the run.",
     ),
     Column(
         "energy_sd_line", "sd about its line", "kcal/mol", "estimate",
@@ -39,8 +40,8 @@ COLUMNS = (
     ),
     Column(
         "drift", "energy drift", "kcal/mol/ps", "estimate",
-        "Slope of the straight line through the total energy. If it is smaller than what stands "
-        "beside it, it is not distinguishable from zero.",
+        "Slope of the total energy, the mean of those of seven stretches of the run. If it is smaller "
+        "than what stands beside it, it is not distinguishable from zero.",
     ),
     Column("temperature", "temperature", "K", "estimate", "Mean of LAMMPS's temp."),
     Column(
@@ -79,7 +80,8 @@ def cell(row, column, short=False):
     if value is None:
         return "–"
     if column.kind == "estimate":
-        return estimate(value["value"], _margin(value))
+        drifts = column.key == "energy_sd" and "drift" in row and abs(row["drift"]["value"]) > _margin(row["drift"])
+        return estimate(value["value"], _margin(value)) + ", drifts" * drifts
     if column.kind == "number":
         return f"{value:.1e}" if value else "0"
     digits = 0 if value["median"] >= 100 else 2
