@@ -128,7 +128,7 @@ def test_command_line_writes_all_files(tmp_path, monkeypatch):
 def test_a_spread_that_is_a_drift_says_so():
     """Locks out a drift that passes for a spread: its number and the spread about the line stand beside it."""
     still, drifting = (published.checks({2.0: result(0.22, slope=slope)})[1].note for slope in (0.0, 0.5))
-    assert "drifts" not in still and re.search(r"about its line 0\.2\d* ± \S+, drifts by 0\.5\d* ± \S+ kcal/mol/ps\)", drifting)
+    assert "drifts" not in still and re.search(r"about its line 0\.2\d* ± \S+, drifts by 0\.(49|5)\d* ± \S+ kcal/mol/ps\)", drifting)
 
 
 def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
