@@ -30,7 +30,7 @@ Run from the checkout: ``python -m validation --help``.  Data flows one way:
     sweep                 a verb: error against run time, every integrator with every step; it uses
     sweep_plan            which points there are, how long they run, what a budget allows
     starts                starts of any size, and from what an earlier run has left
-    sweep_errors          from runs to errors with standard errors, limits of short steps
+    sweep_errors          from runs to errors with margins, limits of short steps
     sweep_structure       what a run's atoms tell
     sweep_choice, sweep_figures, sweep_report
     advise                a verb: the fastest point of a sweep that meets a target

@@ -328,7 +328,7 @@ def _add_published(verbs):
         description="Run water with a smooth cutoff at 1, 2, 3 and 4 fs and hold the standard deviation of its energy against that of Silveira and "
         "Abreu (2019). Writes a table to the terminal and summary.json, table.csv, a figure and a self-contained report.html to the output folder. Ctrl-C "
         "keeps what is computed, and the same command goes on from there.",
-        epilog="Exit status: 0 if no number is outside of its bounds by two standard errors, 1 if one is or is missing, 130 after Ctrl-C.",
+        epilog="Exit status: 0 if no number is outside of its bounds by its 95 % margin, 1 if one is or is missing, 130 after Ctrl-C.",
     )
     parser.add_argument("--time", type=_positive, default=48.0, metavar="PS", help="length of each trajectory (default %(default)g)")
     parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of each run (default %(default)s)")
@@ -441,7 +441,7 @@ def _add_advise(verbs):
         help="which integrator and time step reach a wished accuracy the fastest",
         description="Print, of the points that a sweep has measured, the fastest one whose errors are all below the targets, what it costs, what is "
         "as fast, the longest good step of every integrator, and the lines for the input script.",
-        epilog="Exit status: 0 if some point meets the targets by two standard errors, 1 if none does, 2 if there is no sweep, no such scene or "
+        epilog="Exit status: 0 if some point meets the targets with its 95 % margins, 1 if none does, 2 if there is no sweep, no such scene or "
         "measure.",
     )
     parser.add_argument("scene", type=_one_of("scene", _swept), metavar="SCENE", help="a scene of the sweep")

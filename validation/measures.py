@@ -86,7 +86,7 @@ def of_few(values):
 def mean(x):
     """`Estimate` of the mean, in units of ``x``.
 
-    The error is the larger one of sd sqrt(g / n) and of what the scatter of the means of `FEW_BLOCKS` equal blocks says.  For the window of g
+    The margin is the larger one of sd sqrt(g / n) and of what the scatter of the means of `FEW_BLOCKS` equal blocks says.  For the window of g
     closes behind the first fast decay: a slow part behind it, small in each sample but most of the mean's error, is seen by the blocks only, as far as
     its correlation time is shorter than a block.  Of noise without a slow part the larger one is too large, by 8 % on average.
     """
@@ -94,7 +94,7 @@ def mean(x):
     blocks = [block.mean() for block in np.array_split(x, min(FEW_BLOCKS, len(x)))]
     independent = len(x) / statistical_inefficiency(x)
     smooth = Estimate(x.mean(), x.std(ddof=1) / np.sqrt(independent), max(1.0, independent - 1))
-    return max(smooth, Estimate(x.mean(), *of_few(blocks)[1:]), key=lambda one: one.error)
+    return max(smooth, Estimate(x.mean(), *of_few(blocks)[1:]), key=lambda one: one.margin)
 
 
 def standard_deviation(x):
@@ -132,8 +132,8 @@ def drift(t, x):
         x: as many values; of several series in the last axis.
 
     Returns:
-        in units of ``x`` over units of ``t``; arrays for several series.  One error covers 70 %, two
-        94 %.  The error is infinite for less than 4 values.
+        in units of ``x`` over units of ``t``; arrays for several series.  Of seven stretches one
+        error covers 70 %, two 94 %.  The error is infinite for less than 4 values.
     """
     t, x = np.asarray(t, float), np.asarray(x, float)
     size = np.abs(x).max(axis=-1, keepdims=True)  # the squares of a run that blew up would overflow

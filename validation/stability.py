@@ -98,10 +98,9 @@ def lowest_of_starts(numbers):
 
 def drift_of_starts(numbers):
     """|mean| of rates that may have either sign; the errors are those of the lines."""
-    error = float(np.sqrt(sum(one.error**2 for one in numbers))) / len(numbers)
-    freedom = sum(one.freedom or np.inf for one in numbers)
+    error, freedom = measures.combined(*((one.error / len(numbers), one.freedom) for one in numbers))
     mean = float(np.mean([one.value for one in numbers]))
-    return Number(abs(mean), error, _told(numbers), float(freedom) if np.isfinite(freedom) else None)
+    return Number(abs(mean), error, _told(numbers), freedom)
 
 
 def _told(numbers):

@@ -1,4 +1,4 @@
-"""From the runs of a sweep's points to errors with standard errors.
+"""From the runs of a sweep's points to errors with margins.
 
 Numbers of one run are ``measures.Estimate``s, with an error from the correlation in time of its samples or from the scatter of
 its bodies.  Those of a point are means over its starts, with the larger margin of what the runs tell and what their scatter tells.  Averages are held against their limits for steps of zero length, extrapolated, start by start.
@@ -166,8 +166,9 @@ def _limit(matrix, averages):
     fit = covariance @ (matrix.T / errors**2 @ values)
     more = len(values) - len(fit)
     scale = max(1.0, np.sqrt(np.sum(((values - matrix @ fit) / errors) ** 2) / more)) if more else 1.0
-    surest = min(averages, key=lambda one: one.error)
-    return Estimate(fit[0], max(scale * np.sqrt(covariance[0, 0]), surest.error), surest.freedom)
+    surest = min(averages, key=lambda one: one.margin)
+    fitted = Estimate(fit[0], scale * np.sqrt(covariance[0, 0]), more if scale > 1 else surest.freedom)
+    return max(fitted, surest._replace(value=fit[0]), key=lambda one: one.margin)
 
 
 def _off_limit(averages, limit):

@@ -182,11 +182,6 @@ class Parts:
         return [self.horizon, self.timed, *(FRAMES * [self.frame]), self.timed]
 
     @property
-    def overhead(self):
-        """Steps without samples."""
-        return self.horizon + 2 * self.timed
-
-    @property
     def samples(self):
         """The next step with thermodynamic output, in the words of LAMMPS's variables: nothing within the first and the timed runs but their ends."""
         parts = {
