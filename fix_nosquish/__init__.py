@@ -32,8 +32,8 @@ def _class_in(text):
     if variable:
         raise RunError(
             f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. Give a group one name of its own (group NAME union ...), "
-            "or have the quotes in a variable, variable WORDS string '\"fix_nosquish.NVE water molecule mrot 2\"', "
-            "and write python/move ${WORDS}",
+            "or have the quotes and all words in a variable, one text for each value: variable WORDS index '\"fix_nosquish.NVE water molecule "
+            "mrot 1\"' '\"fix_nosquish.NVE water molecule mrot 2\"' (or lmp -var WORDS '\"...\"'), and write python/move ${WORDS}",
             everywhere=True,
         )
     if not words or words[0] not in INTEGRATORS:

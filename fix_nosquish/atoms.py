@@ -145,6 +145,12 @@ class Lammps:
         return array(self._global("respa_dt"), (count,), float).copy() if count else None
 
     @property
+    def innermost_dt(self):
+        """The time step with which bodies move."""
+        levels = self.respa_dt
+        return self.dt if levels is None else levels[0]
+
+    @property
     def running(self):
         """Whether a run or minimisation is under way (or being set up)."""
         return bool(self.lib.lammps_is_running(self.handle))

@@ -265,12 +265,12 @@ class Bodies:
     def refuse_moved_atoms(self, lammps):
         """End the run if an atom is not where its body has it; the bodies stay as they are, to the last bit; collective."""
         tags, problem = lammps.tags, None
-        there = self.index[self.index < len(tags)]
-        lost = np.setdiff1d(self.tag, tags[there])
-        if len(lost) or not np.array_equal(tags[there], self.tag):
+        now = np.append(tags, 0)[np.minimum(self.index, len(tags))]  # 0 is no atom's ID
+        other = now != self.tag
+        if other.any():
             problem = (
-                f"atom {[*lost, *self.tag][0]} is not where its rigid body has it: since the last run it has gone to another rank, "
-                "or to another place in LAMMPS's arrays. Use 'run N pre yes'"
+                f"atom {self.tag[other.argmax()]} is not where its rigid body has it: since the last run it has gone to another rank "
+                "or to another place in LAMMPS's arrays, or has another ID. Use 'run N pre yes'"
             )
         else:
             copies = {name: Cell(self.cells[name].kind, self.cells[name].array.copy()) for name in ("state", "away", "shift", "aways")}
@@ -327,7 +327,7 @@ class Bodies:
 
     def instability(self, body, lammps):
         """Why a body moves too far in a step, and what to do; '', '' if it does not."""
-        move, turn = (lammps.dt * np.linalg.norm(speed[:, body]) for speed in (self.v, self.angular_velocity()))
+        move, turn = (lammps.innermost_dt * np.linalg.norm(speed[:, body]) for speed in (self.v, self.angular_velocity()))
         first, cause, remedy, spacing = self.start or (0, "", "", np.inf)
         if move < 0.5 * spacing and turn < 1.0:
             return "", ""

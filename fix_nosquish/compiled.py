@@ -278,9 +278,9 @@ class _Module:
                 if not self.read():  # nor has another process made it meanwhile
                     print(f"{package} compiles its loops, once for this machine and version: about 15 s", file=sys.stderr, flush=True)
                     begin = time.perf_counter()
-                    for module in modules:
-                        if not module.read():
-                            module.compile()
+                    for module in sorted(modules, key=lambda module: module is not self):
+                        if not module.read() and not module.compile():
+                            break  # what cannot be kept is compiled for this run alone
                     print(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
         return self.code
 
@@ -297,11 +297,13 @@ class _Module:
         return self.code is not None
 
     def compile(self):
-        """Make the machine code, and keep it if there is a place for it."""
+        """Make the machine code, and keep it if there is a place for it. Returns: whether there is."""
         places, self.code = self.places(), _compile(self.loops)
-        if not any(_save(place, importlib.util.source_hash(self.code) + self.code) for place in places):
+        kept = any(_save(place, importlib.util.source_hash(self.code) + self.code) for place in places)
+        if not kept:
             folders = " nor ".join(str(place.parent) for place in places)
             warnings.warn(f"the loops of {self.name} are compiled at each start, because neither {folders} can be written", RuntimeWarning)
+        return kept
 
     def places(self):
         """Where the file may be: beside the module's own compiled file, or in the user's cache.

@@ -132,7 +132,7 @@ class NVE(Reports):
         self._notes = self._said = self._loops = None
         self._warned = set()
         self._settled = self._half = self._ran = self._over = self._heard = self._velocities_set = False
-        self._shaped = False  # whether a run has given the bodies a shape
+        self._lost = False  # whether the bodies of the last run are gone, because the next one could not make them anew
         self._mask = self._file = None
         self._known, self.late = {}, []
         self.half_step_velocities, self.velocities_every = True, (1,)
@@ -195,7 +195,6 @@ class NVE(Reports):
         self._box_may_change = unknown or any(fix.box_change for fix in fixes)
         if self.command.reinit or not self._ran:
             self._build()
-            self._shaped = True
             self._set_velocities()
         self._refuse_second_integrator(fixes)
         self.reset_dt()
@@ -212,7 +211,9 @@ class NVE(Reports):
         if self.host and self.bodies is not None:
             self.host.carry(None, None)
         self.bodies = self._loops = None  # there may be no room for both
+        self._lost = former is not None
         self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile, self.more_rows, former)
+        self._lost = False
         if kept := self._notes.pop("kept"):
             self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
             self.host.log(kept.text)
@@ -231,15 +232,17 @@ class NVE(Reports):
     def _former(self):
         """What the atoms were in the bodies of the last run, None if that says nothing of their shape; collective.
 
-        A variable then tells those atoms' bodies only that were in none; LAMMPS's own fix cannot know which these are.
+        An atom that was in a body stays in it; a variable is asked for the others only.  (LAMMPS's own fix cannot know which these are.)
         """
+        if self._lost:
+            raise RunError("the bodies of the last run are gone, because this one could not begin: unfix this fix and define it again", everywhere=True)
         if self.bodies is None:
             return None
         self.host.point(self.lammps.cells)
         former = self.bodies.of_atoms(self.lammps, not isinstance(self.host, OwnFix))
         if self.membership.variable and former.followed:
             self.membership.before = former.id, former.known
-        return former if self._shaped and not self._infile else None
+        return former if self._ran and not self._infile else None
 
     def _refuse_second_integrator(self, fixes):
         problem = None
@@ -364,9 +367,10 @@ class NVE(Reports):
             self.post_neighbor()
             self.setup(0)
         elif self._over:  # what changes velocities now is a script
-            self._over = False
             self._refuse_new_box(self.lammps.box.periodic)
+            self.host.point(self.lammps.cells)
             self.bodies.refuse_moved_atoms(self.lammps)
+            self._over = False
             self._say_ignored("pre no")
         elif self.late:
             self._take_changed_velocities(self.lammps.step - 1)

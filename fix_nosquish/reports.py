@@ -90,7 +90,7 @@ class Reports:
         bodies = self.bodies
         between_runs = self._over or not self.lammps.running
         if between_runs and self.host.creates_velocities:
-            return 0  # they are scaled as made, of all atoms; to rigid motion goes its share of them when the run starts
+            return 0  # all atoms' velocities are scaled now; a body keeps its share of them when the run makes them rigid motion
         if not self.lammps.running or bodies is None:  # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
             former = self._former()
             bodies = build(self.lammps, self.world, self.membership, self._infile, former=former)[0]

@@ -8,6 +8,7 @@ from .bodies import OFF_BODY, matrices
 from .errors import RunError
 
 _TORN = 2.0  # atoms further off than this times the size of their body say nothing of where it is
+_MISTAKEN = 0.2  # so may those, where atoms are known by their IDs alone
 
 
 class Kept(NamedTuple):
@@ -84,7 +85,8 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
     if not world.any(deformed.any()):
         return r, None, new
     size = np.maximum(largest([np.linalg.norm(d, axis=0)], 0.0, np.maximum)[0], bound)
-    text = _say(world, membership, ids, far, size, deformed & sharers.owned)
+    most = _TORN if former.followed else _MISTAKEN
+    text = _say(world, membership, ids, far, size, deformed & sharers.owned, most)
     mine = deformed[body]
     shift = placed[mine] - r[mine]
     r = np.where(mine[:, None], placed, r)
@@ -113,18 +115,20 @@ def best_turns(products, plane=False):
     return left @ right
 
 
-def _say(world, membership, ids, far, size, which):
-    """The line for the log on these bodies (n,) bool; collective. Raises: as `keep`."""
-    k = np.argmax(far / size * which)
-    worst = [[far[k] / size[k], far[k], ids[k]]] if which.any() else []
+def _say(world, membership, ids, far, size, which, most):
+    """The line for the log on these bodies (n,) bool, off by `most` sizes at most; collective. Raises: as `keep`."""
+    worst = []
+    if which.any():
+        k = np.argmax(far / size * which)
+        worst = [[far[k] / size[k], far[k], ids[k]]]
     rows = world.gather_to_all(np.array(worst).reshape(-1, 3))
     part, distance, name = rows[rows[:, 0].argmax()]
     name = membership.name(int(name))
-    if part > _TORN:
+    if part > most:
         raise RunError(
             f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where the "
             f"body's shape has it, {part:.2g} times its size. Bodies that a periodic face cuts are torn "
-            "when the boundary changes, or the box without 'remap': move them off the face before. "
+            "when the boundary changes, or the box without 'remap'; IDs must stay as they are. "
             "If the new shape is meant, unfix this fix and define it again",
             everywhere=True,
         )

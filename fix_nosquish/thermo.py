@@ -5,7 +5,7 @@ import numpy as np
 from . import __version__
 
 _FAST = 1.0  # radians in a time step that call for a warning
-_PUSHED = 0.1  # parts of the space between atoms by which the forces of the start move no body in a step, unless its atoms overlap
+_PUSHED = 0.1  # of the distance between atoms: no force moves a body further in the first step, unless atoms overlap
 
 
 def freedom(bodies, dimension):
@@ -132,7 +132,7 @@ def warnings(nve, notes):
             "or leave these atoms out of the group"
         )
     lines += notes["warnings"]
-    turn, body = _fastest(nve.bodies, nve.world, nve.dt if nve.respa_dt is None else nve.respa_dt[0])
+    turn, body = _fastest(nve.bodies, nve.world, nve.lammps.innermost_dt)
     if turn > _FAST:
         lines.append(
             f"WARNING: {nve.membership.name(body)} turns by {turn:.2g} rad in a step, which no time step of this length can follow "
@@ -146,16 +146,16 @@ def forces_at_start(nve):
 
     Returns:
         (cause, remedy, spacing): what to say of the body that is pushed furthest in the first step, '' if that is as it should be;
-        what to do; and the distance that atoms have from each other, or the size of the largest body if that is less.
+        what to do; and the distance that atoms have from each other, or the size of the largest body if that is more.
     """
     bodies, world, lammps = nve.bodies, nve.world, nve.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension
-    push = 0.5 * nve.dt**2 * lammps.ftm2v * np.sqrt((bodies.force**2).sum(axis=0)) / bodies.mass
+    push = 0.5 * lammps.innermost_dt**2 * lammps.ftm2v * np.sqrt((bodies.force**2).sum(axis=0)) / bodies.mass
     size = np.sqrt(bodies.moment.max(axis=0) / bodies.mass)
     k = [push.argmax()] if len(push) else []
     pushes, ids, sizes = world.gather_to_all(np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T).T
     space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / world.total(np.array([len(lammps.groups)]))[0]
-    spacing = min(space ** (1 / dimension), sizes.max() or np.inf)
+    spacing = max(space ** (1 / dimension), sizes.max())
     many, of = world.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
     if not many:
         return "", "", spacing

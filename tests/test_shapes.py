@@ -2,6 +2,7 @@
 
 import itertools
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -125,7 +126,7 @@ REFUSED = {
     "box, reinit no": ("molecule reinit no", "change_box all x scale 0.97 remap\nrun 5", ("the box has changed", "with reinit yes")),
     "box, pre no": ("molecule", "change_box all x scale 0.97 remap\nrun 5 pre no", ("the box has changed", "without infile or 'pre no'")),
     "atoms, pre no": ("molecule", "displace_atoms all random 0.1 0.1 0.1 4928\nrun 5 pre no", ("where its rigid body has it", "run N pre yes")),
-    "boundary": ("molecule", "change_box all boundary p p f\nrun 5", ("was torn apart between the runs", "off the face")),
+    "boundary": ("molecule", "change_box all boundary p p f\nrun 5", ("was torn apart between the runs", "unfix this fix")),
 }  # fmt: skip
 
 
@@ -138,6 +139,35 @@ def test_what_cannot_keep_its_shape_is_refused(run_lammps, name, ranks):
     run = run_lammps(script(system, f"run 5\n{then}", words), files=system.files, ranks=ranks, check=False, timeout=60)
     errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
     assert run.code != 0 and len(errors) == 1 and all(words in errors[0] for words in expected), run.screen
+
+
+def test_ranks_without_bodies(run_lammps):
+    """Locks out a rank that has no body and fails where the others say which one was deformed."""
+    then = "run 5\nchange_box all x scale 0.97 remap\nrun 5"
+    one = "group one molecule 3\n" + OURS.format(group="one", words="molecule")
+    system = mixture(ALL)
+    run = run_lammps(f"{system.setup}\n{one}\n{then}", files=system.files, ranks=4, timeout=60)
+    assert re.search(SAID, run.log).groups()[:2] == ("1", "3")
+
+
+AGAIN = """import sys, lammps
+lmp = lammps.lammps()
+lmp.file(sys.argv[1])
+for _ in range(2):
+    try:
+        lmp.command("run 5")
+    except Exception as error:
+        print("REFUSED", error)
+"""
+
+
+def test_what_is_refused_is_refused_again(run_lammps):
+    """Locks out a driver in Python that tries again and gets the torn shapes as the bodies' own."""
+    system = mixture(ALL)
+    text = script(system, "run 5\nchange_box all boundary p p f")
+    run = run_lammps(text, files=system.files, launcher=[sys.executable, "-c", AGAIN], check=False, timeout=60)
+    refused = [line for line in run.screen.splitlines() if line.startswith("REFUSED")]
+    assert len(refused) == 2 and "torn apart" in refused[0] and "unfix this fix and define it again" in refused[1], run.screen
 
 
 # ---- bodies of one kind
