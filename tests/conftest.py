@@ -6,8 +6,12 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-import pytest
+# before numpy is imported: its threads, one for each core, would take the cores from other tests
+for library in "OMP", "OPENBLAS":
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
 
 ROOT = Path(__file__).resolve().parent.parent
 
