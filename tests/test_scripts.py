@@ -63,7 +63,7 @@ INSIDE = "displace_atoms all move 1.4 1.4 1.4 units box"  # no body crosses a fa
 HALVES = "unfix 1\ngroup a molecule <= 13\ngroup b subtract bodies a\nfix 1 a FIX(a)\n"
 CASES = {
     # atoms come and go, so that LAMMPS moves its arrays: views of the old ones are dead
-    "arrays moved": Case("create_atoms 1 random 40000 77 box\ngroup extra subtract all bodies\ndelete_atoms group extra compress no"),
+    "arrays moved": Case("lattice sc 80.0\ncreate_atoms 1 box\ngroup extra subtract all bodies\ndelete_atoms group extra compress no"),
     # a temperature outside of a run counts degrees of freedom
     "dof between runs": Case('print "$(c_other)"', "pre no", "compute other all temp\ncompute_modify other dynamic/dof yes"),
     # LAMMPS's last group has the sign bit of the atoms' mask

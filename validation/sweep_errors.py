@@ -27,7 +27,8 @@ LARGEST = "bond", "angle"
 MEASURES = {
     name: {"title": title, "unit": unit, "relative_to": relative_to, "log": True}
     for name, title, unit, relative_to in (
-        ("energy_sd", "standard deviation of the total energy", "kcal/mol", "its mean"),
+        ("energy_sd", "standard deviation of the total energy; of one that drifts it grows with the run", "kcal/mol", "its mean"),
+        ("energy_sd_line", "standard deviation of the total energy about its line", "kcal/mol", "the least-squares line through it"),
         ("drift", "drift of the total energy", "kT per ns and degree of freedom", "none"),
         ("paper", "mean of |E − ⟨E⟩| / |⟨E⟩|, the paper's measure", "", "its mean"),
         ("position", "rms distance of the bodies' centres after the horizon", "Å", "ours at a 16th of the smallest step"),
@@ -98,6 +99,7 @@ def of_run(result, reference, dt, parts, asked):
     turning = total - 3 * (motion.count + motion.free - 1)
     makers = {
         "energy_sd": lambda: measures.standard_deviation(energy),
+        "energy_sd_line": lambda: measures.about_line(time, energy),
         "drift": lambda: measures.drift(time, energy).times(PS_PER_NS / (BOLTZMANN * kelvin * total)),
         "paper": lambda: measures.mean(np.abs(energy - energy.mean()) / abs(energy.mean())),
         "position": lambda: motion.distance(parts.at_horizon, reference.positions["x"][-1]),

@@ -18,7 +18,7 @@ SHOWN = SHORT  # in all panels; tolerances and mrot have one of their own
 VARIED = OURS, "shake", "rattle"  # beginnings of the names in that panel
 TOLD = 0.25  # of a panel's points have to be told from zero, else it shows noise and is left out
 GROUPS = {  # name of the file: (title, measures)
-    "energy": ("Energy", ("energy_sd", "drift", "paper")),
+    "energy": ("Energy", ("energy_sd", "energy_sd_line", "drift", "paper")),
     "trajectory": ("Trajectory", ("position", "orientation")),
     "thermodynamics": ("Thermodynamics", ("potential", "equipartition", "pressure", "convergence", "ke_distribution", "pv_equipartition")),
     "structure": ("Structure", ("g_oo", "helix")),

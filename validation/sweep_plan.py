@@ -24,7 +24,7 @@ OURS = "nosquish"
 # what --short leaves out: mrot, tolerances, and fixes of one integrator in another distribution of the work
 SHORT = OURS, "matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake-1e-4", "shake-1e-8", "rattle-1e-4"
 
-COMMON = ("energy_sd", "drift", "paper", "position", "orientation", "potential", "equipartition")
+COMMON = ("energy_sd", "energy_sd_line", "drift", "paper", "position", "orientation", "potential", "equipartition")
 AGAINST = ("position", "orientation", "potential", "equipartition", "pressure")  # held against a solution, or limits, of ours and the rigid fixes
 HELD = ("bond", "angle")
 PHYSICAL = ("convergence", "ke_distribution", "pv_equipartition")
