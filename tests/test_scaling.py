@@ -96,7 +96,7 @@ def start(ranks, folder, program):
 
     from validation import counting
 
-    environment = os.environ | counting.environment(folder / "counts") | {"OMP_NUM_THREADS": "1"}
+    environment = os.environ | counting.environment(folder / "counts")
     done = subprocess.run([str(BIN / "mpirun"), "-np", str(ranks), sys.executable, *program], cwd=folder, env=environment, text=True,
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120)  # fmt: skip
     assert done.returncode == 0, done.stdout

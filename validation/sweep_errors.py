@@ -27,7 +27,7 @@ LARGEST = "bond", "angle"
 MEASURES = {
     name: {"title": title, "unit": unit, "relative_to": relative_to, "log": True}
     for name, title, unit, relative_to in (
-        ("energy_sd", "standard deviation of the total energy; of one that drifts it grows with the run", "kcal/mol", "its mean"),
+        ("energy_sd", "standard deviation of the total energy", "kcal/mol", "its mean; of an energy that drifts it grows with the run"),
         ("energy_sd_line", "standard deviation of the total energy about its line", "kcal/mol", "the least-squares line through it"),
         ("drift", "drift of the total energy", "kT per ns and degree of freedom", "none"),
         ("paper", "mean of |E − ⟨E⟩| / |⟨E⟩|, the paper's measure", "", "its mean"),
