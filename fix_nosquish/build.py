@@ -19,11 +19,11 @@ _LARGEST_ID = 2**53  # IDs travel as floating-point numbers
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
-def build(lammps, world, membership, path=None, more_rows=0, former=None):
+def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Args:
-        lammps: the `Lammps`.  world: the `World` or `Alone`.  membership: the `Membership`.
+        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  membership: the `Membership`.
         path: the file of keyword infile, None for none.
         more_rows: rows of zeros in the bodies' state, behind those that `kernels` names.
         former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
@@ -38,9 +38,9 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     Raises:
         RunError: on all ranks, naming the body.
     """
-    atoms, ids, body, mass, tag, radius = _members(lammps, world, membership)
+    atoms, ids, body, mass, tag, radius = _members(lammps, communicator, membership)
     plane = lammps.dimension == 2
-    sharers = _sharers(world, ids)
+    sharers = _sharers(communicator, ids)
     n = len(ids)
 
     def total(*columns):
@@ -52,10 +52,10 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     def blame(wrong, text):
         """End the run if `wrong` marks a body."""
         k = np.argmax(wrong) if wrong.any() else None
-        world.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
+        communicator.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
 
     natoms, body_mass = total(np.ones(len(atoms)), mass)
-    given = infile.read(path, world, ids, sharers.owned) if path else None
+    given = infile.read(path, communicator, ids, sharers.owned) if path else None
     if given:
         body_mass[given.bodies] = given.mass
     blame(
@@ -63,7 +63,7 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     )
 
     place, image, delta, rebuilt, doubt = unfold(
-        lammps, world, membership, sharers, ids, body, tag, atoms
+        lammps, communicator, membership, sharers, ids, body, tag, atoms
     )
     centre = total(*(mass * delta.T)) / body_mass
     if given:
@@ -83,7 +83,7 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
         )
     r, kept, new = delta - centre[:, body].T, None, True
     if former is not None:
-        r, kept, new = keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r)
+        r, kept, new = keep(lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r)
     rx, ry, rz = r.T
     xx, yy, zz, xy, xz, yz = total(
         *(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz))
@@ -107,7 +107,7 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
         moment, axes = _principal_in_plane(inertia)
     else:
         moment, axes, equal = _principal(inertia)
-        if world.any(equal.any()):
+        if communicator.any(equal.any()):
             sums = total(*(w * c for w in weights(tag) for c in r.T)).reshape(2, 3, n)
             _choose_axes(axes, equal, sums.transpose(2, 0, 1))
         if membership.command.order == 123:
@@ -116,7 +116,7 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
             axes[solid] = axes[solid, :, ::-1]
         axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
 
-    state = np.zeros((ROWS + more_rows, n))
+    state = np.zeros((ROWS + own_rows, n))
     state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = (
         body_mass,
         natoms,
@@ -130,13 +130,12 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     sharers.combine(state)
     d = np.empty((4, len(atoms)))
     d[:3], d[3] = np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag
-    has_spheres = world.any(radius is not None and radius.any())
+    has_spheres = communicator.any(radius is not None and radius.any())
     if has_spheres:
-        compiled.load(world, spheres.__name__)
-    result = Bodies(state, body, d, atoms.astype(np.int32), plane, has_spheres, world)
-    result.find_sharers()  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
+        compiled.load(communicator, spheres.__name__)
+    result = Bodies(state, body, d, atoms, plane, has_spheres, communicator)
     result.take_velocities(lammps, given and given.momenta(result.id))
-    notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
+    notes = _notes(result, lammps, communicator, membership, rebuilt[sharers.owned].sum())
     return result, notes | {
         "given": given.named if given else (),
         "warnings": [doubt] if doubt else [],
@@ -145,7 +144,7 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     }
 
 
-def count(lammps, world, membership):
+def count(lammps, communicator, membership):
     """How many bodies there are, None if that cannot be told (yet); collective."""
     if membership.variable:
         return None  # the variable may need a run
@@ -154,17 +153,17 @@ def count(lammps, world, membership):
         ids = np.unique(membership.bodies(membership.atoms()))
     except RunError:
         problem = True
-    if world.any(problem):
+    if communicator.any(problem):
         return None
-    return round(world.total(np.array([_sharers(world, ids).owned.sum()]))[0]) or None
+    return round(communicator.total(np.array([_sharers(communicator, ids).owned.sum()]))[0]) or None
 
 
-def _sharers(world, ids):
+def _sharers(communicator, ids):
     """The `Sharers` of bodies of which nothing else is known."""
-    return Sharers(world).find(len(ids), np.arange(len(ids)), ids, ids % world.size)
+    return Sharers(communicator).find(len(ids), np.arange(len(ids)), ids, ids % communicator.size)
 
 
-def _notes(bodies, lammps, world, membership, rebuilt):
+def _notes(bodies, lammps, communicator, membership, rebuilt):
     """What `build` has to say for the log; collective."""
     v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
     before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum()
@@ -175,7 +174,7 @@ def _notes(bodies, lammps, world, membership, rebuilt):
         )
         before += 0.5 * SPHERE * (mass[bodies.index] * radius**2 * (omega**2).T).sum()
     zero = owned & (bodies.id == 0) & (membership.command.style == "molecule")
-    before, after, rebuilt, stray = world.total(
+    before, after, rebuilt, stray = communicator.total(
         np.array([before, bodies.kinetic()[:, owned].sum(), rebuilt, bodies.natoms[zero].sum()])
     )
     return {
@@ -184,7 +183,7 @@ def _notes(bodies, lammps, world, membership, rebuilt):
     }  # fmt: skip
 
 
-def _members(lammps, world, membership):
+def _members(lammps, communicator, membership):
     """This rank's atoms of bodies: their index, the bodies' IDs, the place of each atom's body there, mass, tag, radius."""
     problem = None
     atoms = membership.atoms()
@@ -196,8 +195,8 @@ def _members(lammps, world, membership):
         if error.everywhere:
             raise
         problem = str(error)
-    world.agree(problem)
-    if world.total(np.array([len(atoms)]))[0] == 0:
+    communicator.agree(problem)
+    if communicator.total(np.array([len(atoms)]))[0] == 0:
         raise RunError(
             f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run",
             everywhere=True,
@@ -205,16 +204,16 @@ def _members(lammps, world, membership):
     radius, more = lammps.finite()
     more = more[atoms] if more is not None else np.zeros(len(atoms), "U1")
     odd = more != ""
-    world.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
+    communicator.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
     bad = ~(mass >= 0)
-    world.agree(
+    communicator.agree(
         f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero"
         if bad.any()
         else None
     )
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
     far = (ids > _LARGEST_ID) | (ids < -_LARGEST_ID)
-    world.agree(
+    communicator.agree(
         f"{membership.name(ids[far][0])} has too large an ID: at most 2^53 is possible"
         if far.any()
         else None

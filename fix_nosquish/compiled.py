@@ -1,29 +1,35 @@
-"""Loops over arrays, written as functions and compiled once to machine code that is kept in a file.
+"""Loops over arrays, written as functions and compiled once to machine code that a file keeps.
+
+    class Points(NamedTuple):
+        x: F2
+        index: I1
 
     @inlined
     def square(a, b):
         return a * a + b * b
 
     @loop
-    def lengths(x: F2, result: F1):
-        for i in range(len(x)):
-            result[i] = sqrt(square(x[i, 0], x[i, 1]))
+    def lengths(points: Points, result: F1):
+        for i in range(len(points.x)):
+            result[i] = sqrt(square(points.x[i, 0], points.x[i, 1]))
 
-numba compiles a loop with the functions that it inlines, and a file keeps what it made of a module's loops. Where that
-file is, numba is not even imported, which alone would take longer than all else at the start of a run.
+An argument's annotation is its `Kind`, or a NamedTuple whose fields have kinds: a bundle.  Where the
+file of a module's loops is, numba is not even imported, which alone would take longer than all else
+at the start of a run; if not, `compile` makes it.
 
-Beside its arguments a loop can use functions of `math`, functions that are `inlined` and numbers and tuples of
-numbers, which the compiler takes as constants. It must not make an array nor raise an exception; it returns nothing or
-an integer. Nothing checks its indices.
+A loop can use functions of `math`, functions that are `inlined`, what `compile.PRIMITIVES` names, and
+numbers and tuples of numbers, which are constants to the compiler.  It makes no array and raises
+no exception; it returns nothing or an integer.  Nothing checks its indices.
 """
 
 import ctypes
 import fcntl
-import gc
 import importlib.util
 import math
 import operator
 import os
+import pickle
+import subprocess
 import sys
 import time
 import warnings
@@ -35,37 +41,40 @@ from typing import NamedTuple
 
 import numpy as np
 
-_inlined = {}  # function: the options that numba compiles it with
-_modules = {}  # name: the `_Module`
+INLINED = {}  # function: the options that numba compiles it with
+MODULES = {}  # name: the `Module`
 _HASH = 8  # bytes of a file before its machine code
 
 
 class Kind(NamedTuple):
     """What an argument of a loop is: a scalar (of no dimension) or a C-contiguous array."""
 
+    name: str
     dtype: np.dtype
     dimensions: int
+    columns: int = 0  # if not 0, the loop is compiled for an array of so many
 
     def __str__(self):
-        return (
-            f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions"
-            if self.dimensions
-            else f"a {self.dtype}"
-        )
+        if self.columns:
+            return f"a C-contiguous {self.dtype} array of {self.columns} columns"
+        if self.dimensions:
+            return f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions"
+        return f"a {self.dtype}"
 
     def describe(self, value):
-        """A value as integers: a number's bits, or an array's address and shape. Raises: TypeError."""
+        """A value as integers: a number's bits, or an array's address and shape.
+
+        Raises:
+            TypeError: for a value that is not of this kind.
+        """
         if self is I:
             return [operator.index(value)]
         if self is F:
             return [ctypes.c_int64.from_buffer(ctypes.c_double(value)).value]
-        if (
-            isinstance(value, np.ndarray)
-            and value.dtype == self.dtype
-            and value.ndim == self.dimensions
-            and value.flags.c_contiguous
-        ):
-            return [_address(value), *value.shape]
+        alike = isinstance(value, np.ndarray) and value.dtype == self.dtype
+        if alike and value.ndim == self.dimensions and value.flags.c_contiguous:
+            if not self.columns or value.shape[1] == self.columns:
+                return [_address(value), *value.shape]
         raise TypeError
 
 
@@ -76,15 +85,16 @@ def _address(array):
         return array.ctypes.data
 
 
-F, F1, F2 = (Kind(np.dtype(np.float64), dimensions) for dimensions in range(3))
-I, L1, L2 = (Kind(np.dtype(np.int64), dimensions) for dimensions in range(3))
-I1, I2 = (Kind(np.dtype(np.int32), dimensions) for dimensions in (1, 2))
+F, F1, F2 = (Kind(f"F{n or ''}", np.dtype(np.float64), n) for n in range(3))
+I, L1, L2 = (Kind(f"L{n}" if n else "I", np.dtype(np.int64), n) for n in range(3))
+I1, I2 = (Kind(f"I{n}", np.dtype(np.int32), n) for n in (1, 2))
+LANES = 64
+F64 = Kind("F64", np.dtype(np.float64), 2, LANES)
+KINDS = F, F1, F2, F64, I, L1, L2, I1, I2
 
 _memory = ctypes.pythonapi.PyMemoryView_FromMemory
-_memory.restype, _memory.argtypes = (
-    ctypes.py_object,
-    [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int],
-)
+_memory.restype = ctypes.py_object
+_memory.argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int]
 _WRITABLE = 0x200  # PyBUF_WRITE
 
 
@@ -98,7 +108,7 @@ def array(address, shape, dtype):
 
 
 class Cell:
-    """Where loops find an argument each time they run: those that are bound to a cell follow it when it is set anew.
+    """Where loops find an argument each time they run: a bound loop follows it when it is set anew.
 
     Args:
         kind: the argument's `Kind`.
@@ -106,32 +116,34 @@ class Cell:
         numbers: int64, memory for 1 + dimensions numbers; None for its own.
 
     Attributes:
-        numbers: the value as integers (see `Kind.describe`); whoever writes other ones here sets the cell, too.
+        numbers: the value as integers (see `Kind.describe`); who writes others here sets the cell.
         address: of these integers.
-        owners: arrays, by their addresses, that live as long as the cell: those at which it may be pointed.
     """
 
     def __init__(self, kind, value=None, numbers=None):
         self.kind = kind
-        self.numbers = (np.zeros(3, np.int64) if numbers is None else numbers)[
-            : 1 + kind.dimensions
-        ]
-        self.address, self.owners = self.numbers.ctypes.data, {}
+        numbers = np.zeros(3, np.int64) if numbers is None else numbers
+        self.numbers = numbers[: 1 + kind.dimensions]
+        self.address, self._owner = self.numbers.ctypes.data, None
         if value is not None:
             self.set(value)
 
     def set(self, value):
-        """Put an array or a number here. Raises: TypeError, if it is not of the kind."""
+        """Put an array, which lives as long as it is here, or a number here.
+
+        Raises:
+            TypeError: if it is not of the kind.
+        """
         self.numbers[:] = self.kind.describe(value)
-        self.owners = {self.numbers[0].item(): value} if self.kind.dimensions else {}
+        self._owner = value
 
     @property
     def array(self):
-        """A view of the array that is here now; it keeps the memory if the cell's owners do."""
-        address, *shape = self.numbers.tolist()
-        if address in self.owners:
-            return self.owners[address].reshape(-1)[: math.prod(shape)].reshape(shape)
-        return array(address, shape, self.kind.dtype)
+        """A view of the array that is here now, of use as long as it is."""
+        place, *shape = self.numbers.tolist()
+        if self._owner is not None and _address(self._owner) == place and self._owner.shape == (*shape,):
+            return self._owner
+        return array(place, shape, self.kind.dtype)
 
     @property
     def number(self):
@@ -148,68 +160,57 @@ def cells(kinds):
         (cells (len(kinds), 3), dictionary): their integers, and from names to each `Cell`.
     """
     table = np.zeros((len(kinds), 3), np.int64)
-    return table, {
-        name: Cell(kind, numbers=numbers) for (name, kind), numbers in zip(kinds.items(), table)
-    }
+    named = zip(kinds.items(), table, strict=True)
+    return table, {name: Cell(kind, numbers=numbers) for (name, kind), numbers in named}
+
+
+# ---------------------------------------------------------------- loops
 
 
 def inlined(function=None, *, contract=False):
     """Decorator of a function that loops inline; Python's own callers have the plain function.
 
     Args:
-        contract: whether the compiler may round a product and a sum as one (fused multiply-add).
+        contract: whether a product and a sum may be rounded as one (fused multiply-add).
     """
     if function is None:
         return partial(inlined, contract=contract)
-    _inlined[function] = {"fastmath": {"contract"}} if contract else {}
+    INLINED[function] = {"fastmath": {"contract"}} if contract else {}
     return function
 
 
-def loop(function):
-    """Decorator of a loop to be compiled; each argument's annotation is its `Kind`. Returns: the `Loop`."""
-    return Loop(function)
-
-
+# what only loops can call
 def prefetch(array, row, column):
-    """Have the processor fetch an element of a two-dimensional array that a loop will soon need; does nothing in Python."""
+    """Have the processor fetch an element of a two-dimensional array that a loop needs soon."""
 
 
-def load(world, *names):
-    """Make the loops of some modules ready now, with the machine code that rank 0 reads or compiles; collective.
-
-    Without this a loop's first use does it, on each rank for itself.  Rank 0 tells standard error when it compiles.
-
-    Args:
-        world: the `World` or `Alone`.
-        names: of the modules, as `__name__`; those without loops are left out.
-    Raises:
-        RunError: on all ranks, if they cannot be compiled.
-    """
-    modules = {name: _modules[name] for name in names if name in _modules}
-    if not world.any(not all(module.ready for module in modules.values())):
-        return
-    sent = None
-    with _together(world):
-        if world.rank == 0:
-            sent = _processor(), {name: module.found() for name, module in modules.items()}
-    processor, codes = world.share(sent)
-    with _together(world):
-        for name, module in modules.items():
-            if not module.ready:
-                if processor == _processor():
-                    module.code = codes[name]
-                module.load()
+def address(array):
+    """Where an array begins in memory."""
 
 
-@contextmanager
-def _together(world):
-    """What fails on one rank ends the run on all; collective."""
-    try:
-        yield
-    except Exception as error:
-        world.agree(f"the loops cannot be compiled or loaded: {type(error).__name__}: {error}")
-    else:
-        world.agree(None)
+def floats(place, rows, columns):
+    """The float64 array (rows, columns) at this place in memory."""
+
+
+def longs(place, n):
+    """The int64 array (n,) at this place in memory."""
+
+
+def ints(place, n):
+    """The int32 array (n,) at this place in memory."""
+
+
+def int_rows(place, rows, columns):
+    """The int32 array (rows, columns) at this place in memory."""
+
+
+def call(place, *arguments):
+    """Call the C function at this place with up to 7 integers or addresses. Returns: its integer."""
+
+
+def loop(function):
+    """Decorator of a loop to be compiled: see the head of this file. Returns: the `Loop`."""
+    return Loop(function)
 
 
 class Loop:
@@ -217,12 +218,15 @@ class Loop:
 
     def __init__(self, function):
         update_wrapper(self, function)
-        self.name = f"{function.__module__}.{function.__name__}"
-        self.kinds = {
-            name: kind for name, kind in function.__annotations__.items() if name != "return"
-        }
+        self.name = f"{function.__module__}.{function.__qualname__}"
+        notes = function.__annotations__
+        self.returns = bool(notes.get("return"))
+        self.parameters = {name: what for name, what in notes.items() if name != "return"}
+        self.kinds = {}  # of the parameters and of the fields of bundles
+        for name, what in self.parameters.items():
+            self.kinds |= {name: what} if isinstance(what, Kind) else what.__annotations__
         self.machine_code = None
-        self.module = _modules.setdefault(function.__module__, _Module(function.__module__))
+        self.module = MODULES.setdefault(function.__module__, Module(function.__module__))
         self.module.loops.append(self)
 
     def __call__(self, *values):
@@ -230,18 +234,29 @@ class Loop:
         return self.bind(*values)()
 
     def bind(self, *values):
-        """Fix the arguments: each a value or the `Cell` that it is in.
+        """Fix the arguments: each a value, the `Cell` that it is in, or a bundle of such.
 
         Returns:
-            a function without arguments that runs the loop on what is in the arrays and cells then, and returns the
-            loop's integer, or 0.
+            a function without arguments that runs the loop on what is in the arrays and cells then,
+            and returns the loop's integer, or 0.
         Raises:
             TypeError: for an argument that is not of its kind.
         """
-        if len(values) != len(self.kinds):
-            raise TypeError(f"{self.name} takes {len(self.kinds)} arguments, not {len(values)}")
+        if len(values) != len(self.parameters):
+            raise TypeError(f"{self.name} takes {len(self.parameters)} arguments, not {len(values)}")
+        flat = []
+        for what, value in zip(self.parameters.values(), values, strict=True):
+            flat += [value] if isinstance(what, Kind) else value
+        return self._bind(flat)
+
+    def bind_to(self, named, **more):
+        """Fix the arguments to what has their names (in a bundle, its fields') in a dictionary."""
+        named = {**named, **more}
+        return self._bind([named[name] for name in self.kinds])
+
+    def _bind(self, values):
         used = []
-        for (name, kind), value in zip(self.kinds.items(), values):
+        for (name, kind), value in zip(self.kinds.items(), values, strict=True):
             try:
                 used.append(value if isinstance(value, Cell) else Cell(kind, value))
                 if used[-1].kind != kind:
@@ -251,22 +266,47 @@ class Loop:
                 if isinstance(value, np.ndarray):
                     layout = "" if value.flags.c_contiguous else ", not contiguous"
                     given = f"{value.dtype} array of {value.ndim} dimensions{layout}"
-                raise TypeError(f"{self.name}: {name} must be {kind}, not a {given}") from None
+                message = f"{self.name}: {name} must be {kind}, not a {given}"
+                raise TypeError(message) from None
         if not self.machine_code:
             self.module.load()
-        call = partial(
-            self.machine_code, (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
-        )
+        addresses = (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
+        call = partial(self.machine_code, addresses)
         call.cells = used  # they live as long as their addresses are in use
         return call
 
-    def bind_to(self, named, **more):
-        """`bind` to those of these values and cells, a dictionary and more, that have the names of its arguments."""
-        named = {**named, **more}
-        return self.bind(*[named[name] for name in self.kinds])
+
+# ---------------------------------------------------------------- machine code and its files
 
 
-class _Module:
+def load(communicator, *names):
+    """Make the loops of some modules ready, with machine code that rank 0 reads or makes; collective.
+
+    Without this a loop's first use does it, on each rank for itself.
+
+    Args:
+        communicator: the `Communicator` or `ALONE`.
+        names: of the modules, as `__name__`; those without loops are left out.
+    Raises:
+        RunError: on all ranks, if they cannot be compiled.
+    """
+    modules = {name: MODULES[name] for name in names if name in MODULES}
+    if not communicator.any(not all(module.ready for module in modules.values())):
+        return
+    sent = None
+    with communicator.together("the loops cannot be compiled"):
+        if communicator.rank == 0:
+            sent = _processor(), {name: module.found() for name, module in modules.items()}
+    processor, codes = communicator.share(sent)
+    with communicator.together("the loops cannot be loaded"):
+        for name, module in modules.items():
+            if not module.ready:
+                if processor == _processor():
+                    module.code = codes[name]
+                module.load()
+
+
+class Module:
     """The loops of a module, and the file of their machine code.
 
     Attributes:
@@ -279,39 +319,19 @@ class _Module:
     def load(self):
         """Make the loops ready."""
         engine = _engine(self.found())
-        for loop in self.loops:
-            address = engine.get_function_address(loop.name)
-            loop.machine_code = ctypes.CFUNCTYPE(ctypes.c_int64)(address)
-            loop.machine_code.address = address
-            loop.machine_code.engine = engine  # which owns the memory
+        for one in self.loops:
+            address = engine.get_function_address(one.name)
+            one.machine_code = ctypes.CFUNCTYPE(ctypes.c_int64)(address)
+            one.machine_code.address = address
+            one.machine_code.engine = engine  # which owns the memory
         self.ready = True
 
     def found(self):
-        """The machine code: the file's, or newly compiled.
-
-        All that the package has imported is compiled with it, so that a later run, which may need more of it, compiles nothing.
-        """
+        """The machine code: the file's, or newly compiled."""
         if not self.read():
-            package = self.name.partition(".")[0]
-            modules = [
-                module for name, module in _modules.items() if name.partition(".")[0] == package
-            ]
             with _locked(self.places()):
                 if not self.read():  # nor has another process made it meanwhile
-                    print(
-                        f"{package} compiles its loops, once for this machine and version: about 15 s",
-                        file=sys.stderr,
-                        flush=True,
-                    )
-                    begin = time.perf_counter()
-                    for module in sorted(modules, key=lambda module: module is not self):
-                        if not module.read() and not module.compile():
-                            break  # what cannot be kept is compiled for this run alone
-                    print(
-                        f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s",
-                        file=sys.stderr,
-                        flush=True,
-                    )
+                    self._compile()
         return self.code
 
     def read(self):
@@ -326,37 +346,60 @@ class _Module:
                 break
         return self.code is not None
 
-    def compile(self):
-        """Make the machine code, and keep it if there is a place for it. Returns: whether there is."""
-        places, self.code = self.places(), _compile(self.loops)
-        kept = any(
-            _save(place, importlib.util.source_hash(self.code) + self.code) for place in places
+    def _compile(self):
+        """Compile these loops, and all that the package has imported: a later run may need more."""
+        package = self.name.partition(".")[0]
+        of_package = [one for name, one in MODULES.items() if name.partition(".")[0] == package]
+        missing = [one for one in of_package if one is self or not one.read()]
+        _tell(f"{package} compiles its loops, once for this machine and version: about 15 s")
+        begin = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-m", f"{__package__}.compile", *[one.name for one in missing]],
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
         )
-        if not kept:
+        if done.returncode:
+            raise RuntimeError(done.stderr.decode(errors="replace").strip() or "the compiler ended")
+        _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
+        codes = pickle.loads(done.stdout)
+        for one in missing:
+            one.code = codes[one.name]
+            one.save()
+
+    def save(self):
+        """Keep the machine code in a file."""
+        places = self.places()
+        content = importlib.util.source_hash(self.code) + self.code
+        if not any(_save(place, content) for place in places):
             folders = " nor ".join(str(place.parent) for place in places)
             warnings.warn(
-                f"the loops of {self.name} are compiled at each start, because neither {folders} can be written",
+                f"the loops of {self.name} are compiled at each start, because neither "
+                f"{folders} can be written",
                 RuntimeWarning,
+                stacklevel=2,
             )
-        return kept
 
     def places(self):
         """Where the file may be: beside the module's own compiled file, or in the user's cache.
 
-        It has a name of its own for each processor and compiler, and for all that the code follows from.
+        Its name tells the processor, the compiler, and all that the code follows from.
         """
         from importlib import metadata  # here, because other ranks can do without
 
         beside = Path(importlib.util.cache_from_source(sys.modules[self.name].__file__))
-        compiler = f"{_processor()} {metadata.version('llvmlite')} {metadata.version('numba')}"
-        loops = repr(
-            [(loop.name, loop.__annotations__, _contents(loop.__wrapped__)) for loop in self.loops]
+        compiler = (
+            f"{_processor()} {metadata.version('llvmlite')} {metadata.version('numba')} "
+            f"{Path(__file__).with_name('compile.py').read_text()}"
         )
-        beside = beside.with_suffix(
-            f".{_hash(compiler)}.{_hash(__loader__.get_source(__name__) + loops)}.o"
-        )
+        loops = repr([(one.name, one.kinds, _contents(one.__wrapped__)) for one in self.loops])
+        beside = beside.with_suffix(f".{_hash(compiler)}.{_hash(loops)}.o")
         cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
         return beside, Path(cache, __package__, _hash(str(beside.parent)), beside.name)
+
+
+def _tell(text):
+    print(text, file=sys.stderr, flush=True)
 
 
 def _hash(text):
@@ -364,7 +407,7 @@ def _hash(text):
 
 
 def _save(place, content):
-    """Write a file, whole or not at all, and remove the older ones of that module. Returns: whether it could."""
+    """Write a file, whole or not at all, and remove the module's older ones. Returns: whether."""
     part = place.with_name(f"{place.name}.{os.urandom(4).hex()}")
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -381,7 +424,7 @@ def _save(place, content):
 
 @contextmanager
 def _locked(places):
-    """Wait for other processes that compile for one of these places; where no folder can be locked, do not."""
+    """Wait for other processes that compile for these places, if a folder can be locked."""
     with ExitStack() as stack:
         for place in places:
             try:
@@ -399,29 +442,27 @@ def _locked(places):
 def _processor():
     from llvmlite import binding as llvm
 
-    return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+    features = llvm.get_host_cpu_features().flatten()
+    return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features}"
 
 
 @cache
-def _target():
+def target():
     """LLVM's idea of this processor."""
     from llvmlite import binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    return llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=3,
-        jit=True,
-    )
+    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    default = llvm.Target.from_default_triple()
+    return default.create_target_machine(cpu=cpu, features=features, opt=3, jit=True)
 
 
 def _engine(code):
     """The owner of machine code that is ready to run."""
     from llvmlite import binding as llvm
 
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _target())
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     return engine
@@ -439,229 +480,27 @@ def _contents(function):
     """All that the machine code of a function follows from."""
     codes = list(_codes(function.__code__))
     names = sorted({name for code in codes for name in code.co_names})
-    used = {name: function.__globals__[name] for name in names if name in function.__globals__}
+    known = function.__globals__
+    used = {name: known[name] for name in names if name in known}
     for module in [value for value in used.values() if isinstance(value, ModuleType)]:
-        used |= {
-            f"{module.__name__}.{name}": getattr(module, name)
-            for name in names
-            if hasattr(module, name)
-        }
-    used |= {
-        name: cell.cell_contents
-        for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ())
-    }
-    return (
-        [(code.co_code, [c for c in code.co_consts if not isinstance(c, CodeType)], code.co_names, code.co_varnames) for code in codes],
-        {name: _contents(value) if isinstance(value, FunctionType) and value in _inlined else getattr(value, "__name__", value)
-         for name, value in used.items()},
-        function.__defaults__, _inlined.get(function),
-    )  # fmt: skip
+        found = [name for name in names if hasattr(module, name)]
+        used |= {f"{module.__name__}.{name}": getattr(module, name) for name in found}
+    free, cells = function.__code__.co_freevars, function.__closure__ or ()
+    used |= {name: cell.cell_contents for name, cell in zip(free, cells, strict=True)}
 
+    def content(value):
+        if isinstance(value, FunctionType) and value in INLINED:
+            return _contents(value)
+        return getattr(value, "__name__", value)
 
-_OPTIONS = {"_nrt": False}  # nothing counts who uses an array: no loop makes one
-
-
-@cache
-def _teach(function):
-    """Let numba compile a function wherever a compiled one calls it, and inline it there."""
-    from numba.extending import overload
-
-    options = (
-        _OPTIONS | {"no_cfunc_wrapper": True, "error_model": "numpy"} | _inlined.get(function, {})
-    )
-    overload(function, options, strict=False)(lambda *types: function)
-
-
-def _compile(loops):
-    """The machine code of loops, an object file with a function `int64 NAME(int64 **cells)` for each.
-
-    Raises:
-        RuntimeError: for a loop that needs Python when it runs.
-    """
-    from llvmlite import binding as llvm
-    from numba.core.errors import NumbaError
-
-    for function in (*_inlined, *(loop.__wrapped__ for loop in loops)):
-        _teach(function)
-    _teach_prefetch()
-    linked = llvm.parse_assembly("")
-    entries = []
-    with _only_what_is_needed():
-        for loop in loops:
-            try:
-                entries.append((loop, _entry(loop)))
-            except NumbaError as error:
-                raise RuntimeError(
-                    f"{loop.name} makes an array or raises an exception, or is not what numba can compile: {error}"
-                ) from error
-    for loop, entry in entries:
-        module = llvm.parse_assembly(entry.inspect_llvm())
-        for value in (*module.functions, *module.global_variables):
-            if not value.is_declaration and value.name != entry.native_name:
-                value.linkage = "internal"
-                if value.is_function:
-                    value.add_function_attribute(
-                        "alwaysinline"
-                    )  # of LLVM, which simplifies it first
-        module.get_function(entry.native_name).name = loop.name
-        needed = _optimise(module) and _optimise(module)
-        if needed:
-            raise RuntimeError(
-                f"{loop.name} makes an array or raises an exception, for which it needs {', '.join(needed)}"
-            )
-        linked.link_in(module)
-    return _target().emit_object(linked)
-
-
-@cache
-def _teach_prefetch():
-    """Let numba compile `prefetch`."""
-    from llvmlite import ir
-    from numba import types
-    from numba.core import cgutils
-    from numba.extending import intrinsic, overload
-
-    @intrinsic
-    def fetch(typing, array, row, column):
-        def generate(context, builder, signature, arguments):
-            view = context.make_array(array)(context, builder, arguments[0])
-            place = cgutils.get_item_pointer(
-                context, builder, array, view, arguments[1:], wraparound=False
-            )
-            number = ir.IntType(32)
-            kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, number, number, number])
-            function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-            builder.call(
-                function,
-                [builder.bitcast(place, cgutils.voidptr_t), number(0), number(2), number(1)],
-            )
-            return context.get_dummy_value()
-
-        return types.void(array, types.int64, types.int64), generate
-
-    @overload(prefetch, _OPTIONS, strict=False)
-    def fetching(array, row, column):
-        def call(array, row, column):
-            fetch(array, row, column)
-
-        return call
-
-
-def _optimise(module):
-    """Do what LLVM's -O2 does.
-
-    -O3, and loops that do several vectors at a time, make much more code that is not faster; between two steps LAMMPS drives
-    what there is out of the caches.
-
-    Returns:
-        the names of Python's functions that are left: those for errors that a second round may find impossible.
-    """
-    from llvmlite import binding as llvm
-
-    options = llvm.create_pipeline_tuning_options(speed_level=2)
-    options.loop_vectorization, options.loop_interleaving = True, False
-    builder = llvm.create_pass_builder(_target(), options)
-    builder.getModulePassManager().run(module, builder)
-    return [
-        f.name
-        for f in module.functions
-        if f.is_declaration and not f.name.startswith("llvm.") and not hasattr(math, f.name)
+    own = [
+        (
+            code.co_code,
+            [constant for constant in code.co_consts if not isinstance(constant, CodeType)],
+            code.co_names,
+            code.co_varnames,
+        )
+        for code in codes
     ]
-
-
-def _entry(loop):
-    """The C function that takes a loop's arguments out of their cells and runs it, as numba's cfunc."""
-    from numba import cfunc, types
-    from numba.core import cgutils
-    from numba.extending import intrinsic
-
-    scalars = [getattr(types, kind.dtype.name) for kind in loop.kinds.values()]
-    kinds = [
-        types.Array(scalar, kind.dimensions, "C") if kind.dimensions else scalar
-        for scalar, kind in zip(scalars, loop.kinds.values())
-    ]
-
-    @intrinsic
-    def arguments(typing, slots):
-        def generate(context, builder, signature, given):
-            word = context.get_value_type(types.int64)
-            table = builder.inttoptr(given[0], word.as_pointer().as_pointer())
-            values = []
-            for n, (kind, scalar) in enumerate(zip(kinds, scalars)):
-                cell = builder.load(cgutils.gep_inbounds(builder, table, n))
-                value = builder.load(cell)
-                if kind is scalar:
-                    values.append(builder.bitcast(value, context.get_value_type(scalar)))
-                    continue
-                view = context.make_array(kind)(context, builder)
-                view.itemsize = context.get_constant(
-                    types.intp, context.get_abi_sizeof(context.get_value_type(scalar))
-                )
-                shape = [
-                    builder.load(cgutils.gep_inbounds(builder, cell, 1 + k))
-                    for k in range(kind.ndim)
-                ]
-                strides = [view.itemsize]
-                for length in shape[:0:-1]:
-                    strides.insert(0, builder.mul(strides[0], length))
-                view.data = builder.inttoptr(value, view.data.type)
-                view.shape, view.strides = (
-                    cgutils.pack_array(builder, shape),
-                    cgutils.pack_array(builder, strides),
-                )
-                view.nitems = builder.mul(shape[0], shape[-1]) if kind.ndim == 2 else shape[0]
-                for unused in "meminfo", "parent":
-                    setattr(view, unused, cgutils.get_null_value(getattr(view, unused).type))
-                values.append(view._getvalue())
-            return context.make_tuple(builder, signature.return_type, values)
-
-        return types.Tuple(kinds)(types.int64), generate
-
-    function = loop.__wrapped__
-    if loop.__annotations__.get("return"):
-
-        def entry(slots):
-            return function(*arguments(slots))
-
-    else:
-
-        def entry(slots):
-            function(*arguments(slots))
-            return 0
-
-    return cfunc(types.int64(types.int64), forceinline=True, **_OPTIONS)(entry)
-
-
-@contextmanager
-def _only_what_is_needed():
-    """Have numba put functions into LLVM's language, and nothing else.
-
-    It would optimise each function, and each again in all that call it, and make machine code of all these, which `_compile` does once,
-    when all are one.  And Python would look for garbage all the time among very many objects.
-    """
-    from unittest.mock import patch
-
-    from numba import config
-    from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
-    from numba.core.registry import cpu_target
-
-    cpu_target.target_context  # makes, at the level that is set now, what all other users of numba have in this process
-    left_out = (
-        (JITCodeLibrary, "_finalize_specific"),
-        (JITCPUCodegen, "_add_module"),
-        (JITCPUCodegen, "set_env"),
-    )
-    collects = gc.isenabled()
-    with ExitStack() as stack:
-        stack.enter_context(patch.object(config, "OPT", type(config.OPT)(0)))
-        if all(
-            hasattr(*one) for one in left_out
-        ):  # they are not for the public, and a later numba may have others
-            for one in left_out:
-                stack.enter_context(patch.object(*one, lambda *_: None))
-        gc.disable()
-        try:
-            yield
-        finally:
-            if collects:
-                gc.enable()
+    values = {name: content(value) for name, value in used.items()}
+    return own, values, function.__defaults__, INLINED.get(function)

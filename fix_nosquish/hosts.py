@@ -1,177 +1,94 @@
-"""What calls the integrator: this package's plugin, or a LAMMPS's own fix python/move.
+"""What calls an integrator: this package's plugin, or a LAMMPS's own fix python/move."""
 
-The plugin sets `host` to an object that answers what the integrator asks of its
-surroundings.  LAMMPS's own fix knows nothing of that; `OwnFix` stands in for it.
-"""
-
-import ctypes
 import sys
-import traceback
-import weakref
 from functools import wraps
+from typing import Protocol
 
-import numpy as np
 
-from .errors import RunError
-from .kernels import OF_BODY
-from .lookup import describe, find
-from .sharing import origin
+class Host(Protocol):
+    """The fix as its integrator sees it.
 
-EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
-_callbacks = {}  # LAMMPS's address -> what its fix external calls
+    Attributes:
+        fix_id, group: the fix's ID and its group; None if that is not known.
+        phase: an `integrator.Phase`.
+        velocities_set: whether the atoms' velocities are those of the bodies at the step's end.
+        calls_setup: whether LAMMPS calls setup before the first step of a run.
+        follows: whether LAMMPS takes along with its atoms what is to be known of them.
+        has_virial: whether LAMMPS asks for the virial, where that is known early.
+        ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
+        next_output: the next step for which LAMMPS writes something; None if that is not known.
+        creates_velocities: whether ``velocity ... create`` is the command that LAMMPS has begun last.
+    """
+
+    fix_id: str | None
+    group: str | None
+    phase: int
+    velocities_set: bool
+    calls_setup: bool
+    follows: bool
+    has_virial: bool
+    ghost_velocity: bool
+    next_output: int | None
+    creates_velocities: bool
+
+    def log(self, text):
+        """Print lines on LAMMPS's screen and in its log; collective."""
+
+    def fixes(self):
+        """All other fixes, in the order in which LAMMPS calls them; None if they are not known."""
+
+    def removed_freedom(self, fix_id, group):
+        """Degrees of freedom that another fix takes from a group of atoms; collective."""
+
+    def advice(self, removed):
+        """Lines for the log, on what a user has to add to the input for a right temp and press."""
+
+    def begin_run(self, virial):
+        """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""
+
+    def set_bodies(self, body, mass):
+        """Lend LAMMPS the body of each atom and the mass of each body; None, None takes them back."""
+
+    def set_array_rows(self, n):
+        """Tell LAMMPS how many rows ``compute_array`` gives now."""
+
+    def carry(self, lammps, bodies):
+        """Have LAMMPS take along, with atoms of these bodies, what is to be known of them; None, None
+        for no more."""
+
+    def point(self):
+        """Point the cells of `lammps.Lammps` at LAMMPS's arrays as they are; collective."""
+
+    def noted(self):
+        """Where each atom is, is in the cell of origins now."""
+
+    def atoms_moved(self):
+        """Whether LAMMPS has re-neighboured unsaid since this was last asked."""
+
+    def keep_box(self):
+        """What follows the atoms is for the box as it is now."""
+
+    def go_alone(self, lists, *, velocities_every, python_every, alone, following):
+        """Leave calls out, and do lists of passes instead, from now on until `call_always`.
+
+        Args:
+            lists: see `passes`.
+            velocities_every, python_every: every how many steps something may read the atoms'
+                velocities, or Python has something to do at the step's end; 0 for never.
+            alone: whether the plugin may do steps by itself, when it leaves no end to the next one.
+            following: whether it may follow the atoms by itself.
+        """
+
+    def call_always(self):
+        """Call every method again."""
+
+    def end(self, error):
+        """End the run on all ranks, with the error's message, where LAMMPS does not."""
 
 
 def driven_by_plugin():
     """Whether this package's plugin is there, which then is what makes and calls the integrator."""
     return f"{__package__}.plugin.bridge" in sys.modules
-
-
-class OwnFix:
-    """LAMMPS's own fix python/move: no setup, no degrees of freedom, no virial, no news of moved atoms.
-
-    Args:
-        lammps: the `Lammps`.  world: the `World` or `Alone`.
-    """
-
-    fix_id = group = None
-    ghost_velocity = True  # not known: velocities at the half step may be read
-    next_output = None  # not known
-    creates_velocities = False  # of no use here: dof is not called
-    waiting = False
-
-    def __init__(self, lammps, world):
-        self.lammps, self.world = lammps, world
-        self.virial_fix = self._problem = self._said = None
-        self._builds = 0.0
-
-    def log(self, text):
-        """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
-        if not self.lammps.running:
-            self.lammps.print(text)
-        elif self.world.rank == 0:
-            print(text, end="", flush=True)
-
-    def fixes(self):
-        """The other fixes; not known."""
-        return []
-
-    def set_bodies(self, body, mass):
-        """Of no use here."""
-
-    def set_array_rows(self, n):
-        """Of no use here."""
-
-    def go_alone(self, look_every, step, following):
-        """This fix calls always."""
-
-    def call_always(self):
-        """This fix does."""
-
-    def keep_box(self):
-        """Of no use here."""
-
-    def carry(self, lammps, bodies):
-        """As the plugin's; this LAMMPS takes nothing along with its atoms, so other ranks are asked."""
-        self._bodies = bodies
-
-    def note(self):
-        """As the plugin's: the atoms' IDs are kept."""
-        index = self._bodies.index
-        self._tags = self.lammps.tags.astype(np.int64)
-        self._origins = np.full(len(self._tags), -1)
-        self._origins[index] = origin(self.world.rank, np.arange(len(index)))
-
-    def point(self, cells):
-        """As the plugin's; collective."""
-        for name, of in ("atom_x", "x"), ("atom_v", "v"), ("atom_f", "f"):
-            cells[name].set(self.lammps.per_atom(of, columns=3))
-        cells["groups"].set(self.lammps.groups.view(np.int32))
-        origins, moved = self._find_origins()
-        strangers = np.flatnonzero((origins >= 0) & (origins >> 32 != self.world.rank))
-        arrived = (
-            self.world.fetch(origins[strangers], self._rows) if moved else self._rows(strangers)
-        )
-        arrived[:, 0] = origins[strangers].view(float)
-        origins[strangers] = -2 - np.arange(len(strangers))
-        cells["origins"].set(origins)
-        cells["arrived"].set(arrived)
-
-    def _rows(self, places):
-        bodies = self._bodies
-        rows = np.empty((len(places), OF_BODY + len(bodies.state)))
-        describe(places, bodies.body, bodies.d, bodies.state, rows)
-        return rows
-
-    def _find_origins(self):
-        """Where each atom was, and whether any has come to or gone from any rank; collective."""
-        world, tags = self.world, self.lammps.tags.astype(np.int64)
-        before = find(self._tags, tags)
-        stayed = before >= 0
-        origins = (
-            np.where(stayed, self._origins[before], -1)
-            if len(self._tags)
-            else np.full(len(tags), -1)
-        )
-        gone = self._origins >= 0
-        gone[before[stayed]] = False
-        moved = world.any(gone.any() or not stayed.all())
-        if moved:
-            origins[~stayed] = world.look_up(self._tags[gone], self._origins[gone], tags[~stayed])
-        return origins, moved
-
-    def atoms_moved(self):
-        """Whether LAMMPS has re-neighboured since this was last asked."""
-        if self._problem:
-            raise self._problem
-        before, self._builds = self._builds, self.lammps.neighbor_builds
-        return self._builds != before
-
-    def advice(self, removed):
-        """The input lines with which this LAMMPS prints the right temperature and pressure."""
-        return (
-            "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. For a right temp:",
-            f"    compute_modify thermo_temp extra/dof {removed + self.lammps.dimension}",
-            "  and for a right press, after all other fixes:",
-            f"    fix {EXTERNAL} all external pf/callback 1 1",
-        )
-
-    def begin_run(self, function):
-        """If there is a fix for it, have function() -> virial (xx yy zz xy xz yz, of all ranks) called with new forces."""
-        self._builds = 0.0  # LAMMPS counts from zero in each run
-        if not self.lammps.has("fix", EXTERNAL):
-            return
-        self.virial_fix = EXTERNAL
-        method = weakref.WeakMethod(function)  # the fix external may outlive the integrator
-
-        def report():
-            try:
-                self.lammps.set_external_virial(EXTERNAL, method()() if method() else np.zeros(6))
-            except (
-                BaseException
-            ) as error:  # LAMMPS cannot be told from here: the next hook raises it
-                self._problem = error
-
-        _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)
-
-    def end(self, error):
-        """Print the message once and end the run on all ranks; on one rank, come back."""
-        if self._said is error:
-            return
-        self._said = error
-        text, everywhere = str(error), getattr(error, "everywhere", False)
-        if not isinstance(error, RunError):
-            text = f"{type(error).__name__}: {text}"
-            if self.world.size > 1:  # on one rank LAMMPS prints it
-                traceback.print_exception(error)
-        if self.world.rank == 0 or not everywhere:
-            where = "" if everywhere or self.world.size == 1 else f" on proc {self.world.rank}"
-            print(f"ERROR{where}: {text}", file=sys.stderr)
-        sys.stderr.flush()
-        ctypes.CDLL(None).fflush(None)
-        if everywhere:
-            self.world.any(True)  # rank 0 has printed
-        if self.world.size > 1:
-            self.world.abort()
 
 
 def hook(method):
@@ -182,7 +99,7 @@ def hook(method):
         try:
             return method(self, *arguments)
         except BaseException as error:
-            if isinstance(self.host, OwnFix):
+            if self.host:
                 self.host.end(error)
             raise
 

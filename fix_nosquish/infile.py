@@ -44,7 +44,7 @@ class Given:
         return order[np.searchsorted(ids, self._ids, sorter=order)], self._momenta
 
 
-def read(path, world, ids, owned):
+def read(path, communicator, ids, owned):
     """Read the file; collective.
 
     Args:
@@ -55,20 +55,20 @@ def read(path, world, ids, owned):
         RunError: if the file cannot be read, or names a body that is not there, or one twice.
     """
     rows, problem = None, None
-    if world.rank == 0:
+    if communicator.rank == 0:
         try:
             rows = _parse(path)
         except (OSError, ValueError) as error:
             problem = f"cannot read the infile {path}: {error.strerror if isinstance(error, OSError) else error}"
-    world.agree(problem)
-    rows = world.share(rows)
+    communicator.agree(problem)
+    rows = communicator.share(rows)
     named = rows[:, 0].astype(np.int64)
     here = np.isin(named, ids)
     order = np.argsort(ids)
     bodies = order[np.searchsorted(ids, named[here], sorter=order)]
     count = np.zeros(len(rows))
     count[here] = owned[bodies]
-    missing = world.total(count) == 0
+    missing = communicator.total(count) == 0
     if missing.any():
         raise RunError(
             f"the infile {path} names body {named[missing][0]}, which is not there", everywhere=True
@@ -115,7 +115,7 @@ def _tensors(rows):
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
 
 
-def write(path, bodies, lammps, world):
+def write(path, bodies, lammps, communicator):
     """Write the bodies as they are; collective.
 
     Raises:
@@ -129,8 +129,8 @@ def write(path, bodies, lammps, world):
         [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]],
         bodies.v, bodies.momenta()[3:], bodies.image,
     ])[:, owned].T  # fmt: skip
-    rows, problem = world.gather(rows), None
-    if world.rank == 0:
+    rows, problem = communicator.gather(rows), None
+    if communicator.rank == 0:
         try:
             with open(path, "w") as file:
                 file.write(
@@ -141,4 +141,4 @@ def write(path, bodies, lammps, world):
                 )
         except OSError as error:
             problem = f"cannot write the bodies to {path}: {error.strerror}"
-    world.agree(problem)
+    communicator.agree(problem)

@@ -9,7 +9,7 @@ _SAID = 5  # warnings at most
 _SHAPES = "three-dimensional", "planar", "linear"
 
 
-def compare(bodies, lammps, world, membership):
+def compare(bodies, lammps, communicator, membership):
     """Warn of bodies with the same atom types, in the order of atom IDs, but not one shape; collective.
 
     Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a racemate
@@ -30,7 +30,7 @@ def compare(bodies, lammps, world, membership):
     np.minimum.at(rows[:, 2], kind, bodies.id[owned])
     for k in range(3):
         rows[:, 3 + k] = np.bincount(kind, shape[owned] == k, minlength=len(keys))
-    rows = world.gather_to_all(rows)
+    rows = communicator.gather_to_all(rows)
     keys, first, kind = np.unique(rows[:, 0], return_index=True, return_inverse=True)
     natoms, counts = rows[first, 1], np.zeros((len(keys), 3), int)
     lowest = np.full(len(keys), np.iinfo(np.int64).max)
@@ -45,10 +45,10 @@ def compare(bodies, lammps, world, membership):
     kind[~compared | (keys[kind] != key)] = -1
     start = np.concatenate([[0], np.cumsum(natoms)])
     mine = kind[bodies.body] >= 0
-    body, place, d = bodies.body[mine], place[mine], bodies.d[:3, mine]
+    body, place, d = bodies.body[mine], place[mine], bodies.displace[:3, mine]
     where = start[kind[body]] + place
     of_first = bodies.id[body] == lowest[kind[body]]
-    told = world.gather_to_all(np.concatenate([[where], d])[:, of_first].T)
+    told = communicator.gather_to_all(np.concatenate([[where], d])[:, of_first].T)
     model = np.empty((3, start[-1]))
     model[:, told[:, 0].astype(int)] = told[:, 1:].T
     size = np.maximum.reduceat(np.linalg.norm(model, axis=0), start[:-1])
@@ -69,7 +69,7 @@ def compare(bodies, lammps, world, membership):
     turn = np.eye(3) * np.where(products < 0, -1.0, 1.0)
     far = deviation(turn)
     doubt = far > _DIFFERENT
-    if world.any(doubt.any()):
+    if communicator.any(doubt.any()):
         left, _, right = np.linalg.svd(products[doubt])
         turn[doubt] = left @ right
         far = deviation(turn)
@@ -79,7 +79,7 @@ def compare(bodies, lammps, world, membership):
     kinds, first, count = np.unique(kind[other], return_index=True, return_counts=True)
     worst = other[first]
     found = np.stack([kinds, count, far[worst], bodies.id[worst]], axis=1).astype(float)
-    found = world.gather_to_all(found)
+    found = communicator.gather_to_all(found)
     found = found[np.lexsort((-found[:, 2], found[:, 0]))]
     differ, furthest = np.zeros(len(keys), int), np.zeros((len(keys), 2))
     np.add.at(differ, found[:, 0].astype(int), found[:, 1].astype(int))
@@ -131,7 +131,7 @@ def _shapes(bodies):
     shape = np.zeros(len(bodies), int)
     shape[: bodies.rotors][bodies.flat] = 1
     shape[bodies.rotors :] = 2
-    return shape if not bodies.plane else np.zeros(len(bodies), int)
+    return shape if not bodies.planar else np.zeros(len(bodies), int)
 
 
 def _line(membership, natoms, lowest, counts, differ, far, furthest):

@@ -24,19 +24,21 @@ p = 2 S(q) (0, I omega): omega stands in the bodies' state as this p.
 
 from math import sqrt
 
-from . import kernels
-from .compiled import F1, F2, I1, I2, L1, F, I, inlined, loop
-from .kernels import BLOCK, MOMENT, P, Q, body_frame_angular_velocity, four, set_four, three
+from .block import LANES, MOMENT, P, Q, four, three, write
+from .compiled import inlined
+from .frames import angular_velocity
 from .nve import NVE
-from .rotor import dot, mix, s_times, sine_and_lost_cosine, turn
+from .operations import free_motion
+from .rotor import dot, mix, s_times, sine_and_versine, turn
+from .step import Operation
 
 
 @inlined
 def along_ellipse(a, b, moment_a, moment_b, rate, dt):
     """Two components of omega after dt with da/dt = rate / moment_a b, db/dt = -rate / moment_b a."""
-    s, lost = sine_and_lost_cosine(dt * rate / sqrt(moment_a * moment_b), False)
+    s, versine = sine_and_versine(dt * rate / sqrt(moment_a * moment_b), False)
     shape = sqrt(moment_b / moment_a)
-    return a + (s * shape * b - lost * a), b - (s / shape * a + lost * b)
+    return a + (s * shape * b - versine * a), b - (s / shape * a + versine * b)
 
 
 @inlined
@@ -45,18 +47,18 @@ def turned(q, wx, wy, wz, dt):
     w = sqrt(wx * wx + wy * wy + wz * wz)
     if w == 0.0:
         return q
-    s, lost = sine_and_lost_cosine(0.5 * dt * w, False)
-    return turn(s, lost, q, s_times(q, wx / w, wy / w, wz / w))
+    s, versine = sine_and_versine(0.5 * dt * w, False)
+    return turn(s, versine, q, s_times(q, wx / w, wy / w, wz / w))
 
 
 @inlined
-def rotate(scratch, dt, mrot):
+def rotate(block, dt, mrot):
     """The free rotation of a block of rotors."""
     h = dt / mrot
-    for b in range(BLOCK):
-        ix, iy, iz = three(scratch, MOMENT, b)
-        q = four(scratch, Q, b)
-        wx, wy, wz = body_frame_angular_velocity(q, four(scratch, P, b), ix, iy, iz)
+    for b in range(LANES):
+        ix, iy, iz = three(block, MOMENT, b)
+        q = four(block, Q, b)
+        wx, wy, wz = angular_velocity(q, four(block, P, b), ix, iy, iz)
         for _ in range(mrot):
             wz, wy = along_ellipse(wz, wy, iz, iy, (ix - iy) * wx, 0.5 * h)  # iL_3
             wx, wy = along_ellipse(wx, wy, ix, iy, (iy - iz) * wz, 0.5 * h)  # iL_2
@@ -66,23 +68,12 @@ def rotate(scratch, dt, mrot):
         q = mix(
             1.0 / sqrt(dot(q, q)), 0.0, q, q
         )  # else rounding errors of |q| would go on into omega, step by step
-        set_four(scratch, Q, b, q)
-        set_four(scratch, P, b, s_times(q, 2.0 * ix * wx, 2.0 * iy * wy, 2.0 * iz * wz))
-
-
-@loop
-def advance(
-    state: F2, rotors: I, extended: I, plane: I, blocks: I2, rounds: I1, index: I1, d: F2, away: I1, shift: F2, aways: L1,
-    atom_x: F2, atom_f: F2, dt: F, dtf: F, gathers: I, kicks: I, mrot: I, part: I, scratch: F1,
-) -> I:  # fmt: skip
-    """As `kernels.advance`, with this free rotation."""
-    return kernels.advance_by(
-        rotate, state, rotors, extended, plane, blocks, rounds, index, d, away, shift, aways, atom_x, atom_f, dt, dtf, gathers, kicks,
-        mrot, part, scratch,
-    )  # fmt: skip
+        write(block, Q, b, q)
+        write(block, P, b, s_times(q, 2.0 * ix * wx, 2.0 * iy * wy, 2.0 * iz * wz))
 
 
 class MatubayasiNakahara(NVE):
-    """fix python/move "fix_nosquish.MatubayasiNakahara GROUP BODYSTYLE ...", with the words and outputs of `NVE`."""
+    """fix python/move "fix_nosquish.MatubayasiNakahara GROUP BODYSTYLE ...", as `NVE`."""
 
-    advance, method = advance, "Matubayasi and Nakahara's scheme"
+    operations = NVE.operations | {"A": Operation(free_motion(rotate), moves=True)}
+    method = "Matubayasi and Nakahara's scheme"

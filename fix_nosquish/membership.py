@@ -9,7 +9,7 @@ class Membership:
     """Which body each of this rank's atoms belongs to, as the fix line says it.
 
     Args:
-        lammps: the `Lammps`.  world: the `World` or `Alone`.  command: the `Command`.
+        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  command: the `Command`.
 
     Attributes:
         variable: name of the atom-style variable that tells bodies apart, if one does.
@@ -18,8 +18,8 @@ class Membership:
 
     before = None
 
-    def __init__(self, lammps, world, command):
-        self.lammps, self.world, self.command = lammps, world, command
+    def __init__(self, lammps, communicator, command):
+        self.lammps, self.communicator, self.command = lammps, communicator, command
         for group in (command.group, *(command.arguments if command.style == "group" else ())):
             if not lammps.has("group", group):
                 raise RunError(
@@ -82,7 +82,7 @@ class Membership:
             if self.before
             else (np.zeros(len(atoms), np.int64), np.zeros(len(atoms), bool))
         )
-        if self.world.any(not known.all()):
+        if self.communicator.any(not known.all()):
             values = np.trunc(self.lammps.variable(self.variable, self.command.group))[atoms]
             if not np.isfinite(values[~known]).all():
                 raise RunError(

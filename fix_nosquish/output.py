@@ -83,26 +83,26 @@ class BodyFile:
 
     Args:
         path: where; an older file of this name is replaced.
-        units: LAMMPS's unit style.  world: the `World` or `Alone`.
+        units: LAMMPS's unit style.  communicator: the `Communicator` or `ALONE`.
     Raises:
         RunError: on all ranks, if the file cannot be written.
     """
 
-    def __init__(self, path, units, world):
-        self.path, self.world = path, world
+    def __init__(self, path, units, communicator):
+        self.path, self.communicator = path, communicator
         self.last = None  # the last step in it
         self._file, self._size = None, 0
         self._do(lambda: (self._open(), self._append(header(units))))
 
     def write(self, step, rows):
         """Append a step's rows, of all ranks and in the order of the bodies."""
-        rows = self.world.gather(rows)
+        rows = self.communicator.gather(rows)
         self._do(lambda: self._append(_text(np.sort(rows, order="body"))))
         self.last = step
 
     def _do(self, work):
         problem = None
-        if self.world.rank == 0:
+        if self.communicator.rank == 0:
             try:
                 work()
             except OSError as error:
@@ -112,7 +112,7 @@ class BodyFile:
                     else f"it is whole up to step {self.last}"
                 )
                 problem = f"cannot write the table of bodies (keyword output) to {self.path}: {error.strerror}; {kept}"
-        self.world.agree(problem)
+        self.communicator.agree(problem)
 
     def _open(self):
         self._file = open(self.path, "wb", buffering=0)

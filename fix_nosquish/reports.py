@@ -1,165 +1,191 @@
-"""What LAMMPS and the user are told of the bodies: log, degrees of freedom, virial, thermo columns, table, restart file."""
+"""What LAMMPS and the user are told of the bodies: log, degrees of freedom, virial, thermo, table."""
 
 import numpy as np
 
-from . import infile, kernels, output, thermo
+from . import infile, output, thermo
 from .build import build
 from .errors import RunError
-from .hosts import OwnFix, hook
 
 
 class Reports:
-    """The part of an integrator that tells of its bodies; the integrator itself is derived from it.
+    """Tells of an integrator's bodies.
+
+    Args:
+        state: the `Integrator`.
 
     Attributes:
-        vector_extensive, array_columns, array_rows: what the plugin announces of `compute_vector` and `compute_array`.
-        restart_file: whether LAMMPS is to call `write_restart_file`.
+        file: the `output.BodyFile` of keyword output, None if there is none (yet).
     """
 
-    vector_extensive = (True, True, False, False)
-    array_columns = 15
+    def __init__(self, state):
+        self._state, self.file = state, None
+        self._said, self._warned, self._heard, self._known = None, set(), False, {}
 
-    def _say(self, virial):
+    def begin(self):
+        """A run begins."""
+        self._heard = False
+        self.forget()
+
+    def forget(self):
+        """What was found out of the bodies is no longer so."""
+        self._known = {}
+
+    # ------------------------------------------------------------- the log
+
+    def say(self, virial):
         """Log what the bodies are, if that has changed, and what was taken from the atoms' velocities."""
-        lines, removed = thermo.summary(self, self._notes, virial)
-        warnings = [line for line in thermo.warnings(self, self._notes) if line not in self._warned]
+        state = self._state
+        lines, removed = thermo.summary(state, virial)
+        warnings = [line for line in thermo.warnings(state) if line not in self._warned]
         self._warned.update(warnings)
         said, self._said = self._said, lines[:4]
         if not said or said[:3] != lines[:3]:
-            advice = self.host.advice(removed) if isinstance(self.host, OwnFix) else ()
-            self.host.log("\n".join([*lines, *advice, ""]))
-        elif said[3] != lines[3] and thermo.projected(self._notes):
-            self.host.log(lines[3] + "\n")
+            state.host.log("\n".join([*lines, *state.host.advice(removed), ""]))
+        elif said[3] != lines[3] and thermo.projected(state.notes):
+            state.host.log(lines[3] + "\n")
         if warnings:
-            self.host.log("\n".join([*warnings, ""]))
+            state.host.log("\n".join([*warnings, ""]))
 
-    def _open(self):
-        path = self.lammps.text(self.command.output[1])
-        if any(mate._file and mate._file.path == path for mate in self._mates):
+    def say_taken_over(self, step, fixes):
+        """Log, once a run, that the bodies have velocities that these fixes have given their atoms."""
+        if not self._heard:
+            self._heard = True
+            kept = " (not those of the infile)" if self._state.infile else ""
+            self._state.host.log(
+                f"The velocities of the bodies' atoms were changed at the end of step {step} (by fix "
+                f"{' or '.join(fixes)}): the bodies take them over, as rigid motion{kept}\n"
+            )
+
+    # ------------------------------------------------------------- the table of bodies
+
+    def open(self):
+        """Open the file of keyword output, if there is to be one and it is not open."""
+        state = self._state
+        if not state.command.output or self.file:
+            return
+        path = state.lammps.text(state.command.output[1])
+        files = [mate.reports.file for mate in state.mates]
+        if any(file and file.path == path for file in files):
             raise RunError(
-                f"two fixes write their table of bodies (keyword output) to {path}: give each a file of its own",
+                f"two fixes write their table of bodies (keyword output) to {path}: give each a file of "
+                "its own",
                 everywhere=True,
             )
-        if self.respa_dt is not None and isinstance(self.host, OwnFix):
+        if state.respa_dt is not None and not state.host.calls_setup:
             raise RunError(
-                "keyword output needs the plugin's fix python/move under run_style respa: this LAMMPS's own knows no end of a step",
+                "keyword output needs the plugin's fix python/move under run_style respa: this LAMMPS's "
+                "own knows no end of a step",
                 everywhere=True,
             )
-        return output.BodyFile(path, self.lammps.units, self.world)
+        self.file = output.BodyFile(path, state.lammps.units, state.communicator)
 
-    def _due(self):
-        return (
-            self._file
-            and self.lammps.step % self.command.output[0] == 0
-            and self._file.last != self.lammps.step
-        )
+    def due(self):
+        """Whether the table of this step is to be written."""
+        step = self._state.lammps.step
+        return self.file and step % self._state.command.output[0] == 0 and self.file.last != step
 
-    def _write(self):
-        if self._due():
-            self._file.write(self.lammps.step, output.table(self.bodies, self.lammps))
+    def write(self):
+        """Write the table of this step, if it is due."""
+        if self.due():
+            state = self._state
+            self.file.write(state.lammps.step, output.table(state.bodies, state.lammps))
 
-    def _constraint_virial(self, virial=None):
-        virial = self.virial if virial is None else virial
+    def table(self):
+        """The bodies that are counted on this rank as they are now: see `output.table`."""
+        return output.table(self._made(), self._state.lammps)
+
+    def write_restart_file(self, name):
+        """Keep the bodies beside a restart file, to be read as infile; collective."""
+        infile.write(name + ".rigid", self._made(), self._state.lammps, self._state.communicator)
+
+    def _made(self):
+        state = self._state
+        if state.bodies is None:
+            raise RunError(
+                "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
+                everywhere=True,
+            )
+        state.catch_up()
+        return state.bodies
+
+    # ------------------------------------------------------------- thermodynamics
+
+    def add_constraint_virial(self, virial=None):
+        """Add the constraint virial to LAMMPS's, or to this array (6,)."""
+        state = self._state
+        virial = state.virial if virial is None else virial
         if virial is None:
             return
-        bodies, of_atoms = self.bodies, self.virial_per_atom
-        kernels.constraint_virial(bodies.state, *bodies.atoms, self.lammps.masses[bodies.index], self.lammps.ftm2v,
-                                  self.lammps.per_atom("f", columns=3), virial,
-                                  np.empty((0, 6)) if of_atoms is None else of_atoms, bodies.scratch)  # fmt: skip
+        cells, of_atoms = state.lammps.cells, state.virial_per_atom
+        cells["virial"].set(virial)
+        cells["atom_virial"].set(np.empty((0, 6)) if of_atoms is None else of_atoms)
+        state.passes.do("virial")
 
-    def _virial_of_all(self):
-        """The virial of all bodies on all ranks, while LAMMPS is between its forces and final_integrate."""
+    def virial_of_all(self):
+        """The virial of all bodies on all ranks, between LAMMPS's forces and final_integrate."""
         virial = np.zeros(6)
-        for mate in self._mates:
-            mate._add_virial(virial)
-        return self.world.total(virial)
+        for mate in self._state.mates:
+            mate.reports._add_early(virial)
+        return self._state.communicator.total(virial)
 
-    def _add_virial(self, virial):
-        if self._half and not self._vflag:
+    def _add_early(self, virial):
+        state = self._state
+        if state.has_begun and not state.wants_virial:
             return
-        if self.host.atoms_moved() or not self._half:
-            self.post_neighbor()
-        self._gather()
-        bodies = self.bodies
-        p, v = bodies.p.copy(), bodies.v.copy()
-        if self._half:
-            self._kick(self.dt)
-        self._constraint_virial(virial)
-        bodies.p[:], bodies.v[:] = p, v
+        if state.host.atoms_moved() or not state.has_begun:
+            state.post_neighbor()
+        bodies = state.bodies
+        kept = bodies.state.copy()
+        state.do("end" if state.has_begun else "gather")
+        self.add_constraint_virial(virial)
+        bodies.state[:] = kept
 
-    @hook
-    def dof(self, group):
-        """Degrees of freedom that the bodies take from a group of atoms; collective.
+    def removed_freedom(self, group):
+        """Degrees of freedom that the bodies take from LAMMPS's group of this number; collective."""
+        state = self._state
+        bodies, running = state.bodies, state.lammps.running
+        if (state.is_over or not running) and state.host.creates_velocities:
+            # all atoms' velocities are scaled now; a body keeps its share of them when the run makes
+            # them rigid motion
+            return 0
+        if not running or bodies is None:
+            # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
+            bodies = build(
+                state.lammps, state.communicator, state.membership, state.infile,
+                former=state.former(),
+            )[0]  # fmt: skip
+        inside = state.lammps.groups[bodies.index] & (1 << group) != 0
+        return thermo.removed_freedom(bodies, state.communicator, inside, state.lammps)
 
-        Args:
-            group: LAMMPS's number of the group.
-        """
-        bodies = self.bodies
-        between_runs = self._over or not self.lammps.running
-        if between_runs and self.host.creates_velocities:
-            return 0  # all atoms' velocities are scaled now; a body keeps its share of them when the run makes them rigid motion
-        if (
-            not self.lammps.running or bodies is None
-        ):  # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
-            former = self._former()
-            bodies = build(self.lammps, self.world, self.membership, self._infile, former=former)[0]
-        inside = self.lammps.groups[bodies.index] & (1 << group) != 0
-        return thermo.removed_freedom(bodies, self.world, inside, self.lammps)
-
-    def _energies(self):
+    def energies(self):
+        """Kinetic energies and temperatures: see `thermo.energies`; collective."""
         self._see_changed_velocities()
+        state = self._state
         return self._once(
-            "energies", lambda bodies: thermo.energies(bodies, self.world, self.lammps)
+            "energies", lambda bodies: thermo.energies(bodies, state.communicator, state.lammps)
         )
 
+    def array(self):
+        """What fix rigid gives as its global array: see `output.global_array`; collective."""
+        self._see_changed_velocities()
+        state = self._state
+
+        def gathered(bodies):
+            rows = output.table(bodies, state.lammps)
+            return output.global_array(state.communicator.gather_to_all(rows))
+
+        return self._once("array", gathered)
+
     def _once(self, name, make):
-        """What make(bodies) returned, if nothing has changed the bodies since it was called in this step."""
-        bodies = self._made()  # which may change them
-        if self._known.get("step") != self.lammps.step:
-            self._known = {"step": self.lammps.step}
+        """What make(bodies) returned, if nothing has changed the bodies since it was called."""
+        bodies, step = self._made(), self._state.lammps.step  # the first may change them
+        if self._known.get("step") != step:
+            self._known = {"step": step}
         if name not in self._known:
             self._known[name] = make(bodies)
         return self._known[name]
 
     def _see_changed_velocities(self):
-        if self.lammps.running and self._settled and not self._half:
-            self._take_changed_velocities(self.lammps.step)
-
-    @hook
-    def compute_scalar(self):
-        """Temperature of the bodies; as fix rigid's, but of all components, whether force and torque act on them or not; collective."""
-        return self._energies()[4]
-
-    @hook
-    def compute_vector(self, i):
-        """Kinetic energy of translation and of rotation, temperature of translation and of rotation; collective."""
-        return self._energies()[i]
-
-    @hook
-    def compute_array(self, i, j):
-        """Value j of body i: see `output.global_array`; collective."""
-        self._see_changed_velocities()
-        return self._once(
-            "array",
-            lambda bodies: output.global_array(
-                self.world.gather_to_all(output.table(bodies, self.lammps))
-            ),
-        )[i, j]
-
-    @hook
-    def write_restart_file(self, name):
-        """LAMMPS writes a restart file: keep the bodies of an infile beside it, to be read as infile; collective."""
-        infile.write(name + ".rigid", self._made(), self.lammps, self.world)
-
-    def table(self):
-        """The bodies that are counted on this rank as they are now: see `output.table`."""
-        return output.table(self._made(), self.lammps)
-
-    def _made(self):
-        if self.bodies is None:
-            raise RunError(
-                "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
-                everywhere=True,
-            )
-        self._catch_up()
-        return self.bodies
+        state = self._state
+        if state.lammps.running and state.is_set:
+            state.take_changed_velocities(state.lammps.step)

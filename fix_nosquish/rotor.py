@@ -94,7 +94,7 @@ def series(a):
 
 
 @inlined
-def sine_and_lost_cosine(angle, small):
+def sine_and_versine(angle, small):
     """sin(angle) and 1 - cos(angle).
 
     A rounded cosine and sine are together longer or shorter than 1, for one angle always in the same way:
@@ -107,21 +107,21 @@ def sine_and_lost_cosine(angle, small):
 
 
 @inlined(contract=True)
-def turn(s, lost, a, b):
-    """cos a + sin b, with lost = 1 - cos, for four-vectors."""
+def turn(s, versine, a, b):
+    """cos a + sin b, with versine = 1 - cos, for four-vectors."""
     return (
-        a[0] + (s * b[0] - lost * a[0]),
-        a[1] + (s * b[1] - lost * a[1]),
-        a[2] + (s * b[2] - lost * a[2]),
-        a[3] + (s * b[3] - lost * a[3]),
+        a[0] + (s * b[0] - versine * a[0]),
+        a[1] + (s * b[1] - versine * a[1]),
+        a[2] + (s * b[2] - versine * a[2]),
+        a[3] + (s * b[3] - versine * a[3]),
     )
 
 
 @inlined
 def rotation(q, p, permuted_q, permuted_p, rate, dt, small):
     """The motion under h_k alone for dt (2.56), from P_k q, P_k p and 1 / (4 I_k): new q and p."""
-    s, lost = sine_and_lost_cosine(dt * (rate * dot(p, permuted_q)), small)
-    return turn(s, lost, q, permuted_q), turn(s, lost, p, permuted_p)
+    s, versine = sine_and_versine(dt * (rate * dot(p, permuted_q)), small)
+    return turn(s, versine, q, permuted_q), turn(s, versine, p, permuted_p)
 
 
 @inlined
@@ -153,10 +153,10 @@ def free_linear_rotor(q, p, moment, dt):
     zeta_1, zeta_2 = 0.25 / moment * dot(p, permuted_1), 0.25 / moment * dot(p, permuted_2)
     zeta = sqrt(zeta_1 * zeta_1 + zeta_2 * zeta_2)
     if zeta > 0.0:
-        s, lost = sine_and_lost_cosine(dt * zeta, False)
+        s, versine = sine_and_versine(dt * zeta, False)
         s_1, s_2 = zeta_1 / zeta, zeta_2 / zeta
         q, p = (
-            turn(s, lost, q, mix(s_1, s_2, permuted_1, permuted_2)),
-            turn(s, lost, p, mix(s_1, s_2, permute_1(p), permute_2(p))),
+            turn(s, versine, q, mix(s_1, s_2, permuted_1, permuted_2)),
+            turn(s, versine, p, mix(s_1, s_2, permute_1(p), permute_2(p))),
         )
     return q, p

@@ -24,7 +24,7 @@ class Kept(NamedTuple):
     text: str
 
 
-def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
+def keep(lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r):
     """Give bodies that something has deformed since the last run their shape again; collective.
 
     Such a body is put at the centre of mass of its atoms and turned to fit them best, by least
@@ -61,9 +61,9 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
     same = (low[0] == -low[1]) & (low[2] == total([np.ones(len(atoms))])[0])
     if not former.followed:
         same &= low[0] == ids
-    new = world.any(not same.all())
+    new = communicator.any(not same.all())
     weight = mass * same[body]
-    d = former.d[:, atoms]
+    d = former.displace[:, atoms]
     sums = total([weight, *(weight * d)])
     d = d - np.divide(sums[1:], sums[0], out=np.zeros((3, n)), where=same)[:, body]
     bound = OFF_BODY * lammps.box.size + 8 * np.spacing(lammps.box.farthest)
@@ -73,7 +73,7 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
         return largest([np.linalg.norm(r - placed, axis=1)], 0.0, np.maximum)[0] * same
 
     moved = off(np.einsum("abm,bm->ma", matrices(former.q[:, atoms]), d)) > bound
-    if not world.any(moved.any()):
+    if not communicator.any(moved.any()):
         return r, None, new
     weight = weight * moved[body]
     turn = np.tile(np.eye(3), (n, 1, 1))
@@ -82,11 +82,11 @@ def keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r):
     placed = np.einsum("mab,bm->ma", turn[body], d)
     far = off(placed) * moved
     deformed = far > bound
-    if not world.any(deformed.any()):
+    if not communicator.any(deformed.any()):
         return r, None, new
     size = np.maximum(largest([np.linalg.norm(d, axis=0)], 0.0, np.maximum)[0], bound)
     most = _TORN if former.followed else _MISTAKEN
-    text = _say(world, membership, ids, far, size, deformed & sharers.owned, most)
+    text = _say(communicator, membership, ids, far, size, deformed & sharers.owned, most)
     mine = deformed[body]
     shift = placed[mine] - r[mine]
     r = np.where(mine[:, None], placed, r)
@@ -115,13 +115,13 @@ def best_turns(products, plane=False):
     return left @ right
 
 
-def _say(world, membership, ids, far, size, which, most):
+def _say(communicator, membership, ids, far, size, which, most):
     """The line for the log on these bodies (n,) bool, off by `most` sizes at most; collective. Raises: as `keep`."""
     worst = []
     if which.any():
         k = np.argmax(far / size * which)
         worst = [[far[k] / size[k], far[k], ids[k]]]
-    rows = world.gather_to_all(np.array(worst).reshape(-1, 3))
+    rows = communicator.gather_to_all(np.array(worst).reshape(-1, 3))
     part, distance, name = rows[rows[:, 0].argmax()]
     name = membership.name(int(name))
     if part > most:
@@ -132,7 +132,7 @@ def _say(world, membership, ids, far, size, which, most):
             "If the new shape is meant, unfix this fix and define it again",
             everywhere=True,
         )
-    count = round(world.total(np.array([which.sum()]))[0])
+    count = round(communicator.total(np.array([which.sum()]))[0])
     return (
         f"Bodies that were deformed between the runs: {count}; {name} the most, by {distance:.3g}, "
         f"{part:.2g} of its size. They keep their shape: each was put at the centre of mass of its "

@@ -1,29 +1,39 @@
-"""Bodies held by several ranks: who shares, what follows the atoms, one exchange a step.
+"""Bodies held by several ranks: who shares them, and one exchange a step.
 
-Every rank that owns an atom of a body keeps that body's whole state.  Each step the
-sharing ranks send each other their partial force and torque and add the parts up in
-the order of their ranks, so that all copies of a body stay equal to the last bit and
-no rank is the body's master.  Ghost atoms play no part.
+Every rank that owns an atom of a body keeps that body's whole state.  Each step the sharing ranks send
+each other their partial force and torque and add the parts up in the order of their ranks, so that
+all copies of a body stay equal to the last bit and no rank is the body's master.  Ghost atoms play
+no part.  What a rank sends and keeps depends on its own bodies and on the ranks that share them,
+not on how many bodies or ranks there are.
 
-What a rank sends and keeps depends on its own bodies and on the ranks that share them,
-not on how many bodies or ranks there are: messages go to the ranks that they are for,
-and these learn that no more will come from a barrier (`World.deliver`).
-
-`Alone` is the world of a run on one rank: nothing is shared, mpi4py is not imported.
-`World` is the world of several ranks.  All methods of both are collective.
+The holders of a body find each other at a rank on which all agree, where they meet: each tells it
+which bodies it has, and it tells them who else has.
 """
-
-from itertools import count
 
 import numpy as np
 
-from . import packing
-from .compiled import F1, F2, I, L1, Cell
-from .errors import RunError
+from .compiled import F1, F2, L1, L2, Cell, I, address, array, floats, inlined, longs, loop
+from .memory import Memory, room
+from .mpi import DOUBLE, IRECV, ISEND, NUMBERS, PART, RANK, RANKS, ROWS, SENDERS, SENT
+from .mpi import Mpi, deliver, send, wait
+
+# what is counted: bodies of this rank, those that may be shared, ranks at which these meet; bodies that
+# are shared, ranks that share them, copies sent to them
+BODIES, ASKED, MEETINGS, SHARED, PARTNERS, COPIES, COUNTS = range(7)
+# rows of the memory, behind those of `mpi`: (asked,) bodies that may be shared, their IDs, where they
+# meet; the same in order; (meetings,) these ranks and how many meet there; (bodies,) where each meets
+# from now on; (shared,) shared bodies; where the parts of each begin in the sources, and these;
+# (partners,) ranks, how many bodies are shared with each; (copies,) what is sent; and what to work with
+_OWN = (
+    "asked", "ids", "meet", "places", "questions", "meetings", "many", "home", "shared", "first",
+    "source", "partners", "shares", "copies", "order", "spare", "owner", "equal", "answers", "parts",
+)  # fmt: skip
+(ASKED_ROW, IDS, MEET, PLACES, QUESTIONS, MEETING, MANY, HOME, SHARED_ROW, FIRST, SOURCE, PARTNER,
+ SHARES, COPIED, ORDER, SPARE, OWNER, EQUAL, ANSWERS, PARTS) = range(1 + len(ROWS), 21 + len(ROWS))  # fmt: skip
+PACKED, RECEIVED = 21 + len(ROWS), 22 + len(ROWS)
+ADD, LEAST, GREATEST = range(3)  # how parts are combined
 
 _BITS = 32  # an atom's origin is rank << 32 | place
-_QUESTIONS, _ANSWERS, _PARTS = (0, 1), 2, 3  # tags of messages
-_LOAD = 6  # numbers of a body's force and torque
 
 
 def origin(rank, places):
@@ -36,522 +46,299 @@ def places(origins):
     return origins & ((1 << _BITS) - 1)
 
 
-class Alone:
-    """One rank: every method gives back what it was given."""
-
-    size, rank, handle = 1, 0, 0
-
-    def agree(self, problem):
-        """End the run if there is a problem (a message, or None for none)."""
-        if problem:
-            raise RunError(problem, everywhere=True)
-
-    def total(self, values):
-        """Sum of an array over all ranks, as float64."""
-        return np.asarray(values, float)
-
-    def any(self, flag):
-        """Whether `flag` is true on any rank."""
-        return flag
-
-    def gather(self, rows):
-        """All ranks' rows."""
-        return rows
-
-    gather_to_all = share = gather
-
-    def look_up(self, keys, values, wanted):
-        """As `World.look_up`; what this rank has it need not ask for."""
-        return np.full(len(wanted), -1)
-
-    def fetch(self, origins, rows_of):
-        """As `World.fetch`; no atom can have come."""
-        return rows_of(origins)
-
-    def gone(self, lost, gained):
-        """As `World.gone`."""
-        return lost
+# ---------------------------------------------------------------- who shares
 
 
-ALONE = Alone()
+@inlined
+def in_row(memory, row, n):
+    """The array of this row, with room for n numbers; what is there stays."""
+    return longs(room(memory, row, 8 * n), n)
 
 
-class World:
-    """Several ranks: LAMMPS's, with a communicator of our own, so that no message is taken for one of LAMMPS's.
+@inlined
+def sort(order, spare, n, high, low):
+    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall; merges runs."""
+    for i in range(n):
+        order[i] = i
+    width = 1
+    while width < n:
+        for begin in range(0, n, 2 * width):
+            middle, end = min(begin + width, n), min(begin + 2 * width, n)
+            a, b = begin, middle
+            for k in range(begin, end):
+                first = a < middle
+                if first and b < end:
+                    i, j = order[a], order[b]
+                    first = high[i] < high[j] or (high[i] == high[j] and low[i] <= low[j])
+                if first:
+                    spare[k] = order[a]
+                    a += 1
+                else:
+                    spare[k] = order[b]
+                    b += 1
+        for k in range(n):
+            order[k] = spare[k]
+        width *= 2
 
-    Args:
-        comm: the Fortran handle of LAMMPS's communicator, as its library gives it.
+
+@inlined
+def ask(memory, counts):
+    """Put the bodies that may be shared in an order on which two holders agree: of where they meet,
+    and of ID."""
+    n, ranks = counts[ASKED], 0
+    asked, ids = in_row(memory, ASKED_ROW, n), in_row(memory, IDS, n)
+    meet = in_row(memory, MEET, n)
+    order, places, questions = (
+        in_row(memory, ORDER, n), in_row(memory, PLACES, n), in_row(memory, QUESTIONS, n)
+    )  # fmt: skip
+    meeting, many = in_row(memory, MEETING, n), in_row(memory, MANY, n)
+    sort(order, in_row(memory, SPARE, n), n, meet, ids)
+    for k in range(n):
+        i = order[k]
+        places[k], questions[k] = asked[i], ids[i]
+        if ranks == 0 or meeting[ranks - 1] != meet[i]:
+            meeting[ranks], many[ranks] = meet[i], 0
+            ranks += 1
+        many[ranks - 1] += 1
+    counts[MEETINGS] = ranks
+
+
+@inlined
+def answer(memory):
+    """Tell ranks that ask who holds bodies who else has asked.
+
+    For each asker ANSWERS has how many ranks hold each of its bodies, then which ranks, body by body.
     """
-
-    _attribute = None  # under which LAMMPS's communicator keeps ours, and frees it when it is freed
-
-    def __init__(self, comm):
-        from mpi4py import MPI
-
-        if World._attribute is None:
-            World._attribute = MPI.Comm.Create_keyval(
-                delete_fn=lambda comm, key, ours: ours[0].Free()
-            )
-        theirs = MPI.Comm.f2py(comm)
-        if not theirs.Get_attr(World._attribute):
-            theirs.Set_attr(World._attribute, (theirs.Dup(), count()))
-        self.comm, self._rounds = theirs.Get_attr(World._attribute)
-        self.mpi, self.size, self.rank, self.handle = (
-            MPI,
-            self.comm.size,
-            self.comm.rank,
-            self.comm.py2f(),
-        )
-        self._number, self._status = np.empty(1, np.int64), MPI.Status()
-
-    def _reduce(self, number, operation):
-        self._number[0] = number
-        self.comm.Allreduce(self.mpi.IN_PLACE, self._number, operation)
-        return int(self._number[0])
-
-    def agree(self, problem):
-        """End the run on all ranks, with the first rank's message, if any rank has a problem."""
-        first = self._reduce(self.rank if problem else self.size, self.mpi.MIN)
-        if first < self.size:
-            raise RunError(self.comm.bcast(problem, root=first), everywhere=True)
-
-    def total(self, values):
-        """Sum of an array over all ranks, as float64."""
-        result = np.array(values, float)
-        self.comm.Allreduce(self.mpi.IN_PLACE, result)
-        return result
-
-    def any(self, flag):
-        """Whether `flag` is true on any rank."""
-        return bool(self._reduce(bool(flag), self.mpi.MAX))
-
-    def share(self, rows):
-        """Rank 0's rows, for all ranks."""
-        return self.comm.bcast(rows)
-
-    def gather(self, rows):
-        """All ranks' rows, in the order of the ranks, on rank 0; elsewhere None."""
-        parts = self.comm.gather(rows)
-        return None if parts is None else np.concatenate(parts)
-
-    def gather_to_all(self, rows):
-        """All ranks' rows, in the order of the ranks, on every rank."""
-        return np.concatenate(self.comm.allgather(rows))
-
-    def abort(self):
-        """End the run on all ranks, now."""
-        self.comm.Abort(1)
-
-    def deliver(self, parts, dtype, sources=None):
-        """Send an array to each of some ranks: one message to each.
-
-        Args:
-            parts: dictionary from ranks to C-contiguous arrays.  dtype: theirs, int64 or float64, alike on all ranks.
-            sources: the ranks that send something to this one, if all ranks know theirs; else they are found out.
-        Returns:
-            dictionary from the ranks that sent something to this one, in their order, to flat arrays.
-        """
-        received = {}
-        send, tag = self.comm.Isend, _ANSWERS
-        if sources is None:
-            send, tag = self.comm.Issend, _QUESTIONS[next(self._rounds) % 2]
-        sent = [send(part, rank, tag) for rank, part in parts.items() if rank != self.rank]
-        if self.rank in parts:
-            received[self.rank] = parts[self.rank].ravel()
-
-        def receive(message):
-            part = received[self._status.source] = np.empty(
-                self._status.Get_count(self.mpi.BYTE) // 8, dtype
-            )
-            message.Recv(part)
-
-        if sources is not None:
-            for rank in sources:
-                if rank != self.rank:
-                    receive(self.comm.Mprobe(rank, tag, self._status))
-            self.mpi.Request.Waitall(sent)
-        else:
-            # A rank enters the barrier when all it sent is being received: when all have, there is nothing more to
-            # come.  Ranks ahead of this one may be in the next round by then, but not in the one after it: two tags do.
-            barrier = None
-            while not (barrier and barrier.Test()):
-                message = self.comm.Improbe(self.mpi.ANY_SOURCE, tag, self._status)
-                if message:
-                    receive(message)
-                elif not barrier and self.mpi.Request.Testall(sent):
-                    barrier = self.comm.Ibarrier()
-        return dict(sorted(received.items()))
-
-    def ask(self, to, questions, answer):
-        """Ask other ranks, and answer what they ask.
-
-        Args:
-            to: (m,) int64, the rank that is asked each question.  questions: (m,) int64.
-            answer: a function of the questions (k,) to this rank, which gives (k, width) numbers.
-        Returns:
-            (m, width) the answers to this rank's questions.
-        """
-        order = np.argsort(to, kind="stable")
-        parts = _split(to[order], questions[order])
-        asked = self.deliver(parts, np.int64)
-        answers = np.ascontiguousarray(answer(_join(asked.values(), np.int64)))
-        end = 0
-        back = {rank: answers[end : (end := end + len(part))] for rank, part in asked.items()}
-        result = np.empty((len(to), answers.shape[1]), answers.dtype)
-        result[order] = _join(
-            self.deliver(back, answers.dtype, parts).values(), answers.dtype
-        ).reshape(result.shape)
-        return result
-
-    def look_up(self, keys, values, wanted):
-        """Ask all ranks for values, through a directory that is spread over them.
-
-        Args:
-            keys: (n,) int64, each on one rank only.  values: (n,) int64.  wanted: (m,) keys.
-        Returns:
-            (m,) the values of these keys, -1 for a key that no rank has.
-        """
-        order = np.argsort(keys % self.size, kind="stable")
-        told = self.deliver(
-            _split((keys % self.size)[order], np.stack([keys, values], axis=1)[order]), np.int64
-        )
-        known = dict(_join(told.values(), np.int64).reshape(-1, 2).tolist())
-
-        def answer(asked):
-            return np.array([known.get(key, -1) for key in asked.tolist()], np.int64)[:, None]
-
-        return self.ask(wanted % self.size, wanted, answer)[:, 0]
-
-    def fetch(self, origins, rows_of):
-        """Ask for what the ranks that lost atoms know of them.
-
-        Args:
-            origins: (m,) int64, where each atom gained was before: a rank, not this one, and the atom's place there.
-            rows_of: a function of (n,) places that gives (n, width) float64, what goes with these atoms.
-        Returns:
-            (m, width) rows, in the order of origins.
-        """
-        return self.ask(origins >> _BITS, places(origins), rows_of)
-
-    def gone(self, lost, gained):
-        """Which of the places of lost atoms are of atoms that no rank has.
-
-        Args:
-            lost: (k,) places of atoms that this rank no longer has.  gained: origins of atoms from other ranks.
-        """
-        gained = np.sort(gained)
-        told = self.deliver(_split(gained >> _BITS, places(gained)), np.int64)
-        return np.setdiff1d(lost, _join(told.values(), np.int64))
-
-    def exchange(self, partners, counts, sent, received):
-        """Begin to send each partner its part, and to fill `received` with what they send.
-
-        Args:
-            partners: the ranks.  counts: how many numbers each sends and receives.
-            sent, received: the parts, one after the other.
-        Returns:
-            a function that waits for the end of it.
-        """
-        requests, end = [], 0
-        for rank, n in zip(partners, counts):
-            part = slice(end, end := end + n)
-            requests += [
-                self.comm.Irecv(received[part], rank, _PARTS),
-                self.comm.Isend(sent[part], rank, _PARTS),
-            ]
-        return lambda: self.mpi.Request.Waitall(requests)
+    ranks, n = memory[SENDERS, 1], memory[NUMBERS, 1]
+    askers, asked = in_row(memory, SENDERS, ranks), in_row(memory, SENT, ranks)
+    ids, order, spare = in_row(memory, NUMBERS, n), in_row(memory, ORDER, n), in_row(memory, SPARE, n)
+    owner, equal = in_row(memory, OWNER, n), in_row(memory, EQUAL, n)
+    total = begin = i = 0
+    for r in range(ranks):
+        for _ in range(asked[r]):
+            owner[i] = r
+            i += 1
+    sort(order, spare, n, ids, owner)
+    while begin < n:
+        end = begin
+        while end < n and ids[order[end]] == ids[order[begin]]:
+            end += 1
+        for k in range(begin, end):
+            equal[order[k]], spare[order[k]] = begin, end - begin
+        total += (end - begin) * (1 + end - begin)
+        begin = end
+    answers, parts = in_row(memory, ANSWERS, total), in_row(memory, PARTS, ranks)
+    total = i = 0
+    for r in range(ranks):
+        begin, end = i, i + asked[r]
+        parts[r] = -total
+        for i in range(begin, end):
+            answers[total] = spare[i]
+            total += 1
+        for i in range(begin, end):
+            for k in range(equal[i], equal[i] + spare[i]):
+                answers[total] = askers[owner[order[k]]]
+                total += 1
+        parts[r] += total
+        i = end
 
 
-def _split(keys, rows):
-    """The rows of each key, a dictionary; keys are sorted."""
-    bounds = [0, *(np.flatnonzero(keys[1:] != keys[:-1]) + 1).tolist(), len(keys)]
-    return {int(keys[a]): rows[a:b] for a, b in zip(bounds, bounds[1:]) if a < b}
+@inlined
+def connect(memory, counts, own):
+    """Find out with whom this rank, `own`, shares which bodies, and how their parts lie in messages.
 
-
-def _join(parts, dtype):
-    """One flat array after the other."""
-    return np.concatenate([np.empty(0, dtype), *parts])
-
-
-class Delivery:
-    """`World.deliver` of int64, as a pass: what to send, and what has come, is in cells (see `compiled.Cell`).
-
-    Args:
-        world: the `World`.
-        to, many, parts: the ranks, how many numbers go to each, and the numbers, one after the other.  ranks: how many ranks.
-        senders, sent, numbers: out: the same of what has come.
-        sources, of: the ranks that send something to this one, and their number; None if they are to be found out.
+    NUMBERS has a part from each meeting, with what it was asked of the next many[r] places: by how
+    many ranks each of these bodies is held, then by which, body by body; the first of them is its home
+    from now on.  What is sent is in the order of the partners, for each that of places.  What is
+    received is in the same order: the parts of the i-th shared body are those of source[first[i]] to
+    source[first[i + 1]], and -1 there is this rank's part.
     """
-
-    def __init__(
-        self, world, to, many, parts, ranks, senders, sent, numbers, sources=None, of=None
-    ):
-        self.world = world
-        self.cells = [
-            to,
-            many,
-            parts,
-            ranks,
-            senders,
-            sent,
-            numbers,
-            *([sources, of] if sources else []),
-        ]
-
-    def __call__(self):
-        """Send and receive."""
-        to, many, parts, ranks, senders, sent, numbers, *known = self.cells
-        n = ranks.number
-        ends = np.cumsum(many.array[:n])
-        outgoing = dict(
-            zip(to.array[:n].tolist(), np.split(parts.array[: ends[-1] if n else 0], ends[:-1]))
-        )
-        got = self.world.deliver(
-            outgoing, np.int64, known[0].array[: known[1].number].tolist() if known else None
-        )
-        senders.set(np.array([*got], np.int64))
-        sent.set(np.array([len(part) for part in got.values()], np.int64))
-        numbers.set(_join(got.values(), np.int64))
-        return 0
-
-
-class Exchange:
-    """`World.exchange`, as a pass: all that it takes is in cells.  Its end is another pass, `Completion`.
-
-    Args:
-        world: the `World`.
-        partners, shares: the other ranks, and how many bodies are shared with each.  ranks: how many partners.
-        rows: how many numbers go with each body.
-        sent, received: the numbers.
-    """
-
-    def __init__(self, world, partners, shares, ranks, rows, sent, received):
-        self.world = world
-        self.cells = [partners, shares, ranks, rows, sent, received]
-
-    def __call__(self):
-        """Begin to send and receive."""
-        partners, shares, ranks, rows, sent, received = self.cells
-        n = ranks.number
-        self.wait = self.world.exchange(
-            partners.array[:n].tolist(),
-            (rows.number * shares.array[:n]).tolist(),
-            sent.array,
-            received.array,
-        )
+    bodies, n, answered = counts[BODIES], counts[ASKED], memory[NUMBERS, 1]
+    places, many = in_row(memory, PLACES, n), in_row(memory, MANY, n)
+    answers, home = in_row(memory, NUMBERS, answered), in_row(memory, HOME, bodies)
+    shared, first = in_row(memory, SHARED_ROW, n), in_row(memory, FIRST, n + 1)
+    source, copies = in_row(memory, SOURCE, answered), in_row(memory, COPIED, answered)
+    partners, shares = in_row(memory, PARTNER, answered), in_row(memory, SHARES, answered)
+    for b in range(bodies):
+        home[b] = own
+    nshared = npartners = entries = end = place = last = 0
+    first[0] = 0
+    for r in range(counts[MEETINGS]):
+        held, begin = end, end + many[r]
+        for i in range(place, place + many[r]):
+            home[places[i]] = answers[begin]
+            end = begin + answers[held]
+            if end > begin + 1:
+                for k in range(begin, end):
+                    source[entries] = -1
+                    if answers[k] != own:
+                        p = 0
+                        while p < npartners and partners[p] != answers[k]:
+                            p += 1
+                        if p == npartners:
+                            partners[p], shares[p] = answers[k], 0
+                            npartners += 1
+                        source[entries] = p
+                        shares[p] += 1
+                    entries += 1
+                shared[nshared] = places[i]
+                nshared += 1
+                first[nshared] = entries
+            held, begin = held + 1, end
+        place += many[r]
+    # shares serve as the next free entry of each partner, and are what they were at the end
+    for p in range(npartners):
+        last += shares[p]
+        shares[p] = last - shares[p]
+    for i in range(nshared):
+        for k in range(first[i], first[i + 1]):
+            p = source[k]
+            if p >= 0:
+                source[k] = shares[p]
+                copies[shares[p]] = shared[i]
+                shares[p] += 1
+    for p in range(npartners - 1, 0, -1):
+        shares[p] -= shares[p - 1]
+    counts[SHARED], counts[PARTNERS], counts[COPIES] = nshared, npartners, last
 
 
-class Completion:
-    """The end of an `Exchange`, as a pass."""
+@inlined
+def find(mpi, memory, counts):
+    """Find who else holds the bodies that may be shared; collective."""
+    own = mpi.library[RANK]
+    if mpi.library[RANKS] == 1:
+        home = in_row(memory, HOME, counts[BODIES])
+        for b in range(counts[BODIES]):
+            home[b] = own
+        counts[SHARED] = counts[PARTNERS] = counts[COPIES] = 0
+    else:
+        ask(memory, counts)
+        meeting, many = (
+            in_row(memory, MEETING, counts[MEETINGS]), in_row(memory, MANY, counts[MEETINGS])
+        )  # fmt: skip
+        questions = in_row(memory, QUESTIONS, counts[ASKED])
+        deliver(mpi, memory, meeting, many, questions, meeting, False)
+        answer(memory)
+        n = memory[SENDERS, 1]
+        askers = in_row(memory, SPARE, n)  # a copy: their row takes the answers' senders
+        for r in range(n):
+            askers[r] = longs(memory[SENDERS, 0], n)[r]
+        parts, answers = in_row(memory, PARTS, n), in_row(memory, ANSWERS, 1)
+        deliver(mpi, memory, askers, parts, answers, meeting, True)
+        connect(memory, counts, own)
 
-    def __init__(self, exchange):
-        self.exchange, self.world, self.cells = exchange, exchange.world, []
 
-    def __call__(self):
-        """Wait until all is sent and received."""
-        self.exchange.wait()
-
-
-class Agreement:
-    """The sums over all ranks of what `kernels.locate` has found, up to MOVED, as a pass.
-
-    Args:
-        world: the `World` or `Alone`.  found: the `Cell` of these numbers.
-    """
-
-    def __init__(self, world, found):
-        self.world, self.cells = world, [found]
-
-    def total(self):
-        """The sums, a list; collective."""
-        return self.world.total(self.cells[0].array).astype(int).tolist()
+@loop
+def find_sharers(mpi: Mpi, sharing: L2, counts: L1):
+    """`find`, of what Python has put to the rows of the memory."""
+    find(mpi, sharing, counts)
 
 
-# arrays of `Sharers`, with an entry for each body of this rank, or for each number that is answered or received
-_OF_BODIES = (
-    "asked",
-    "ids",
-    "meet",
-    "order",
-    "spare",
-    "places",
-    "questions",
-    "homes",
-    "many",
-    "home",
-    "bodies",
-    "first",
-)
-_OF_ANSWERS = (
-    "sorted",
-    "work",
-    "owner",
-    "equal",
-    "answers",
-    "parts",
-    "partners",
-    "shares",
-    "source",
-    "sent",
-)
-_RECEIVED = "askers", "wanted", "wanted_ids", "answerers", "answered", "holders"
+# ---------------------------------------------------------------- one exchange
+
+
+@loop
+def give(mpi: Mpi, sharing: L2, counts: L1, values: F2):
+    """Begin to send the columns of shared bodies to those that share them, and to receive theirs."""
+    rows, n, begin = values.shape[0], counts[COPIES], 0
+    copies = longs(sharing[COPIED, 0], n)
+    packed = floats(room(sharing, PACKED, 8 * rows * n), n, rows)
+    received = room(sharing, RECEIVED, 8 * rows * n)
+    for k in range(n):
+        for row in range(rows):
+            packed[k, row] = values[row, copies[k]]
+    for p in range(counts[PARTNERS]):
+        rank = longs(sharing[PARTNER, 0], p + 1)[p]
+        count = rows * longs(sharing[SHARES, 0], p + 1)[p]
+        send(mpi, sharing, IRECV, received + begin, count, DOUBLE, rank, PART)
+        send(mpi, sharing, ISEND, address(packed) + begin, count, DOUBLE, rank, PART)
+        begin += 8 * count
+
+
+@loop
+def combine(mpi: Mpi, sharing: L2, counts: L1, values: F2, how: I):
+    """Wait for the parts of the shared bodies, and set their columns to what these give, in their order:
+    ADD, LEAST or GREATEST."""
+    wait(mpi, sharing)
+    rows, n = values.shape[0], counts[SHARED]
+    shared, first = longs(sharing[SHARED_ROW, 0], n), longs(sharing[FIRST, 0], n + 1)
+    source = longs(sharing[SOURCE, 0], first[n] if n else 0)
+    received = floats(sharing[RECEIVED, 0], counts[COPIES], rows)
+    for i in range(n):
+        for row in range(rows):
+            own = values[row, shared[i]]
+            result = 0.0 if how == ADD else own
+            for k in range(first[i], first[i + 1]):
+                part = own if source[k] < 0 else received[source[k], row]
+                if how == ADD:
+                    result += part
+                else:
+                    result = min(result, part) if how == LEAST else max(result, part)
+            values[row, shared[i]] = result
 
 
 class Sharers:
     """The bodies of this rank that other ranks hold too.
 
     Args:
-        world: the `World` or `Alone`.
-        load: the `Cell` of force and torque (6, n), which `add` adds up.
+        communicator: the `Communicator` or `ALONE`.
 
     Attributes:
         bodies: (m,) places of the shared bodies in this rank's list of bodies.
         home: (n,) the lowest rank of those that hold each body.
         owned: (n,) bool, whether this rank is it: what has to be counted once is counted there.
-        cells: dictionary from names to `compiled.Cell`; of interest to others: asked, ids, meet, home, bodies, counts.
-        counts: numbers; see `packing`.
-        finding: the passes that find the sharers of the bodies in asked, ids and meet; a loop that lacks room returns 1.
-        giving, taking: the passes that do `combine(load)`, between which nothing may change it for shared bodies.  All lists are
-            empty on one rank.
+        cells: what the loops take: of `Mpi`, "sharing" and "counts".
     """
 
-    def __init__(self, world, load=None):
-        self._world, self.counts = world, np.zeros(packing.COUNTS, np.int64)
-        self.cells = cells = {name: Cell(L1) for name in (*_OF_BODIES, *_OF_ANSWERS, *_RECEIVED)}
-        cells |= {
-            "counts": Cell(L1, self.counts),
-            "load": load or Cell(F2),
-            "packed": Cell(F1),
-            "received": Cell(F1),
-        }
-        self._bodies = self._numbers = -1  # for how many there is room
-        self.finding, self.giving, self.taking = [], [], []
-        if world.size == 1:
-            return
-        homes, partners = (
-            Cell(I, numbers=self.counts[k : k + 1]) for k in (packing.HOMES, packing.PARTNERS)
-        )
-        questions = Delivery(
-            world,
-            cells["homes"],
-            cells["many"],
-            cells["questions"],
-            homes,
-            *(cells[name] for name in _RECEIVED[:3]),
-        )
-        answers = Delivery(world, cells["askers"], cells["parts"], cells["answers"], Cell(I, numbers=cells["askers"].numbers[1:]),
-                           *(cells[name] for name in _RECEIVED[3:]), cells["homes"], homes)  # fmt: skip
-        self.finding = [
-            packing.ask.bind_to(cells, home=cells["meet"]),
-            questions,
-            packing.answer.bind_to(cells, ids=cells["wanted_ids"], asked=cells["wanted"], order=cells["sorted"], spare=cells["work"],
-                                   first=cells["equal"]),
-            answers,
-            packing.connect.bind_to(cells, answers=cells["holders"], own=world.rank),
-        ]  # fmt: skip
-        rows = Cell(I, _LOAD)
-        exchange = Exchange(
-            world,
-            cells["partners"],
-            cells["shares"],
-            partners,
-            rows,
-            cells["packed"],
-            cells["received"],
-        )
-        self.giving = [packing.pack.bind_to(cells, values=cells["load"]), exchange]
-        self.taking = [Completion(exchange), packing.add.bind_to(cells, values=cells["load"])]
+    def __init__(self, communicator):
+        self._communicator, self.counts = communicator, np.zeros(COUNTS, np.int64)
+        kinds = {name: L1 for name in (*ROWS, *_OWN)} | {"packed": F1, "received": F1}
+        self._memory = Memory(kinds, L2)
+        self.cells = communicator.cells | {
+            "sharing": self._memory.cells["memory"], "counts": Cell(L1, self.counts)
+        }  # fmt: skip
 
-    def make_room(self, bodies=0, numbers=0):
-        """Make room for so many bodies, and for so many numbers of what is answered, which is lost."""
-        if bodies > self._bodies:
-            self._bodies = bodies
-            for name in _OF_BODIES:
-                old, new = self.cells[name].array, np.empty(bodies + 1, np.int64)
-                new[: len(old)] = old
-                self.cells[name].set(new)
-        if numbers > self._numbers:
-            self._numbers = numbers
-            for name in _OF_ANSWERS:
-                self.cells[name].set(np.empty(numbers, np.int64))
-            for name in "packed", "received":
-                self.cells[name].set(np.empty(_LOAD * numbers))
-
-    def find(self, n, places, ids, home):
+    def find(self, n, places, ids, meet):
         """Find who else holds some of this rank's bodies; collective.
 
         Args:
             n: how many bodies this rank has.
             places: (m,) those that it does not know to be whole here.
             ids: (m,) int64, their IDs, each once.
-            home: (m,) int64, the rank at which all holders of each body meet: any on which they agree.
+            meet: (m,) int64, the rank at which all holders of each body meet: any on which they agree.
         Returns:
             Sharers: self.
         """
-        m = len(places)
-        self.make_room(n)
-        for name, values in ("asked", places), ("ids", ids), ("meet", home):
-            self.cells[name].array[:m] = values
-        self.none(n)
-        self.counts[packing.ASKED] = m
-        for one in self.finding:
-            self.do(one)
+        for name, values in ("asked", places), ("ids", ids), ("meet", meet):
+            self._memory.put(name, values)
+        self.counts[[BODIES, ASKED]] = n, len(places)
+        find_sharers.bind_to(self.cells)()
         return self
 
-    def do(self, one):
-        """Do one of the passes `finding`, and make the room that it lacks."""
-        while one():
-            self.make_room(numbers=2 * int(self.counts[packing.NEEDED]))
-
-    def none(self, n):
-        """There are n bodies, and nobody else holds them."""
-        self.make_room(n)
-        self.cells["home"].array[:] = self._world.rank
-        self.counts[[packing.BODIES, packing.KNOWN]] = n, 1
+    def _row(self, row, count):
+        place = self._memory.table[row, 0].item()
+        return array(place, (self.counts[count].item(),), np.int64)
 
     @property
     def bodies(self):
-        return self.cells["bodies"].array[: self.counts[packing.SHARED]]
+        return self._row(SHARED_ROW, SHARED)
 
     @property
     def home(self):
-        return self.cells["home"].array[: self.counts[packing.BODIES]]
+        return self._row(HOME, BODIES)
 
     @property
     def owned(self):
-        return self.home == self._world.rank
-
-    def add(self):
-        """`combine(load)`, bound."""
-        for one in (*self.giving, *self.taking):
-            one()
+        return self.home == self._communicator.rank
 
     def combine(self, values, operation=np.add):
         """Combine the ranks' parts of shared bodies, in place: one exchange.
 
         Args:
-            values: (components, n) float64, contiguous: this rank's parts; bodies that are not shared stay as they are.
-            operation: numpy.add, maximum or minimum.
+            values: (components, n) float64, contiguous: this rank's parts; others stay as they are.
+            operation: numpy.add, minimum or maximum.
         """
-        shared, ranks, n = self.counts[[packing.SHARED, packing.PARTNERS, packing.SENT]].tolist()
-        if not shared:
-            return
-        cells, rows = self.cells, len(values)
-        sent, received = np.empty((2, rows * n))
-        packing.pack(values, cells["sent"], sent, self.counts)
-        partners, shares = (cells[name].array[:ranks] for name in ("partners", "shares"))
-        self._world.exchange(partners.tolist(), (rows * shares).tolist(), sent, received)()
-        if operation is np.add:
-            packing.add(
-                values, cells["bodies"], cells["first"], cells["source"], received, self.counts
-            )
-        else:
-            parts = np.concatenate([received.reshape(-1, rows).T, values[:, self.bodies]], axis=1)
-            first = cells["first"].array[: shared + 1]
-            source, own = (
-                cells["source"].array[: first[-1]],
-                n + np.repeat(np.arange(shared), np.diff(first)),
-            )
-            values[:, self.bodies] = operation.reduceat(
-                parts[:, np.where(source < 0, own, source)], first[:-1], axis=1
-            )
+        if self.counts[SHARED]:
+            how = (np.add, np.minimum, np.maximum).index(operation)
+            give.bind_to(self.cells, values=values)()
+            combine.bind_to(self.cells, values=values, how=how)()

@@ -12,15 +12,15 @@ class Switches:
     a number is found by bisection.
 
     Args:
-        command: the `Command`.  dimension: 2 or 3.  world: the `World` or `Alone`.
-        ids: (n,) IDs of this rank's bodies.  owned: (n,) bool, each body on one rank only.
+        command: the `Command`.  dimension: 2 or 3.  communicator: the `Communicator` or `ALONE`.
+        bodies: the `Bodies`.
     Raises:
         RunError: for numbers without a body, and in two dimensions for what cannot be on.
     """
 
-    def __init__(self, command, dimension, world, ids, owned):
+    def __init__(self, command, dimension, communicator, bodies):
         self._plane = dimension == 2
-        self._choices = []  # (lowest ID, highest ID, rows of the load, 0 or 1 for each)
+        self.choices = []  # (lowest ID, highest ID, rows of the wrench, 0 or 1 for each)
         asked = [
             (choice, rows)
             for choices, rows in ((command.force, slice(0, 3)), (command.torque, slice(3, 6)))
@@ -28,7 +28,8 @@ class Switches:
         ]
         if not asked:
             return
-        count = int(world.total(np.array([owned.sum()]))[0])
+        owned = bodies.sharers.owned
+        count = communicator.count(owned.sum())
         ends = []
         for (low, high, flags), rows in asked:
             low, high = low or 1, high or count
@@ -47,27 +48,27 @@ class Switches:
                     everywhere=True,
                 )
             ends += [low, high]
-        ends = _id_of_number(np.array(ends), world, np.sort(ids[owned]))
+        ends = _id_of_number(np.array(ends), communicator, np.sort(bodies.id[owned]))
         for ((_, _, flags), rows), low, high in zip(asked, ends[::2], ends[1::2]):
-            self._choices.append((low, high, rows, flags))
+            self.choices.append((low, high, rows, flags))
 
     def mask(self, bodies):
-        """What to multiply the load of the bodies by, (6, n) or (6, 1); None if all of it acts."""
-        if not self._choices:
+        """What to multiply the wrench of the bodies by, (6, n) or (6, 1); None if all of it acts."""
+        if not self.choices:
             return np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]]) if self._plane else None
         mask, ids = np.ones((6, len(bodies))), bodies.id
-        for low, high, rows, flags in self._choices:
+        for low, high, rows, flags in self.choices:
             mask[rows, (low <= ids) & (ids <= high)] = np.array(flags, float)[:, None]
         if self._plane:
             mask[2:5] = 0.0
         return mask
 
 
-def _id_of_number(numbers, world, ids):
+def _id_of_number(numbers, communicator, ids):
     """The ID that stands at each of these numbers when all ranks' IDs are in order; `ids` are this rank's, in order."""
     low, high = np.full(len(numbers), -(2**62)), np.full(len(numbers), 2**62)
     while (low < high).any():
         middle = (low + high) // 2
-        enough = world.total(np.searchsorted(ids, middle, "right")) >= numbers
+        enough = communicator.total(np.searchsorted(ids, middle, "right")) >= numbers
         low, high = np.where(enough, low, middle + 1), np.where(enough, middle, high)
     return low

@@ -11,16 +11,16 @@ _PUSHED = 0.1  # of the distance between atoms: no force moves a body further in
 def freedom(bodies, dimension):
     """Degrees of freedom of each body, (n,): 6, 5 or 3; in two dimensions 3 or 2."""
     result = np.full(len(bodies), dimension)
-    result[: bodies.extended] = 5 if dimension == 3 else 3
+    result[: bodies.turning] = 5 if dimension == 3 else 3
     result[: bodies.rotors] = 6 if dimension == 3 else 3
     return result
 
 
-def removed_freedom(bodies, world, inside, lammps):
+def removed_freedom(bodies, communicator, inside, lammps):
     """Degrees of freedom that rigidity takes from a group of atoms; collective.
 
     Args:
-        bodies: the `Bodies`.  world: the `World` or `Alone`.
+        bodies: the `Bodies`.  communicator: the `Communicator` or `ALONE`.
         inside: (m,) bool, which of the bodies' atoms on this rank are in the group.
         lammps: the `Lammps`.
     Returns:
@@ -36,10 +36,10 @@ def removed_freedom(bodies, world, inside, lammps):
     bodies.sharers.combine(sums)
     whole = (sums[0] == bodies.natoms) & bodies.sharers.owned
     removed = sums[1, whole].sum() - freedom(bodies, lammps.dimension)[whole].sum()
-    return round(world.total(np.array([removed]))[0])
+    return round(communicator.total(np.array([removed]))[0])
 
 
-def energies(bodies, world, lammps):
+def energies(bodies, communicator, lammps):
     """Kinetic energies and temperatures of the bodies; collective.
 
     Returns:
@@ -49,7 +49,7 @@ def energies(bodies, world, lammps):
     owned = bodies.sharers.owned
     translation = np.full(len(bodies), lammps.dimension)
     rotation = freedom(bodies, lammps.dimension) - translation
-    sums = world.total(
+    sums = communicator.total(
         np.array(
             [
                 *bodies.kinetic()[:, owned].sum(axis=1),
@@ -71,23 +71,23 @@ def projected(notes):
     return notes["removed"] > 1e-9 * notes["kinetic"]
 
 
-def summary(nve, notes, virial):
+def summary(nve, virial):
     """The lines for the log at the start of a run, and the degrees of freedom removed; collective.
 
     Args:
-        nve: the integrator.  notes: what `build` says.  virial: whether LAMMPS asks for it.
+        nve: the integrator.  virial: whether LAMMPS asks for it.
     """
-    bodies, world, command = nve.bodies, nve.world, nve.command
+    bodies, communicator, command, notes = nve.bodies, nve.communicator, nve.command, nve.notes
     owned = bodies.sharers.owned
-    n, r, e = len(bodies), bodies.rotors, bodies.extended
+    n, r, e = len(bodies), bodies.rotors, bodies.turning
     flat = bodies.flat
     counts = [owned.sum(), (owned[:r] & ~flat).sum(), (owned[:r] & flat).sum(), owned[r:e].sum(), owned[e:n].sum(),
               bodies.natoms[owned].sum(), len(bodies.sharers.bodies[owned[bodies.sharers.bodies]])]  # fmt: skip
-    total, solid, planar, linear, points, atoms, shared = world.total(
+    total, solid, planar, linear, points, atoms, shared = communicator.total(
         np.array(counts, float)
     ).astype(int)
-    removed = removed_freedom(bodies, world, np.ones(len(bodies.tag), bool), nve.lammps)
-    own = world.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0]
+    removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), nve.lammps)
+    own = communicator.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0]
     kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
     degrees = (
         np.array([removed + own, own]) - nve.lammps.dimension
@@ -95,7 +95,7 @@ def summary(nve, notes, virial):
     before, now = np.divide(
         2 * kinetic, degrees * nve.lammps.boltz, out=np.zeros(2), where=degrees > 0
     )
-    if bodies.plane:
+    if bodies.planar:
         kinds, turning = (
             ((solid + planar, "in the plane"),),
             ((solid + planar, "rotation in the plane", "no rotation"),),
@@ -163,9 +163,9 @@ def summary(nve, notes, virial):
     return lines, removed
 
 
-def warnings(nve, notes):
+def warnings(nve):
     """Lines for the log on what is probably not meant; collective. Args: as `summary`."""
-    lines, group = [], nve.command.group
+    lines, group, notes = [], nve.command.group, nve.notes
     if nve.host.group not in (None, group):
         lines.append(
             f"WARNING: the fix line names group {nve.host.group}, the class group {group}: the bodies are of {group}, "
@@ -177,7 +177,7 @@ def warnings(nve, notes):
             "or leave these atoms out of the group"
         )
     lines += notes["warnings"]
-    turn, body = _fastest(nve.bodies, nve.world, nve.lammps.innermost_dt)
+    turn, body = _fastest(nve.bodies, nve.communicator, nve.lammps.innermost_dt)
     if turn > _FAST:
         lines.append(
             f"WARNING: {nve.membership.name(body)} turns by {turn:.2g} rad in a step, which no time step of this length can follow "
@@ -193,7 +193,7 @@ def forces_at_start(nve):
         (cause, remedy, spacing): what to say of the body that is pushed furthest in the first step, '' if that is as it should be;
         what to do; and the distance that atoms have from each other, or the size of the largest body if that is more.
     """
-    bodies, world, lammps = nve.bodies, nve.world, nve.lammps
+    bodies, communicator, lammps = nve.bodies, nve.communicator, nve.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension
     push = (
         0.5
@@ -204,15 +204,15 @@ def forces_at_start(nve):
     )
     size = np.sqrt(bodies.moment.max(axis=0) / bodies.mass)
     k = [push.argmax()] if len(push) else []
-    pushes, ids, sizes = world.gather_to_all(
+    pushes, ids, sizes = communicator.gather_to_all(
         np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T
     ).T
     space = (
         np.linalg.det(lammps.box.h[:dimension, :dimension])
-        / world.total(np.array([len(lammps.groups)]))[0]
+        / communicator.total(np.array([len(lammps.groups)]))[0]
     )
     spacing = max(space ** (1 / dimension), sizes.max())
-    many, of = world.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
+    many, of = communicator.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
     if not many:
         return "", "", spacing
     cause, remedy = "atoms overlap at the start", "minimise or move them apart before the fix line"
@@ -226,9 +226,9 @@ def forces_at_start(nve):
     )
 
 
-def _fastest(bodies, world, dt):
+def _fastest(bodies, communicator, dt):
     """The angle by which the fastest body turns in a step, and its ID; collective."""
     turns = dt * np.sqrt((bodies.angular_velocity() ** 2).sum(axis=0))
     k = [turns.argmax()] if len(turns) else []
-    angles, ids = world.gather_to_all(np.array([turns[k], bodies.id[k]]).T).T
+    angles, ids = communicator.gather_to_all(np.array([turns[k], bodies.id[k]]).T).T
     return angles.max(), int(ids[angles.argmax()])

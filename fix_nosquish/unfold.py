@@ -6,7 +6,7 @@ _CELLS = 64  # of a box length, in which gaps are counted
 _GAP = 0.1  # gaps inside a body that are narrower than this part of the box suggest no cut
 
 
-def unfold(lammps, world, membership, sharers, ids, body, tag, atoms):
+def unfold(lammps, communicator, membership, sharers, ids, body, tag, atoms):
     """Put each body's atoms together across the periodic faces; collective.
 
     Along each box vector the image flags hold where they make the body narrower than half the
@@ -55,7 +55,7 @@ def unfold(lammps, world, membership, sharers, ids, body, tag, atoms):
     low, high = ends(parts)
     width = high - low
     wide = width >= 0.5
-    if not world.any(wide.any()):
+    if not communicator.any(wide.any()):
         return place, flags, delta, np.zeros(n, bool), None
     compact = np.ptp(ends(nearest @ box.inverse.T * box.periodic), axis=0)
     cut = wide & (compact < 0.25)
@@ -64,19 +64,19 @@ def unfold(lammps, world, membership, sharers, ids, body, tag, atoms):
     for k in np.flatnonzero(box.periodic):
         gap[k] = _widest_gap(parts[:, k] - low[k, body], body, n, sharers)
     gap[~unsure | (gap <= np.maximum(1.0 - width, _GAP))] = 0.0
-    doubt = _doubt(world, membership, sharers.owned, ids, first[0], width, gap)
+    doubt = _doubt(communicator, membership, sharers.owned, ids, first[0], width, gap)
     fold = np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T
     return place, flags, delta - fold @ box.h.T, cut.any(axis=0), doubt
 
 
-def _doubt(world, membership, owned, ids, first, width, gap):
+def _doubt(communicator, membership, owned, ids, first, width, gap):
     """The warning for bodies that may be cut, with a gap (3, n) above zero; None for none; collective."""
     gap = gap * owned
     worst = []
     if gap.any():
         k, b = np.unravel_index(gap.argmax(), gap.shape)
         worst = [gap[k, b], width[k, b], k, ids[b], first[b], gap.any(axis=0).sum()]
-    rows = world.gather_to_all(np.array(worst).reshape(-1, 6))
+    rows = communicator.gather_to_all(np.array(worst).reshape(-1, 6))
     if not len(rows):
         return None
     inside, wide, k, body, atom, _ = rows[rows[:, 0].argmax()]

@@ -14,11 +14,11 @@ COMPILE = """
 from importlib import import_module
 from pkgutil import iter_modules
 import fix_nosquish
-names = [f"fix_nosquish.{module.name}" for module in iter_modules(fix_nosquish.__path__) if not module.ispkg and module.name != "__main__"]
+names = [f"fix_nosquish.{module.name}" for module in iter_modules(fix_nosquish.__path__) if not module.ispkg and module.name not in ("__main__", "compile")]
 for name in names:
     import_module(name)
-from fix_nosquish import compiled, sharing
-compiled.load(sharing.ALONE, *names)
+from fix_nosquish import communicator, compiled
+compiled.load(communicator.ALONE, *names)
 """
 
 
@@ -58,7 +58,7 @@ def differences(package, other):
 
 def sources(folder):
     """From relative names to contents of a package's files, without what is compiled from them."""
-    paths = (path for path in folder.rglob("*") if path.suffix in (".py", ".cpp"))
+    paths = (path for path in folder.rglob("*") if path.suffix in (".py", ".cpp", ".h"))
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 

@@ -9,38 +9,23 @@ import importlib
 import os
 import sys
 import traceback
-from ctypes import (
-    CFUNCTYPE, POINTER, PYFUNCTYPE, Structure, byref, c_char, c_char_p, c_double, c_int, c_int32, c_int64,
-    c_void_p, memset, py_object, pythonapi, sizeof,
-)  # fmt: skip
+from ctypes import CFUNCTYPE, PYFUNCTYPE, c_char_p, c_int32, c_void_p, memset, py_object, pythonapi, sizeof
 
 from ..errors import RunError
-from .host import Host
-from .passes import Pass
-
-# What a hook returns. Zero is what C gets when the callback itself breaks, as on an interrupt.
-DONE, FAILED_ALIKE, FAILED_HERE = 1, 2, 3
+from .host import LISTS, Host
+from .structs import DONE, FAILED_ALIKE, FAILED_HERE, NEW, Bridge
 
 REQUIRED = "initial_integrate", "final_integrate"
-
 HOOKS = {
-    "init": CFUNCTYPE(c_int),
-    "setup": CFUNCTYPE(c_int, c_int),
-    "min_setup": CFUNCTYPE(c_int, c_int),
-    "post_neighbor": CFUNCTYPE(c_int),
-    "initial_integrate": CFUNCTYPE(c_int, c_int),
-    "final_integrate": CFUNCTYPE(c_int),
-    "initial_integrate_respa": CFUNCTYPE(c_int, c_int, c_int, c_int),
-    "final_integrate_respa": CFUNCTYPE(c_int, c_int, c_int),
-    "reset_dt": CFUNCTYPE(c_int),
-    "end_of_step": CFUNCTYPE(c_int),  # with run_style respa only
-    "post_run": CFUNCTYPE(c_int),
-    "write_restart_file": CFUNCTYPE(c_int, c_char_p),
-    # these return a number through their last argument
-    "dof": CFUNCTYPE(c_int, c_int, POINTER(c_int64)),
-    "compute_scalar": CFUNCTYPE(c_int, POINTER(c_double)),
-    "compute_vector": CFUNCTYPE(c_int, c_int, POINTER(c_double)),
-    "compute_array": CFUNCTYPE(c_int, c_int, c_int, POINTER(c_double)),
+    name: kind
+    for name, kind in Bridge._fields_
+    if name
+    in (
+        *REQUIRED,
+        *("init", "setup", "min_setup", "post_neighbor", "reset_dt", "end_of_step", "post_run"),
+        *("initial_integrate_respa", "final_integrate_respa", "write_restart_file", "dof"),
+        *("compute_scalar", "compute_vector", "compute_array"),
+    )
 }
 NUMBERS = {"dof": int, "compute_scalar": float, "compute_vector": float, "compute_array": float}
 WITH_VIRIAL = "setup", "final_integrate", "end_of_step"  # in which virial_per_atom can be filled in
@@ -48,100 +33,20 @@ WITH_VIRIAL = "setup", "final_integrate", "end_of_step"  # in which virial_per_a
 new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
 
 
-class FixFacts(Structure):
-    """Mirror of FixFacts in python_move.cpp."""
-
-    _fields_ = [
-        ("id", c_char_p),
-        ("style", c_char_p),
-        ("groupbit", c_int32),
-        ("time_integrate", c_int32),
-        ("between", c_int32),
-        ("end_of_step", c_int32),
-        ("nevery", c_int32),
-        ("final_integrate", c_int32),
-        ("box_change", c_int32),
-    ]
-
-
-class Bridge(Structure):
-    """Mirror of Bridge in python_move.cpp."""
-
-    _fields_ = [
-        ("size", c_int32),
-        ("outcome", c_int32),  # of attach, later of the last hook
-        ("wants_virial", c_int32),
-        ("wants_virial_per_atom", c_int32),
-        ("writes_restart_file", c_int32),
-        ("rigid", c_int32),
-        ("follows_atoms", c_int32),
-        ("carries", c_int32),  # numbers that go with an atom to another rank
-        ("vector_size", c_int32),
-        ("array_columns", c_int32),
-        ("array_rows", c_int32),  # -1: not known from the start
-        ("vector_extensive", POINTER(c_int32)),
-        ("body", c_void_p),  # of each local atom
-        ("masstotal", c_void_p),
-        ("fix", c_void_p),
-        ("lammps", c_void_p),
-        ("fix_id", c_char_p),
-        ("group", c_char_p),
-        ("target", c_char_p),  # module.class, as on the fix line
-        ("virial", POINTER(c_double)),
-        ("virial_per_atom", POINTER(c_double)),
-        ("natoms", c_int32),  # -1 while LAMMPS asks for no virial per atom
-        ("next_output", POINTER(c_int64)),
-        ("nlocal", c_void_p),
-        ("origins", c_void_p),  # of each local atom
-        ("may_wait", c_int32),
-        ("look_every", c_int32),
-        ("waiting", c_int32),
-        ("step", POINTER(Pass)),
-        ("neighbor", POINTER(Pass)),
-        ("moving", c_int32),  # how many passes of neighbor are for atoms that have moved
-        ("arrays", c_void_p),  # cells for LAMMPS's arrays
-        ("index", c_void_p),  # cells of the bodies
-        ("body_of", c_void_p),
-        ("d", c_void_p),
-        ("state", c_void_p),
-        ("log", CFUNCTYPE(None, c_void_p, c_char_p)),
-        ("nth_fix", CFUNCTYPE(c_int, c_void_p, c_int, POINTER(FixFacts))),
-        ("ghost_velocity", CFUNCTYPE(c_int, c_void_p)),
-        ("creates_velocities", CFUNCTYPE(c_int, c_void_p)),
-        ("removed_freedom", CFUNCTYPE(c_int64, c_void_p, c_char_p, c_char_p)),
-        ("set_array_rows", CFUNCTYPE(None, c_void_p, c_int)),
-        ("note", CFUNCTYPE(None, c_void_p, c_int, c_void_p)),
-        ("keep", CFUNCTYPE(None, c_void_p)),
-        ("point", CFUNCTYPE(None, c_void_p)),
-        *HOOKS.items(),
-        ("release", CFUNCTYPE(None, c_void_p)),
-        ("message", c_char * 4096),
-    ]
-
-    def other_fixes(self):
-        """Yield the facts of each other fix, in the order of OtherFix."""
-        facts, n = FixFacts(), 0
-        while self.nth_fix(self.fix, n, byref(facts)):
-            if facts.id is not None:  # not this fix itself
-                yield (facts.id.decode(), facts.style.decode(), facts.groupbit,
-                       bool(facts.time_integrate), bool(facts.between),
-                       bool(facts.end_of_step), facts.nevery, bool(facts.final_integrate), bool(facts.box_change))  # fmt: skip
-            n += 1
-
-    def failed(self, problem):
-        """Leave the message of an exception for LAMMPS; return how the run must end."""
-        alike = isinstance(problem, RunError) and problem.everywhere
-        text = str(problem)
-        if not isinstance(problem, RunError):
-            kind = type(problem)
-            text = f"{kind.__name__}: {text}" if text else kind.__name__
-            if sys.stderr:
-                trace = problem.__traceback__.tb_next  # from the class's own frame on
-                sys.stderr.write("".join(traceback.format_exception(kind, problem, trace)))
-                sys.stderr.flush()
-        room = Bridge.message.size - 1
-        self.message = text.encode(errors="replace")[:room].decode(errors="ignore").encode()
-        return FAILED_ALIKE if alike else FAILED_HERE
+def failed(bridge, problem):
+    """Leave the message of an exception for LAMMPS; return how the run must end."""
+    alike = isinstance(problem, RunError) and problem.everywhere
+    text = str(problem)
+    if not isinstance(problem, RunError):
+        kind = type(problem)
+        text = f"{kind.__name__}: {text}" if text else kind.__name__
+        if sys.stderr:
+            trace = problem.__traceback__.tb_next  # from the class's own frame on
+            sys.stderr.write("".join(traceback.format_exception(kind, problem, trace)))
+            sys.stderr.flush()
+    room = Bridge.message.size - 1
+    bridge.message = text.encode(errors="replace")[:room].decode(errors="ignore").encode()
+    return FAILED_ALIKE if alike else FAILED_HERE
 
 
 _live = {}  # address of a bridge -> the bridge, its instance and host, while the fix exists
@@ -169,7 +74,7 @@ def attach(address):
                 setattr(bridge, name, signature(_hook(bridge, instance, name)))
         bridge.release = _release
     except BaseException as problem:  # no exception may pass into C++
-        bridge.outcome = bridge.failed(problem)
+        bridge.outcome = failed(bridge, problem)
     else:
         _live[address] = bridge, instance, host
         bridge.outcome = DONE
@@ -230,7 +135,7 @@ def _hook(bridge, instance, name):
             getattr(instance, name)(*arguments)
             return DONE
         except BaseException as problem:
-            return bridge.failed(problem)
+            return failed(bridge, problem)
 
     def call_with_name(path):
         return call(os.fsdecode(path))
@@ -247,7 +152,7 @@ def _hook(bridge, instance, name):
             result[0] = NUMBERS[name](getattr(instance, name)(*arguments))
             return DONE
         except BaseException as problem:
-            return bridge.failed(problem)
+            return failed(bridge, problem)
 
     if name in NUMBERS:
         return call_for_number
@@ -277,9 +182,11 @@ def _release(address):
         instance.virial = instance.virial.copy()
     for name, signature in HOOKS.items():
         setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
-    bridge.may_wait = bridge.waiting = False
-    bridge.step = bridge.neighbor = bridge.body = bridge.masstotal = None
-    bridge.arrays = bridge.index = bridge.body_of = bridge.d = bridge.state = None
+    if host:
+        bridge.phase = NEW
+    for name in (*LISTS, "body", "masstotal", "arrays", "index", "body_of", "displace", "state"):
+        setattr(bridge, name, None)
+    bridge.may_wait = False
 
 
 @atexit.register

@@ -8,6 +8,8 @@
    the two sides share the plain C struct Bridge. From Python itself a few functions are called, looked
    up by name at run time, so that one compiled plugin serves every Python version. */
 
+#include "bridge.h"
+
 #include "atom.h"
 #include "comm.h"
 #include "domain.h"
@@ -121,115 +123,6 @@ void run_python(const std::string &line)
 }
 
 // ----------------------------------------------------------------------
-// what the two sides share, mirrored in bridge.py and passes.py
-// ----------------------------------------------------------------------
-
-// what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
-enum Outcome : int { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
-
-struct FixFacts {
-  const char *id, *style;
-  int32_t groupbit;
-  int32_t time_integrate;
-  int32_t between;    // called between initial_integrate and final_integrate
-  int32_t end_of_step;
-  int32_t nevery;
-  int32_t final_integrate;
-  int32_t box_change;
-};
-
-// Compiled loops that Python has bound to their arguments, and messages between ranks. Each works on cells: a few
-// integers each, which are a number, or an array's address and shape.
-
-enum PassKind : int32_t { END = 0, LOOP = 1, DELIVERY = 2, EXCHANGE = 3, COMPLETION = 4, AGREEMENT = 5 };
-
-struct Pass {
-  int32_t kind;
-  int32_t comm;    // as Fortran has it
-  int64_t (*loop)(const int64_t *);    // returns 0 if all is well
-  const int64_t *cells;    // their addresses; 0 after the last one of a pass that is no loop
-
-  int64_t *cell(int k) const { return reinterpret_cast<int64_t *>(cells[k]); }
-  int64_t *array(int k) const { return reinterpret_cast<int64_t *>(cell(k)[0]); }
-  MPI_Comm world() const { return MPI_Comm_f2c(comm); }
-};
-
-// what an agreement adds up over all ranks
-enum Found { CAME, MORE, LACKING, MOVED, SUMMED };
-// cells for LAMMPS's arrays
-enum Arrays { X_CELL, V_CELL, F_CELL, MASK_CELL, ORIGIN_CELL, ARRIVED_CELL };
-// tags of messages; that of an exchange is the same in sharing.py
-enum Tag { EXCHANGE_TAG = 3, QUESTION_TAG, ANSWER_TAG };
-
-struct Bridge {
-  // facts
-  int32_t size;
-  int32_t outcome;         // set by Python: how making the instance went
-  // set by Python: what the instance has besides its methods
-  int32_t wants_virial;             // it fills in virial
-  int32_t wants_virial_per_atom;    // it fills in virial_per_atom
-  int32_t writes_restart_file;
-  int32_t rigid;                    // it is a rigid fix to those that ask for the bodies
-  int32_t follows_atoms;            // it asks where its atoms were
-  int32_t carries;                  // numbers that go with an atom to another rank
-  int32_t vector_size;
-  int32_t array_columns;
-  int32_t array_rows;    // -1: not known from the start
-  const int32_t *vector_extensive;
-  int32_t *body;        // of each local atom, -1 for none; null while not known
-  double *masstotal;    // of each body
-  // of the fix
-  void *fix;               // first argument of the functions below
-  void *lammps;
-  const char *fix_id, *group, *target;
-  double *virial;
-  double *virial_per_atom;    // (natoms, 6)
-  int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
-  const int64_t *next_output;    // the step of the next output
-  const int *nlocal;             // the number of local atoms
-  const int64_t *origins;        // where each of them was when it was noted; see FixPythonMove
-  // set by Python: what goes without it
-  int32_t may_wait;           // the end of a step may wait for the next step
-  int32_t look_every;         // but not where its number is a multiple of this (0: of none)
-  int32_t waiting;            // it does
-  const Pass *step;           // instead of initial_integrate, after a step that waits; null if Python must
-  const Pass *neighbor;       // instead of post_neighbor; null if Python must
-  int32_t moving;             // how many of these passes are for atoms that have moved
-  int64_t *arrays;            // cells for LAMMPS's arrays
-  const int64_t *index, *body_of, *d, *state;    // cells of the bodies; null if there are none
-  // functions of the fix
-  void (*log)(void *fix, const char *text);
-  int (*nth_fix)(void *fix, int n, FixFacts *);    // 0 past the last; id is null for this fix
-  int (*ghost_velocity)(void *fix);
-  int (*creates_velocities)(void *fix);    // whether velocity ... create is the last command
-  int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
-  void (*set_array_rows)(void *fix, int n);
-  void (*note)(void *fix, int n, const int32_t *index);
-  void (*keep)(void *fix);    // the passes are for the box as it is now
-  void (*point)(void *fix);   // point the cells for LAMMPS's arrays at them
-  // methods of the instance, null where it has none
-  int (*init)();
-  int (*setup)(int vflag);
-  int (*min_setup)(int vflag);
-  int (*post_neighbor)();
-  int (*initial_integrate)(int vflag);
-  int (*final_integrate)();
-  int (*initial_integrate_respa)(int vflag, int ilevel, int iloop);
-  int (*final_integrate_respa)(int ilevel, int iloop);
-  int (*reset_dt)();
-  int (*end_of_step)();
-  int (*post_run)();
-  int (*write_restart_file)(const char *name);
-  int (*dof)(int igroup, int64_t *count);
-  int (*compute_scalar)(double *value);
-  int (*compute_vector)(int i, double *value);
-  int (*compute_array)(int i, int j, double *value);
-  void (*release)(void *bridge);
-  // set by a hook that fails
-  char message[4096];
-};
-
-// ----------------------------------------------------------------------
 // the fix
 // ----------------------------------------------------------------------
 
@@ -270,24 +163,20 @@ class FixPythonMove : public Fix {
   std::vector<int> extensive;
   int last_vflag = 0;
   std::vector<double> kept_box;
-  // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has arrived
+  // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has
+  // arrived
   int64_t *origin = nullptr;
   std::vector<double> arrived;
-  std::vector<MPI_Request> requests;
-  std::vector<int64_t> senders[2], sent[2], numbers[2];    // what came with questions, with answers
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   int describe(int, FixFacts *) const;
   bool creates_velocities() const;
   int64_t removed_freedom(const char *, const char *) const;
-  void note(int, const int32_t *);
   void point();
+  void set_cell(int, const void *, int64_t, int64_t);
+  void make_virial_per_atom();
   std::vector<double> box() const;
   bool run(const Pass *);
-  bool follow();
-  void exchange(const Pass &);
-  void complete();
-  bool deliver(const Pass &, bool);
   std::string problem(const std::string &text) const
   {
     return "Fix " + std::string(id) + " python/move: " + text;
@@ -328,19 +217,19 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     auto lmp = self(fix)->lmp;
     if (lmp->comm->me == 0) utils::logmesg(lmp, std::string(text));
   };
-  bridge.nth_fix = [](void *fix, int n, FixFacts *facts) { return self(fix)->describe(n, facts); };
+  bridge.nth_fix = [](void *fix, int n, void *facts) {
+    return self(fix)->describe(n, static_cast<FixFacts *>(facts));
+  };
   bridge.ghost_velocity = [](void *fix) { return self(fix)->comm->ghost_velocity; };
   bridge.creates_velocities = [](void *fix) { return (int) self(fix)->creates_velocities(); };
   bridge.removed_freedom = [](void *fix, const char *other, const char *group) {
     return self(fix)->removed_freedom(other, group);
   };
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
-  bridge.note = [](void *fix, int n, const int32_t *index) { self(fix)->note(n, index); };
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.natoms = -1;
   bridge.next_output = &output->next;
-  bridge.nlocal = &atom->nlocal;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
@@ -376,7 +265,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     maxexchange = std::max(1, bridge.carries);
     atom->add_callback(Atom::GROW);
     grow_arrays(atom->nmax);
-    note(0, nullptr);
+    std::fill_n(origin, atom->nlocal, -1);
   }
 }
 
@@ -419,7 +308,10 @@ void FixPythonMove::min_setup(int vflag)
 
 void FixPythonMove::post_neighbor()
 {
-  if (bridge.neighbor && box() == kept_box && follow()) return;
+  if (bridge.follow && box() == kept_box) {
+    point();
+    if (run(bridge.follow)) return;    // if not, Python does it all again, and says why
+  }
   call(bridge.post_neighbor);
 }
 
@@ -429,10 +321,14 @@ void FixPythonMove::initial_integrate(int vflag)
   flush_log();
   v_init(vflag);
   last_vflag = vflag;
-  if (bridge.waiting && bridge.step && !vflag && run(bridge.step))
-    bridge.waiting = 0;
-  else
+  const bool waits = bridge.phase == WAITING;
+  const Pass *passes = waits ? bridge.whole : bridge.phase == SET ? bridge.begin : nullptr;
+  if (passes && run(passes)) {
+    bridge.phase = HALF;
+    bridge.velocities_set = 0;
+  } else {
     call(bridge.initial_integrate, vflag);
+  }
 }
 
 // On a step that nothing looks at, its end can wait for the next step, and be one pass with its begin.
@@ -440,9 +336,27 @@ void FixPythonMove::initial_integrate(int vflag)
 void FixPythonMove::final_integrate()
 {
   const bigint step = update->ntimestep;
-  bridge.waiting = bridge.may_wait && !last_vflag && step != output->next &&
-      (bridge.look_every == 0 || step % bridge.look_every);
-  if (!bridge.waiting) call_with_virial(bridge.final_integrate);
+  auto falls_on = [step](int every) { return every && step % every == 0; };
+  const bool for_python = falls_on(bridge.python_every);
+  const bool looked_at = step == output->next || falls_on(bridge.velocities_every);
+  if (bridge.may_wait && !last_vflag && !looked_at && !for_python) {
+    bridge.phase = WAITING;
+  } else if (bridge.end && bridge.phase == HALF && !for_python && run(bridge.end)) {
+    bridge.phase = SET;
+    if (looked_at) {
+      run(bridge.velocities);
+      bridge.velocities_set = 1;
+    }
+    if (last_vflag) {
+      make_virial_per_atom();
+      set_cell(VIRIAL, virial, 6, 0);
+      set_cell(ATOM_VIRIAL, bridge.virial_per_atom, std::max(0, bridge.natoms), 6);
+      run(bridge.virial_passes);
+      bridge.natoms = -1;
+    }
+  } else {
+    call_with_virial(bridge.final_integrate);
+  }
 }
 
 void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
@@ -553,18 +467,26 @@ int64_t FixPythonMove::removed_freedom(const char *other, const char *group_id) 
 void FixPythonMove::point()
 {
   const int64_t n = atom->nlocal, width = bridge.carries;
-  auto set = [this](int cell, const void *array, int64_t rows, int64_t columns) {
-    auto numbers = bridge.arrays + 3 * cell;
-    numbers[0] = reinterpret_cast<int64_t>(array);
-    numbers[1] = rows;
-    numbers[2] = columns;
-  };
-  set(X_CELL, n ? atom->x[0] : nullptr, n, 3);
-  set(V_CELL, n ? atom->v[0] : nullptr, n, 3);
-  set(F_CELL, n ? atom->f[0] : nullptr, n, 3);
-  set(MASK_CELL, atom->mask, n, 0);
-  set(ORIGIN_CELL, origin, n, 0);
-  set(ARRIVED_CELL, arrived.data(), arrived.size() / width, width);
+  auto vectors = [this, n](int cell, double **array) { set_cell(cell, array && n ? array[0] : nullptr, array ? n : 0, 3); };
+  vectors(X, atom->x);
+  vectors(V, atom->v);
+  vectors(F, atom->f);
+  vectors(TORQUE, atom->torque);
+  vectors(OMEGA, atom->omega);
+  set_cell(GROUPS, atom->mask, n, 0);
+  set_cell(ORIGINS, origin, n, 0);
+  set_cell(ARRIVED, arrived.data(), bridge.arrays[3 * ARRIVED + 1], width);
+  set_cell(MASS, atom->rmass, atom->rmass ? n : 0, 0);
+  set_cell(TYPE_MASS, atom->mass, atom->mass ? atom->ntypes + 1 : 0, 0);
+  set_cell(TYPE, atom->type, n, 0);
+}
+
+void FixPythonMove::set_cell(int cell, const void *array, int64_t rows, int64_t columns)
+{
+  auto numbers = bridge.arrays + 3 * cell;
+  numbers[0] = reinterpret_cast<int64_t>(array);
+  numbers[1] = rows;
+  numbers[2] = columns;
 }
 
 std::vector<double> FixPythonMove::box() const
@@ -575,170 +497,22 @@ std::vector<double> FixPythonMove::box() const
   return numbers;
 }
 
-// Do passes without Python; returns whether all went well. If not, Python does it all again, and says why.
+// Do passes; returns whether all went well.
 
 bool FixPythonMove::run(const Pass *pass)
 {
-  for (; pass->kind != END; pass++) {
-    if (pass->kind == EXCHANGE) {
-      exchange(*pass);
-    } else if (pass->kind == COMPLETION) {
-      complete();
-    } else if (pass->loop(pass->cells)) {
-      complete();
-      return false;
-    }
-  }
+  for (; pass->loop; pass++)
+    if (pass->loop(pass->cells)) return false;
   return true;
 }
 
-// Follow the atoms without Python, as Bodies.follow does; on all ranks or on none. All ranks take part in all messages, whatever
-// went wrong on one of them, and agree at the end.
-
-bool FixPythonMove::follow()
-{
-  point();
-  const Pass *pass = bridge.neighbor;
-  (pass->loop)(pass->cells);
-  pass++;
-
-  const Pass &agreement = *pass++;
-  int64_t sums[SUMMED];
-  std::copy_n(agreement.array(0), (int) SUMMED, sums);
-  if (comm->nprocs > 1) MPI_Allreduce(MPI_IN_PLACE, sums, SUMMED, MPI_INT64_T, MPI_SUM, agreement.world());
-  if (sums[CAME] || sums[MORE] || (sums[MOVED] && sums[LACKING])) return false;
-
-  int failed = 0;
-  if (sums[MOVED]) {
-    for (int k = 0; k < bridge.moving; k++) {
-      if (pass[k].kind == DELIVERY)
-        failed |= !deliver(pass[k], failed);
-      else
-        failed = failed || pass[k].loop(pass[k].cells);
-    }
-    note(bridge.index[1], reinterpret_cast<const int32_t *>(bridge.index[0]));
-  }
-  pass += bridge.moving;
-  failed = failed || pass->loop(pass->cells);
-  if (comm->nprocs > 1) MPI_Allreduce(MPI_IN_PLACE, &failed, 1, MPI_INT, MPI_MAX, agreement.world());
-  return !failed && (!sums[MOVED] || run(pass + 1));
-}
-
-// As World.exchange: begin to send each partner its part, and to receive theirs.
-
-void FixPythonMove::exchange(const Pass &pass)
-{
-  const int64_t *partners = pass.array(0), *shares = pass.array(1);
-  const int64_t n = *pass.cell(2), rows = *pass.cell(3);
-  auto send = reinterpret_cast<const double *>(pass.array(4));
-  auto receive = reinterpret_cast<double *>(pass.array(5));
-  requests.resize(2 * n);
-  for (int64_t p = 0, done = 0; p < n; done += rows * shares[p++]) {
-    const int count = rows * shares[p];
-    MPI_Irecv(receive + done, count, MPI_DOUBLE, partners[p], EXCHANGE_TAG, pass.world(), &requests[2 * p]);
-    MPI_Isend(send + done, count, MPI_DOUBLE, partners[p], EXCHANGE_TAG, pass.world(), &requests[2 * p + 1]);
-  }
-}
-
-void FixPythonMove::complete()
-{
-  if (!requests.empty()) MPI_Waitall(requests.size(), requests.data(), MPI_STATUSES_IGNORE);
-  requests.clear();
-}
-
-// As World.deliver: send each of some ranks its part, and receive what others send to this one: from whom is known if these are
-// answers. A rank that has failed has none, and where an answer is missing that rank has failed: returns whether all have come.
-
-bool FixPythonMove::deliver(const Pass &pass, bool failed)
-{
-  const int64_t *to = pass.array(0), *many = pass.array(1), *part = pass.array(2);
-  const MPI_Comm world = pass.world();
-  const bool answers = pass.cells[7];
-  const int tag = answers ? ANSWER_TAG : QUESTION_TAG;
-  auto &from = senders[answers], &counts = sent[answers], &all = numbers[answers];
-  from.clear();
-  counts.clear();
-  all.clear();
-  std::vector<std::pair<int, std::vector<int64_t>>> parts;
-
-  requests.clear();
-  for (int64_t r = 0; r < *pass.cell(3); r++) {
-    const int64_t count = failed ? 0 : many[r];
-    if (to[r] == comm->me) {
-      parts.emplace_back(comm->me, std::vector<int64_t>(part, part + count));
-    } else {
-      requests.emplace_back();
-      if (answers)
-        MPI_Isend(part, count, MPI_INT64_T, to[r], tag, world, &requests.back());
-      else
-        MPI_Issend(part, count, MPI_INT64_T, to[r], tag, world, &requests.back());
-    }
-    part += count;
-  }
-  auto receive = [&](MPI_Message message, const MPI_Status &status) {
-    int count;
-    MPI_Get_count(&status, MPI_INT64_T, &count);
-    parts.emplace_back(status.MPI_SOURCE, std::vector<int64_t>(count));
-    MPI_Mrecv(parts.back().second.data(), count, MPI_INT64_T, &message, MPI_STATUS_IGNORE);
-  };
-  MPI_Message message;
-  MPI_Status status;
-  if (answers) {
-    const int64_t *sources = pass.array(7);
-    for (int64_t r = 0; r < *pass.cell(8); r++) {
-      if (sources[r] == comm->me) continue;
-      MPI_Mprobe(sources[r], tag, world, &message, &status);
-      receive(message, status);
-    }
-    complete();
-  } else {
-    // The barrier is entered when all that was sent is being received (see World.deliver). No rank is a round ahead: the
-    // agreement at the end of follow() keeps rounds apart.
-    MPI_Request barrier;
-    for (int entered = 0, over = 0; !over;) {
-      int there, done;
-      MPI_Improbe(MPI_ANY_SOURCE, tag, world, &there, &message, &status);
-      if (there) {
-        receive(message, status);
-      } else if (!entered) {
-        MPI_Testall(requests.size(), requests.data(), &done, MPI_STATUSES_IGNORE);
-        if (done) entered = MPI_Ibarrier(world, &barrier) == MPI_SUCCESS;
-      } else {
-        MPI_Test(&barrier, &over, MPI_STATUS_IGNORE);
-      }
-    }
-  }
-  requests.clear();
-  std::sort(parts.begin(), parts.end());
-  for (const auto &one : parts) {
-    from.push_back(one.first);
-    counts.push_back(one.second.size());
-    all.insert(all.end(), one.second.begin(), one.second.end());
-    if (answers && one.second.empty()) failed = true;
-  }
-  for (int k = 0; k < 3; k++) {
-    const auto &values = k == 0 ? from : k == 1 ? counts : all;
-    pass.cell(4 + k)[0] = reinterpret_cast<int64_t>(values.data());
-    pass.cell(4 + k)[1] = values.size();
-  }
-  return !failed;
-}
-
-// Where each atom was when the class last noted its atoms. LAMMPS takes the number along when it sorts atoms,
-// moves them to other ranks, adds and deletes some. What a class has lent of its bodies goes along to other ranks: there
-// it is a row of what has arrived, from which it goes on if the atom does.
-
-void FixPythonMove::note(int n, const int32_t *index)
-{
-  std::fill_n(origin, atom->nlocal, -1);
-  for (int place = 0; place < n; place++) origin[index[place]] = (int64_t) comm->me << 32 | place;
-  arrived.clear();
-}
+// Where each atom was when the class last noted its atoms. LAMMPS takes the number along when it sorts atoms, moves them to
+// other ranks, adds and deletes some. What a class has lent of its bodies goes along to other ranks: there it is a row of
+// what has arrived, from which it goes on if the atom does. The cell of what has arrived tells how many rows are of use.
 
 void FixPythonMove::grow_arrays(int n)
 {
   memory->grow(origin, n, "python/move:origin");
-  bridge.origins = origin;
 }
 
 int FixPythonMove::pack_exchange(int i, double *buffer)
@@ -755,7 +529,7 @@ int FixPythonMove::pack_exchange(int i, double *buffer)
       auto values = reinterpret_cast<const double *>(cell[0]);
       for (int64_t row = 0; row < cell[1]; row++) *++buffer = values[row * cell[2] + k];
     };
-    column(bridge.d, place);
+    column(bridge.displace, place);
     column(bridge.state, body);
   } else {
     buffer[0] = ubuf((int64_t) -1).d;
@@ -768,8 +542,10 @@ int FixPythonMove::unpack_exchange(int i, double *buffer)
 {
   const int64_t from = origin[i] = ubuf(buffer[0]).i;
   if (!bridge.carries || from == -1) return 1;
-  if (from >> 32 != comm->me) {    // else it is where its body knows it
-    origin[i] = -2 - (int64_t) (arrived.size() / bridge.carries);
+  if (from >> 32 != comm->me && bridge.arrays) {    // else it is where its body knows it
+    int64_t &rows = bridge.arrays[3 * ARRIVED + 1];
+    origin[i] = -2 - rows;
+    arrived.resize(rows++ * bridge.carries);
     arrived.insert(arrived.end(), buffer, buffer + bridge.carries);
   }
   return bridge.carries;
@@ -787,21 +563,25 @@ void FixPythonMove::flush_log() const
   if (logfile) fflush(logfile);
 }
 
-// Call a hook that may fill in the virial of each atom. The step may have brought new atoms since v_init.
+// Have room for the virial of each atom, if LAMMPS asks for it; the step may have brought new atoms since v_init.
+
+void FixPythonMove::make_virial_per_atom()
+{
+  if (!bridge.wants_virial_per_atom || !vflag_atom) return;
+  if (atom->nlocal > maxvatom) {
+    maxvatom = atom->nmax;
+    memory->destroy(vatom);
+    memory->create(vatom, maxvatom, 6, "fix:vatom");
+  }
+  bridge.natoms = atom->nlocal;
+  bridge.virial_per_atom = vatom ? vatom[0] : nullptr;
+  std::fill_n(bridge.virial_per_atom, 6 * bridge.natoms, 0.0);
+}
 
 template <typename... Types, typename... Values>
 void FixPythonMove::call_with_virial(int (*hook)(Types...), Values... arguments)
 {
-  if (bridge.wants_virial_per_atom && vflag_atom) {
-    if (atom->nlocal > maxvatom) {
-      maxvatom = atom->nmax;
-      memory->destroy(vatom);
-      memory->create(vatom, maxvatom, 6, "fix:vatom");
-    }
-    bridge.natoms = atom->nlocal;
-    bridge.virial_per_atom = vatom ? vatom[0] : nullptr;
-    std::fill_n(bridge.virial_per_atom, 6 * bridge.natoms, 0.0);
-  }
+  make_virial_per_atom();
   call(hook, arguments...);
   bridge.natoms = -1;
 }

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .compiled import F2, I1, L1, array, cells
+from .compiled import F1, F2, I1, L1, L2, Cell, array, cells
 from .errors import RunError
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
@@ -20,6 +20,13 @@ _TURNS = (
     "whose torque and inertia this fix does not know: use points or spheres (atom_style sphere)"
 )
 _ATOM_STYLE, _STRING = 1, 3  # of its variables
+
+# LAMMPS's arrays as loops take them; the plugin has the same order
+ARRAYS = {
+    "atom_x": F2, "atom_v": F2, "atom_f": F2, "groups": I1, "origins": L1, "arrived": F2,
+    "atom_torque": F2, "atom_omega": F2, "atom_mass": F1, "type_mass": F1, "type": I1,
+    "virial": F1, "atom_virial": F2,
+}  # fmt: skip
 
 
 def pointer(ptr):
@@ -116,10 +123,9 @@ class Lammps:
         self.rank = self.setting("world_rank")
         self._box_then = None
         self._views = {}  # of per-atom arrays, by name, with the address and shape that each is of
-        # what loops that stay bound take of LAMMPS's atoms; a host points the cells at the arrays as they are (see `plugin.host.Host.point`)
-        self.table, self.cells = cells(
-            {"atom_x": F2, "atom_v": F2, "atom_f": F2, "groups": I1, "origins": L1, "arrived": F2}
-        )
+        # what loops that stay bound take of LAMMPS's atoms; a host points the cells at the arrays
+        self.table, self.cells = cells(ARRAYS)
+        self.cells["arrays"] = Cell(L2, self.table)
 
     def _global(self, name):
         address = self.lib.lammps_extract_global(self.handle, name.encode())
@@ -222,12 +228,13 @@ class Lammps:
     def masses(self):
         """Mass of each atom, (natoms,)."""
         mass = self.per_atom("rmass")
-        if mass is None:
-            address = self.lib.lammps_extract_atom(self.handle, b"mass")
-            mass = array(address, (self.setting("ntypes") + 1,), float)[
-                self.per_atom("type", np.int32)
-            ]
-        return mass
+        return self.type_masses[self.per_atom("type", np.int32)] if mass is None else mass
+
+    @property
+    def type_masses(self):
+        """Mass of each type of atoms, from 1 on, where atoms have none of their own."""
+        address = self.lib.lammps_extract_atom(self.handle, b"mass")
+        return array(address, (self.setting("ntypes") + 1,), float)
 
     @property
     def groups(self):

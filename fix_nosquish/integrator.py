@@ -1,0 +1,580 @@
+"""How LAMMPS drives an integrator, step by step.
+
+    initial_integrate   begin: what stands before the forces in the splitting; atoms have new places
+    (LAMMPS)            moves atoms between ranks if it is time to, computes forces
+    post_neighbor       follow the atoms, if they were moved
+    final_integrate     end: force and torque of each body (of shared ones: one exchange), what stands
+                        behind the forces in the splitting, the atoms' velocities
+
+On a step that nothing looks at, the end is left to the next step, and is one pass with its begin.
+The plugin then does both by itself; it calls these methods where Python has something to do.  With
+run_style respa each level's forces begin and end a step with its own time step; the innermost level
+moves the bodies.
+"""
+
+import weakref
+from enum import IntEnum
+from math import gcd
+
+import numpy as np
+
+from . import compiled, lookup, migration, passes, reports, sharing, spheres, step, thermo, virial
+from .block import ROWS
+from .build import build, count
+from .command import Command
+from .communicator import ALONE, Communicator
+from .errors import RunError
+from .hosts import driven_by_plugin, hook
+from .own_fix import OwnFix
+from .kinds import compare
+from .lammps import Lammps, pointer
+from .membership import Membership
+from .operations import FTM2V, MROT, PARAMETERS
+from .switches import Switches
+
+# fixes that read no velocities but those of their own atoms
+_BLIND = "nve", "rigid", "shake", "rattle"
+# fixes that act at the end of a step and change no velocity
+_READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
+
+
+class Phase(IntEnum):
+    """Where in a run the bodies are; the plugin has the same numbers."""
+
+    NEW = 0  # a run begins: the forces are not known
+    SET = 1  # a step is done
+    HALF = 2  # a step has begun
+    WAITING = 3  # a step has begun, and its end is left to the next one
+    OVER = 4  # the run is over: what changes velocities now is a script
+
+
+class Integrator:
+    """What LAMMPS's fix python/move drives; `nve.NVE` and others say how they move the bodies.
+
+    LAMMPS calls the methods; the documentation says what the words of the fix line mean.
+
+    Args:
+        ptr: the pointer to LAMMPS that fix python/move hands over.
+        words: the text of the fix line from the class on.
+    Raises:
+        RunError: with a message for the user, from any method.
+
+    A class derived from this one says
+        splitting, operations: what a step is; see `step.stages`.
+        rows: how many numbers of its own each body has; they go where the body goes, and begin as 0.
+            In a block they are the rows from BLOCK_ROWS on.
+        work: how many more rows of a block its operations need to work with.
+        starts: what sets its own rows when the forces of the start are known, or None: a function as
+            in an operation.
+        method: what the log calls it.  splits: whether it has use for the keywords mrot and order.
+        respa: whether it can have the forces of the levels of run_style respa.
+        own_parameters: a method that returns numbers for its operations, behind those of `operations`.
+
+    Attributes:
+        bodies: the `Bodies`, from the first use of the fix on.
+        host: what calls this object: see `hosts.Host`.
+        virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the plugin's
+            fix; None with LAMMPS's own fix python/move.
+        virial_per_atom: whether the plugin's fix has the virial of each atom.
+        rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
+        late: other fixes that act at the end of a step, and so may change velocities.
+        half_step_velocities, velocities_every: whether something may read the atoms' velocities
+            between the halves of a step, and every how many steps at its end.
+    """
+
+    splitting, operations, rows, work, starts = "", {}, 0, 0, None
+    method, splits, respa = "", False, True
+
+    host = None
+    follows_atoms = True
+    virial, virial_per_atom = None, True
+    rigid_flag = False
+    _all = weakref.WeakSet()
+
+    def __init_subclass__(cls):
+        cls.advance, cls.kick = step.make_loops(cls)
+        cls.start = cls.starts and step.make_start(cls)
+
+    def own_parameters(self):
+        return ()
+
+    @property
+    def carries(self):
+        """How many numbers go with an atom to another rank."""
+        return migration.OF_BODY + ROWS + self.rows
+
+    def __init__(self, ptr, words):
+        self.lammps = Lammps(ptr)
+        several = self.lammps.ranks > 1
+        self.communicator = Communicator(self.lammps.communicator) if several else ALONE
+        self.bodies = self.passes = self.notes = None
+        self._ran = self._lost = False
+        self._vflag = 0
+        self.late, self.half_step_velocities, self.velocities_every = [], True, (1,)
+        if not driven_by_plugin():
+            self.host = OwnFix(self.lammps, self.communicator)
+        self._begin(words)
+
+    @hook
+    def _begin(self, words):
+        modules = [step, migration, sharing, virial, passes]
+        if self.communicator.size > 1 or self.host:
+            modules.append(lookup)
+        names = [module.__name__ for module in modules]
+        compiled.load(self.communicator, *names, *(kind.__module__ for kind in type(self).__mro__))
+        self.command = Command.parse(words)
+        self.membership = Membership(self.lammps, self.communicator, self.command)
+        self.infile = self.command.infile and self.lammps.text(self.command.infile)
+        self.restart_file = self.infile is not None
+        self.reports = reports.Reports(self)
+        self._all.add(self)
+        self.reset_dt()
+        if self.host:  # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
+            self._build()
+            self.reports.say(False)
+        else:
+            self.array_rows = count(self.lammps, self.communicator, self.membership)
+            self.rigid_flag = self.lammps.finite()[0] is not None
+
+    @classmethod
+    def of_fix(cls, lmp, fix_id):
+        """The integrator of a LAMMPS that the fix of this ID drives."""
+        handle = pointer(getattr(lmp, "lmp", lmp))
+        for other in cls._all:
+            # LAMMPS's own fix tells no ID
+            if other.lammps.handle == handle and other.host.fix_id in (fix_id, None):
+                return other
+        raise RunError(f"there is no fix {fix_id} of fix_nosquish", everywhere=True)
+
+    @property
+    def mates(self):
+        """All integrators of this LAMMPS, this one among them."""
+        return [other for other in self._all if other.lammps.handle == self.lammps.handle]
+
+    @property
+    def phase(self):
+        return self.host.phase if self.host else Phase.NEW
+
+    @phase.setter
+    def phase(self, phase):
+        self.host.phase = phase
+
+    has_begun = property(lambda self: self.phase in (Phase.HALF, Phase.WAITING))
+    is_set = property(lambda self: self.phase in (Phase.SET, Phase.OVER))
+    is_over = property(lambda self: self.phase == Phase.OVER)
+    wants_virial = property(lambda self: bool(self._vflag))
+
+    # ------------------------------------------------------------- before the first step
+
+    @hook
+    def init(self):
+        """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
+        if self.lammps.respa_dt is not None and not self.respa:
+            raise RunError(
+                f"fix_nosquish.{type(self).__name__} takes one force a step, not those of levels: use "
+                "run_style verlet",
+                everywhere=True,
+            )
+        self.host.call_always()
+        self.phase = Phase.NEW
+        self.reports.begin()
+        self.host.set_bodies(None, None)  # the atoms are not those of the last run
+        # nor are the groups: deleted ones leave their bits to others
+        self.membership = Membership(self.lammps, self.communicator, self.command)
+        self._look_at_fixes()
+        if self.command.reinit or not self._ran:
+            self._build()
+            self._bind()
+            self.set_velocities()
+        else:
+            self._bind()
+        self._refuse_second_integrator()
+        self.reset_dt()
+        self.reports.open()
+        self.host.begin_run(self.reports.virial_of_all)
+        if not self.host.calls_setup:
+            self.reports.say(self.host.has_virial)
+        self.host.set_array_rows(self.communicator.count(self.bodies.sharers.owned.sum()))
+
+    def _look_at_fixes(self):
+        """Find out what other fixes may read and change."""
+        ours = {mate.host.fix_id for mate in self.mates}
+        fixes = self.host.fixes()
+        unknown = fixes is None
+        self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
+        ending = [fix for fix in fixes if fix.end_of_step]
+        self.late = [fix for fix in ending if not fix.style.startswith(_READERS)]
+        between = any(fix.between for fix in fixes)
+        self.half_step_velocities = self.host.ghost_velocity or between
+        each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
+        self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
+        self._box_may_change = unknown or any(fix.box_change for fix in fixes)
+
+    def _build(self):
+        known = self.bodies and (self.bodies.id, self.bodies.wrench.copy())
+        former = self.former()
+        self.host.carry(None, None)
+        self.bodies = self.passes = None  # there may be no room for both
+        self._lost = former is not None
+        self.bodies, self.notes = build(
+            self.lammps, self.communicator, self.membership, self.infile, self.rows, former
+        )
+        self._lost = self._started = False
+        bodies = self.bodies
+        if kept := self.notes.pop("kept"):
+            self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
+            self.host.log(kept.text)
+        if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
+            # commands like write_data compute no forces
+            bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
+        bodies.bind(self.lammps, self.membership)
+        self.host.carry(self.lammps, bodies)
+        self.host.point()
+        bodies.note()
+        self.host.noted()
+        self._switches = Switches(self.command, self.lammps.dimension, self.communicator, bodies)
+        self._box = self.lammps.box
+        if self.notes.pop("new"):
+            self.notes["warnings"] += compare(
+                bodies, self.lammps, self.communicator, self.membership
+            )
+
+    def _bind(self):
+        own = [0.0] * PARAMETERS
+        own[FTM2V], own[MROT] = self.lammps.ftm2v, self.command.mrot
+        self.passes = passes.Passes(
+            self, self.bodies, self.lammps, self.communicator, self._switches.mask(self.bodies),
+            self.half_step_velocities, np.array([*own, *self.own_parameters()]),
+        )  # fmt: skip
+        self._set_time_step()
+
+    def former(self):
+        """What the atoms were in the bodies of the last run, None if that says nothing; collective.
+
+        An atom that was in a body stays in it; a variable is asked for the others only.  (LAMMPS's own
+        fix cannot know which these are.)
+        """
+        if self._lost:
+            raise RunError(
+                "the bodies of the last run are gone, because this one could not begin: unfix this fix "
+                "and define it again",
+                everywhere=True,
+            )
+        if self.bodies is None:
+            return None
+        self.host.point()
+        former = self.bodies.of_atoms(self.lammps, self.host.follows)
+        if self.membership.variable and former.followed:
+            self.membership.before = former.id, former.known
+        return former if self._ran and not self.infile else None
+
+    def _refuse_second_integrator(self):
+        problem, lammps, command = None, self.lammps, self.command
+        atoms, groups = self.membership.atoms(), lammps.groups
+        ids = [[command.group]] + [command.arguments] * (command.style == "group")
+        for fix in self._fixes:
+            if fix.time_integrate:
+                both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
+                if len(both):
+                    problem = (
+                        f'atom {lammps.tags[both[0]]} of the rigid bodies ("{command.text}") is also '
+                        f"integrated by fix {fix.id} (style {fix.style}): give that fix a group without "
+                        "the bodies' atoms"
+                    )
+            elif all(any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids):
+                problem = (
+                    f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, which fix "
+                    f'{self.host.fix_id} ("{command.text}") holds rigid: unfix it, or give it a group '
+                    "without the bodies' atoms"
+                )
+        for mate in self.mates:
+            both = np.intersect1d(mate.membership.atoms(), atoms) if mate is not self else ()
+            if len(both):
+                problem = (
+                    f'atom {lammps.tags[both[0]]} is claimed by two fixes: "{mate.command.text}" and '
+                    f'"{command.text}". An atom can be in one body only: use groups without common atoms'
+                )
+        self.communicator.agree(problem)
+
+    @hook
+    def setup(self, vflag):
+        """The forces of the start are known; LAMMPS is about to print its step."""
+        self.do("gather")
+        self.reports.forget()
+        if self.start and not self._started:
+            self.start.bind_to(self.passes.cells)()
+        self._started = True
+        if self._ran and not self.command.reinit:
+            self._say_ignored("reinit no")
+            self.set_velocities()
+        self.phase, self._ran = Phase.SET, True
+        if vflag:
+            self.reports.add_constraint_virial()
+        self._leave_to_host()
+        if self.host.calls_setup:
+            self.reports.say(bool(vflag))
+            self.reports.write()
+        cause, remedy, spacing = thermo.forces_at_start(self)
+        self.bodies.start = self.lammps.step, cause, remedy, spacing
+        if cause:
+            self.host.log(f"WARNING: {cause}: {remedy}\n")
+
+    @hook
+    def min_setup(self, vflag):
+        """A minimisation begins: it would move the atoms one by one."""
+        raise RunError(
+            "a minimisation would tear the rigid bodies apart: minimise before the fix is defined, or "
+            "unfix it first",
+            everywhere=True,
+        )
+
+    @hook
+    def reset_dt(self):
+        """The time step may have changed."""
+        if self.phase != Phase.NEW:
+            self.catch_up()
+        self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
+        self._set_time_step()
+        if self.phase != Phase.NEW:
+            self._leave_to_host()
+
+    # ------------------------------------------------------------- one step
+
+    @hook
+    def initial_integrate(self, vflag):
+        """The first half of a step."""
+        self._begin_step(vflag)
+        self.do("whole" if self.phase == Phase.WAITING else "begin")
+        self._has_begun()
+
+    @hook
+    def post_neighbor(self):
+        """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
+        self._refuse_new_box(self.lammps.box.periodic)
+        bodies = self.bodies
+        self.host.point()
+        bodies.follow(self.lammps, self.membership)
+        self.host.noted()
+        self.host.keep_box()
+        if self._switches.choices:
+            self.passes.mask.set(self._switches.mask(bodies))
+        if self.rigid_flag:
+            body = np.full(len(self.lammps.groups), -1, np.int32)
+            body[bodies.index] = bodies.body
+            self.host.set_bodies(body, bodies.mass)
+        if self.phase != Phase.NEW:
+            self._leave_to_host()
+
+    @hook
+    def final_integrate(self):
+        """The second half of a step, when it is not left to the plugin."""
+        self._follow()
+        self.do("end")
+        self.phase = Phase.SET
+        self.reports.forget()
+        step = self.lammps.step
+        if step == self.host.next_output or any(step % n == 0 for n in self.velocities_every):
+            self.set_velocities()
+        if self._vflag:
+            self.reports.add_constraint_virial()
+        self._vflag = 0
+        self.reports.write()
+
+    def catch_up(self):
+        """Do what the last step has left to the next one."""
+        if self.phase == Phase.WAITING:
+            self.do("end")
+            self.phase, self.host.velocities_set = Phase.SET, False
+            self.reports.forget()
+
+    def do(self, name):
+        """Do a list of passes; see `passes`."""
+        if self.passes.do(name):
+            self._blame_forces()
+
+    def _begin_step(self, vflag):
+        if self.phase == Phase.NEW:
+            self.post_neighbor()
+            self.setup(0)
+        elif self.phase == Phase.OVER:
+            self._refuse_new_box(self.lammps.box.periodic)
+            self.host.point()
+            self.bodies.refuse_moved_atoms(self.lammps)
+            self.phase = Phase.SET
+            self._say_ignored("pre no")
+        elif self.late:
+            self.take_changed_velocities(self.lammps.step - 1)
+        self._vflag = vflag
+        self.reports.forget()
+
+    def _has_begun(self):
+        self.phase, self.host.velocities_set = Phase.HALF, False
+
+    def _set_time_step(self):
+        """Have the loops use the time step as it is now."""
+        if self.passes:
+            respa = self.respa_dt is not None
+            self.passes.dt.set(self.respa_dt[0] if respa else self.dt)
+            self.passes.level_dt.set(self.dt)
+            self.passes.begins.set(not respa)  # there each level begins by itself
+
+    def _leave_to_host(self):
+        """Have the plugin do what needs no Python."""
+        if self.respa_dt is None:
+            output = self.command.output[:1] if self.reports.file else ()
+            self.host.go_alone(
+                self.passes.lists,
+                velocities_every=gcd(*self.velocities_every),
+                python_every=gcd(*output),
+                alone=not self._box_may_change and not self.late,
+                following=not self.rigid_flag and not self._switches.choices,
+            )
+
+    def _follow(self):
+        if self.host.atoms_moved():
+            self.post_neighbor()
+        if self._box_may_change:
+            self._refuse_new_box(True)
+
+    def _refuse_new_box(self, held):
+        """End the run if one of the box vectors that are held, (3,) bool, has changed."""
+        box = self.lammps.box
+        if box is self._box:
+            return
+        if ((box.h != self._box.h) & held).any():
+            raise RunError(
+                f"the box has changed by step {self.lammps.step}, but in a run bodies move at constant "
+                "volume: use this fix without fixes that change the box (fix deform, npt, nph, "
+                "box/relax). The box may change between runs: bodies keep their shape when the next run "
+                "makes them anew, with reinit yes and without infile or 'pre no'",
+                everywhere=True,
+            )
+        self._box = box
+
+    def _blame_forces(self):
+        bodies, step = self.bodies, self.lammps.step - (self.phase == Phase.WAITING)
+        bad = (~np.isfinite(bodies.wrench).all(axis=0)).argmax()
+        cause, remedy = bodies.instability(bad, self.lammps)
+        if self.phase == Phase.NEW:
+            cause, remedy = "atoms overlap at the start", "minimise or move them apart before the fix line"
+        advice = "use a shorter time step or a better start, and look for what else acts on the body"
+        raise RunError(
+            f"{cause or 'the run is unstable'}, and the force on {self.membership.name(bodies.id[bad])} "
+            f"is not finite at step {step}: {remedy or advice}"
+        )
+
+    # ------------------------------------------------------------- velocities of atoms
+
+    def set_velocities(self):
+        """Give the atoms the velocities that the bodies' motion gives them."""
+        self.passes.do("velocities")
+        self.host.velocities_set = self.phase != Phase.HALF
+
+    def _velocities_changed(self):
+        """Whether the atoms' velocities are not those of the bodies, on any rank; collective."""
+        index, v = self.bodies.index, self.lammps.per_atom("v", columns=3)
+        expected = np.empty_like(v)
+        step.set_velocities.bind_to(self.bodies.cells, atom_v=expected)()
+        return self.communicator.any(not np.array_equal(expected[index], v[index]))
+
+    def _say_ignored(self, why):
+        if self._velocities_changed():
+            self.host.log(
+                "The velocities of the bodies' atoms were changed between runs: without effect, because "
+                f"the bodies go on ({why})\n"
+            )
+
+    def take_changed_velocities(self, step):
+        """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with
+        them; collective."""
+        due = [fix.id for fix in self.late if step % fix.nevery == 0]
+        if not due or not self._velocities_changed():
+            return
+        bodies = self.bodies
+        kept = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
+        bodies.take_velocities(self.lammps, (kept, bodies.momenta()[:, kept]))
+        self.set_velocities()
+        self.reports.forget()
+        self.reports.say_taken_over(step, due)
+
+    @hook
+    def post_run(self):
+        """A run is over; what comes now, from a script's commands to another run, finds the bodies as
+        their atoms are."""
+        if self.phase != Phase.NEW:
+            self.catch_up()
+            if not self.host.velocities_set:
+                self.set_velocities()
+            self.take_changed_velocities(self.lammps.step)
+            self.reports.forget()
+            self.phase = Phase.OVER
+
+    # ------------------------------------------------------------- one step of run_style respa
+
+    @hook
+    def initial_integrate_respa(self, vflag, ilevel, iloop):
+        """A level begins a step; the innermost one moves the bodies."""
+        if ilevel == len(self.respa_dt) - 1:
+            self._begin_step(vflag)
+        elif self.host.atoms_moved():
+            self.post_neighbor()
+        self.passes.level_dt.set(self.respa_dt[ilevel])
+        self.do("kick")
+        if ilevel == 0:
+            self.do("begin")
+            self._has_begun()
+
+    @hook
+    def final_integrate_respa(self, ilevel, iloop):
+        """A level's new forces end its step."""
+        self._follow()
+        self.passes.level_dt.set(self.respa_dt[ilevel])
+        self.do("end")
+        self.reports.forget()
+        if ilevel == len(self.respa_dt) - 1 or self.half_step_velocities:
+            self.set_velocities()
+
+    @hook
+    def end_of_step(self):
+        """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
+        self.phase = Phase.SET
+        self.reports.forget()
+        if self._vflag or self.reports.due():
+            self.do("gather")
+        if self._vflag:
+            self.reports.add_constraint_virial()
+        self.reports.write()
+
+    # ------------------------------------------------------------- what LAMMPS asks
+
+    vector_extensive, array_columns = (True, True, False, False), 15
+
+    @hook
+    def dof(self, group):
+        """Degrees of freedom that the bodies take from LAMMPS's group of this number; collective."""
+        return self.reports.removed_freedom(group)
+
+    @hook
+    def compute_scalar(self):
+        """Temperature of the bodies; as fix rigid's, but of all components, whether force and torque act
+        on them or not; collective."""
+        return self.reports.energies()[4]
+
+    @hook
+    def compute_vector(self, i):
+        """Kinetic energy of translation and of rotation, temperature of each; collective."""
+        return self.reports.energies()[i]
+
+    @hook
+    def compute_array(self, i, j):
+        """Value j of body i: see `output.global_array`; collective."""
+        return self.reports.array()[i, j]
+
+    @hook
+    def write_restart_file(self, name):
+        """LAMMPS writes a restart file: keep the bodies of an infile beside it; collective."""
+        self.reports.write_restart_file(name)
+
+    def table(self):
+        """The bodies that are counted on this rank as they are now: see `output.table`."""
+        return self.reports.table()

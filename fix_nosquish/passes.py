@@ -1,0 +1,108 @@
+"""What a run does at each point of a step: lists of loops, bound to the bodies and to LAMMPS's arrays.
+
+    begin        the first half of a step
+    end          its second half, when the forces are known
+    whole        the end of a step and the begin of the next one, in one pass where that is possible
+    velocities   the atoms' velocities
+    virial       the constraint virial
+    energies     kinetic energies and temperatures
+    follow       the bodies follow LAMMPS's atoms
+
+The plugin does them by itself; with a LAMMPS's own fix python/move, Python does them, by `do`.
+"""
+
+from . import spheres, step, virial
+from .block import ALL, BLOCK_ROWS, DIVIDED, LANES, WHOLE
+from .bodies import aligned
+from .compiled import F1, F2, F64, Cell, F, I, loop
+from .sharing import ADD, combine, give
+from .step import GATHERS, KEEPS
+
+
+@loop
+def switch_off(wrench: F2, mask: F2):
+    """Multiply forces and torques by a mask, (6, bodies), or (6, 1) for all."""
+    for row in range(6):
+        for b in range(wrench.shape[1]):
+            wrench[row, b] *= mask[row, b if mask.shape[1] > 1 else 0]
+
+
+class Passes:
+    """The lists of loops of a run.
+
+    Args:
+        integrator: its class, with the loops `advance` and `kick`.
+        bodies: the `Bodies`.  lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
+        mask: what of force and torque acts, (6, bodies) or (6, 1); None for all.
+        half_step_velocities: whether something reads the atoms' velocities between the halves of a step.
+        parameters: (n,) numbers for the operations; see `operations`.
+
+    Attributes:
+        lists: dictionary from the names above to lists of bound loops.
+        cells: what the loops are bound to, by name.
+        dt, level_dt: cells of the time step of motion, and of the level of run_style respa whose
+            forces act; the same without respa.
+        begins: cell, whether the motion begins with what stands before it in the splitting; with respa
+            each level begins by itself.
+        mask: cell.
+    """
+
+    def __init__(
+        self, integrator, bodies, lammps, communicator, mask, half_step_velocities, parameters
+    ):
+        self.dt, self.level_dt, self.begins = Cell(F), Cell(F), Cell(I, 1)
+        self.mask = None if mask is None else Cell(F2, mask)
+        several = communicator.size > 1
+        cells = bodies.cells | lammps.cells
+        cells |= {"dt": self.dt, "parameters": Cell(F1, parameters)}
+        if integrator.work:
+            rows = BLOCK_ROWS + integrator.rows + integrator.work
+            cells["block"] = Cell(F64, aligned((rows, LANES)))
+        self.cells = cells
+
+        def kick(ends):
+            half = cells | {"dt": self.level_dt}
+            return integrator.kick.bind_to(half, ends=ends, begins=not ends)
+
+        def advance(ends, part=ALL, gathers=0):
+            return integrator.advance.bind_to(
+                cells, ends=ends, begins=self.begins, gathers=gathers, part=part
+            )
+
+        shared = [give.bind_to(cells, values=cells["wrench"])] if several else []
+        added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
+        gather = [step.gather.bind_to(cells, every=True)]
+        if bodies.spheres:
+            gather.append(spheres.add_torques.bind_to(cells))
+        gather += [*shared, *added]
+        if mask is not None:
+            gather.append(switch_off.bind_to(cells, mask=self.mask))
+        velocities = [step.set_velocities.bind_to(cells)]
+        if bodies.spheres:
+            velocities.append(spheres.set_spins.bind_to(cells))
+        if mask is not None or bodies.spheres:
+            whole = [*gather, advance(True)]
+        elif several:  # messages are under way while the bodies that need none move
+            how = KEEPS if half_step_velocities else GATHERS
+            some = step.gather.bind_to(cells, every=False)
+            whole = [some, *shared, advance(True, WHOLE, how), *added, advance(True, DIVIDED, how)]
+        else:
+            whole = [advance(True, ALL, KEEPS if half_step_velocities else GATHERS)]
+        after = velocities if half_step_velocities else []
+        self.lists = {
+            "gather": gather,
+            "begin": [advance(False), *after],
+            "end": [*gather, kick(ends=True)],
+            "whole": [*whole, *after],
+            "kick": [*gather, kick(ends=False)],
+            "velocities": velocities,
+            "virial": [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)],
+            "follow": [bodies.following],
+        }
+
+    def do(self, name):
+        """Do a list of passes. Returns: what the first one that found something wrong says, or 0."""
+        for one in self.lists[name]:
+            if found := one():
+                return found
+        return 0

@@ -1,0 +1,108 @@
+/* What the plugin in C++ and its Python side share. Python reads this file, too (structs.py): a declaration a line, of the kinds
+   that are here. */
+
+#include <cstdint>
+
+// what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
+enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
+
+// where in a run the bodies are: see integrator.py
+enum Phase { NEW = 0, SET = 1, HALF = 2, WAITING = 3, OVER = 4 };
+
+// cells for LAMMPS's arrays, in the order of lammps.py
+enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL };
+
+struct FixFacts {
+  const char *id;
+  const char *style;
+  int32_t groupbit;
+  int32_t time_integrate;
+  int32_t between;    // called between initial_integrate and final_integrate
+  int32_t end_of_step;
+  int32_t nevery;
+  int32_t final_integrate;
+  int32_t box_change;
+};
+
+// A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an
+// array's address and shape. A list of passes ends with one that has no loop.
+struct Pass {
+  int64_t (*loop)(const int64_t *cells);    // returns 0 if all is well
+  const int64_t *cells;
+};
+
+struct Bridge {
+  // facts
+  int32_t size;
+  int32_t outcome;    // set by Python: how making the instance went
+  // set by Python: what the instance has besides its methods
+  int32_t wants_virial;             // it fills in virial
+  int32_t wants_virial_per_atom;    // it fills in virial_per_atom
+  int32_t writes_restart_file;
+  int32_t rigid;            // it is a rigid fix to those that ask for the bodies
+  int32_t follows_atoms;    // it asks where its atoms were
+  int32_t carries;          // numbers that go with an atom to another rank
+  int32_t vector_size;
+  int32_t array_columns;
+  int32_t array_rows;    // -1: not known from the start
+  const int32_t *vector_extensive;
+  int32_t *body;        // of each local atom, -1 for none; null while not known
+  double *masstotal;    // of each body
+  // of the fix
+  void *fix;    // first argument of the functions below
+  void *lammps;
+  const char *fix_id;
+  const char *group;
+  const char *target;
+  double *virial;
+  double *virial_per_atom;    // (natoms, 6)
+  int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
+  const int64_t *next_output;    // the step of the next output
+  // where in a run the bodies are; set by Python, and by the fix when it does passes by itself
+  int32_t phase;
+  int32_t velocities_set;    // the atoms' velocities are those of the step's end
+  // set by Python: what goes without it
+  int32_t may_wait;            // the end of a step may wait for the next step
+  int32_t velocities_every;    // but not where its number is a multiple of this, when velocities are read (0: of none)
+  int32_t python_every;        // or of this, when Python has something to do
+  const Pass *begin;           // lists of passes, null if Python must do it: see passes.py
+  const Pass *end;
+  const Pass *whole;
+  const Pass *velocities;
+  const Pass *virial_passes;
+  const Pass *follow;
+  int64_t *arrays;    // cells for LAMMPS's arrays
+  const int64_t *index;    // cells of the bodies; null if there are none
+  const int64_t *body_of;
+  const int64_t *displace;
+  const int64_t *state;
+  // functions of the fix
+  void (*log)(void *fix, const char *text);
+  int (*nth_fix)(void *fix, int n, void *facts);    // 0 past the last; id is null for this fix
+  int (*ghost_velocity)(void *fix);
+  int (*creates_velocities)(void *fix);    // whether velocity ... create is the last command
+  int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
+  void (*set_array_rows)(void *fix, int n);
+  void (*keep)(void *fix);     // the passes are for the box as it is now
+  void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
+  // methods of the instance, null where it has none
+  int (*init)();
+  int (*setup)(int vflag);
+  int (*min_setup)(int vflag);
+  int (*post_neighbor)();
+  int (*initial_integrate)(int vflag);
+  int (*final_integrate)();
+  int (*initial_integrate_respa)(int vflag, int ilevel, int iloop);
+  int (*final_integrate_respa)(int ilevel, int iloop);
+  int (*reset_dt)();
+  int (*end_of_step)();    // with run_style respa only
+  int (*post_run)();
+  int (*write_restart_file)(const char *name);
+  int (*dof)(int igroup, int64_t *count);
+  int (*compute_scalar)(double *value);
+  int (*compute_vector)(int i, double *value);
+  int (*compute_array)(int i, int j, double *value);
+  void (*release)(void *bridge);
+  // set by a hook that fails
+  char message[4096];
+};

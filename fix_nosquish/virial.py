@@ -1,0 +1,85 @@
+"""The passes that thermodynamics asks for: the constraint virial and the kinetic energies."""
+
+from .block import (
+    FORCE, LANES, MASS, MATRIX, MOMENT, OWN, TORQUE, Layout, P, Q, V, four, nine, take, three, write,
+)  # fmt: skip
+from .compiled import F1, F2, I1, L1, F, I, inlined, loop
+from .frames import angular_momentum, angular_velocity, to_body, to_space
+from .step import displaced, rotation_matrices
+
+ACCELERATION = OWN
+
+
+@inlined
+def acceleration_matrices(block, ftm2v):
+    """What takes a displacement to the acceleration about the centre of mass, as force per mass:
+    alpha x and omega x omega x."""
+    for b in range(LANES):
+        r = nine(block, MATRIX, b)
+        i1, i2, i3 = three(block, MOMENT, b)
+        w1, w2, w3 = angular_velocity(four(block, Q, b), four(block, P, b), i1, i2, i3)
+        x, y, z = three(block, TORQUE, b)
+        t1, t2, t3 = to_body(r, x, y, z)
+        # Euler's equations; an axis without moment does not turn
+        a1 = (t1 * ftm2v - (i3 - i2) * w2 * w3) / i1 if i1 > 0.0 else 0.0
+        a2 = (t2 * ftm2v - (i1 - i3) * w3 * w1) / i2 if i2 > 0.0 else 0.0
+        a3 = (t3 * ftm2v - (i2 - i1) * w1 * w2) / i3 if i3 > 0.0 else 0.0
+        c1 = to_space(r, -w2 * w2 - w3 * w3, w1 * w2 + a3, w1 * w3 - a2)
+        c2 = to_space(r, w1 * w2 - a3, -w1 * w1 - w3 * w3, w2 * w3 + a1)
+        c3 = to_space(r, w1 * w3 + a2, w2 * w3 - a1, -w1 * w1 - w2 * w2)
+        write(block, ACCELERATION, b, (
+            c1[0] / ftm2v, c2[0] / ftm2v, c3[0] / ftm2v,
+            c1[1] / ftm2v, c2[1] / ftm2v, c3[1] / ftm2v,
+            c1[2] / ftm2v, c2[2] / ftm2v, c3[2] / ftm2v,
+        ))  # fmt: skip
+
+
+@loop
+def constraint_virial(
+    layout: Layout, atom_mass: F1, type_mass: F1, type: I1, ftm2v: F, atom_f: F2, virial: F1, atom_virial: F2
+):
+    """Add the virial of the forces that keep the bodies rigid to virial (xx yy zz xy xz yz).
+
+    The constraint force on atom i is m_i a_i - f_i, with the acceleration a_i of the rigid motion
+    itself; its virial is taken about the centre of mass.  Masses are of atoms, or, where there are
+    none, of types.  atom_virial is (atoms, 6), or (0, 6) if the atoms' parts are not wanted.
+    """
+    block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
+    for k in range(blocks.shape[0] - 1):
+        take(layout, k, MASS, TORQUE + 3, MASS)
+        rotation_matrices(block)
+        acceleration_matrices(block, ftm2v)
+        for r in range(blocks[k, 1], blocks[k + 1, 1]):
+            for b in range(rounds[r + 1] - rounds[r]):
+                j = rounds[r] + b
+                i = layout.index[j]
+                m = atom_mass[i] if atom_mass.size else type_mass[type[i]]
+                fx, fy, fz = three(block, FORCE, b)
+                dx, dy, dz = displaced(block, b, d, j)
+                ax, ay, az = to_space(nine(block, ACCELERATION, b), d[0, j], d[1, j], d[2, j])
+                cx = m * (ax + fx / block[MASS, b]) - atom_f[i, 0]
+                cy = m * (ay + fy / block[MASS, b]) - atom_f[i, 1]
+                cz = m * (az + fz / block[MASS, b]) - atom_f[i, 2]
+                parts = dx * cx, dy * cy, dz * cz, dx * cy, dx * cz, dy * cz
+                for c in range(6):
+                    virial[c] += parts[c]
+                    if atom_virial.size:
+                        atom_virial[i, c] += parts[c]
+
+
+@loop
+def kinetic_energies(layout: Layout, home: L1, rank: I, energies: F1):
+    """Sum mass times velocity squared, halved, of translation and of rotation, over the bodies whose
+    home is this rank."""
+    block, blocks = layout.block, layout.blocks
+    energies[0] = energies[1] = 0.0
+    for k in range(blocks.shape[0] - 1):
+        take(layout, k, MASS, P + 4, MASS)
+        for b in range(blocks[k + 1, 0] - blocks[k, 0]):
+            if home[blocks[k, 0] + b] == rank:
+                (vx, vy, vz), (i1, i2, i3) = three(block, V, b), three(block, MOMENT, b)
+                q, p = four(block, Q, b), four(block, P, b)
+                l1, l2, l3 = angular_momentum(q, p)
+                w1, w2, w3 = angular_velocity(q, p, i1, i2, i3)
+                energies[0] += 0.5 * block[MASS, b] * (vx * vx + vy * vy + vz * vz)
+                energies[1] += 0.5 * (l1 * w1 + l2 * w2 + l3 * w3)
