@@ -75,7 +75,7 @@ class Integrator:
         host: what calls this object: see `hosts.Host`.
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the plugin's
             fix; None with LAMMPS's own fix python/move.
-        virial_per_atom: whether the plugin's fix has the virial of each atom.
+        virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         late: other fixes that act at the end of a step, and so may change velocities.
         half_step_velocities, velocities_every: whether something may read the atoms' velocities
@@ -87,7 +87,7 @@ class Integrator:
 
     host = None
     follows_atoms = True
-    virial, virial_per_atom = None, True
+    virial = virial_per_atom = None
     rigid_flag = False
     _all = weakref.WeakSet()
 
@@ -419,8 +419,10 @@ class Integrator:
             self.passes.begins.set(not respa)  # there each level begins by itself
 
     def _leave_to_host(self):
-        """Have the plugin do what needs no Python."""
-        if self.respa_dt is None:
+        """Have the plugin do what needs no Python; not what a derived class has a hook of its own for."""
+        hooks = "initial_integrate", "final_integrate", "post_neighbor"
+        own = any(getattr(type(self), name) is not getattr(Integrator, name) for name in hooks)
+        if self.respa_dt is None and not own:
             output = self.command.output[:1] if self.reports.file else ()
             self.host.go_alone(
                 self.passes.lists,

@@ -1,5 +1,7 @@
 """What LAMMPS and the user are told of the bodies: log, degrees of freedom, virial, thermo, table."""
 
+import weakref
+
 import numpy as np
 
 from . import infile, output, thermo
@@ -18,7 +20,7 @@ class Reports:
     """
 
     def __init__(self, state):
-        self._state, self.file = state, None
+        self._state, self.file = weakref.proxy(state), None  # no circle: it goes when LAMMPS lets go
         self._said, self._warned, self._heard, self._known = None, set(), False, {}
 
     def begin(self):
@@ -178,9 +180,10 @@ class Reports:
 
     def _once(self, name, make):
         """What make(bodies) returned, if nothing has changed the bodies since it was called."""
-        bodies, step = self._made(), self._state.lammps.step  # the first may change them
-        if self._known.get("step") != step:
-            self._known = {"step": step}
+        bodies = self._made()  # which may change them
+        when = self._state.lammps.step, self._state.phase  # the plugin may have done a half of the step
+        if self._known.get("when") != when:
+            self._known = {"when": when}
         if name not in self._known:
             self._known[name] = make(bodies)
         return self._known[name]

@@ -26,7 +26,7 @@ Types
 # Classes that do, when LAMMPS calls them, what no input script can.
 SPOIL = """
 from ctypes import c_double
-from fix_nosquish.atoms import Lammps
+from fix_nosquish.lammps import Lammps
 from fix_nosquish.hosts import hook
 from fix_nosquish.nve import NVE
 

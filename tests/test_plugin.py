@@ -397,16 +397,26 @@ class Counting(NVE):
 # Notes half of its atoms in an order of its own, and compares where they came from with a table of who noted what.
 FOLLOWER = """
 import numpy as np
+from types import SimpleNamespace
+from fix_nosquish.compiled import cells
+from fix_nosquish.lammps import ARRAYS
 
 class Follower(Counting):
     follows_atoms = True
     noted = moved = sorted = 0
     table = {}
 
+    def init(self):
+        super().init()
+        self.arrays = SimpleNamespace()
+        self.arrays.table, self.cells = cells(ARRAYS)
+        self.host.carry(self.arrays, None)
+
     def post_neighbor(self):
         n, me = self.lmp.extract_global("nlocal"), self.world.rank
         tags = self.lmp.numpy.extract_atom("id")[:n].tolist() if n else []
-        origins = self.host.origins()
+        self.host.point()
+        origins = self.cells["origins"].array
         assert origins.dtype == np.int64 and origins.shape == (n,)
         for i, (tag, origin) in enumerate(zip(tags, origins.tolist())):
             rank, place = divmod(origin, 2**32)
@@ -416,7 +426,8 @@ class Follower(Counting):
             self.sorted += origin >= 0 and rank == me and self.index[place] != i
         self.noted += 1
         self.index = np.random.default_rng(self.noted).permutation(np.flatnonzero(np.array(tags, int) % 2 == self.noted % 2)).astype(np.int32)
-        self.host.note(self.index)
+        origins[:] = -1
+        origins[self.index] = (me << 32) + np.arange(len(self.index))
         mine = {(me, place): tags[i] for place, i in enumerate(self.index)}
         self.table = {key: tag for part in self.world.allgather(mine) for key, tag in part.items()}
 

@@ -94,8 +94,9 @@ class Host:
 
     def set_bodies(self, body, mass):
         self._lent = body, mass
-        places = (None if array is None else array.ctypes.data for array in (body, mass))
-        self._bridge.body, self._bridge.masstotal = places
+        for name, array in ("body", body), ("masstotal", mass):
+            place = None if array is None else _as(name, array.ctypes.data)
+            setattr(self._bridge, name, place)
 
     def set_array_rows(self, n):
         self._bridge.set_array_rows(self._bridge.fix, int(n))
