@@ -14,13 +14,18 @@ from conftest import Silent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-import mdtraj  # noqa: E402
+import mdtraj
 
-from validation import __main__ as command  # noqa: E402
-from validation import machine, measures, paper, paper_claims, paper_peptide, paper_report, run  # noqa: E402
-from validation.check import Check  # noqa: E402
-from validation.integrators import PAPER  # noqa: E402
-from validation.scenes import SCENES  # noqa: E402
+from validation import __main__ as command
+from validation.paper import measure as paper_claims
+from validation.paper import plan as paper
+from validation.paper import report as paper_report
+from validation.running import machine, run
+from validation.scenes import SCENES
+from validation.scenes import peptide as paper_peptide
+from validation.scenes.integrators import PAPER
+from validation.statistics import measures
+from validation.statistics.check import Check
 
 
 def trajectory(integrator="nosquish", steps=300, piece=300, **more):

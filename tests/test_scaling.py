@@ -108,7 +108,7 @@ def start(ranks, folder, program):
     """Run Python on some ranks in a folder. Returns: what each of them gave to MPI."""
     from conftest import BIN
 
-    from validation import counting
+    from validation.running import counting
 
     environment = os.environ | counting.environment(folder / "counts")
     done = subprocess.run([str(BIN / "mpirun"), "-np", str(ranks), sys.executable, *program], cwd=folder, env=environment, text=True,

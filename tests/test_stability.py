@@ -18,22 +18,20 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import __main__ as command  # noqa: E402
-from validation import (
-    console,
-    measures,
-    overview_stability,
-    run,
-    stability,
-    stability_bodies,
-    stability_molecules,
-    stability_report,
-    stability_tops,
-)  # noqa: E402
-from validation.criteria import CRITERIA, ENOUGH_STARTS, Criterion  # noqa: E402
-from validation.stability import BlowUp, CannotRun, Case, Number  # noqa: E402
-from validation.stability_cases import CASES  # noqa: E402
-from validation.theory_top import free_top  # noqa: E402
+from validation import __main__ as command
+from validation.pages import console
+from validation.report import stability as overview_stability
+from validation.running import run
+from validation.scenes import bodies as stability_bodies
+from validation.stability import measure as stability
+from validation.stability import molecules as stability_molecules
+from validation.stability import report as stability_report
+from validation.stability import tops as stability_tops
+from validation.stability.cases import CASES
+from validation.stability.criteria import CRITERIA, ENOUGH_STARTS, Criterion
+from validation.stability.measure import BlowUp, CannotRun, Case, Number
+from validation.statistics import measures
+from validation.theory.top import free_top
 
 
 def criterion(bound=1.0, side="≤", unit="", **more):
@@ -205,29 +203,29 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     shutil.copytree(
         ROOT / "validation", copy, ignore=shutil.ignore_patterns("results", "__pycache__")
     )
-    monkeypatch.setattr(stability, "__file__", str(copy / "stability.py"))
+    monkeypatch.setattr(stability.machine, "HARNESS", copy)
 
     def code():
         stability._code.cache_clear()
         return stability._code()
 
     before = code()
-    for shows in "stability_report", "figures", "overview", "__main__":
+    for shows in "stability/report", "pages/figures", "report/sections", "stability/command":
         (copy / f"{shows}.py").write_text("")
     assert code() == before
     found = {before}
     for follows in (
-        "measures",
-        "motion",
-        "starts",
-        "theory_top",
-        "integrators",
-        "paper_peptide",
-        "scenes",
-        "run",
-        "worker",
-        "check",
-        "stability_tops",
+        "statistics/measures",
+        "statistics/motion",
+        "scenes/starts",
+        "theory/top",
+        "scenes/integrators",
+        "scenes/peptide",
+        "scenes/__init__",
+        "running/run",
+        "running/worker",
+        "statistics/check",
+        "stability/tops",
     ):
         (copy / f"{follows}.py").write_text("")
         found.add(code())

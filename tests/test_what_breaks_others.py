@@ -11,18 +11,30 @@ import pytest
 from endings import BENT, assert_ended
 from scipy.spatial.transform import Rotation
 from systems import (
-    LIKE_LAMMPS, OURS, RIGID, SHAPES, SMALL, UNITS, Result, Units, apart, assemble, mixture, tensor, turned,
+    LIKE_LAMMPS,
+    OURS,
+    RIGID,
+    SHAPES,
+    SMALL,
+    UNITS,
+    Result,
+    Units,
+    apart,
+    assemble,
+    mixture,
+    tensor,
+    turned,
 )  # fmt: skip
 from test_bad_input import Case
 
-from validation import breaks
-from validation.breaks import (
+from validation.breaks import measure as breaks
+from validation.breaks.measure import (
     FREE,
     SMOOTH,
     bent,
     columns,
-    moved_images,
     momenta,
+    moved_images,
     restarted,
     sums,
     vector,

@@ -1,0 +1,41 @@
+"""From plain data to summary.json and to self-contained HTML pages."""
+
+import base64
+import json
+from pathlib import Path
+
+import jinja2
+
+from validation.running import machine
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def save(summary, out):
+    """Write plain data to summary.json in the folder ``out``, whole or not at all."""
+    path = out / "summary.json"
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    part.replace(path)
+
+
+def page(template, path, figures, **values):
+    """Write a self-contained HTML page.
+
+    Args:
+        template: its name in ``templates``.
+        path: of the page.
+        figures: list of (PNG path, caption).
+        values: what else the template uses.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals["package"] = machine.package
+    embedded = [
+        (base64.b64encode(Path(png).read_bytes()).decode(), caption) for png, caption in figures
+    ]
+    Path(path).write_text(environment.get_template(template).render(figures=embedded, **values))

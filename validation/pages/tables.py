@@ -1,0 +1,53 @@
+"""Columns of tables, and their cells as text."""
+
+from dataclasses import dataclass
+
+from validation.statistics.measures import estimate, margin
+
+FREE = 90.0  # percent of a core that a rank must have had
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the comparison: where its numbers are, and what they mean."""
+
+    key: str
+    title: str
+    unit: str
+    kind: str  # "estimate": value, standard error, its degrees of freedom; "number"; "spread": median, min, max
+    meaning: str
+
+
+def cell(row, column, short=False):
+    """A row's entry in a column as text; ``short`` leaves out minimum and maximum."""
+    value = row.get(column.key)
+    if value is None:
+        return "–"
+    if column.kind == "estimate":
+        drifts = (
+            column.key == "energy_sd"
+            and "drift" in row
+            and abs(row["drift"]["value"]) > margin_of(row["drift"])
+        )
+        return estimate(value["value"], margin_of(value)) + ", drifts" * drifts
+    if column.kind == "number":
+        return f"{value:.1e}" if value else "0"
+    digits = 0 if value["median"] >= 100 else 2
+    if short:
+        return f"{value['median']:.{digits}f}"
+    return f"{value['median']:.{digits}f} [{value['min']:.{digits}f}–{value['max']:.{digits}f}]"
+
+
+def margin_of(found):
+    return margin(found["error"], found.get("freedom"))
+
+
+def busy(summary):
+    """A warning if the machine was too busy for its timings to be trusted, or None."""
+    shares = [row["cpu"] for row in summary["integrators"] if row.get("cpu") is not None]
+    if not shares or min(shares) >= FREE:
+        return None
+    return (
+        f"The machine was busy: a rank had as little as {min(shares):.0f} % of a core while "
+        "timed. Ratios of one round still compare like with like; absolute times are too long."
+    )

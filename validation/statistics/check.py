@@ -1,0 +1,156 @@
+"""A number beside the bounds that it is held against, and how such numbers are shown: in the terminal and as CSV."""
+
+import csv
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from validation.statistics import measures
+from validation.statistics.measures import estimate
+
+SURE = f"{100 * measures.CONFIDENCE:g} %"  # of the margin beside a number, by which verdicts are
+COLUMNS = (
+    "part",
+    "subject",
+    "what",
+    "value",
+    "margin",
+    "unit",
+    "low",
+    "high",
+    "verdict",
+    "note",
+    "source",
+)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A number, and between which bounds it has to be.
+
+    Attributes:
+        part: under which heading it stands.
+        subject: whose number it is.
+        what: the number, in words.
+        value: measured; None if it could not be.
+        error: its standard error; 0 for a number that has none, as one that is computed, not sampled.
+        freedom: degrees of freedom of the error; None for many.
+        low, high: bounds; None for none.
+        unit: of all of these.
+        note: what else there is to say, as why there is no value.
+        source: who says so.
+    """
+
+    part: str
+    subject: str
+    what: str
+    value: float | None
+    error: float = 0.0
+    low: float | None = None
+    high: float | None = None
+    unit: str = ""
+    note: str = ""
+    source: str = ""
+    freedom: float | None = field(default=None, kw_only=True)
+
+    @property
+    def margin(self):
+        """Half the width of the 95 % interval."""
+        return measures.margin(self.error, self.freedom)
+
+    @property
+    def holds(self):
+        """Whether all of value ± `margin` is within the bounds: False if all is outside of them, None if neither, or without bounds."""
+        if self.value is None or self.low is None and self.high is None:
+            return None
+        low, high = (
+            -np.inf if self.low is None else self.low,
+            np.inf if self.high is None else self.high,
+        )
+        least, most = self.value - self.margin, self.value + self.margin
+        if low <= least and most <= high:
+            return True
+        return False if most < low or least > high else None
+
+    @property
+    def verdict(self):
+        """`holds` in words; empty for a number without bounds."""
+        if self.value is not None and self.low is None and self.high is None:
+            return ""
+        return {True: "holds", False: "does not hold", None: "cannot tell"}[self.holds]
+
+    def plain(self):
+        """As a dictionary, with the verdict."""
+        return asdict(self) | {"verdict": self.verdict}
+
+
+def number(value, error=0.0, freedom=None):
+    """Value ± its 95 % margin as text, in a form that shows both, whatever their size."""
+    if value is None:
+        return "–"
+    if not error > 0:
+        return f"{value:.3g}"
+    margin = measures.margin(error, freedom)
+    return (
+        estimate(value, margin)
+        if 1e-3 < max(abs(value), margin) < 1e5
+        else f"{value:.2e} ± {margin:.1e}"
+    )
+
+
+def measured(check):
+    """The number of a check as text; ``check`` is of `Check.plain`."""
+    return f"{number(check['value'], check['error'], check.get('freedom'))} {check['unit']}".strip()
+
+
+def bound(check):
+    """The bounds of a check as text; ``check`` is of `Check.plain`."""
+    low, high = (None if check[key] is None else f"{check[key]:.4g}" for key in ("low", "high"))
+    return f"{low} … {high}" if low and high else f"≥ {low}" if low else f"≤ {high}" if high else ""
+
+
+def write(checks, path):
+    """Write checks, of `Check.plain`, to a CSV file; where there is no margin its cell is empty."""
+    with open(path, "w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n", extrasaction="ignore")
+        writer.writeheader()
+        writer.writerows(
+            one | {"margin": measures.margin(one["error"], one.get("freedom")) or None}
+            for one in checks
+        )
+
+
+def show(console, checks, titles):
+    """Print checks, of `Check.plain`: a table for each part.
+
+    Args:
+        titles: part to its heading.
+    """
+    for part, title in titles.items():
+        table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+        for heading in "of", "number":
+            table.add_column(heading, overflow="fold")
+        for heading in "measured", "bound":
+            table.add_column(heading, justify="right", no_wrap=True)
+        table.add_column("verdict", overflow="fold")
+        for check in checks:
+            if check["part"] == part:
+                table.add_row(
+                    check["subject"], check["what"], measured(check), bound(check), check["verdict"]
+                )
+        if table.rows:
+            console.print(table)
+    counts = [
+        f"{sum(check['verdict'] == verdict for check in checks)} × {verdict}"
+        for verdict in ("holds", "does not hold", "cannot tell")
+    ]
+    console.print(", ".join(counts) + f" (± and verdicts: {SURE} intervals)")
+    for check in checks:
+        if check["verdict"] not in ("", "holds") and check["note"]:
+            console.print(
+                f"{check['subject']}, {check['what']}: {check['note']}",
+                markup=False,
+                soft_wrap=True,
+            )
