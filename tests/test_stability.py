@@ -173,7 +173,7 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     cases = {name: case(measure, name) for name in ("one", "two")}
     run_them = lambda names, full=False: stability.stability(
         cases, names, tmp_path, full, 60.0, Silent(), ["nosquish", "rigid"]
-    )  # noqa: E731
+    )
     summary = run_them(["one"])
     assert summary["interrupted"] and [len(found["rows"]) for found in summary["cases"]] == [1]
     summary = run_them(["one"])
@@ -203,10 +203,11 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     shutil.copytree(
         ROOT / "validation", copy, ignore=shutil.ignore_patterns("results", "__pycache__")
     )
-    monkeypatch.setattr(stability.machine, "HARNESS", copy)
+    monkeypatch.setattr(stability.store, "HARNESS", copy)
 
     def code():
         stability._code.cache_clear()
+        stability.store.code_of.cache_clear()
         return stability._code()
 
     before = code()
@@ -218,12 +219,12 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
         "statistics/measures",
         "statistics/motion",
         "scenes/starts",
-        "theory/top",
+        "scenes/bodies",
         "scenes/integrators",
         "scenes/peptide",
         "scenes/__init__",
-        "running/run",
         "running/worker",
+        "running/run",
         "statistics/check",
         "stability/tops",
     ):
@@ -233,6 +234,7 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     found.add(code())
     assert len(found) == 13
     stability._code.cache_clear()
+    stability.store.code_of.cache_clear()
 
 
 def test_a_length_of_some_is_a_tenth(tmp_path):
@@ -455,7 +457,7 @@ def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
     found = case(measure, starts=(4, 19), together=stability.mean_of_starts)
     run_it = lambda starts=None: stability.stability(
         {"test": found}, ["test"], tmp_path, False, 60.0, Silent(), ["nosquish"], starts
-    )  # noqa: E731
+    )
     (line,) = run_it()["cases"][0]["rows"]
     assert done == list(range(8)) and line["verdict"] == "pass" and len(line["numbers"]) == 8
     run_it()
@@ -505,7 +507,7 @@ def test_rows_of_another_atlas_are_judged_again(tmp_path):
     stability.stability(
         {"test": measured}, ["test"], tmp_path / "old", False, 60.0, Silent(), ["nosquish"]
     )
-    take = lambda found, out: stability.stability({"test": found}, ["test"], tmp_path / out, False, 60.0, Silent(), ["nosquish"],  # noqa: E731
+    take = lambda found, out: stability.stability({"test": found}, ["test"], tmp_path / out, False, 60.0, Silent(), ["nosquish"],
                                                   take=tmp_path / "old")["cases"][0]["rows"][0]  # fmt: skip
     ran = []
     stricter = dataclasses.replace(

@@ -94,8 +94,8 @@ def test_rotor_parts_are_the_packages_step(dimer):
     )
     assert np.abs(apart).max() < 1e-14
     for energy, motion in dimer.rotor_parts():
-        gradient = calculus.jacobian(lambda x: energy(x)[None], dimer.start)[0]  # noqa: B023
-        slope = calculus.taylor(lambda s: motion(dimer.start[:, None], s), 1, dt).real  # noqa: B023
+        gradient = calculus.jacobian(lambda x: energy(x)[None], dimer.start)[0]
+        slope = calculus.taylor(lambda s: motion(dimer.start[:, None], s), 1, dt).real
         np.testing.assert_allclose(
             slope, gradient @ calculus.metric(14), atol=1e-12 * np.abs(slope).max()
         )

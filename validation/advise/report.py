@@ -213,7 +213,7 @@ def _table(points, targets):
     ):
         own = [point for point in points if point["integrator"] == key]
         near = None if choice.best else nearest(own, targets)
-        point = choice.best or near and near[0]
+        point = choice.best or (near and near[0])
         if point is None:
             why = "failed" if all(one["failed"] for one in own) else "not measured"
             table.add_row(own[0]["label"], *["–"] * (2 + len(targets)), why, style="dim")

@@ -4,11 +4,11 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
+import matplotlib.pyplot as plt
+import numpy as np
 
-from validation.bench.goals import ranks_of  # noqa: E402
-from validation.pages.figures import INK, MARKS, MISSED, OTHERS, OURS, PALE, draw_each  # noqa: E402
+from validation.bench.goals import ranks_of
+from validation.pages.figures import INK, MARKS, MISSED, OTHERS, OURS, PALE, draw_each
 
 
 def _text(value):

@@ -1,8 +1,5 @@
 """``breaks``: its words, and what they run."""
 
-import tempfile
-from pathlib import Path
-
 from validation import command_line
 
 
@@ -45,11 +42,8 @@ def run(arguments) -> int:
     out, screen = command_line.folder(arguments.out, "results/breaks"), console.console()
     names = command_line.chosen(measure.CASES, arguments.cases)
     summary = machine.circumstances()
-    with (
-        console.Meter(screen, len(names) * len(measure.FIXES), "cases") as meter,
-        tempfile.TemporaryDirectory() as folder,
-    ):
-        rows, interrupted = measure.breaks(names, Path(folder), meter)
+    with console.Meter(screen, len(names) * len(measure.FIXES), "cases") as meter:
+        rows, interrupted = measure.breaks(names, out, meter)
     summary |= {"interrupted": interrupted, "rows": rows}
     report.write(summary, out)
     report.show(screen, summary, out)

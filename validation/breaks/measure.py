@@ -8,12 +8,16 @@ import itertools
 import re
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from validation.running import lammps_log
+from validation.running import lammps_log, run
+from validation.running.store import Store
 from validation.scenes.boxes import (
     OURS,
     RIGID,
@@ -97,7 +101,7 @@ def cluster():
     """A drop of bodies without a periodic box, over the ranks' common corner, kept together by their attraction."""
     h, rng, bodies = 24.0 * np.eye(3), np.random.default_rng(11), []
     for kind, site in zip(
-        itertools.cycle("solid planar row single".split()), itertools.product(range(2), repeat=3)
+        itertools.cycle(["solid", "planar", "row", "single"]), itertools.product(range(2), repeat=3)
     ):
         bodies.append(turned(kind, 12.0 + 2.2 * (np.array(site) - 0.5), bodies, h, rng))
     return assemble(
@@ -231,7 +235,8 @@ def shifted(boundary):
     def measure(simulate, fix):
         h, rng, bodies = 12.0 * np.eye(3), np.random.default_rng(6), []
         for kind, site in zip(
-            itertools.cycle("solid planar pair row".split()), itertools.product(range(3), repeat=3)
+            itertools.cycle(["solid", "planar", "pair", "row"]),
+            itertools.product(range(3), repeat=3),
         ):
             bodies.append(turned(kind, 3.0 + 2.55 * np.array(site), bodies, h, rng))
         system = assemble(sorted(bodies, key=lambda body: body[0]), h, setup=f"boundary {boundary}")
@@ -359,35 +364,62 @@ class Case:
     """
 
     name: str
-    what: str
     measure: Callable
     most: float
+    _: KW_ONLY
     why: str
+    what: str
 
 
 ROUNDING = "rounding, after the motion has made it grow"
 CASES = {
     case.name: case
     for case in (
-        Case("tops-runs", "symmetric tops (methane, cubes, benzene …), 100 steps in one run or in two: largest distance", tops_in_two_runs, 1e-9, ROUNDING),
-        Case("tops-restart", "the same, with a restart file in the middle: largest distance", tops_restarted, 1e-9, ROUNDING),
-        Case("images-quarter", "a rod of 0.4 box lengths where image counters run over (511 to −512), 50 steps: largest distance from the same with "
-             "counters near 0", wrapped(4.0), 1e-10, ROUNDING),
-        Case("images-half", "the same, a rod of 0.7 box lengths", wrapped(7.0), 1e-10, ROUNDING),
-        Case("plane", "two dimensions, heat bath, no enforce2d, 10,000 steps: largest |z| + |vz|", out_of_the_plane, 0.0, "nothing drives it"),
-        Case("respa-order", "r-RESPA of two levels: what is left of the error when the outer step is a quarter as long", respa_falls, 0.09,
-             "1/16 in the limit of short steps, for a scheme of second order"),
-        Case("respa-error", "the same: distance from small steps of Verlet with outer steps of 0.004", respa_error, 1e-5, "second order; the bound is that of the test before these results"),
-        Case("origin-periodic", "all atoms moved by up to 10⁴ lengths in a periodic box: relative change of the pressure", shifted("p p p"), 1e-9, ROUNDING),
-        Case("origin-free", "the same in a box that shrinks around them", shifted("s s s"), 1e-9, ROUNDING),
-        Case("angular-momentum", "no box, 10,000 steps: relative change of the total angular momentum", angular_momentum, 1e-12, ROUNDING),
-        Case("fix-momentum", "fix momentum: the centre of mass's velocity in the ten steps after, over that before", momentum_comes_back, 1e-10, ROUNDING),
-        Case("temp-rescale", "fix temp/rescale to 3.0, free bodies: how far the temperature is off in the next ten steps, relative", rescaled, 1e-6, ROUNDING),
-        Case("temp-csvr", "fix temp/csvr to 3.0: how far the mean temperature is off, relative", bath, 0.17,
-             "chance, in ten samples of few bodies"),
-        Case("tiny", "moments of inertia of 10⁻⁴⁶ kg m², 50 steps: distance from the same bodies in LJ units", tiny, 1e-9, ROUNDING),
-        Case("nearly-linear", "triatomics bent by 10⁻¹² to 10⁻³ rad: relative difference of the energy's range from that of straight ones", nearly_linear, 0.01,
-             "bodies bent by 1e-3 differ by some 1e-3"),
+        Case("tops-runs", tops_in_two_runs, 1e-9,
+             why=ROUNDING,
+             what="symmetric tops (methane, cubes, benzene …), 100 steps in one run or in two: largest distance"),
+        Case("tops-restart", tops_restarted, 1e-9,
+             why=ROUNDING,
+             what="the same, with a restart file in the middle: largest distance"),
+        Case("images-quarter", wrapped(4.0), 1e-10,
+             why=ROUNDING,
+             what="a rod of 0.4 box lengths where image counters run over (511 to −512), 50 steps: largest distance from the same with counters near 0"),
+        Case("images-half", wrapped(7.0), 1e-10,
+             why=ROUNDING,
+             what="the same, a rod of 0.7 box lengths"),
+        Case("plane", out_of_the_plane, 0.0,
+             why="nothing drives it",
+             what="two dimensions, heat bath, no enforce2d, 10,000 steps: largest |z| + |vz|"),
+        Case("respa-order", respa_falls, 0.09,
+             why="1/16 in the limit of short steps, for a scheme of second order",
+             what="r-RESPA of two levels: what is left of the error when the outer step is a quarter as long"),
+        Case("respa-error", respa_error, 1e-5,
+             why="second order; the bound is that of the test before these results",
+             what="the same: distance from small steps of Verlet with outer steps of 0.004"),
+        Case("origin-periodic", shifted("p p p"), 1e-9,
+             why=ROUNDING,
+             what="all atoms moved by up to 10⁴ lengths in a periodic box: relative change of the pressure"),
+        Case("origin-free", shifted("s s s"), 1e-9,
+             why=ROUNDING,
+             what="the same in a box that shrinks around them"),
+        Case("angular-momentum", angular_momentum, 1e-12,
+             why=ROUNDING,
+             what="no box, 10,000 steps: relative change of the total angular momentum"),
+        Case("fix-momentum", momentum_comes_back, 1e-10,
+             why=ROUNDING,
+             what="fix momentum: the centre of mass's velocity in the ten steps after, over that before"),
+        Case("temp-rescale", rescaled, 1e-6,
+             why=ROUNDING,
+             what="fix temp/rescale to 3.0, free bodies: how far the temperature is off in the next ten steps, relative"),
+        Case("temp-csvr", bath, 0.17,
+             why="chance, in ten samples of few bodies",
+             what="fix temp/csvr to 3.0: how far the mean temperature is off, relative"),
+        Case("tiny", tiny, 1e-9,
+             why=ROUNDING,
+             what="moments of inertia of 10⁻⁴⁶ kg m², 50 steps: distance from the same bodies in LJ units"),
+        Case("nearly-linear", nearly_linear, 0.01,
+             why="bodies bent by 1e-3 differ by some 1e-3",
+             what="triatomics bent by 10⁻¹² to 10⁻³ rad: relative difference of the energy's range from that of straight ones"),
     )
 }  # fmt: skip
 
@@ -435,33 +467,50 @@ class Runs:
         return self.known[key]
 
 
-def breaks(names, folder, meter):
-    """Measure cases with all fixes.
+def breaks(names, out, meter):
+    """Measure cases with all fixes, those that the output folder does not have.
 
     Args:
         names: in `CASES`.
-        folder: for the runs' files.
+        out: folder; what was measured is kept in its folder ``records``.
         meter: a ``console.Meter``.
 
     Returns:
         (rows, interrupted): plain data, a row for each case and fix.
     """
-    rows, simulate = [], Runs(folder)
-    for case in (CASES[name] for name in names):
-        for label, fix in FIXES.items():
+    rows, kept = [], Store(out / "records", "validation.breaks.measure")
+    with tempfile.TemporaryDirectory() as folder:
+        simulate = Runs(Path(folder))
+        for case, label in itertools.product((CASES[name] for name in names), FIXES):
+            fix = FIXES[label]
             meter.begin(f"{case.name}, {label}", 1)
-            value, note = None, ""
+            name = f"{case.name}/{run.folder_name(label)}"
+            measure = partial(_measured, case, simulate, fix)
             try:
-                value, note = told(case.measure(simulate, fix))
-            except Ended as end:
-                note = str(end)
+                found = kept.once(name, kept.origin(fix), measure)
             except KeyboardInterrupt:
                 meter.end("interrupted")
                 return rows, True
-            meter.end(note if value is None else None)
-            rows.append({"case": case.name, "what": case.what, "integrator": label, "value": value, "most": case.most, "why": case.why,
-                         "verdict": verdict(value, case.most), "note": note})  # fmt: skip
+            meter.end(found["note"] if found["value"] is None else None)
+            row = {
+                "case": case.name,
+                "what": case.what,
+                "integrator": label,
+                "most": case.most,
+                "why": case.why,
+                "verdict": verdict(found["value"], case.most),
+            }
+            rows.append(row | found)
     return rows, False
+
+
+def _measured(case, simulate, fix):
+    """A case's number with a fix, None where LAMMPS has ended the run, and what else there is."""
+    try:
+        value, note = told(case.measure(simulate, fix))
+    except Ended as end:
+        value, note = None, str(end)
+    return {"value": value, "note": note}
 
 
 def told(found):

@@ -15,16 +15,16 @@ import matplotlib
 
 matplotlib.use("Agg")
 
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-import pandas as pd  # noqa: E402
-from rich.box import SIMPLE_HEAD  # noqa: E402
-from rich.table import Table  # noqa: E402
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
-from validation.pages.figures import INK, OTHERS, OURS, STYLE, THIRD  # noqa: E402
-from validation.running import machine, run  # noqa: E402
-from validation.scenes.integrators import INTEGRATORS  # noqa: E402
-from validation.statistics import measures, motion  # noqa: E402
+from validation.pages.figures import INK, OTHERS, OURS, STYLE, THIRD
+from validation.running import machine, run
+from validation.scenes.integrators import INTEGRATORS
+from validation.statistics import measures, motion
 
 BOUND = 1e-10
 FRAMES = 1000

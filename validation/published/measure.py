@@ -116,7 +116,7 @@ def published(out, time, ranks, silence, meter):
                                 origin=machine.origin(water, ours)))  # fmt: skip
     found = {}
     if first.error:
-        return {dt: first for dt in PUBLISHED}, first.interrupted
+        return dict.fromkeys(PUBLISHED, first), first.interrupted
     for dt in sorted(PUBLISHED, reverse=True):
         job = run.job(from_dump(water, dump, rest), ours, out / f"{dt:g}-fs", [steps(time, dt)], dt=dt, every=max(1, round(SAMPLED / dt)), ranks=ranks,
                       silence=silence, positions=False, origin=machine.origin(water, ours, dump))  # fmt: skip

@@ -12,11 +12,6 @@ from pathlib import Path
 
 from validation.running import startup
 
-HARNESS = Path(__file__).parents[1]
-# files of the harness that no number follows from
-SHOWN = ("report.py", "figures.py", "command*.py", "criteria.py", "validation/__*__.py")
-SHOWN += ("pages/*.py", "report/*.py")
-
 
 def circumstances():
     """What was asked for, when, where and with what, as plain data."""
@@ -78,15 +73,6 @@ def package_hash():
     found = hashlib.sha256()
     for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so")]):
         found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()
-
-
-def harness_hash() -> str:
-    """Of the harness, without what only shows."""
-    found = hashlib.sha256()
-    for path in sorted(HARNESS.rglob("*.py")):
-        if not any(path.match(pattern) for pattern in SHOWN):
-            found.update(path.read_bytes())
     return found.hexdigest()
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.pages.page import save
-from validation.running import machine, run
+from validation.running import machine, run, store
 from validation.scenes import SCENES
 from validation.scenes.integrators import INTEGRATORS, SWEPT
 from validation.stability import criteria
@@ -495,7 +495,7 @@ def _code():
     """Hash of versions, the package, this one without what only shows, and the scenes' files, as they are when first asked for: what is edited later
     does not run in this process."""
     found = hashlib.sha256(json.dumps([machine.versions(), machine.package_hash()]).encode())
-    found.update(machine.harness_hash().encode())
+    found.update(store.code_of("validation.stability.cases").encode())
     for scene in SCENES.values():
         found.update(machine.contents(scene.folder).encode())
     return found.hexdigest()

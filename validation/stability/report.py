@@ -171,10 +171,8 @@ def show(console, summary, out):
     )
     for case in summary["cases"]:
         for row in case["rows"]:
-            if (
-                row["verdict"] == "blow-up"
-                or row["verdict"] != "pass"
-                and row["integrator"] == "nosquish"
+            if row["verdict"] == "blow-up" or (
+                row["verdict"] != "pass" and row["integrator"] == "nosquish"
             ):
                 console.print(
                     f"{LOOKS[row['verdict']][1]} {case['name']}, {row['label']}: {row['verdict']} {row['note']}",

@@ -63,7 +63,7 @@ class Check:
     @property
     def holds(self):
         """Whether all of value ± `margin` is within the bounds: False if all is outside of them, None if neither, or without bounds."""
-        if self.value is None or self.low is None and self.high is None:
+        if self.value is None or (self.low is None and self.high is None):
             return None
         low, high = (
             -np.inf if self.low is None else self.low,

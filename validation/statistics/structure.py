@@ -23,7 +23,7 @@ from physical_validation.data import (
     SystemData,
     TrajectoryData,
     UnitData,
-)  # noqa: E402
+)
 
 KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide

@@ -89,7 +89,7 @@ def choose(points, targets):
     usual = good[0]["cost"]["median"] if good else math.inf
     perhaps = [
         point for point, met in verdicts
-        if (met is None or met and not point["cost"]) and (not point["cost"] or point["cost"]["min"] <= usual)
+        if (met is None or (met and not point["cost"])) and (not point["cost"] or point["cost"]["min"] <= usual)
     ]  # fmt: skip
     tied = [point for point in good if point["cost"]["min"] <= usual]
     best = _plain(min(tied, key=_by_words, default=None), perhaps, targets)

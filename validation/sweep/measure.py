@@ -16,7 +16,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from validation.paper import plan as paper
-from validation.running import machine, run
+from validation.running import machine, run, store
 from validation.scenes import FS_PER_PS, starts
 from validation.scenes.integrators import SWEPT
 from validation.statistics import measures
@@ -67,7 +67,7 @@ def sweep(points, lengths, out, meter, ranks=1, silence=300.0, short=False):
         dict: plain data; after a Ctrl-C with what was complete, and ``interrupted`` true.
     """
     summary = machine.circumstances() | {
-        "code": [machine.package_hash(), machine.harness_hash()],  # as it is now, not as it is when all has run
+        "code": [machine.package_hash(), store.code_of("validation.sweep.measure")],  # as it is now, not as it is when all has run
         "interrupted": False, "ranks": ranks, "lengths": {name: asdict(one) for name, one in lengths.items()}, "measures": MEASURES, "scenes": {},
     }  # fmt: skip
     for name in dict.fromkeys(point.scene for point in points):

@@ -76,7 +76,7 @@ def _stays(earlier, summary, name):
     old, new = ((one["scenes"][name], one["lengths"][name]) for one in (earlier, summary))
     same = all(old[0][key] == new[0][key] for key in ("begun", "ranks")) and old[1] == new[1]
     runs, now = (sum(point["starts"] for point in scene["points"]) for scene, _ in (old, new))
-    return same and runs > now or not new[0]["points"] and not new[0]["error"]
+    return (same and runs > now) or (not new[0]["points"] and not new[0]["error"])
 
 
 def named(point):
@@ -162,7 +162,7 @@ def _write_points(summary, path):
                 errors = [
                     value
                     for one in found
-                    for value in (one.get("value"), one.get("error") and margin_of(one) or None)
+                    for value in (one.get("value"), (one.get("error") and margin_of(one)) or None)
                 ]  # the largest of all frames has none
                 here = point["integrator"], point["dt"]
                 writer.writerow([

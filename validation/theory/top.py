@@ -21,9 +21,9 @@ def free_top(q, L, moments, time):
         (q, L) then; the sign of q is that with which its largest component is positive.
     """
     order = np.eye(3)
-    if (
-        L @ L >= (L * L / moments).sum() * moments[1]
-    ):  # it circles about axis 1: number the axes 3, 2, -1
+    if (L * L / moments).sum() * moments[
+        1
+    ] <= L @ L:  # it circles about axis 1: number the axes 3, 2, -1
         order = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     i1, i2, i3 = np.abs(order) @ moments
     start = order @ L
