@@ -227,7 +227,7 @@ def test_choice_is_that_of_a_search():
 
 WRONG = {
     "an error bar counts for nothing": lambda patch: patch.setattr(
-        "validation.statistics.measures.margin", lambda error, freedom=None: 0.0
+        "validation.statistics.estimate.margin", lambda error, freedom=None: 0.0
     ),
     "a failed point may be chosen": lambda patch: patch.setattr(
         sweep_choice,

@@ -8,7 +8,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from validation import RESULTS
-from validation.statistics.check import SURE
+from validation.statistics.estimate import SURE
 from validation.sweep.choice import choose, each, meets, nearest, ours, resolution
 from validation.sweep.report import ONE_START, error_of, named, names, over, seconds
 

@@ -7,7 +7,8 @@ from rich.table import Table
 
 from validation.compare.figures import draw
 from validation.pages.page import page, save
-from validation.pages.tables import Column, busy, cell, margin_of
+from validation.pages.tables import Column, busy, cell
+from validation.statistics.estimate import Estimate
 
 COLUMNS = (
     Column(
@@ -114,7 +115,7 @@ def _write_table(summary, path):
         writer.writerow([*header, "status"])
         for row in summary["integrators"]:
             values = [
-                "" if row.get(key) is None else margin_of(row[key]) if part == "margin"
+                "" if row.get(key) is None else Estimate.of(row[key]).margin if part == "margin"
                 else row[key][part] if part else row[key] for key, part in picks
             ]  # fmt: skip
             writer.writerow([row["label"], *values, status(row)])

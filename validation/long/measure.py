@@ -175,17 +175,16 @@ def _save(rows, out):
     flat = [
         row
         | (
-            {"energy_drift": row["energy_drift"]["value"], "energy_drift_margin": _margin(row)}
+            {
+                "energy_drift": row["energy_drift"]["value"],
+                "energy_drift_margin": measures.Estimate(**row["energy_drift"]).margin,
+            }
             if "energy_drift" in row
             else {}
         )
         for row in rows
     ]
     pd.DataFrame(flat).to_csv(Path(out) / "table.csv", index=False, float_format="%.3g")
-
-
-def _margin(row):
-    return measures.Estimate(**row["energy_drift"]).margin
 
 
 def show(console, rows):
@@ -208,7 +207,7 @@ def show(console, rows):
         if "steps" in row:
             table.add_row(
                 row["label"], f"{row['angle']:g}", f"{row['steps']:,}", *(f"{row[key]:.1e}" for key in QUANTITIES),
-                f"{row['energy_drift']['value']:.1e} ± {_margin(row):.0e}" if "energy_drift" in row else "–", f"{row.get('us_per_step', np.nan):.1f}",
+                f"{row['energy_drift']['value']:.1e} ± {measures.Estimate(**row['energy_drift']).margin:.0e}" if "energy_drift" in row else "–", f"{row.get('us_per_step', np.nan):.1f}",
             )  # fmt: skip
         if row["error"]:
             console.print(f"✗ {row['label']}: {row['error']}", markup=False)

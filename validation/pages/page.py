@@ -7,6 +7,8 @@ from pathlib import Path
 import jinja2
 
 from validation.running import machine
+from validation.statistics.check import bound, measured
+from validation.statistics.estimate import SURE, Estimate
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -34,7 +36,13 @@ def page(template, path, figures, **values):
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals["package"] = machine.package
+    environment.globals |= {
+        "package": machine.package,
+        "number": lambda *estimate, **named: Estimate(*estimate, **named).text(),
+        "measured": measured,
+        "bound": bound,
+        "sure": SURE,
+    }
     embedded = [
         (base64.b64encode(Path(png).read_bytes()).decode(), caption) for png, caption in figures
     ]

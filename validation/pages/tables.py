@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from validation.statistics.measures import estimate, margin
+from validation.statistics.estimate import Estimate, rounded
 
 FREE = 90.0  # percent of a core that a rank must have had
 
@@ -24,22 +24,15 @@ def cell(row, column, short=False):
     if value is None:
         return "–"
     if column.kind == "estimate":
-        drifts = (
-            column.key == "energy_sd"
-            and "drift" in row
-            and abs(row["drift"]["value"]) > margin_of(row["drift"])
-        )
-        return estimate(value["value"], margin_of(value)) + ", drifts" * drifts
+        drift = Estimate.of(row["drift"]) if "drift" in row else Estimate(0.0)
+        drifts = column.key == "energy_sd" and abs(drift.value) > drift.margin
+        return rounded(value["value"], Estimate.of(value).margin) + ", drifts" * drifts
     if column.kind == "number":
         return f"{value:.1e}" if value else "0"
     digits = 0 if value["median"] >= 100 else 2
     if short:
         return f"{value['median']:.{digits}f}"
     return f"{value['median']:.{digits}f} [{value['min']:.{digits}f}–{value['max']:.{digits}f}]"
-
-
-def margin_of(found):
-    return margin(found["error"], found.get("freedom"))
 
 
 def busy(summary):

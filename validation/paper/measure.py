@@ -25,7 +25,8 @@ from validation.paper.plan import (
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.integrators import PAPER
 from validation.statistics import measures
-from validation.statistics.check import Check, number
+from validation.statistics.check import Check
+from validation.statistics.estimate import Estimate
 
 TITLES = {
     "dimer": "The light water dimer, figure 2a",
@@ -200,7 +201,7 @@ def _steady(check, name, series):
     """Stable: the drift moves the energy by less than it fluctuates anyway."""
     slope = _drift(series)
     scale = min(one.time[-1] for one in series) / _deviation(series)
-    note = f"drift {number(*slope)} kcal/mol/ps" + f", mean of {len(series)} starts" * (
+    note = f"drift {slope.text()} kcal/mol/ps" + f", mean of {len(series)} starts" * (
         len(series) > 1
     )
     what = f"stable: drift of the energy, times {_length(*series)}, over its sd"
@@ -340,7 +341,7 @@ def _peptide(whole, conventions):
             check,
             value=abs(slope.value) / slope.margin,
             unit="margins",
-            note=f"{number(*slope)} kcal/mol/ps",
+            note=f"{slope.text()} kcal/mol/ps",
         )
         if name == "rigid/small":
             yield drifting(
@@ -468,7 +469,7 @@ def _laws(whole, sizes):
     ):
         if len(points) > 1:
             exponent = measures.power(*zip(*points))
-            note = ", ".join(f"{x:g}: {number(*sd)}" for x, sd in points) + " kcal/mol"
+            note = ", ".join(f"{x:g}: {sd.text()}" for x, sd in points) + " kcal/mol"
             checks.append(
                 Check(
                     "scaling",
@@ -549,7 +550,7 @@ def _gear(found, whole):
             f"{span:.4g} ps without the first {BEGINNING} steps, {len(pairs)} starts",
         )
         ours_drift, drift = _drift(ours), _drift(theirs)
-        note, off = f"{number(*drift)} kcal/mol/ps", abs(drift.value) / drift.margin
+        note, off = f"{drift.text()} kcal/mol/ps", abs(drift.value) / drift.margin
         yield check(
             f"Gear, {scene}",
             f"drifts {where}: |drift| of the energy, {when}",
@@ -575,7 +576,7 @@ def _gear(found, whole):
             yield over(value=None, note=f"Gear's drift itself cannot be told: {note}")
             continue
         yield over(
-            **measures.quotient(ours_drift, drift).plain(), note=f"{number(*ours_drift)} and {note}"
+            **measures.quotient(ours_drift, drift).plain(), note=f"{ours_drift.text()} and {note}"
         )
         crossing, note = (
             measures.quotient(
@@ -588,7 +589,9 @@ def _gear(found, whole):
             for pair in pairs
         ]
         if min(map(_shortest, soon)) >= FEW:
-            note = f"up to there Gear's average measure is {number(*_measures(soon))} times NO_SQUISH's"
+            note = (
+                f"up to there Gear's average measure is {_measures(soon).text()} times NO_SQUISH's"
+            )
         what = f"after which time its drift {where} is more than the sd of NO_SQUISH's energy"
         yield check(f"Gear, {scene}", what, **crossing.plain(), high=span, unit="ps", note=note)
 
@@ -625,7 +628,7 @@ def _force_field_checks(whole, rows):
     for entry in rows:
         if entry["name"] == "as it is" and "variance" in entry:
             part = measures.Estimate(**entry["variance"]).times(1 / entry["usual_variance"]).plain()
-            note = f"from {entry['ps']:.3g} ps at {SMALL_DT:g} fs: sd {number(**entry['sd'])} kcal/mol, random walk {number(**entry['walk'])} (kcal/mol)²/ps"
+            note = f"from {entry['ps']:.3g} ps at {SMALL_DT:g} fs: sd {Estimate.of(entry['sd']).text()} kcal/mol, random walk {Estimate.of(entry['walk']).text()} (kcal/mol)²/ps"
             yield check(f"does not dominate: its part of the energy's variance in {entry['usual_ps']:.4g} ps at {DT:g} fs", **part, high=DOMINATES,
                         note=note)  # fmt: skip
     as_it_is, renewed = (

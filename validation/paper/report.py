@@ -10,7 +10,7 @@ from validation.paper.figures import SHOWN, draw, thin
 from validation.paper.measure import TITLES
 from validation.paper.plan import AVERAGE_MEASURE, LIQUID
 from validation.statistics import check
-from validation.statistics.check import number
+from validation.statistics.estimate import Estimate
 
 COLUMNS = (  # key, heading, unit
     ("temperature", "temperature", "K"), ("sd", "sd of energy", "kcal/mol"), ("sd_line", "sd about its line", "kcal/mol"), ("measure", "average measure", ""), ("drift", "drift", "kcal/mol/ps"),
@@ -59,8 +59,7 @@ def write(summary, found, out):
                 writer.writerows(
                     (name, f"{time:.6g}", f"{error:.4g}") for time, error in zip(*thin(one))
                 )
-    page("paper.html", out / "report.html", draw(found, summary, out), summary=summary, titles=TITLES, columns=COLUMNS, cell=cell, number=number,
-         measured=check.measured, bound=check.bound, sure=check.SURE, aim=AVERAGE_MEASURE, liquid=LIQUID)  # fmt: skip
+    page("paper.html", out / "report.html", draw(found, summary, out), summary=summary, titles=TITLES, columns=COLUMNS, cell=cell, aim=AVERAGE_MEASURE, liquid=LIQUID)  # fmt: skip
 
 
 def cell(row, key):
@@ -68,7 +67,7 @@ def cell(row, key):
     value = row.get(key)
     if value is None:
         return "–"
-    return number(**value) if isinstance(value, dict) else f"{value:.1e}"
+    return Estimate.of(value).text() if isinstance(value, dict) else f"{value:.1e}"
 
 
 def show(console, summary, out):

@@ -18,6 +18,7 @@ from validation.scenes.integrators import INTEGRATORS
 from validation.scenes.starts import from_dump, to_dump
 from validation.statistics import check, measures
 from validation.statistics.check import Check
+from validation.statistics.estimate import SURE
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 SERIES = "github.com/craabreu/rigid_nvt_paper"  # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
@@ -145,11 +146,9 @@ def checks(found):
             line = measures.about_line(result.thermo["Time"], result.thermo["TotEng"])
             slope = measures.drift(result.thermo["Time"] / FS_PER_PS, result.thermo["TotEng"])
             drifts = (
-                f", drifts by {check.number(*slope)} kcal/mol/ps"
-                if abs(slope.value) > slope.margin
-                else ""
+                f", drifts by {slope.text()} kcal/mol/ps" if abs(slope.value) > slope.margin else ""
             )
-            note = f"{check.number(*spread)} (about its line {check.number(*line)}{drifts}) over {check.number(*published)} kcal/mol"
+            note = f"{spread.text()} (about its line {line.text()}{drifts}) over {published.text()} kcal/mol"
         else:
             note = f"no complete run: {result.error if result else 'not begun'}"
         made.append(_check(f"{dt:g} fs", value, note))
@@ -213,7 +212,7 @@ def spread(made):
     axis.set_xticks(list(PUBLISHED), [f"{dt:g}" for dt in PUBLISHED])
     return (
         figure,
-        f"Error bars: {check.SURE} intervals, of both together (theirs alone: ± {100 * measures.margin(THEIR_ERROR):.1f} %); shaded: within {100 * WITHIN:g} %.",
+        f"Error bars: {SURE} intervals, of both together (theirs alone: ± {100 * measures.margin(THEIR_ERROR):.1f} %); shaded: within {100 * WITHIN:g} %.",
     )
 
 
@@ -227,4 +226,4 @@ def write(summary, made, out):
     save(summary, out)
     check.write(summary["checks"], out / "table.csv")
     page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE, origins=ORIGINS,
-         temperature=TEMPERATURE, their_margin=measures.margin(THEIR_ERROR), measured=check.measured, bound=check.bound, sure=check.SURE)  # fmt: skip
+         temperature=TEMPERATURE, their_margin=measures.margin(THEIR_ERROR))  # fmt: skip

@@ -21,8 +21,8 @@ from validation.report import stability as overview_stability
 from validation.report import sweep as overview_sweep
 from validation.report.pieces import Cell, Figure, Said, Table, sortable
 from validation.scenes.integrators import INTEGRATORS
-from validation.statistics.check import SURE, bound, measured, number
-from validation.statistics.measures import Estimate
+from validation.statistics.check import bound, measured
+from validation.statistics.estimate import SURE, Estimate
 from validation.theory import report as theory_report
 
 OURS = "nosquish"
@@ -295,13 +295,13 @@ def _compare(summary):
     rows = summary["integrators"]
     settings = summary["settings"]
     measured_rows = [row for row in rows if row.get("energy_sd")]
-    told = [f"{row['label']} {number(**row['energy_sd'])}" for row in measured_rows]
+    told = [f"{row['label']} {Estimate.of(row['energy_sd']).text()}" for row in measured_rows]
     span = f"{settings['steps']:,} steps of {settings['dt_fs']:g} fs, {goals.ranks_of(settings['ranks'])}"
     lines = [
         f"{summary['title']}, {span}: standard deviation of the energy in kcal/mol: {', '.join(told) or 'none was measured'}."
     ]
     drifts = [
-        f"{row['label']} {number(**row['drift'])}"
+        f"{row['label']} {Estimate.of(row['drift']).text()}"
         for row in measured_rows
         if abs(row["drift"]["value"]) > Estimate(**row["drift"]).margin
     ]

@@ -12,7 +12,7 @@ from validation.stability.cases import CASES
 from validation.stability.criteria import CRITERIA
 from validation.stability.measure import COMPARED, LOST
 from validation.stability.report import READ, package
-from validation.statistics.check import number
+from validation.statistics.estimate import Estimate
 
 OURS = "nosquish"
 FIXES = [
@@ -50,7 +50,7 @@ def say(summary):
     )
     rows = [
         [Cell(case["name"]), Cell(_of_this(case["physics"], summary.get("full"))), Cell(_criterion(case, summary)), Cell(_bound(case)), Cell(row["label"]),
-         Cell(number(row["value"], row["error"] or 0.0, row.get("freedom")), sortable(row["value"])), Cell(case["bars"]),
+         Cell(Estimate.of(row).text(), sortable(row["value"])), Cell(case["bars"]),
          Cell(row["verdict"]), Cell(row["note"] or ""), Cell(package(row)), Cell(row["date"][:10]), Cell(row["command"])]
         for case in cases for row in case["rows"]
     ]  # fmt: skip
@@ -132,7 +132,7 @@ def _criterion(case, summary):
 
 def _few(row):
     """A number with its margin as text; without it where it is below a thousandth of the number."""
-    text = number(row["value"], row["error"] or 0.0, row.get("freedom"))
+    text = Estimate.of(row).text()
     value, *margin = (float(word) for word in text.split(" ± "))
     return f"{row['value']:.3g}" if margin and margin[0] < 1e-3 * abs(value) else text
 
@@ -159,7 +159,7 @@ def _step(row):
         return Cell("–" if row is None else row["verdict"], math.nan)
     least = "≥ " if row["value"] and not row["error"] else ""
     return Cell(
-        least + number(row["value"], row["error"] or 0.0, row.get("freedom")),
+        least + Estimate.of(row).text(),
         row["value"],
         row["verdict"],
     )

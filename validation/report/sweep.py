@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from validation.bench import goals
 from validation.report.pieces import Cell, Figure, Said, Table, sortable
-from validation.statistics.check import SURE
+from validation.statistics.estimate import SURE
 from validation.sweep import choice as sweep_choice
 from validation.sweep import figures as sweep_figures
 from validation.sweep import report as sweep_report

@@ -13,8 +13,7 @@ from validation.pages.figures import INK, draw_each
 from validation.pages.page import page
 from validation.stability.criteria import CRITERIA
 from validation.stability.measure import COMPARED
-from validation.statistics.check import SURE, number
-from validation.statistics.measures import margin
+from validation.statistics.estimate import SURE, Estimate
 
 # colours that differ in lightness too, and a sign each
 LOOKS = {
@@ -71,7 +70,10 @@ def write(summary, out):
                         key: (
                             known
                             | row
-                            | {"margin": _margin(row) or None, "measured with": package(row)}
+                            | {
+                                "margin": Estimate.of(row).margin or None,
+                                "measured with": package(row),
+                            }
                         )[key]
                         for key in COLUMNS
                     }
@@ -82,7 +84,6 @@ def write(summary, out):
         draw_each((matrix,), out, summary),
         summary=summary,
         cell=cell,
-        number=number,
         verdict=verdict,
         package=package,
         criteria=CRITERIA.values(),
@@ -109,17 +110,11 @@ def cell(row):
     value = (
         ""
         if row["value"] is None
-        else number(
-            row["value"],
-            row["error"] if _margin(row) > 1e-3 * abs(row["value"]) else 0.0,
-            row.get("freedom"),
-        )
+        else Estimate.of(row).text()
+        if Estimate.of(row).margin > 1e-3 * abs(row["value"])
+        else Estimate(row["value"]).text()
     )
     return f"{sign} {value}".strip()
-
-
-def _margin(row):
-    return margin(row["error"] or 0.0, row.get("freedom"))
 
 
 def list_cases(console, cases):
@@ -255,7 +250,7 @@ def _brief(x):
 def _tile(case, row):
     """Colour of a tile, of its text, and the text."""
     colour, sign, _ = LOOKS[row["verdict"]]
-    full, value, unsure = np.array(to_rgb(colour)), row["value"], _margin(row)
+    full, value, unsure = np.array(to_rgb(colour)), row["value"], Estimate.of(row).margin
     if value is None:
         return full, "white" if full.mean() < 0.5 else INK, sign
     if case["high"] is None:

@@ -7,10 +7,8 @@ import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from validation.statistics import measures
-from validation.statistics.measures import estimate
+from validation.statistics.estimate import SURE, Estimate
 
-SURE = f"{100 * measures.CONFIDENCE:g} %"  # of the margin beside a number, by which verdicts are
 COLUMNS = (
     "part",
     "subject",
@@ -56,9 +54,14 @@ class Check:
     freedom: float | None = field(default=None, kw_only=True)
 
     @property
-    def margin(self):
+    def estimate(self) -> Estimate:
+        """The number with its error."""
+        return Estimate(self.value, self.error, self.freedom)
+
+    @property
+    def margin(self) -> float:
         """Half the width of the 95 % interval."""
-        return measures.margin(self.error, self.freedom)
+        return self.estimate.margin
 
     @property
     def holds(self):
@@ -86,23 +89,9 @@ class Check:
         return asdict(self) | {"verdict": self.verdict}
 
 
-def number(value, error=0.0, freedom=None):
-    """Value ± its 95 % margin as text, in a form that shows both, whatever their size."""
-    if value is None:
-        return "–"
-    if not error > 0:
-        return f"{value:.3g}"
-    margin = measures.margin(error, freedom)
-    return (
-        estimate(value, margin)
-        if 1e-3 < max(abs(value), margin) < 1e5
-        else f"{value:.2e} ± {margin:.1e}"
-    )
-
-
 def measured(check):
     """The number of a check as text; ``check`` is of `Check.plain`."""
-    return f"{number(check['value'], check['error'], check.get('freedom'))} {check['unit']}".strip()
+    return f"{Estimate.of(check).text()} {check['unit']}".strip()
 
 
 def bound(check):
@@ -116,10 +105,7 @@ def write(checks, path):
     with open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n", extrasaction="ignore")
         writer.writeheader()
-        writer.writerows(
-            one | {"margin": measures.margin(one["error"], one.get("freedom")) or None}
-            for one in checks
-        )
+        writer.writerows(one | {"margin": Estimate.of(one).margin or None} for one in checks)
 
 
 def show(console, checks, titles):

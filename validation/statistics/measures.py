@@ -1,84 +1,16 @@
 """From time series and positions to numbers with errors.  NumPy and SciPy, no LAMMPS.
 
-Errors are standard errors (one standard deviation of the estimate) that account for
-the correlation in time of successive samples.  An error that few values tell is uncertain itself: its degrees of freedom go with it.
-What is shown beside a number, and what verdicts go by, is its margin, made of both: the half width of its 95 % interval.
+The errors account for the correlation in time of successive samples; see `estimate`.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from scipy import special
 
+from validation.statistics.estimate import CONFIDENCE, Estimate, combined, margin
+
 STRETCHES, GAP = 7, 0.04  # of a series for its drift, and the part of it between two of them
 WIDER = 1.14  # than the standard error of seven slopes: so ± one error covers 70 %, ± two 94 %
 FEW_BLOCKS = 12  # for the error of its mean
-CONFIDENCE = 0.95  # of the interval value ± margin
-
-
-def margin(error, freedom=None):
-    """Half the width of the `CONFIDENCE` interval: the standard error times Student's t for these degrees of freedom; None for a normal variable."""
-    quantile = (1 + CONFIDENCE) / 2
-    return error * float(
-        special.ndtri(quantile) if freedom is None else special.stdtrit(freedom, quantile)
-    )
-
-
-def combined(*parts):
-    """Standard error of a sum of independent numbers, and degrees of freedom with which its margin is the root of the sum of theirs squared.
-
-    Such a margin covers at least as often as those of the parts (W. G. Howe, J. Am. Stat. Assoc. 69, 789, 1974); one with Welch's and Satterthwaite's
-    degrees of freedom covers less often where a part has very few.
-
-    Args:
-        parts: of each (error, freedom).
-    """
-    size = max((abs(error) for error, _ in parts), default=0.0)
-    if not 0 < size < np.inf:
-        return float(size), None
-    error, wide = (
-        float(np.sqrt(sum(float(one / size) ** 2 for one in some)))
-        for some in zip(*((one, margin(one, freedom)) for one, freedom in parts))
-    )
-    times = wide / error
-    return float(size) * error, None if times <= margin(1.0) * (1 + 1e-9) else float(
-        special.stdtridf((1 + CONFIDENCE) / 2, times)
-    )
-
-
-def estimate(value, margin):
-    """Value ± margin, to two digits of the margin."""
-    if not margin > 0:
-        return f"{value:.4g}"
-    digits = 0
-    while margin * 10**digits < 9.5 and digits < 12:
-        digits += 1
-    return f"{value:.{digits}f} ± {margin:.{digits}f}"
-
-
-class Estimate(NamedTuple):
-    """A number, its standard error, and the degrees of freedom of that; None for many."""
-
-    value: float
-    error: float = 0.0
-    freedom: float | None = None
-
-    @property
-    def margin(self):
-        """Half the width of the 95 % interval."""
-        return margin(self.error, self.freedom)
-
-    def times(self, factor):
-        """The number in another unit."""
-        return Estimate(self.value * factor, self.error * abs(factor), self.freedom)
-
-    def plain(self):
-        """As a dictionary, for JSON and as keywords."""
-        return {
-            "value": float(self.value),
-            "error": float(self.error),
-            "freedom": self.freedom and float(self.freedom),
-        }
 
 
 def statistical_inefficiency(x):

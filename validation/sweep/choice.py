@@ -11,7 +11,7 @@ import statistics
 from dataclasses import dataclass
 
 from validation.statistics.check import Check
-from validation.statistics.measures import margin
+from validation.statistics.estimate import Estimate
 
 # these say whether something is right, or not; they are no errors that a shorter step makes smaller
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"
@@ -48,17 +48,12 @@ class Choice:
         return "met" if self.best else "cannot tell" if self.perhaps else "not met"
 
 
-def margin_of(found):
-    """The 95 % margin of an error that is known."""
-    return margin(found["error"], found.get("freedom"))
-
-
 def bound(point, measure):
     """What an error is at most for sure: value + its 95 % margin; infinite if the point failed, or if one of the two is not known."""
     found = point["errors"].get(measure)
     if point["failed"] or found is None or found["error"] is None:
         return math.inf
-    most = found["value"] + margin_of(found)
+    most = found["value"] + Estimate.of(found).margin
     return most if math.isfinite(most) else math.inf
 
 
@@ -155,7 +150,7 @@ def is_zero(point, measure):
         not point["failed"]
         and found is not None
         and found["error"] is not None
-        and found["value"] < margin_of(found)
+        and found["value"] < Estimate.of(found).margin
     )
 
 

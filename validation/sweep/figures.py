@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from validation.pages.figures import MARKS, MISSED, PALE, draw_each
-from validation.statistics.check import SURE
-from validation.sweep.choice import bound, is_zero, margin_of
+from validation.statistics.estimate import SURE, Estimate
+from validation.sweep.choice import bound, is_zero
 from validation.sweep.plan import OURS, SHORT
 
 MAIN = "energy_sd", "drift", "paper"  # the first of these that a scene has is its main figure
@@ -282,7 +282,7 @@ def _line(axis, row, measure, look, floor):
         limit | hollow,
         0.0,
         [
-            0.0 if unknown else margin_of(point["errors"][measure])
+            0.0 if unknown else Estimate.of(point["errors"][measure]).margin
             for point, unknown in zip(row, hollow)
         ],
     )

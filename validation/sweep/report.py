@@ -7,8 +7,8 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from validation.pages.page import page, save
-from validation.statistics.check import SURE, number
-from validation.sweep.choice import fastest, front, margin_of
+from validation.statistics.estimate import SURE, Estimate
+from validation.sweep.choice import fastest, front
 from validation.sweep.figures import MAIN, draw
 from validation.sweep.plan import MESH, SAMPLED
 
@@ -38,8 +38,7 @@ def write(summary, out):
         places[name] = range(len(figures), len(figures) + len(drawn))
         figures += drawn
     page("sweep.html", out / "report.html", figures, places=places, summary=summary, ways={name: distinct(rows) for name, rows in ways.items()},
-         fronts=_fronts(summary), sure=SURE, named=named, names=names, seconds=seconds, error_of=error_of, over=over, unit_of=unit_of,
-         number=number, one_start=ONE_START, untold=UNTOLD, mesh=MESH, least=SAMPLED)  # fmt: skip
+         fronts=_fronts(summary), sure=SURE, named=named, names=names, seconds=seconds, error_of=error_of, over=over, unit_of=unit_of, one_start=ONE_START, untold=UNTOLD, mesh=MESH, least=SAMPLED)  # fmt: skip
 
 
 def gathered(summary, out):
@@ -115,7 +114,7 @@ def error_of(point, measure):
     found = point["errors"].get(measure)
     if found is None:
         return "–"
-    return f"{found['value']:.3g} ± ?" if found["error"] is None else number(**found)
+    return f"{found['value']:.3g} ± ?" if found["error"] is None else Estimate.of(found).text()
 
 
 def over(ours, fastest):
@@ -162,7 +161,10 @@ def _write_points(summary, path):
                 errors = [
                     value
                     for one in found
-                    for value in (one.get("value"), (one.get("error") and margin_of(one)) or None)
+                    for value in (
+                        one.get("value"),
+                        (one.get("error") and Estimate.of(one).margin) or None,
+                    )
                 ]  # the largest of all frames has none
                 here = point["integrator"], point["dt"]
                 writer.writerow([
@@ -184,7 +186,7 @@ def _write_ways(summary, ways, path):
                 writer.writerow([
                     name, measure, summary["measures"][measure]["unit"], target, choice.verdict,
                     *([best["label"], best["dt"], *(best["cost"][part] for part in PARTS)] if best else [""] * 5),
-                    found.get("value", ""), margin_of(found) if found else "", names(choice.ties), names(choice.perhaps),
+                    found.get("value", ""), Estimate.of(found).margin if found else "", names(choice.ties), names(choice.perhaps),
                     *([own["label"], own["dt"]] if own else ["", ""]), own["cost"]["min"] / choice.fastest["cost"]["min"] if own else "",
                 ])  # fmt: skip
 

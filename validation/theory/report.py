@@ -27,8 +27,7 @@ def write(summary, out):
     save(summary, out)
     check.write(summary["checks"], out / "table.csv")
     figures = draw_each((reversal, symplectic, conserved, mrot, recursion), out, summary["data"])
-    page("theory.html", out / "report.html", figures, summary=summary, titles=TITLES,
-         measured=check.measured, bound=check.bound, sure=check.SURE)  # fmt: skip
+    page("theory.html", out / "report.html", figures, summary=summary, titles=TITLES)  # fmt: skip
 
 
 def show(console, summary, out):
