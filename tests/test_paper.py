@@ -23,6 +23,7 @@ from validation.paper import report as paper_report
 from validation.running import machine, run
 from validation.scenes import SCENES
 from validation.scenes import peptide as paper_peptide
+from validation.scenes.data_file import data_file
 from validation.scenes.integrators import PAPER
 from validation.statistics import measures
 from validation.statistics.check import Check
@@ -556,33 +557,13 @@ def one_water(shift):
     )
     v = np.cross([0.003, -0.002, 0.02], x)
     x = (x + [10.0 + shift, 10.0, 10.0]) % 20.0
-    lines = [
-        "one molecule",
-        "",
-        "3 atoms",
-        "2 bonds",
-        "1 angles",
-        "2 atom types",
-        "1 bond types",
-        "1 angle types",
-        "",
-    ]
-    lines += [f"0 20 {c}lo {c}hi" for c in "xyz"] + [
-        "",
-        "Masses",
-        "",
-        "1 15.9994",
-        "2 1.008",
-        "",
-        "Atoms # full",
-        "",
-    ]
-    lines += [
-        f"{i + 1} 1 {1 + (i > 0)} 0 " + " ".join(f"{c:.16g}" for c in x[i]) for i in range(3)
-    ] + ["", "Velocities", ""]
-    lines += [f"{i + 1} " + " ".join(f"{c:.16g}" for c in v[i]) for i in range(3)]
-    return "\n".join(
-        [*lines, "", "Bonds", "", "1 1 1 2", "2 1 1 3", "", "Angles", "", "1 1 2 1 3", ""]
+    return data_file(
+        "full",
+        [[1, 1, 1], [1, 2, 2], [0, 0, 0], x],
+        (0, 20),
+        mass=[15.9994, 1.008],
+        velocities=[v],
+        terms={"bonds": [(1, 1, 2), (1, 1, 3)], "angles": [(1, 2, 1, 3)]},
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from fix_nosquish.compiled import Cell
+from validation.scenes.data_file import data_file
 
 RANKS = 1, 2, 4, 8, 16
 SIDE = 4  # molecules along each edge of a rank's cube
@@ -28,22 +29,10 @@ def water(ranks):
     shape = np.array([[0, 0, 0], [0.59, 0.76, 0], [0.59, -0.76, 0]])
     turn = np.linalg.qr(rng.normal(size=(len(cells), 3, 3)))[0]
     place = (SPACING * cells + np.einsum("nij,aj->nai", turn, shape)).reshape(-1, 3)
-    lines = ["water", f"{len(place)} atoms", "2 atom types", f"0 {ranks * SIDE * SPACING} xlo xhi"]
-    lines += [f"0 {SIDE * SPACING} {k}lo {k}hi" for k in "yz"] + [
-        "",
-        "Masses",
-        "",
-        "1 16",
-        "2 1",
-        "",
-        "Atoms # molecular",
-        "",
-    ]
-    lines += [
-        f"{i + 1} {i // 3 + 1} {1 if i % 3 == 0 else 2} {x:.9g} {y:.9g} {z:.9g}"
-        for i, (x, y, z) in enumerate(place)
-    ]
-    return "\n".join(lines) + "\n"
+    atom = np.arange(len(place))
+    box = [(0, ranks * SIDE * SPACING), *2 * [(0, SIDE * SPACING)]]
+    kind = np.where(atom % 3 == 0, 1, 2)
+    return data_file("molecular", [atom // 3 + 1, kind, place], box, mass=[16, 1])
 
 
 SCRIPT = f"""

@@ -25,6 +25,7 @@ from validation.compare import report
 from validation.pages import tables
 from validation.running import lammps_log, run
 from validation.scenes import Scene
+from validation.scenes.data_file import data_file
 from validation.scenes.integrators import Integrator, rigid
 from validation.statistics import measures
 
@@ -338,16 +339,13 @@ def test_thermo_of_a_log_cut_in_a_number():
 def scene(tmp_path_factory):
     """27 rigid bent triatomic molecules of Lennard-Jones atoms."""
     folder = tmp_path_factory.mktemp("scene")
-    lines = ["27 molecules", "", "81 atoms", "1 atom types", ""]
-    lines += [f"0 15 {axis}lo {axis}hi" for axis in "xyz"]
-    lines += ["", "Masses", "", "1 12", "", "Atoms # molecular", ""]
-    shape = [(0, 0, 0), (1.0, 0, 0), (0, 1.2, 0)]
-    for i in range(27):
-        corner = 5.0 * np.array([i % 3, i // 3 % 3, i // 9])
-        for j, site in enumerate(shape):
-            x, y, z = corner + site
-            lines.append(f"{3 * i + j + 1} {i + 1} 1 {x} {y} {z}")
-    (folder / "data.tiny").write_text("\n".join(lines) + "\n")
+    body = np.repeat(np.arange(27), 3)
+    corner = 5.0 * np.stack([body % 3, body // 3 % 3, body // 9], axis=1)
+    place = corner + np.tile([(0, 0, 0), (1.0, 0, 0), (0, 1.2, 0)], (27, 1))
+    kind = np.ones(81, int)
+    (folder / "data.tiny").write_text(
+        data_file("molecular", [body + 1, kind, place], (0, 15), mass=[12])
+    )
     setup = (
         "units real",
         "atom_style molecular",

@@ -23,6 +23,7 @@ from rich.table import Table
 
 from validation.pages.figures import INK, OTHERS, OURS, STYLE, THIRD
 from validation.running import machine, run
+from validation.scenes.data_file import data_file  # noqa: E402
 from validation.scenes.integrators import INTEGRATORS
 from validation.statistics import measures, motion
 
@@ -124,31 +125,11 @@ def _data():
     """LAMMPS data file of the body, in motion."""
     place = PLACE - MASS @ PLACE / MASS.sum()
     velocity = VELOCITY + np.cross(SPIN, place)
-    kinds = np.unique(MASS)
-    lines = ["a free asymmetric body", "", f"{len(MASS)} atoms", f"{len(kinds)} atom types", ""]
-    lines += [f"-10 10 {c}lo {c}hi" for c in "xyz"]
-    lines += [
-        "",
-        "Masses",
-        "",
-        *(f"{k + 1} {m}" for k, m in enumerate(kinds)),
-        "",
-        "Atoms # molecular",
-        "",
-    ]
-    lines += [
-        f"{i + 1} 1 {np.searchsorted(kinds, MASS[i]) + 1} "
-        + " ".join(f"{c:.17g}" for c in place[i])
-        for i in range(len(MASS))
-    ]
-    lines += [
-        "",
-        "Velocities",
-        "",
-        *(f"{i + 1} " + " ".join(f"{c:.17g}" for c in velocity[i]) for i in range(len(MASS))),
-        "",
-    ]
-    return "\n".join(lines)
+    kinds, kind = np.unique(MASS, return_inverse=True)
+    molecule = np.ones(len(MASS), int)
+    return data_file(
+        "molecular", [molecule, kind + 1, place], (-10, 10), mass=kinds, velocities=[velocity]
+    )
 
 
 def _errors(folder):

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from validation.scenes import Scene
+from validation.scenes.data_file import data_file
 
 # a bent triatomic, which fix shake can hold too; lengths in sigma
 BOND, ANGLE = 0.7, 104.0
@@ -110,45 +111,20 @@ def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, nam
     image = np.floor((x - corner) / box).astype(int)
     x = x - image * box
     n = sum(len(one.mass) > 1 for one in bodies)
-    text = ["rigid bodies", "", f"{len(x)} atoms", f"{len(kinds)} atom types"]
-    text += [f"{2 * n} bonds", "1 bond types", f"{n} angles", "1 angle types"] if bonded else []
-    text += [
-        "",
-        *(
-            f"{low:.17g} {low + length:.17g} {c}lo {c}hi"
-            for low, length, c in zip(corner, box, "xyz")
-        ),
-    ]
-    text += [
-        "",
-        "Masses",
-        "",
-        *(f"{k} {m:.17g}" for k, m in enumerate(kinds, 1)),
-        "",
-        "Atoms # full",
-        "",
-    ]
-    rows = zip(molecule, kind + 1, charge, x, image)
-    text += [
-        f"{i} {m} {k} {q:.17g} {_words(r)} {' '.join(map(str, w))}"
-        for i, (m, k, q, r, w) in enumerate(rows, 1)
-    ]
-    text += ["", "Velocities", "", *(f"{i} {_words(u)}" for i, u in enumerate(v, 1)), ""]
-    if bonded:
-        text += [
-            "Bonds",
-            "",
-            *(f"{2 * k + j} 1 {3 * k + 1} {3 * k + 1 + j}" for k in range(n) for j in (1, 2)),
-        ]
-        text += [
-            "",
-            "Angles",
-            "",
-            *(f"{k + 1} 1 {3 * k + 2} {3 * k + 1} {3 * k + 3}" for k in range(n)),
-            "",
-        ]
+    first = 3 * np.arange(n)
+    terms = {
+        "bonds": [(1, one + 1, one + 1 + other) for one in first for other in (1, 2)],
+        "angles": [(1, one + 2, one + 1, one + 3) for one in first],
+    }
+    content = data_file(
+        "full",
+        [molecule, kind + 1, charge, x, image],
+        np.stack([corner, corner + box], axis=1),
+        mass=kinds,
+        velocities=[v],
+        terms=terms if bonded else None,
+    )
     data = folder / "data.bodies"
-    content = "\n".join(text)
     if not data.exists() or data.read_text() != content:
         data.write_text(content)
     held = (f"bond_coeff 1 {BOND}", f"angle_coeff 1 {ANGLE}") if bonded else ()
@@ -158,10 +134,6 @@ def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, nam
         constraints=SHAKEN if bonded else None,
         setup=("units lj", "atom_style full", "atom_modify map yes", *styles, "read_data data.bodies", *held, *setup), **{"group": "all"} | more,
     )  # fmt: skip
-
-
-def _words(vector):
-    return " ".join(f"{c:.17g}" for c in vector)
 
 
 def turned(seed):

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from validation.scenes.data_file import data_file
+
 OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
 LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
 RIGID = "fix 1 {group} rigid/nve {words}"
@@ -110,28 +112,15 @@ def assemble(
     v = rng.normal(size=x.shape) * np.sqrt(temperature / mass)[:, None]
     v[:, dimension:] = 0
     v -= mass @ v / mass.sum()
-    low = -0.5 * h[2, 2] if dimension == 2 else 0.0
-    tilt = [h[0, 1], h[0, 2], h[1, 2]]
-    lines = ["bodies", "", f"{len(x)} atoms", f"{len(MASSES)} atom types", ""]
-    lines += [f"0 {h[0, 0] * u.length:.17g} xlo xhi", f"0 {h[1, 1] * u.length:.17g} ylo yhi"]
-    lines += [f"{low * u.length:.17g} {(low + h[2, 2]) * u.length:.17g} zlo zhi"]
-    lines += (
-        ["{:.17g} {:.17g} {:.17g} xy xz yz".format(*np.multiply(tilt, u.length))]
-        if any(tilt)
-        else []
+    low = np.array([0.0, 0.0, -0.5 * h[2, 2] if dimension == 2 else 0.0])
+    data = data_file(
+        "molecular",
+        [molecule, kind, x * u.length, image * flags],
+        np.stack([low, low + np.diag(h)], axis=1) * u.length,
+        tilt=np.array([h[0, 1], h[0, 2], h[1, 2]]) * u.length,
+        mass=MASSES * u.mass,
+        velocities=[v * (u.length / u.time)],
     )
-    lines += ["", "Masses", "", *(f"{k + 1} {m * u.mass:.17g}" for k, m in enumerate(MASSES))]
-    lines += ["", "Atoms # molecular", ""]
-    for k in range(len(x)):
-        place = " ".join(f"{c:.17g}" for c in x[k] * u.length)
-        lines += [
-            f"{k + 1} {molecule[k]} {kind[k]} {place} " + "{} {} {}".format(*image[k] * flags)
-        ]
-    lines += ["", "Velocities", ""]
-    lines += [
-        f"{k + 1} " + " ".join(f"{c:.17g}" for c in v[k] * (u.length / u.time))
-        for k in range(len(x))
-    ]
     names = [name for name, *_ in bodies]
     groups = {
         name: [k + 1 for k, other in enumerate(names) if other == name]
@@ -145,7 +134,7 @@ def assemble(
         *(f"group {name} molecule " + " ".join(map(str, ids)) for name, ids in groups.items()),
         "group bodies " + ("subtract all single" if "single" in groups else "union all"),
     ]  # fmt: skip
-    return System("\n".join(text), {"data.bodies": "\n".join(lines) + "\n"}, h * u.length, dt * u.time,
+    return System("\n".join(text), {"data.bodies": data}, h * u.length, dt * u.time,
                   singles="single" in groups, mass=mass * u.mass, molecule=molecule)  # fmt: skip
 
 
