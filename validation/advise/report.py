@@ -12,10 +12,7 @@ from validation.statistics.estimate import SURE
 from validation.sweep.choice import choose, each, meets, nearest, ours, resolution
 from validation.sweep.report import ONE_START, error_of, named, names, over, seconds
 
-FOLDERS = (
-    Path("results/sweep"),
-    RESULTS / "sweep",
-)  # looked into in this order
+FOLDERS = (Path("results/sweep"), RESULTS / "sweep")  # looked into in this order
 LONGER = 4  # times as long halves an error
 UNSURE = "the error bar reaches across the target, or is not known, or the run time is not"
 

@@ -24,7 +24,7 @@ def add(verbs) -> None:
 
 def run(arguments) -> int:
     """Run the verb; the exit status."""
-    from validation.long import measure  # heavy: not for --help
+    from validation.long import measure, report  # heavy: not for --help
     from validation.pages import console
 
     screen = console.console()
@@ -33,7 +33,8 @@ def run(arguments) -> int:
         rows, series = measure.long_run(
             out, arguments.steps, arguments.only, meter, arguments.silence
         )
-    measure.show(screen, rows)
-    screen.print(f"figure: {measure.draw(rows, series, out)}")
+    figure = report.write(rows, series, out)
+    report.show(screen, rows)
+    screen.print(f"figure: {figure}")
     errors = [row["error"] for row in rows]
     return command_line.status("interrupted" in errors, any(errors))

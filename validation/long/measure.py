@@ -8,22 +8,13 @@ bound, and one as long as in practice.
 The numbers come from the atoms that LAMMPS dumps, for its own fixes as for ours.
 """
 
-import json
+import itertools
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
-import pandas as pd
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
 
-from validation.pages.figures import INK, OTHERS, OURS, STYLE, THIRD
 from validation.running import machine, run
-from validation.scenes.data_file import data_file  # noqa: E402
+from validation.scenes import bodies
 from validation.scenes.integrators import INTEGRATORS
 from validation.statistics import measures, motion
 
@@ -46,90 +37,66 @@ QUANTITIES = {
 }
 
 
-class _Scene:
-    """The words of the fix lines."""
-
-    group, bodies, constraints = "all", "single", ""
-
-
-def long_run(out, steps, names, meter, silence):
+def long_run(out, steps: int, names, meter, silence: float) -> tuple[list[dict], dict]:
     """Run, or take over what is there already, and measure.
 
     Args:
-        out: folder for the runs and results.  steps: of each run.  names: of `NAMES`.
+        out: folder for the runs and results.
+        steps: of each run.
+        names: of `NAMES`.
         meter: a ``console.Meter``.
+
     Returns:
         (rows, series): a dict for each run, and for each the relative errors against the steps.
     """
     folder = Path(out) / "runs"
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "data.body").write_text(_data())
+    body = bodies.body(PLACE, MASS, velocity=VELOCITY, spin=SPIN)
+    setup = *bodies.FREE, "neighbor 1.0 bin"
+    scene = bodies.scene(folder, [body], setup, box=20, corner=(-10, -10, -10), dt=1, name="body")
     rows, series = [], {}
-    for kind, angle in ANGLES.items():
-        for name in names:
-            label = f"{INTEGRATORS[name].label}, {kind} step"
-            directory = folder / f"{run.folder_name(name)}-{kind}"
-            meter.begin(label, steps)
-            result = run.once(
-                _job(
-                    directory,
-                    folder,
-                    INTEGRATORS[name],
-                    angle / np.linalg.norm(SPIN),
-                    steps,
-                    silence,
-                ),
-                meter.at,
-            )
-            meter.end(result.error)
-            row = {
-                "name": name,
-                "label": INTEGRATORS[name].label,
-                "step": kind,
-                "angle": angle,
-                "error": result.error,
-            }
-            errors = _errors(directory)
-            if len(errors["steps"]):
-                row["steps"] = int(errors["steps"][-1])
-                row |= {key: float(np.abs(errors[key]).max()) for key in QUANTITIES}
-                if len(errors["steps"]) > 20:
-                    row["energy_drift"] = measures.drift(
-                        errors["steps"] / errors["steps"][-1], errors["energy"]
-                    ).plain()
-                if result.timings:
-                    row["us_per_step"] = (
-                        result.timings[0]["loop"] / result.timings[0]["steps"] * 1e6
-                    )
-            rows.append(row)
-            series[label] = errors
-            _save(rows, out)
-            if result.interrupted:
-                return rows, series
+    for (kind, angle), name in itertools.product(ANGLES.items(), names):
+        one = INTEGRATORS[name]
+        label = f"{one.label}, {kind} step"
+        directory = (folder / f"{run.folder_name(name)}-{kind}").resolve()
+        job = run.job(
+            scene,
+            one,
+            directory,
+            [steps],
+            dt=angle / np.linalg.norm(SPIN),
+            every=max(1, steps // 200),
+            silence=silence,
+            more=[line.format(folder=directory) for line in motion.dump(max(1, steps // FRAMES))],
+            origin=machine.origin(scene, one),
+        )
+        meter.begin(label, steps)
+        result = run.once(job, meter.at)
+        meter.end(result.error)
+        row = {
+            "name": name,
+            "label": one.label,
+            "step": kind,
+            "angle": angle,
+            "error": result.error,
+        }
+        series[label] = errors = _errors(directory)
+        rows.append(row | _row(errors, result))
+        if result.interrupted:
+            break
     return rows, series
 
 
-def _job(directory, folder, integrator, dt, steps, silence):
-    return run.Job(
-        directory=str(directory), folder=str(folder.resolve()), runs=[steps], body_property="molecule", silence=silence,
-        commands=[
-            "units lj", "atom_style molecular", "atom_modify map yes", "read_data data.body", "pair_style zero 2.0", "pair_coeff * *",
-            "neighbor 1.0 bin", f"timestep {dt:.17g}", *integrator.commands(_Scene),
-            *(line.format(folder=directory.resolve()) for line in motion.dump(max(1, steps // FRAMES))),
-            "thermo_style custom step", f"thermo {max(1, steps // 200)}", "thermo_modify flush yes",
-        ],
-    )  # fmt: skip
-
-
-def _data():
-    """LAMMPS data file of the body, in motion."""
-    place = PLACE - MASS @ PLACE / MASS.sum()
-    velocity = VELOCITY + np.cross(SPIN, place)
-    kinds, kind = np.unique(MASS, return_inverse=True)
-    molecule = np.ones(len(MASS), int)
-    return data_file(
-        "molecular", [molecule, kind + 1, place], (-10, 10), mass=kinds, velocities=[velocity]
-    )
+def _row(errors, result):
+    """What a run's errors come to."""
+    steps = errors["steps"]
+    if not len(steps):
+        return {}
+    row = {"steps": int(steps[-1])} | {key: float(np.abs(errors[key]).max()) for key in QUANTITIES}
+    if len(steps) > 20:
+        row["energy_drift"] = measures.drift(steps / steps[-1], errors["energy"]).plain()
+    if result.timings:
+        row["us_per_step"] = result.timings[0]["loop"] / result.timings[0]["steps"] * 1e6
+    return row
 
 
 def _errors(folder):
@@ -147,88 +114,3 @@ def _errors(folder):
         "momentum": np.linalg.norm(momentum - momentum[0], axis=1) / np.linalg.norm(momentum[0]),
         "shape": np.abs(distance / distance[0] - 1).max(axis=1),
     }
-
-
-def _save(rows, out):
-    (Path(out) / "summary.json").write_text(
-        json.dumps(machine.circumstances() | {"bound": BOUND, "runs": rows}, indent=1) + "\n"
-    )
-    flat = [
-        row
-        | (
-            {
-                "energy_drift": row["energy_drift"]["value"],
-                "energy_drift_margin": measures.Estimate(**row["energy_drift"]).margin,
-            }
-            if "energy_drift" in row
-            else {}
-        )
-        for row in rows
-    ]
-    pd.DataFrame(flat).to_csv(Path(out) / "table.csv", index=False, float_format="%.3g")
-
-
-def show(console, rows):
-    """Print the table; ± is the half width of the 95 % interval."""
-    table = Table(
-        title=f"Largest relative error of a free body (bound {BOUND:g})",
-        title_justify="left",
-        box=SIMPLE_HEAD,
-    )
-    for column in (
-        "integrator",
-        "turn a step, rad",
-        "steps",
-        *QUANTITIES.values(),
-        "drift of energy in the run",
-        "µs/step",
-    ):
-        table.add_column(column, justify="left" if column == "integrator" else "right")
-    for row in rows:
-        if "steps" in row:
-            table.add_row(
-                row["label"], f"{row['angle']:g}", f"{row['steps']:,}", *(f"{row[key]:.1e}" for key in QUANTITIES),
-                f"{row['energy_drift']['value']:.1e} ± {measures.Estimate(**row['energy_drift']).margin:.0e}" if "energy_drift" in row else "–", f"{row.get('us_per_step', np.nan):.1f}",
-            )  # fmt: skip
-        if row["error"]:
-            console.print(f"✗ {row['label']}: {row['error']}", markup=False)
-    console.print(table)
-
-
-def draw(rows, series, out):
-    """Relative errors against steps, log-log, a column for each time step; path of the PNG."""
-    colours = dict(zip(NAMES, (OURS, OTHERS, THIRD)))
-    with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(
-            len(QUANTITIES),
-            len(ANGLES),
-            figsize=(10, 9),
-            sharex=True,
-            sharey="row",
-            layout="constrained",
-        )
-        for row in rows:
-            errors = series[f"{row['label']}, {row['step']} step"]
-            column = list(ANGLES).index(row["step"])
-            for axis, key in zip(axes[:, column], QUANTITIES):
-                # the largest error so far: what a user has to reckon with
-                worst = np.maximum.accumulate(np.abs(errors[key]))
-                axis.loglog(
-                    errors["steps"][1:],
-                    np.maximum(worst[1:], 1e-17),
-                    color=colours[row["name"]],
-                    label=row["label"],
-                )
-        for line, (key, what) in zip(axes, QUANTITIES.items()):
-            line[0].set_ylabel(what)
-            for axis in line:
-                axis.axhline(BOUND, color=INK, lw=0.8, ls=":")
-        for axis, (kind, angle) in zip(axes[0], ANGLES.items()):
-            axis.set_title(f"{kind} step: {angle:g} rad", loc="left")
-        axes[0, 0].legend(frameon=False)
-        figure.supxlabel("steps")
-        figure.supylabel("largest relative error so far")
-        path = Path(out) / "long-run.png"
-        figure.savefig(path)
-        plt.close(figure)
-    return path

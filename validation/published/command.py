@@ -26,9 +26,8 @@ def add(verbs) -> None:
 def run(arguments) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
-    from validation.published import measure  # heavy: not for --help
+    from validation.published import measure, report  # heavy: not for --help
     from validation.running import machine
-    from validation.statistics import check
 
     out, screen = command_line.folder(arguments.out, "results/published"), console.console()
     with console.Meter(screen, measure.total(arguments.time)) as meter:
@@ -41,9 +40,8 @@ def run(arguments) -> int:
         "time": arguments.time,
         "checks": [one.plain() for one in made],
     }
-    measure.write(summary, made, out)
-    check.show(screen, summary["checks"], measure.TITLES)
-    screen.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
+    report.write(summary, made, out)
+    report.show(screen, summary, out)
     return command_line.status(
         interrupted, any(one.holds is False or one.value is None for one in made)
     )

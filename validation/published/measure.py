@@ -7,18 +7,14 @@ and prints no number of their spread: `PUBLISHED` and its error are worked out f
 
 from dataclasses import replace
 
-import matplotlib.pyplot as plt
 import numpy as np
 
-from validation.pages.figures import OTHERS, OURS, draw_each
-from validation.pages.page import page, save
 from validation.running import machine, run
 from validation.scenes import FS_PER_PS, INPUTS, SCENES
 from validation.scenes.integrators import INTEGRATORS
 from validation.scenes.starts import from_dump, to_dump
-from validation.statistics import check, measures
+from validation.statistics import measures
 from validation.statistics.check import Check
-from validation.statistics.estimate import SURE
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 SERIES = "github.com/craabreu/rigid_nvt_paper"  # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
@@ -188,42 +184,3 @@ def _check(subject, found, note):
         source,
         freedom=freedom,
     )
-
-
-def spread(made):
-    """The figure: ours over theirs against the time step."""
-    known = [one for one in made if one.value is not None and one.subject != ALL]
-    if not known:
-        return None, ""
-    figure, axis = plt.subplots(figsize=(5.5, 3.6), layout="constrained")
-    axis.axhspan(1 - WITHIN, 1 + WITHIN, color=OTHERS, alpha=0.15, lw=0)
-    axis.axhline(1.0, color=OTHERS, lw=0.8)
-    dts = [float(one.subject.split()[0]) for one in known]
-    axis.errorbar(
-        dts,
-        [one.value for one in known],
-        [one.margin for one in known],
-        fmt="o",
-        color=OURS,
-        capsize=3,
-    )
-    axis.set_xlabel("time step (fs)")
-    axis.set_ylabel("standard deviation of the energy,\nfix_nosquish.NVE over published")
-    axis.set_xticks(list(PUBLISHED), [f"{dt:g}" for dt in PUBLISHED])
-    return (
-        figure,
-        f"Error bars: {SURE} intervals, of both together (theirs alone: ± {100 * measures.margin(THEIR_ERROR):.1f} %); shaded: within {100 * WITHIN:g} %.",
-    )
-
-
-def write(summary, made, out):
-    """Write summary.json, table.csv, the figure and report.html into the folder ``out``.
-
-    Args:
-        summary: plain data: ``checks``, ``interrupted`` and the circumstances.
-        made: the checks themselves.
-    """
-    save(summary, out)
-    check.write(summary["checks"], out / "table.csv")
-    page("published.html", out / "report.html", draw_each((spread,), out, made), summary=summary, titles=TITLES, source=SOURCE, origins=ORIGINS,
-         temperature=TEMPERATURE, their_margin=measures.margin(THEIR_ERROR))  # fmt: skip

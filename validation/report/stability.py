@@ -158,11 +158,7 @@ def _step(row):
     if row is None or row["value"] is None:
         return Cell("–" if row is None else row["verdict"], math.nan)
     least = "≥ " if row["value"] and not row["error"] else ""
-    return Cell(
-        least + Estimate.of(row).text(),
-        row["value"],
-        row["verdict"],
-    )
+    return Cell(least + Estimate.of(row).text(), row["value"], row["verdict"])
 
 
 def _physics(cases, summary):
