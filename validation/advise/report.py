@@ -18,7 +18,8 @@ UNSURE = "the error bar reaches across the target, or is not known, or the run t
 
 
 def load(folder=None):
-    """The summary of the sweep in a folder, by default the first of `FOLDERS` that has one, and that folder.
+    """The summary of the sweep in a folder, by default the first of `FOLDERS` that has one, and
+    that folder.
 
     Raises:
         LookupError: there is none; the message says by which command it is made.
@@ -39,7 +40,8 @@ def load(folder=None):
 
 
 def again(summary, folder, name, times=1):
-    """The command that sweeps a scene into that folder, as the rest of it was swept; ``times`` as long, into a folder of its own."""
+    """The command that sweeps a scene into that folder, as the rest of it was swept; ``times`` as
+    long, into a folder of its own."""
     known = summary["scenes"].get(name) or next(
         iter(summary["scenes"].values()), {"swept": {"command": ""}}
     )
@@ -79,7 +81,8 @@ def scene_of(summary, folder, name, targets):
 
 
 def advise(console, summary, folder, name, targets):
-    """Print which integrator and time step reach the targets the fastest, and what else there is to know.
+    """Print which integrator and time step reach the targets the fastest, and what else there is to
+    know.
 
     Args:
         console: where to.

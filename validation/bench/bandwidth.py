@@ -1,7 +1,7 @@
 """How close to the machine: bytes that must move, and how fast this machine moves bytes.
 
-Both are counted as in the STREAM benchmark: what is read and what is written, without the reads that
-a cache makes on its own account before a write.
+Both are counted as in the STREAM benchmark: what is read and what is written, without the reads
+that a cache makes on its own account before a write.
 """
 
 import json
@@ -53,7 +53,8 @@ def measure(processes, repeats=REPEATS, elements=ELEMENTS):
     """What each of so many processes can read and write, all at the same time.
 
     Returns:
-        dict: ``copy`` and ``add`` (c = a, c = a + b): GB/s of a process, the median of all, and ``best``,
+        dict: ``copy`` and ``add`` (c = a, c = a + b): GB/s of a process, the median of all, and
+            ``best``,
         the larger one, which is the stricter measure for a program.
     """
     # all begin at the same time, and those of one do not end long before the others'

@@ -22,7 +22,8 @@ def draw(summary, out):
 
 
 def size(summary):
-    """Modify per 1,000 molecules of water against their number, a panel for each number of ranks."""
+    """Modify per 1,000 molecules of water against their number, a panel for each number of
+    ranks."""
     points = [point for point in summary["points"] if point["scene"] == "water"]
     ranks = sorted({point["ranks"] for point in points})
     if len({point["bodies"] for point in points}) < 2:

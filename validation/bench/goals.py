@@ -9,8 +9,9 @@ class Goal:
 
     Attributes:
         scene, bodies, ranks: where it is measured; None holds for each that is measured.
-        number: key in a scene's row: ``modify_ratio`` and ``loop_ratio`` (ours over that of ``against``),
-            ``modify`` (us per step) and ``bound_ratio`` (time over that which the memory allows) of ours.
+        number: key in a scene's row: ``modify_ratio`` and ``loop_ratio`` (ours over that of
+            ``against``), ``modify`` (us per step) and ``bound_ratio`` (time over that which the
+            memory allows) of ours.
         against: integrator; None for numbers of ours alone.
         limit: largest value that meets the goal.
     """
@@ -46,10 +47,8 @@ GOALS = (
                                                                     "rigid/nve/omp", "rigid/omp", "rigid/small/omp")),
 )  # fmt: skip
 
-FIRST_USE, LATER_START = (
-    15.0,
-    0.5,
-)  # s on one core: a first use, and what a later start adds to LAMMPS's own
+# s on one core: a first use, and what a later start adds to LAMMPS's own
+FIRST_USE, LATER_START = (15.0, 0.5)
 
 WORDS = {
     "modify_ratio": "Modify, ours over {}",
@@ -67,8 +66,9 @@ def judge(points, starts):
         starts: records of ``startup.measure``.
 
     Returns:
-        list of dict: ``where``, ``what``, ``limit``, ``measured`` (median, min, max; None: not measured), ``met``
-        (of the median; None: not measured).  Of the loop only the fastest rival counts, the one with the largest ratio.
+        list of dict: ``where``, ``what``, ``limit``, ``measured`` (median, min, max; None: not
+        measured), ``met`` (of the median; None: not measured).  Of the loop only the fastest rival
+        counts, the one with the largest ratio.
     """
     judged = []
     for goal in GOALS:
@@ -133,7 +133,8 @@ def _verdict(where, what, limit, measured):
 
 
 def _slowest_loops(judged):
-    """Of the ratios of loops at one place only the largest: the fastest of LAMMPS's fixes is what counts."""
+    """Of the ratios of loops at one place only the largest: the fastest of LAMMPS's fixes is what
+    counts."""
     kept = [one for one in judged if one["number"] != "loop_ratio"]
     places = {}
     for one in judged:

@@ -1,9 +1,10 @@
 """What ours and LAMMPS's own fixes cost: time, memory, messages, the optional passes, the start.
 
-The benchmark is made of points, each measured as a whole and kept in a file: a scene of one size on one
-number of ranks, with all integrators in turn; the optional passes; the start; the memory.  A point that
-was measured with the same code, input and settings is not measured again.  The summary also has the scenes that
-earlier calls have left in the folder, if they are of the same code and input.
+The benchmark is made of points, each measured as a whole and kept in a file: a scene of one size on
+one number of ranks, with all integrators in turn; the optional passes; the start; the memory.  A
+point that was measured with the same code, input and settings is not measured again.  The summary
+also has the scenes that earlier calls have left in the folder, if they are of the same code and
+input.
 """
 
 import hashlib

@@ -42,7 +42,8 @@ class Optional:
     ranks: int = 1
 
 
-# the dimer at rest, on two ranks, whose border at x = 0 A is between the molecules and at -0.8 A goes through one
+# the dimer at rest, on two ranks, whose border at x = 0 A is between the molecules and at -0.8 A
+# goes through one
 _TWO_RANKS = Variant(before=("processors * 1 1",), more=("velocity all set 0 0 0",))
 _TEMPERATURE = Variant(more=("thermo_style custom step temp", "thermo 1"))
 
@@ -81,8 +82,8 @@ def measure(optional, folder, *, count, seconds, silence, meter):
         meter: a ``console.Meter``.
 
     Returns:
-        (row, interrupted): plain data: ``cost``, the spread of the difference in us per step; ``with`` and ``without``,
-        those of the two; ``error``.
+        (row, interrupted): plain data: ``cost``, the spread of the difference in us per step;
+        ``with`` and ``without``, those of the two; ``error``.
     """
     row = {
         "name": optional.name,

@@ -1,4 +1,5 @@
-"""From a benchmark's summary to files: summary.json, table.csv, passes.csv, goals.csv, report.html; and to the terminal."""
+"""From a benchmark's summary to files: summary.json, table.csv, passes.csv, goals.csv, report.html;
+and to the terminal."""
 
 import csv
 
@@ -58,6 +59,7 @@ MESSAGE_COLUMNS = tuple(
         ),
     )
 )
+# keys of the columns that fit there
 TERMINAL = (
     "modify",
     "modify_per_1000",
@@ -69,7 +71,7 @@ TERMINAL = (
     "more_messages",
     "more_bytes",
     "more_collectives",
-)  # keys of the columns that fit there
+)
 
 PASS_COLUMNS = (
     Column("cost", "cost", "µs/step", "spread", ""),
@@ -107,7 +109,8 @@ def spread(value):
 
 
 def used(columns, point):
-    """Those of the columns in which some integrator has a number; of few bodies there are no thousands."""
+    """Those of the columns in which some integrator has a number; of few bodies there are no
+    thousands."""
     return [
         column for column in columns
         if any(row.get(column.key) is not None for row in point["integrators"]) and (column.key != "modify_per_1000" or point["bodies"] >= 1000)
@@ -144,7 +147,8 @@ def write(summary, figures, out):
             )
     page(
         "bench.html", out / "report.html", figures, summary=summary, columns=COLUMNS, used=used, pass_columns=PASS_COLUMNS,
-        message_columns=[column for column in MESSAGE_COLUMNS if column.key not in ("collectives", "collective_bytes")],  # else too wide
+        # else too wide
+        message_columns=[column for column in MESSAGE_COLUMNS if column.key not in ("collectives", "collective_bytes")],
         cell=cell, status=status, title=title, verdict=verdict, busy=busy, ranks_of=ranks_of, traffic=bandwidth.PASSES,
         starts=STARTS, spread=spread,
     )  # fmt: skip

@@ -1,7 +1,9 @@
-"""What breaks others: cases of which users of rigid bodies in LAMMPS report that they go wrong, each a number, with ours and with LAMMPS's own fixes.
+"""What breaks others: cases of which users of rigid bodies in LAMMPS report that they go wrong,
+each a number, with ours and with LAMMPS's own fixes.
 
-Each case is a small box of Lennard-Jones bodies (``boxes``) that is run with one fix after the other, and comes to one number that is small where
-all is well.  The tests hold ours against the same numbers.
+Each case is a small box of Lennard-Jones bodies (``boxes``) that is run with one fix after the
+other, and comes to one number that is small where all is well.  The tests hold ours against the
+same numbers.
 """
 
 import itertools
@@ -52,8 +54,8 @@ SUMS = {
 
 
 def sums():
-    """Lines that define compute sums: momentum P, angular momentum L about the origin, force F and torque N of all
-    atoms, and the sizes p and l of the summands of P and L."""
+    """Lines that define compute sums: momentum P, angular momentum L about the origin, force F and
+    torque N of all atoms, and the sizes p and l of the summands of P and L."""
     formulas = [f.format(x=x, y=y, z=z) for f in SUMS.values() for x, y, z in ("xyz", "yzx", "zxy")]
     variables = [f'variable s{k} atom "{formula}"' for k, formula in enumerate(formulas)]
     return (
@@ -74,13 +76,15 @@ def vector(result, name):
 
 
 def bent(angle):
-    """A triatomic like CO2, its arms 0.5 long, bent by an angle: linear to the fix (and to LAMMPS) below 2e-3."""
+    """A triatomic like CO2, its arms 0.5 long, bent by an angle: linear to the fix (and to LAMMPS)
+    below 2e-3."""
     c, s = 0.5 * np.cos(0.5 * angle), 0.5 * np.sin(0.5 * angle)
     return [[-c, s, 0], [0, 0, 0], [c, s, 0]], [2, 3, 2]
 
 
 def moved_images(system, count):
-    """The same system with all image flags moved; a flag that LAMMPS's ten bits do not hold wraps in its hands."""
+    """The same system with all image flags moved; a flag that LAMMPS's ten bits do not hold wraps
+    in its hands."""
     head, atoms, tail = system.files["data.bodies"].replace("Velocities", "Atoms").split("Atoms", 2)
     lines = atoms.splitlines()
     for k, line in enumerate(lines):
@@ -98,7 +102,8 @@ def restarted(system, file):
 
 
 def cluster():
-    """A drop of bodies without a periodic box, over the ranks' common corner, kept together by their attraction."""
+    """A drop of bodies without a periodic box, over the ranks' common corner, kept together by
+    their attraction."""
     h, rng, bodies = 24.0 * np.eye(3), np.random.default_rng(11), []
     for kind, site in zip(
         itertools.cycle(["solid", "planar", "row", "single"]), itertools.product(range(2), repeat=3)
@@ -167,7 +172,8 @@ def rod(length):
 
 
 def wrapped(length):
-    """A case: the distance between a rod across the face where image counters run over and the same with counters near 0, after 50 steps."""
+    """A case: the distance between a rod across the face where image counters run over and the same
+    with counters near 0, after 50 steps."""
 
     def measure(simulate, fix):
         near = rod(length)
@@ -182,10 +188,10 @@ NOISE = "fix 7 all langevin 1.0 1.0 1.0 9371\n"
 
 
 def out_of_the_plane(simulate, fix):
-    """Largest abs(z) + abs(vz) in 10,000 steps in a heat bath in two dimensions, without fix enforce2d."""
-    bodies = mixture(
-        "planar pair row", side=4, dimension=2
-    )  # single atoms are not a rigid fix's to keep there
+    """Largest abs(z) + abs(vz) in 10,000 steps in a heat bath in two dimensions, without fix
+    enforce2d."""
+    # single atoms are not a rigid fix's to keep there
+    bodies = mixture("planar pair row", side=4, dimension=2)
     largest = 'variable out atom "abs(z)+abs(vz)"\ncompute out all reduce max v_out\n'
     return (
         simulate(bodies, fix, 10000, before=largest + NOISE, columns="c_out", every=500)
@@ -198,7 +204,8 @@ TWO = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
 
 
 def smooth(kinds="solid planar pair row single"):
-    """A mixture with a potential that is nearly smooth at the cutoff, so that errors fall with dt^2."""
+    """A mixture with a potential that is nearly smooth at the cutoff, so that errors fall with
+    dt^2."""
     system = mixture(kinds, temperature=0.5)
     return system._replace(
         setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
@@ -206,7 +213,8 @@ def smooth(kinds="solid planar pair row single"):
 
 
 def respa(simulate, fix):
-    """Distances from Verlet's small steps after 0.16, with r-RESPA of two levels and outer steps of 0.016, 0.008 and 0.004."""
+    """Distances from Verlet's small steps after 0.16, with r-RESPA of two levels and outer steps of
+    0.016, 0.008 and 0.004."""
     system = smooth()
     exact = simulate(system, fix, 400, dt=0.2, every=400)
     return [
@@ -216,7 +224,8 @@ def respa(simulate, fix):
 
 
 def respa_falls(simulate, fix):
-    """What is left of the distance when the outer step is a quarter as long: 1/16 where it goes with its square."""
+    """What is left of the distance when the outer step is a quarter as long: 1/16 where it goes
+    with its square."""
     first, _, last = respa(simulate, fix)
     return last / first
 
@@ -230,7 +239,8 @@ SHIFTS = [(0.3, 0, 0), (123.456, -7.89, 1e3), (1e4 / 3, 1e4 / 7, -1e4)]
 
 
 def shifted(boundary):
-    """A case: largest relative change of the pressure tensor, at step 0 and 5, when all atoms are moved by up to 1e4 lengths."""
+    """A case: largest relative change of the pressure tensor, at step 0 and 5, when all atoms are
+    moved by up to 1e4 lengths."""
 
     def measure(simulate, fix):
         h, rng, bodies = 12.0 * np.eye(3), np.random.default_rng(6), []
@@ -258,7 +268,8 @@ def shifted(boundary):
 
 
 def momenta(simulate, fix, ranks=1, steps=10000):
-    """Largest change of total momentum and of total angular momentum in a run without a box, over the sum of their parts' sizes."""
+    """Largest change of total momentum and of total angular momentum in a run without a box, over
+    the sum of their parts' sizes."""
     before = SMOOTH + "neigh_modify every 5 delay 0 check no\n" + sums()
     found = simulate(
         cluster(), fix, steps, before=before, columns="c_sums[*]", every=steps // 5, ranks=ranks
@@ -276,7 +287,8 @@ def angular_momentum(simulate, fix):
 
 
 def momentum_comes_back(simulate, fix):
-    """The centre of mass's largest velocity in the ten steps after fix momentum has taken it away, over that in the ten before."""
+    """The centre of mass's largest velocity in the ten steps after fix momentum has taken it away,
+    over that in the ten before."""
     system = mixture("solid planar")
     speeds = [f"variable {name} equal {name[0]}cm(all,{name[1]})" for name in ("vx", "vy", "vz")]
     setup = "\n".join(
@@ -294,7 +306,8 @@ def momentum_comes_back(simulate, fix):
 
 
 def rescaled(simulate, fix):
-    """How far, relative to it, the temperature of free bodies is from the 3.0 that fix temp/rescale has set ten steps before, at worst."""
+    """How far, relative to it, the temperature of free bodies is from the 3.0 that fix temp/rescale
+    has set ten steps before, at worst."""
     found = simulate(
         mixture("solid planar pair row"),
         fix,
@@ -306,7 +319,8 @@ def rescaled(simulate, fix):
 
 
 def bath(simulate, fix):
-    """How far, relative to it, the mean temperature is from the 3.0 that fix temp/csvr holds, after its first steps."""
+    """How far, relative to it, the mean temperature is from the 3.0 that fix temp/csvr holds, after
+    its first steps."""
     found = simulate(
         mixture("solid planar pair row"),
         fix,
@@ -318,7 +332,8 @@ def bath(simulate, fix):
 
 
 def tiny(simulate, fix, size=1e-10, mass=1e-26):
-    """Distance, in lengths of the bodies, between bodies with moments of inertia of 1e-46 kg m^2 in SI units and the same in LJ units, after 50 steps."""
+    """Distance, in lengths of the bodies, between bodies with moments of inertia of 1e-46 kg m^2 in
+    SI units and the same in LJ units, after 50 steps."""
     UNITS["si"], usual = Units(size, mass, 1e-21, 1.0), UNITS["si"]
     try:
         plain, scaled = mixture("solid planar"), mixture("solid planar", units="si")
@@ -343,7 +358,8 @@ def triatomics(*angles):
 
 
 def nearly_linear(simulate, fix):
-    """By how much the energy's range of bent triatomics differs, relative to it, from that of straight ones, at worst."""
+    """By how much the energy's range of bent triatomics differs, relative to it, from that of
+    straight ones, at worst."""
     ranges = [
         np.ptp(simulate(triatomics(angle), fix, 400, before=SMOOTH, dt=2).thermo["TotEng"])
         for angle in (0.0, *BENT)
@@ -358,7 +374,8 @@ class Case:
     Attributes:
         name: short, of the case.
         what: is measured, in words.
-        measure: function of a way to run (``Runs``) and a fix to the number, or to it and a remark; raises `Ended`.
+        measure: function of a way to run (``Runs``) and a fix to the number, or to it and a remark;
+            raises `Ended`.
         most: what the number is at most where all is well.
         why: that bound.
     """
@@ -428,7 +445,8 @@ CASES = {
 
 
 class Runs:
-    """A way to run: a process for each input, in a folder of its own kind; what was run is not run again."""
+    """A way to run: a process for each input, in a folder of its own kind; what was run is not run
+    again."""
 
     def __init__(self, folder):
         self.folder, self.known = folder, {}

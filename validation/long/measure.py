@@ -1,9 +1,9 @@
 """A free body for very many steps: what rounding errors do to energy, momentum and shape.
 
-Without forces everything is known: the kinetic energy and both momenta are constant.  The splitting of
-the rotation keeps the energy up to a term that falls with dt^2 and does not grow; everything else
-may change by rounding only.  Two time steps show both: one so short that the dt^2 term is below the
-bound, and one as long as in practice.
+Without forces everything is known: the kinetic energy and both momenta are constant.  The splitting
+of the rotation keeps the energy up to a term that falls with dt^2 and does not grow; everything
+else may change by rounding only.  Two time steps show both: one so short that the dt^2 term is
+below the bound, and one as long as in practice.
 
 The numbers come from the atoms that LAMMPS dumps, for its own fixes as for ours.
 """
@@ -20,10 +20,8 @@ from validation.statistics import measures, motion
 
 BOUND = 1e-10
 FRAMES = 1000
-ANGLES = {
-    "short": 3e-6,
-    "practical": 0.05,
-}  # radians that the body turns about in a step, of each time step
+# radians that the body turns about in a step, of each time step
+ANGLES = {"short": 3e-6, "practical": 0.05}
 NAMES = "nosquish", "rigid/nve", "rigid"
 MASS = np.array([1.0, 1.6, 0.4, 1.0, 1.6])
 PLACE = np.array([[0, 0, 0], [0.9, 0.1, 0], [-0.2, 0.7, 0.1], [0.1, -0.3, 0.8], [-0.6, -0.4, -0.2]])
@@ -100,7 +98,8 @@ def _row(errors, result):
 
 
 def _errors(folder):
-    """Relative errors of what is constant, from a run's dump: steps (frames,), and for each of QUANTITIES (frames,)."""
+    """Relative errors of what is constant, from a run's dump: steps (frames,), and for each of
+    QUANTITIES (frames,)."""
     if not motion.has_frames(folder):
         return {"steps": np.empty(0), **{key: np.empty(0) for key in QUANTITIES}}
     steps, mass, x, v = motion.frames(folder)

@@ -38,7 +38,8 @@ MISSED = "#b00000"
 
 
 def draw_each(functions, out, *data):
-    """Draw figures into a folder, each by a function of the data that gives (figure or None, caption).
+    """Draw figures into a folder, each by a function of the data that gives (figure or None,
+    caption).
 
     Returns:
         list of (PNG path, caption).

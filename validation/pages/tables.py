@@ -14,7 +14,9 @@ class Column:
     key: str
     title: str
     unit: str
-    kind: str  # "estimate": value, standard error, its degrees of freedom; "number"; "spread": median, min, max
+    # "estimate": value, standard error, its degrees of freedom; "number"; "spread": median, min,
+    # max
+    kind: str
     meaning: str
 
 

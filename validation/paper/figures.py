@@ -10,10 +10,8 @@ from validation.scenes import SCENES
 
 POINTS = 400  # of a curve
 RUNNING = 30  # windows of a running mean in the length of a curve
-TWO = {
-    "nosquish": ("NO_SQUISH", OURS, INK),
-    "matubayasi-nakahara": ("reference 12", OTHERS, THIRD),
-}  # label, colours of curve and running mean
+# label, colours of curve and running mean
+TWO = {"nosquish": ("NO_SQUISH", OURS, INK), "matubayasi-nakahara": ("reference 12", OTHERS, THIRD)}
 FIGURE_2A, FIGURE_2B = (
     {prefix.format(name): how for name, how in TWO.items()} for prefix in ("dimer-{}-1", "water-{}")
 )
@@ -28,7 +26,8 @@ def thin(one):
 
 
 def running_mean(one):
-    """Time in ps and the mean of Delta E in a window of a `RUNNING`th of the trajectory about it."""
+    """Time in ps and the mean of Delta E in a window of a `RUNNING`th of the trajectory about
+    it."""
     window = max(1, len(one.total) // RUNNING)
     time, energy = (
         np.convolve(values, np.full(window, 1 / window), "valid")[:: max(1, window // 10)]
@@ -49,7 +48,8 @@ def _has(found, name):
 
 
 def _figure_2(found, curves):
-    """A panel with curves of Delta E and their running means, or None; ``curves`` as `FIGURE_2A`."""
+    """A panel with curves of Delta E and their running means, or None; ``curves`` as
+    `FIGURE_2A`."""
     shown = [(found[name], *how) for name, how in curves.items() if _has(found, name)]
     if not shown:
         return None

@@ -1,8 +1,9 @@
-"""From the energies of ``paper`` to numbers with errors, and what they say of the paper's statements.
+"""From the energies of ``paper`` to numbers with errors, and what they say of the paper's
+statements.
 
-The paper's measure is Delta E(t) = [E(t) - <E>] / |<E>|, with the averages along the trajectory (caption of figure 2); its
-average is here the mean of |Delta E|.  |<E>| depends on the zero of energy, which the paper does not name: so each
-measure is given for several zeros.
+The paper's measure is Delta E(t) = [E(t) - <E>] / |<E>|, with the averages along the trajectory
+(caption of figure 2); its average is here the mean of |Delta E|.  |<E>| depends on the zero of
+energy, which the paper does not name: so each measure is given for several zeros.
 
 Only trajectories that are complete are judged, but for Gear's.
 """
@@ -41,34 +42,25 @@ TITLES = {
 PARTS = 8  # of a trajectory, for the error of a ratio
 STABLE = 2.5  # margins (95 %) that a drift may have
 LOST = 0.05  # of Richardson's drift, that another one may be
-FAR, NEAR = (
-    10.0,
-    np.sqrt(10.0),
-)  # "far more accurate", "about": one order of magnitude, and the same one
-EQUAL, EQUAL_MARGINS, TELLING = (
-    0.15,
-    1.5,
-    0.1,
-)  # off 1: a ratio, also in its 95 % margins; the margin that tells something
+# "far more accurate", "about": one order of magnitude, and the same one
+FAR, NEAR = (10.0, np.sqrt(10.0))
+# off 1: a ratio, also in its 95 % margins; the margin that tells something
+EQUAL, EQUAL_MARGINS, TELLING = (0.15, 1.5, 0.1)
 SAME = 0.02  # off 1: a ratio of deviations from the same start
 SOON = 0.5  # ps for which two schemes stay near each other
-BEGINNING = 20  # steps in which Gear's scheme, begun with a free body's derivatives, finds the right ones: its energy jumps meanwhile
+# steps in which Gear's scheme, begun with a free body's derivatives, finds the right ones: its
+# energy jumps meanwhile
+BEGINNING = 20
 KELVIN = 5.0  # that a mean temperature may be off
 RIGID = 1e-10  # Angstrom
 DOMINATES = 0.5  # of the energy's variance
 UNCHANGED = 0.01  # of the energy's deviation
 HELIX, BENT = 0.75, 2.5  # of the residues that are helical at the start; Angstrom from it
 FEW = 16  # samples: less says nothing
-WINDOW, SETTLED = (
-    0.5,
-    0.2,
-)  # ps, about whose means a deviation is taken; of a run, that new velocities settle in
-TIME_LAW, TIME_LAW_WITHIN, SIZE_LAW, SIZE_LAW_WITHIN = (
-    2.0,
-    0.3,
-    0.5,
-    0.15,
-)  # exponents of the deviation
+# ps, about whose means a deviation is taken; of a run, that new velocities settle in
+WINDOW, SETTLED = (0.5, 0.2)
+# exponents of the deviation
+TIME_LAW, TIME_LAW_WITHIN, SIZE_LAW, SIZE_LAW_WITHIN = (2.0, 0.3, 0.5, 0.15)
 OTHER = "matubayasi-nakahara"
 OVER = "reference 12 over NO_SQUISH"
 TIME_WORDS = f"peptide: sd of energy about the means of {WINDOW:g} ps ∝ Δt to the power of"
@@ -84,7 +76,8 @@ def judge(found):
         found: name to ``paper.Series``, complete or not.
 
     Returns:
-        dict: ``rows`` of the table, ``checks``, ``conventions``, ``force_field``, ``sizes``, ``helix``: lists and dicts.
+        dict: ``rows`` of the table, ``checks``, ``conventions``, ``force_field``, ``sizes``,
+            ``helix``: lists and dicts.
     """
     complete = {name: one for name, one in found.items() if not one.error}
     whole = {name: one for name, one in complete.items() if len(one.total) >= FEW}
@@ -178,7 +171,8 @@ def _pairs(first, second):
 
 
 def _measures(pairs):
-    """The second trajectory's average measure over the first one's, mean of all pairs, with the error that their scatter tells."""
+    """The second trajectory's average measure over the first one's, mean of all pairs, with the
+    error that their scatter tells."""
     return measures.ratio(
         *([measure(one.total).mean() for one in series] for series in zip(*pairs))
     )
@@ -213,8 +207,9 @@ def _steady(check, name, series):
 def _dimer(whole):
     """Figure 2a.
 
-    All starts are of one trajectory of NO_SQUISH, so they have one shadow energy.  Reference 12's, did it exist, would be the same up to the rotor
-    splitting's small part.  What keeps a shadow energy has the same mean energy from each start; what has none wanders.
+    All starts are of one trajectory of NO_SQUISH, so they have one shadow energy.  Reference 12's,
+    did it exist, would be the same up to the rotor splitting's small part.  What keeps a shadow
+    energy has the same mean energy from each start; what has none wanders.
     """
     check = partial(Check, "dimer", source=STATEMENTS["dimer"])
     ours, other = _starts(whole, "nosquish"), _starts(whole, OTHER)
@@ -311,9 +306,8 @@ def _peptide(whole, conventions):
                 f"NO_SQUISH{' order 123' if name == ORDERED else ''} over {PAPER[against].label}"
             )
             what = f"equal: sd of energy about the means of {PARTS} parts, {_length(series[name], series[against])}"
-            samples = min(
-                len(series[one].total) for one in (against, name)
-            )  # parts of the same length
+            # parts of the same length
+            samples = min(len(series[one].total) for one in (against, name))
             over = measures.ratio(
                 *(
                     parts_of(series[one].total[:samples]).std(axis=1, ddof=1)
@@ -366,7 +360,8 @@ def _peptide(whole, conventions):
 
 
 def _conventions(complete, whole, exponents):
-    """The average measure with several zeros of energy, and what size and step would give the paper's.
+    """The average measure with several zeros of energy, and what size and step would give the
+    paper's.
 
     Args:
         exponents: of `TIME_WORDS` and `SIZE_WORDS`, as far as they are measured.
@@ -497,7 +492,8 @@ def begun(one):
 
 
 def gear_pairs(whole):
-    """Trajectories of NO_SQUISH and of Gear's scheme from the same starts, both `begun`: scene to list of pairs, where there are several.
+    """Trajectories of NO_SQUISH and of Gear's scheme from the same starts, both `begun`: scene to
+    list of pairs, where there are several.
 
     Args:
         whole: name to ``paper.Series``, complete ones.
@@ -521,9 +517,11 @@ def gear_pairs(whole):
 
 
 def _gear(found, whole):
-    """Gear's scheme: at the same step, and from the same starts at a step at which it does not fail at once.
+    """Gear's scheme: at the same step, and from the same starts at a step at which it does not fail
+    at once.
 
-    Its error grows with the time, by its drift, and so does the ratio of the average measures: it is the drift that "far" is asked of.
+    Its error grows with the time, by its drift, and so does the ratio of the average measures: it
+    is the drift that "far" is asked of.
     """
     check = partial(Check, "gear", source=STATEMENTS["gear"])
     for scene in "water", "peptide":
@@ -597,7 +595,8 @@ def _gear(found, whole):
 
 
 def _force_field(whole):
-    """The energy at a small step: its fluctuation, its random walk, and what they come to in the time of the run at the usual step."""
+    """The energy at a small step: its fluctuation, its random walk, and what they come to in the
+    time of the run at the usual step."""
     usual, rows = whole.get("peptide-nosquish"), []
     for name, one in whole.items():
         if not name.startswith("force-field-"):
@@ -623,7 +622,8 @@ def _force_field(whole):
 
 
 def _force_field_checks(whole, rows):
-    """Of the force field as it is: its part of the variance, and what the neighbour list does to it."""
+    """Of the force field as it is: its part of the variance, and what the neighbour list does to
+    it."""
     check = partial(Check, "force field", "peptide, NO_SQUISH")
     for entry in rows:
         if entry["name"] == "as it is" and "variance" in entry:
@@ -635,9 +635,8 @@ def _force_field_checks(whole, rows):
         whole.get(f"force-field-{name}") for name in ("as it is", "neighbour list each step")
     )
     if as_it_is and renewed:
-        soon = (
-            as_it_is.time <= SOON
-        )  # later the two are different trajectories, for rounding grows with chaos
+        # later the two are different trajectories, for rounding grows with chaos
+        soon = as_it_is.time <= SOON
         value = float(np.abs(renewed.total - as_it_is.total)[soon].max() / as_it_is.total.std())
         subject = f"neighbour list made each step: largest change of the energy, over its sd, {min(SOON, as_it_is.time[-1]):.3g} ps"
         yield check(subject, value, high=UNCHANGED)

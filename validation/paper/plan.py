@@ -1,8 +1,10 @@
-"""The paper's test problems run again: the water dimer, liquid water and the peptide of its figures 2 and 3.
+"""The paper's test problems run again: the water dimer, liquid water and the peptide of its figures
+2 and 3.
 
-Each trajectory is run in pieces that follow one another, each an LAMMPS run of its own that starts from the atoms that the one
-before has left; a piece that is complete in the output folder is not run again, so that the same command goes on
-after a Ctrl-C, unless the code or what it starts from has changed.  Energies are in the pieces' logs, sampled as they run.
+Each trajectory is run in pieces that follow one another, each an LAMMPS run of its own that starts
+from the atoms that the one before has left; a piece that is complete in the output folder is not
+run again, so that the same command goes on after a Ctrl-C, unless the code or what it starts from
+has changed.  Energies are in the pieces' logs, sampled as they run.
 """
 
 from dataclasses import dataclass, replace
@@ -32,7 +34,8 @@ DIMER_DT, DT = 0.3, 3.0  # fs, of figure 2a, and of figures 2b and 3
 GEAR_DT = 1.0  # fs; Gear's scheme does not bear DT
 SMALL_DT = 0.5  # fs; what is left of the energy's fluctuation is the force field's
 STEPS = 1.5, 2.0, DT  # fs, for the law of the time step
-SAMPLED = 30.0  # fs between samples of the energy where trajectories of several steps or sizes are compared
+# fs between samples of the energy where trajectories of several steps or sizes are compared
+SAMPLED = 30.0
 ORDERED = "nosquish-123"  # NO_SQUISH with rigid/nve/small's order of axes
 
 
@@ -41,10 +44,12 @@ class Lengths:
     """How long everything is, in ps.
 
     Attributes:
-        dimer: each trajectory of the dimer.  starts: their number.  apart: time between one start and the next.
+        dimer: each trajectory of the dimer.  starts: their number.  apart: time between one start
+            and the next.
         liquid: 1,000 waters.  peptide: figure 3's trajectories.
         ordered: the peptide with `ORDERED`.  drifting: with ``rigid/small``.
-        gear: Gear's trajectories of the liquid and the peptide.  gear_starts: their number, and of its dimers.
+        gear: Gear's trajectories of the liquid and the peptide.  gear_starts: their number, and of
+            its dimers.
         force_field: runs at a small step.  accuracies: of the mesh, in these.
         sizes: numbers of waters.  size: how long each, and the peptide with each of `STEPS`.
         every: steps between samples of the energy, where not said otherwise.
@@ -107,7 +112,8 @@ class Trajectory:
         return max(1, -(-self.steps // self.piece))
 
     def jobs(self, out, silence):
-        """The pieces' jobs, in order, each when the one before has been done; one without steps gives the energy of the start.
+        """The pieces' jobs, in order, each when the one before has been done; one without steps
+        gives the energy of the start.
 
         Args:
             out: folder of all trajectories.
@@ -138,8 +144,10 @@ class Series:
     Attributes:
         trajectory: the ``Trajectory``.
         error: None, or why it is not complete.
-        time: (n,) ps.  total, kinetic, potential: (n,) kcal/mol.  temperature: (n,) K.  All without samples that are not finite.
-        positions: of the first piece's start and the last piece's end, or None (see ``run.Result``).
+        time: (n,) ps.  total, kinetic, potential: (n,) kcal/mol.  temperature: (n,) K.  All without
+            samples that are not finite.
+        positions: of the first piece's start and the last piece's end, or None (see
+            ``run.Result``).
         pieces: (folder, steps) of each that is complete.
         seconds: that the steps took.
     """
@@ -157,7 +165,8 @@ class Series:
 
 
 def plan(lengths, ranks, out):
-    """All trajectories, in the order in which they run: those of figures 2a and 3, what is short, those of figure 2b.
+    """All trajectories, in the order in which they run: those of figures 2a and 3, what is short,
+    those of figure 2b.
 
     Args:
         lengths: a ``Lengths``.
@@ -304,9 +313,8 @@ def series(trajectory, results, error):
     for job, result in results:
         for name, column in names.items():
             values = result.thermo.get(column, np.empty(0))
-            values = (
-                values[1:] if done else values
-            )  # a piece's first sample is the last one of the piece before
+            # a piece's first sample is the last one of the piece before
+            values = values[1:] if done else values
             parts[name].append(
                 (values + done) * trajectory.dt / FS_PER_PS if name == "time" else values
             )
@@ -331,12 +339,14 @@ def paper(out, chosen, ranks, silence, meter):
     """Run everything that is not there yet.
 
     Args:
-        out: folder.  chosen: trajectories of ``plan``.  ranks: MPI ranks of what is larger than the dimer.
+        out: folder.  chosen: trajectories of ``plan``.  ranks: MPI ranks of what is larger than the
+            dimer.
         silence: s without a sign of life after which a run is given up.
         meter: a ``console.Meter``.
 
     Returns:
-        (found, circumstances): name to ``Series``, and plain data; ``interrupted`` says that a Ctrl-C ended it.
+        (found, circumstances): name to ``Series``, and plain data; ``interrupted`` says that a
+        Ctrl-C ended it.
     """
     circumstances = machine.circumstances() | {"interrupted": False, "ranks": ranks}
     found = {}

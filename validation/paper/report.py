@@ -1,4 +1,5 @@
-"""From ``paper``'s numbers to files and the terminal: summary.json, table.csv, claims.csv, series.csv, figures, report.html."""
+"""From ``paper``'s numbers to files and the terminal: summary.json, table.csv, claims.csv,
+series.csv, figures, report.html."""
 
 import csv
 
@@ -22,7 +23,8 @@ def write(summary, found, out):
     """Write all files into the folder ``out``.
 
     Args:
-        summary: circumstances, ``lengths`` and all that ``paper_claims.judge`` gives, as plain data.
+        summary: circumstances, ``lengths`` and all that ``paper_claims.judge`` gives, as plain
+            data.
         found: name to ``paper.Series``.
     """
     save(summary, out)

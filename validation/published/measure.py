@@ -1,8 +1,10 @@
 """The energy's spread of rigid water at several time steps, beside published numbers.
 
-A. J. Silveira and C. R. A. Abreu, J. Chem. Phys. 150, 114110 (2019), integrated TIP3P water with the free rotor's exact solution
-and forces that end smoothly; `inputs/water_smooth` has their potential, but for the form of its end.  Their paper draws the energies
-and prints no number of their spread: `PUBLISHED` and its error are worked out from the authors' files, as `ORIGINS` says number by number.
+A. J. Silveira and C. R. A. Abreu, J. Chem. Phys. 150, 114110 (2019), integrated TIP3P water with
+the free rotor's exact solution and forces that end smoothly; `inputs/water_smooth` has their
+potential, but for the form of its end.  Their paper draws the energies and prints no number of
+their spread: `PUBLISHED` and its error are worked out from the authors' files, as `ORIGINS` says
+number by number.
 """
 
 from dataclasses import replace
@@ -17,17 +19,15 @@ from validation.statistics import measures
 from validation.statistics.check import Check
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
-SERIES = "github.com/craabreu/rigid_nvt_paper"  # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
+# the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
+SERIES = "github.com/craabreu/rigid_nvt_paper"
 FILE = "Figures/NVE_{:g}fs.csv"  # there: energies of their trajectories of constant energy
-PUBLISHED = {
-    1.0: 0.0603,
-    2.0: 0.2205,
-    3.0: 0.4871,
-    4.0: 0.8872,
-}  # fs: standard deviation of TotEng in `FILE`, kcal/mol
+# fs: standard deviation of TotEng in `FILE`, kcal/mol
+PUBLISHED = {1.0: 0.0603, 2.0: 0.2205, 3.0: 0.4871, 4.0: 0.8872}
 ENERGIES = 667  # in each `FILE`, 9 ps apart: neighbours' correlation is below 0.06 in all four
 THEIR_ERROR = 1 / np.sqrt(2 * ENERGIES)  # of these, relative, for they do not depend on each other
-# All four have one energy, above its mean at 298 K, so they are warmer: the mean of TotEng of all four; E and Cv1 of Figures/S1.csv at 1 fs
+# All four have one energy, above its mean at 298 K, so they are warmer: the mean of TotEng of all
+# four; E and Cv1 of Figures/S1.csv at 1 fs
 ENERGY, ENERGY_AT_298, HEAT_CAPACITY = -6475.0, -6616.5, 17.5  # kcal/mol, kcal/mol, kcal/mol/K
 TEMPERATURE = 298.0 + (ENERGY - ENERGY_AT_298) / HEAT_CAPACITY  # K
 ORIGINS = {
@@ -44,12 +44,8 @@ TITLES = {
     "spread": f"Standard deviation of the energy over the published one, 903 TIP3P molecules at {TEMPERATURE:.0f} K"
 }
 
-BATH, MEAN, REST, BATH_DT = (
-    4.0,
-    6.0,
-    1.0,
-    2.0,
-)  # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
+# ps with a heat bath, then with one and averaged, then without; time step (fs) of all
+BATH, MEAN, REST, BATH_DT = (4.0, 6.0, 1.0, 2.0)
 SAMPLED = 12.0  # fs between samples of the energy
 
 
@@ -104,7 +100,8 @@ def published(out, time, ranks, silence, meter):
         f"fix mean {water.group} ave/time 1 1 1 v_energy ave running",
         f"run {steps(MEAN, BATH_DT)}",
         "unfix bath",
-        f"velocity {water.group} scale $(temp*(1.0+(f_mean-etotal)/ke))",  # to the mean energy, not the one that chance has left
+        # to the mean energy, not the one that chance has left
+        f"velocity {water.group} scale $(temp*(1.0+(f_mean-etotal)/ke))",
         "unfix mean",
         "reset_timestep 0",
         *to_dump(dump, rest),
@@ -124,7 +121,8 @@ def published(out, time, ranks, silence, meter):
 
 
 def checks(found):
-    """What was found over what is published, for each time step; where all are known, their mean too, each weighted by what it is worth.
+    """What was found over what is published, for each time step; where all are known, their mean
+    too, each weighted by what it is worth.
 
     Args:
         found: time step (fs) to ``run.Result``.

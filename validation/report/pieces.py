@@ -9,7 +9,8 @@ STYLES = {"holds": "holds", "does not hold": "does-not-hold", "cannot tell": "ca
 
 @dataclass(frozen=True)
 class Cell:
-    """Text of a table, the number that it is sorted by (None: by the text; not a number: last), and the verdict that colours it (empty: the text)."""
+    """Text of a table, the number that it is sorted by (None: by the text; not a number: last), and
+    the verdict that colours it (empty: the text)."""
 
     text: str
     value: float | None = None
@@ -32,7 +33,8 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure to show: its file in the results' folder, its caption, and the paper's words that stand beside it."""
+    """A figure to show: its file in the results' folder, its caption, and the paper's words that
+    stand beside it."""
 
     file: str
     caption: str
@@ -65,7 +67,8 @@ class Said:
 
 
 def sortable(value):
-    """The number that a value, or an estimate's or a spread's dictionary, is sorted by; not a number if there is none."""
+    """The number that a value, or an estimate's or a spread's dictionary, is sorted by; not a
+    number if there is none."""
     return (
         math.nan
         if value is None

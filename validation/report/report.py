@@ -1,4 +1,5 @@
-"""The report of all verbs: finds their results, and writes what they say to one self-contained page, with their figures made light."""
+"""The report of all verbs: finds their results, and writes what they say to one self-contained
+page, with their figures made light."""
 
 import base64
 import io
@@ -16,10 +17,8 @@ from validation.report import pieces as overview_pieces
 from validation.report import sections as overview
 from validation.running import machine
 
-WIDEST, COLOURS = (
-    1400,
-    256,
-)  # of a figure: pixels; lines and text need no more, and a PNG's palette has no more
+# of a figure: pixels; lines and text need no more, and a PNG's palette has no more
+WIDEST, COLOURS = (1400, 256)
 INTERRUPTED = 130  # exit status of a verb after a Ctrl-C
 SHORT = {"sweep": ("--ranks", "2"), "stability": ()}  # what --short runs, on two cores
 
@@ -83,7 +82,8 @@ def gather(results):
     """A `Section` for each of ``overview.PARTS``, and for each folder of a pattern.
 
     Args:
-        results: folder in which the results are looked for first; those that are not there are taken from `RESULTS`.
+        results: folder in which the results are looked for first; those that are not there are
+            taken from `RESULTS`.
     """
     sections = []
     for part in overview.PARTS:
@@ -149,11 +149,8 @@ def _facts(sections):
         for key, value in (
             section.summary.get("machine", {}) | section.summary.get("versions", {})
         ).items():
-            if key not in (
-                "load_at_start",
-                "package",
-                "fix_nosquish",
-            ):  # the package stands beside each result
+            # the package stands beside each result
+            if key not in ("load_at_start", "package", "fix_nosquish"):
                 seen.setdefault(key.replace("_", " "), {}).setdefault(value, []).append(
                     section.name
                 )
@@ -171,12 +168,14 @@ def common(sections):
 
 
 def differing(sections):
-    """In which of the machine and versions the sections differ: {what: {value: names of the sections that have it}}."""
+    """In which of the machine and versions the sections differ: {what: {value: names of the
+    sections that have it}}."""
     return {key: values for key, values in _facts(sections).items() if len(values) > 1}
 
 
 def circumstances(sections):
-    """A ``overview_pieces.Table``: by which command each section was measured, and in what its machine and versions differ from others'."""
+    """A ``overview_pieces.Table``: by which command each section was measured, and in what its
+    machine and versions differ from others'."""
     seen, rows = differing(sections), []
     for section in sections:
         of_it = [
@@ -235,7 +234,8 @@ def _place(path):
 
 
 def run_short(verb, out):
-    """Run a verb's short form, in a process of its own so that its results tell its own command; whether a Ctrl-C ended it.
+    """Run a verb's short form, in a process of its own so that its results tell its own command;
+    whether a Ctrl-C ended it.
 
     It has a session of its own: a Ctrl-C comes here, and is passed on once.
     """
@@ -260,7 +260,8 @@ def run_short(verb, out):
 
 
 def light(path):
-    """A figure as base64 text of a PNG that is not larger than need be: no wider than `WIDEST`, with `COLOURS` colours, those of its areas kept.
+    """A figure as base64 text of a PNG that is not larger than need be: no wider than `WIDEST`,
+    with `COLOURS` colours, those of its areas kept.
 
     Raises:
         OSError, SyntaxError: the file is not a whole image.

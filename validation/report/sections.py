@@ -26,9 +26,8 @@ from validation.statistics.estimate import SURE, Estimate
 from validation.theory import report as theory_report
 
 OURS = "nosquish"
-NAMES = {
-    "reference 12": "Matubayasi-Nakahara"
-}  # what summaries call a scheme: what the page calls it
+# what summaries call a scheme: what the page calls it
+NAMES = {"reference 12": "Matubayasi-Nakahara"}
 VERDICTS = "holds", "does not hold", "cannot tell"
 
 
@@ -37,7 +36,8 @@ class Part:
     """A verb whose results the report gathers.
 
     Attributes:
-        name: of its folder, or a pattern for several folders; that of a short run has ``-short`` behind it.
+        name: of its folder, or a pattern for several folders; that of a short run has ``-short``
+            behind it.
         title: heading.
         verb: words after ``python -m validation`` that make the results.
         says: function from a summary to what it `Said`.

@@ -1,4 +1,5 @@
-"""What the stability atlas says to the report of all verbs: how long a step each integrator bears, and what breaks where."""
+"""What the stability atlas says to the report of all verbs: how long a step each integrator bears,
+and what breaks where."""
 
 import math
 import re
@@ -117,7 +118,8 @@ def _short(cases):
 
 
 def _of_this(text, full):
-    """A case's text with the lengths of this run alone: they write ``0.2 ps (--full: 5 ps)``, and ``: 1e6 turns with --full``."""
+    """A case's text with the lengths of this run alone: they write ``0.2 ps (--full: 5 ps)``, and
+    ``: 1e6 turns with --full``."""
     text = re.sub(r"(\S+ \S+) \(--full: ([^)]*)\)", r"\2" if full else r"\1", text)
     return (
         re.sub(r",? with --full", "", text)
@@ -154,7 +156,8 @@ def _longest(cases, labels):
 
 
 def _step(row):
-    """A longest stable step, in fs: of one without an error, as it was the longest that was tried, what it is at least."""
+    """A longest stable step, in fs: of one without an error, as it was the longest that was tried,
+    what it is at least."""
     if row is None or row["value"] is None:
         return Cell("–" if row is None else row["verdict"], math.nan)
     least = "≥ " if row["value"] and not row["error"] else ""
@@ -190,9 +193,8 @@ def _result(row, case, name=None):
     """Who came to what in a case, as text."""
     name = f"{row['label'] if name is None else name} "
     if row["value"] is None:
-        why = re.sub(
-            r"ERROR( on proc \d+)?: (Fix \S+ python/move: )?", "", row["note"] or ""
-        )  # who says so
+        # who says so
+        why = re.sub(r"ERROR( on proc \d+)?: (Fix \S+ python/move: )?", "", row["note"] or "")
         verb = "cannot run" if row["verdict"] == "cannot run" else "breaks"
         return f"{name}{verb}: {textwrap.shorten(why, 80, placeholder=' …')}".strip()
     doubt = " (cannot tell)" if row["verdict"] == "cannot tell" else ""

@@ -1,4 +1,5 @@
-"""What a sweep says to the report of all verbs: what to use for each scene, how sure that is, and what it costs."""
+"""What a sweep says to the report of all verbs: what to use for each scene, how sure that is, and
+what it costs."""
 
 import math
 from dataclasses import dataclass
@@ -13,8 +14,9 @@ from validation.sweep.errors import BOLTZMANN
 from validation.sweep.plan import SWEEPS
 
 FEW = 3  # points that are named
-# An ordinary accuracy: the total energy scatters by this part of the kinetic energy's own scatter at the scene's temperature, kT √(f/2), so that
-# averages do not feel it; and of no drift is it sure that a ns would heat by a tenth.
+# An ordinary accuracy: the total energy scatters by this part of the kinetic energy's own scatter
+# at the scene's temperature, kT √(f/2), so that averages do not feel it; and of no drift is it sure
+# that a ns would heat by a tenth.
 ORDINARY, DRIFT = 0.01, 0.1  # of that scatter; kT per ns and degree of freedom
 
 
@@ -71,7 +73,8 @@ def _swept(summary):
 
 
 def _lengths(points):
-    """How long they ran: few steps are as many as a number needs, many are no more than there is time for."""
+    """How long they ran: few steps are as many as a number needs, many are no more than there is
+    time for."""
     times = sorted({f"{point['ps']:.3g}" for point in points}, key=float)
     return f"{times[0]} to {times[-1]} ps" if len(times) > 1 else f"{times[0]} ps"
 
@@ -85,7 +88,8 @@ def _starts(points):
 
 @dataclass(frozen=True)
 class Advice:
-    """What to use for a scene: a row's cells, a sentence, and whether ours ties with fixes of LAMMPS."""
+    """What to use for a scene: a row's cells, a sentence, and whether ours ties with fixes of
+    LAMMPS."""
 
     cells: list
     short: str
@@ -190,7 +194,8 @@ def _title(name):
 
 
 def _sure(points, targets, choice):
-    """How sure it is that a choice is the fastest, against what is not ours if it is, whatever its mrot."""
+    """How sure it is that a choice is the fastest, against what is not ours if it is, whatever its
+    mrot."""
     best = choice.best
 
     def rival(point):
@@ -214,7 +219,8 @@ def _sure(points, targets, choice):
 
 
 def _way(scene, data, words, way):
-    """A row: who is the fastest, how long that takes, how much longer ours takes, and how sure that is."""
+    """A row: who is the fastest, how long that takes, how much longer ours takes, and how sure that
+    is."""
     measure, target, choice, own = way
     title = words["title"].replace("the horizon", f"{SWEEPS[scene].horizon:g} fs")
     wanted = [Cell(scene), Cell(f"{title} ≤ {target:g} {words['unit']}".strip())]

@@ -23,9 +23,11 @@ def environment(folder):
     """Environment variables for a run that is counted, with this interpreter's mpich.
 
     Args:
-        folder: where the ranks leave their counts; made if it is not there, and emptied of older counts.
+        folder: where the ranks leave their counts; made if it is not there, and emptied of older
+            counts.
     Raises:
-        SystemExit: if there is no C compiler, no mpich or the compiler fails, with what to do about it.
+        SystemExit: if there is no C compiler, no mpich or the compiler fails, with what to do about
+            it.
     """
     folder = Path(folder).resolve()
     folder.mkdir(parents=True, exist_ok=True)
@@ -47,8 +49,10 @@ def environment(folder):
 def read(folder):
     """The counts of a run that has ended, one dictionary per rank in the order of the ranks.
 
-    messages, bytes: sends to other ranks and their data.  collectives, collective_bytes: calls such as
-    MPI_Allreduce, and the size of what the rank gives into them.  fix_messages, fix_bytes, fix_collectives,
+    messages, bytes: sends to other ranks and their data.  collectives, collective_bytes: calls such
+        as
+    MPI_Allreduce, and the size of what the rank gives into them.  fix_messages, fix_bytes,
+    fix_collectives,
     fix_collective_bytes: those among them that fixes made, in their turns in LAMMPS's class Modify.
 
     Raises:

@@ -15,19 +15,18 @@ from validation.running import startup
 
 def circumstances():
     """What was asked for, when, where and with what, as plain data."""
+    # of this package's files, whatever its version number says
     return {
         "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
         "date": now(),
         "machine": describe(),
-        "versions": versions()
-        | {
-            "package": package_hash()[:12]
-        },  # of this package's files, whatever its version number says
+        "versions": versions() | {"package": package_hash()[:12]},
     }
 
 
 def package(summary):
-    """With which package something was measured, of its `circumstances`: version, and the first digits of its files' hash."""
+    """With which package something was measured, of its `circumstances`: version, and the first
+    digits of its files' hash."""
     found = summary.get("versions", {})
     return (
         f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
@@ -77,7 +76,8 @@ def package_hash():
 
 
 def origin(scene, integrator, *files):
-    """Hash of what a run follows from beside its ``run.Job``: the scene's files and further ones, versions, and with ours the package."""
+    """Hash of what a run follows from beside its ``run.Job``: the scene's files and further ones,
+    versions, and with ours the package."""
     found = [
         versions(),
         contents(scene.folder),

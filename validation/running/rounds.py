@@ -1,6 +1,7 @@
 """Runs timed in turn (A B C A B C ...), each a fresh process on the same start.
 
-So a change in the machine's load meets all of them alike, and numbers of one round compare like with like.
+So a change in the machine's load meets all of them alike, and numbers of one round compare like
+with like.
 """
 
 from dataclasses import dataclass
@@ -62,8 +63,8 @@ def in_turn(jobs, rounds, meter):
         meter: a ``console.Meter``.
 
     Returns:
-        (found, errors, interrupted): name to the list of its rounds' numbers (see ``numbers``), name to
-        why it failed, and whether a Ctrl-C ended it all.
+        (found, errors, interrupted): name to the list of its rounds' numbers (see ``numbers``),
+        name to why it failed, and whether a Ctrl-C ended it all.
     """
     found, errors = {name: [] for name in jobs}, {}
     for number in range(1, rounds + 1):
@@ -86,7 +87,8 @@ def in_turn(jobs, rounds, meter):
 def numbers(job, result):
     """What is kept of a completed run, as plain data.
 
-    ``modify``, ``loop`` and each of ``sections`` (us per step): medians of the segments after the warm-up;
+    ``modify``, ``loop`` and each of ``sections`` (us per step): medians of the segments after the
+    warm-up;
     ``cpu``: the smallest share of a core in these, in percent; ``define`` and ``setups``: s that
     the fixes' commands and each `run 0` took; ``memory``: KiB of each rank at most; ``versions``.
     """

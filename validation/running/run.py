@@ -34,7 +34,8 @@ class Job:
         commands: LAMMPS commands before the first run.
         runs: numbers of steps; positions are kept at the start and after each.
         body_property: per-atom integer that tells bodies apart; None keeps no positions.
-        setups: how often `run 0`, which makes all of a run's preparations, is timed before the runs.
+        setups: how often `run 0`, which makes all of a run's preparations, is timed before the
+            runs.
         ranks: number of MPI ranks.
         silence: s without a word in the log after which the run counts as hung.
         origin: hash of what the result follows from beside all this (see ``machine.origin``).
@@ -184,7 +185,8 @@ def run(job, on_step=lambda step: None, environment=()):
 
 
 def once(job, on_step=lambda step: None, failures=False):
-    """Do a job, as `run`, unless the complete result of the same job, its origin included, is there.
+    """Do a job, as `run`, unless the complete result of the same job, its origin included, is
+    there.
 
     Args:
         job, on_step, failures: as for `run` and `is_there`.
@@ -197,8 +199,8 @@ def is_there(job, failures=False):
 
     Args:
         job: a ``Job``.
-        failures: whether a run that LAMMPS or a fix ended with a message, or that hung for no less than ``job.silence``, counts as complete; one
-            that was killed does not.
+        failures: whether a run that LAMMPS or a fix ended with a message, or that hung for no less
+            than ``job.silence``, counts as complete; one that was killed does not.
     """
     directory = Path(job.directory)
     if not (directory / "job.json").exists():
@@ -242,7 +244,8 @@ def collect(directory):
 def _watch(process, log, silence, on_step):
     """Wait for the end; True if it was given up as hung.
 
-    Looks are counted, not the clock's time: a run that was stopped together with this process is not hung when both go on.
+    Looks are counted, not the clock's time: a run that was stopped together with this process is
+    not hung when both go on.
     """
     size, quiet = 0, 0.0
     while process.poll() is None:

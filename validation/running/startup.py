@@ -1,7 +1,7 @@
 """What a start costs: the first use of the package, which compiles, later ones, and LAMMPS alone.
 
-Each is a process of its own that reads the scene, defines the fix and does one step.  A copy of the installed
-package without anything compiled stands for a first use.
+Each is a process of its own that reads the scene, defines the fix and does one step.  A copy of the
+installed package without anything compiled stands for a first use.
 """
 
 import os
@@ -38,8 +38,10 @@ def measure(scene, ours, folder, ranks, rounds, meter):
         meter: a ``console.Meter``.
 
     Returns:
-        dict: of ``first``, ``later`` and ``plain`` the spreads of ``wall`` and ``cpu`` (s, of all processes
-        together), and ``first_added`` and ``later_added``: wall and cpu more than ``plain`` in the same round; ``error``.
+        dict: of ``first``, ``later`` and ``plain`` the spreads of ``wall`` and ``cpu`` (s, of all
+            processes
+        together), and ``first_added`` and ``later_added``: wall and cpu more than ``plain`` in the
+        same round; ``error``.
     """
     folder = Path(folder).resolve()
     found = {"first": [], "later": [], "plain": []}

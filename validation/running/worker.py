@@ -9,9 +9,10 @@ trajectory), ``body_property`` and ``motion``.  Left beside job.json:
 
     log.lammps      LAMMPS's log
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
-                    order of atom ID; body of each atom; cell vectors (rows); periodicity;
-                    only if there is a ``body_property``; with ``motion`` also ``v``, velocities as the positions,
-                    ``mass`` of each atom, ``bonds`` and ``angles`` as rows of atoms counted from 0
+                    order of atom ID; body of each atom; cell vectors (rows); periodicity; only if
+                    there is a ``body_property``; with ``motion`` also ``v``, velocities as the
+                    positions, ``mass`` of each atom, ``bonds`` and ``angles`` as rows of atoms
+                    counted from 0
     done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
                     each of ``commands``, of ``setups``, of ``runs``;
                     written last, so its presence means success
@@ -49,7 +50,8 @@ def geometry(lmp):
 
 
 def topology(lmp):
-    """Mass of each atom, and bonds and angles as rows of atoms counted from 0; every rank must call."""
+    """Mass of each atom, and bonds and angles as rows of atoms counted from 0; every rank must
+    call."""
     mass = lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
     rows = {}
     for name, found, atoms in ("bonds", lmp.gather_bonds(), 2), ("angles", lmp.gather_angles(), 3):

@@ -1,4 +1,5 @@
-"""Weak scaling, counted: what a rank sends in a step at a fixed number of molecules per rank, and what that would cost on many.
+"""Weak scaling, counted: what a rank sends in a step at a fixed number of molecules per rank, and
+what that would cost on many.
 
 Counts do not depend on how fast or how loaded the machine is: ranks may share cores.
 """
@@ -46,7 +47,8 @@ NETWORK = Link("between nodes (100 Gbit/s InfiniBand, as commonly reported)", 1.
 
 
 def grid(ranks, decomposition):
-    """Ranks along x, y, z: a row of them ("slab"), or the block of them nearest to a cube ("brick")."""
+    """Ranks along x, y, z: a row of them ("slab"), or the block of them nearest to a cube
+    ("brick")."""
     if decomposition == "slab":
         return ranks, 1, 1
     sides = range(1, ranks + 1)
@@ -60,16 +62,18 @@ def grid(ranks, decomposition):
 
 
 def scaling(out, ranks=(1, 2, 4, 8, 16), meter=None):
-    """Count what the fixes of each integrator send, with a copy of the scene water for each rank, cut in slabs and in bricks.
+    """Count what the fixes of each integrator send, with a copy of the scene water for each rank,
+    cut in slabs and in bricks.
 
     Args:
         out: folder for the runs.
-        ranks: their numbers; bricks are also counted on 27, from where on each has its full 26 neighbours.
+        ranks: their numbers; bricks are also counted on 27, from where on each has its full 26
+            neighbours.
         meter: a `console.Meter`, or None.
     Returns:
-        list of dictionaries: decomposition, integrator, ranks, bodies, and, mean over the ranks and steps, the
-        messages, bytes, collectives and collective_bytes that a rank's fixes hand to MPI in a step; error (None, or
-        why there are no counts).
+        list of dictionaries: decomposition, integrator, ranks, bodies, and, mean over the ranks and
+        steps, the messages, bytes, collectives and collective_bytes that a rank's fixes hand to MPI
+        in a step; error (None, or why there are no counts).
     """
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)
@@ -158,13 +162,15 @@ def link():
 
 
 def model(rows, link, ranks=(1000, 10_000, 100_000)):
-    """What the counted messages of a step would take on many ranks, in s: a model, not a measurement.
+    """What the counted messages of a step would take on many ranks, in s: a model, not a
+    measurement.
 
-    A message takes the link's latency, and its bytes what the bandwidth says; a rank sends one after the other. A
-    collective of a few numbers takes log2(ranks) messages. From the largest number of ranks that was counted on,
-    messages and bytes are taken not to change any more. Fix rigid/nve has all ranks sum the forces and torques on all
-    bodies of the system (MPI_Allreduce of 6 numbers for each): of these bytes the link carries twice as many, and the
-    messages are 2 log2(ranks), which is what the best known algorithm needs. What the ranks compute is left out.
+    A message takes the link's latency, and its bytes what the bandwidth says; a rank sends one
+    after the other. A collective of a few numbers takes log2(ranks) messages. From the largest
+    number of ranks that was counted on, messages and bytes are taken not to change any more. Fix
+    rigid/nve has all ranks sum the forces and torques on all bodies of the system (MPI_Allreduce of
+    6 numbers for each): of these bytes the link carries twice as many, and the messages are 2
+    log2(ranks), which is what the best known algorithm needs. What the ranks compute is left out.
 
     Args:
         rows: of `scaling`.

@@ -1,4 +1,5 @@
-"""From the counts and the model of `scaling` to files: summary.json, counts.csv, model.csv, a figure, report.html."""
+"""From the counts and the model of `scaling` to files: summary.json, counts.csv, model.csv, a
+figure, report.html."""
 
 import csv
 
@@ -25,8 +26,8 @@ def write(summary, out):
     """Write all files into the folder ``out``.
 
     Args:
-        summary: with ``counts`` (rows of `scaling.scaling`), ``model`` (rows of `scaling.model`, with the link's name) and
-            ``links``, as plain data.
+        summary: with ``counts`` (rows of `scaling.scaling`), ``model`` (rows of `scaling.model`,
+            with the link's name) and ``links``, as plain data.
     """
     save(summary, out)
     for name, columns in ("counts", COUNTS), ("model", MODEL):

@@ -1,6 +1,7 @@
 """What is simulated: each scene is a folder of inputs/ and LAMMPS's words for it.
 
-Scenes in LAMMPS units ``real`` are in Angstrom, fs, kcal/mol, K and atm, those in ``lj`` in reduced units.
+Scenes in LAMMPS units ``real`` are in Angstrom, fs, kcal/mol, K and atm, those in ``lj`` in reduced
+units.
 """
 
 import itertools
@@ -56,12 +57,12 @@ class Scene:
 
     def on_mesh(self, accuracy):
         """The scene with another accuracy of its PPPM; without effect on one that has none."""
-        return replace(
-            self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup)
-        )  # of two definitions LAMMPS keeps the first
+        # of two definitions LAMMPS keeps the first
+        return replace(self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup))
 
     def is_whole_copies(self, bodies):
-        """Whether so many bodies are ``unit`` copied to a block that is at most twice as long as wide."""
+        """Whether so many bodies are ``unit`` copied to a block that is at most twice as long as
+        wide."""
         return bodies % self.unit == 0 and _block(bodies // self.unit) is not None
 
     def of_size(self, bodies, data=None):
@@ -87,7 +88,8 @@ class Scene:
 
 
 def _block(copies):
-    """Three factors of ``copies``, from the smallest, nearest to a cube; None if no block is at most twice as long as wide."""
+    """Three factors of ``copies``, from the smallest, nearest to a cube; None if no block is at
+    most twice as long as wide."""
     factors = [n for n in range(1, copies + 1) if copies % n == 0]
     blocks = [
         (a, b, copies // (a * b))

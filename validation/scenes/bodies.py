@@ -22,7 +22,8 @@ FREE = "pair_style zero 1.0", "pair_coeff * *"
 
 
 class Body(NamedTuple):
-    """Atoms that are rigid together: positions (n, 3), masses (n,), velocities (n, 3), charges (n,) or None."""
+    """Atoms that are rigid together: positions (n, 3), masses (n,), velocities (n, 3), charges (n,)
+    or None."""
 
     x: np.ndarray
     mass: np.ndarray
@@ -54,20 +55,21 @@ def moments(x, mass):
 
 
 def three_rods(moment):
-    """Shape and masses of six atoms on three axes with these principal moments, axis by axis; no one above the sum of the others.
+    """Shape and masses of six atoms on three axes with these principal moments, axis by axis; no
+    one above the sum of the others.
 
     Args:
         moment: (3,), about x, y, z.
     """
-    square = (
-        np.maximum(0.0, moment.sum() / 2 - moment) / 2
-    )  # two atoms of unit mass on each axis: 2 d_k^2 is what this axis adds to the others
+    # two atoms of unit mass on each axis: 2 d_k^2 is what this axis adds to the others
+    square = np.maximum(0.0, moment.sum() / 2 - moment) / 2
     return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
 
 
 def symmetric_top(turn, spin, moment, time):
-    """Where a free top with two equal moments is turned to after some time, exactly: its axis circles about the angular momentum, and it turns
-    about its axis, both at constant rates (Landau and Lifshitz, Mechanics, section 33).
+    """Where a free top with two equal moments is turned to after some time, exactly: its axis
+    circles about the angular momentum, and it turns about its axis, both at constant rates (Landau
+    and Lifshitz, Mechanics, section 33).
 
     Args:
         turn: ``Rotation`` from the top's frame to space at time 0.
@@ -93,12 +95,12 @@ def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, nam
         setup: LAMMPS commands after read_data.
         box: (3,) lengths.  corner: the lowest one.
         dt: time step.
-        bonded: whether the bodies are `BENT`, with bonds and angle so that fix shake takes them; single atoms may follow.
+        bonded: whether the bodies are `BENT`, with bonds and angle so that fix shake takes them;
+            single atoms may follow.
         more: as ``Scene`` has it.
     """
-    folder = (
-        Path(folder) / name
-    )  # of its own: what else comes there would change the hash of what its runs follow from
+    # of its own: what else comes there would change the hash of what its runs follow from
+    folder = Path(folder) / name
     folder.mkdir(parents=True, exist_ok=True)
     mass = np.concatenate([one.mass for one in bodies])
     x, v = (np.concatenate([getattr(one, key) for one in bodies]) for key in ("x", "v"))

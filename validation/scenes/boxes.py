@@ -1,4 +1,5 @@
-"""Small boxes of rigid Lennard-Jones bodies of many shapes, and what a run of one leaves: for `breaks`, and for tests."""
+"""Small boxes of rigid Lennard-Jones bodies of many shapes, and what a run of one leaves: for
+`breaks`, and for tests."""
 
 import itertools
 from typing import NamedTuple
@@ -20,7 +21,8 @@ SMALL = "fix 1 {group} rigid/nve/small {words}"
 class System(NamedTuple):
     """The first part of an input script, its files, and what is known of the atoms.
 
-    `group` holds all bodies that LAMMPS's fix rigid takes, `singles` are there if it does not take all.
+    `group` holds all bodies that LAMMPS's fix rigid takes, `singles` are there if it does not take
+    all.
     """
 
     setup: str
@@ -34,7 +36,8 @@ class System(NamedTuple):
 
 
 class Units(NamedTuple):
-    """A Lennard-Jones system's length, mass and energy in LAMMPS's units, and mass v^2 / energy there."""
+    """A Lennard-Jones system's length, mass and energy in LAMMPS's units, and mass v^2 / energy
+    there."""
 
     length: float = 1.0
     mass: float = 1.0
@@ -139,7 +142,8 @@ def assemble(
 
 
 def turned(kind, place, others, h, rng):
-    """A body (kind, positions, types) of a shape at a place, turned at random so that it overlaps with no other."""
+    """A body (kind, positions, types) of a shape at a place, turned at random so that it overlaps
+    with no other."""
     shape, types = SHAPES[kind]
     for _ in range(1000):
         flat = h[2, 2] == 1  # two dimensions
@@ -212,7 +216,8 @@ def script(
     """The input that runs a `System` with a fix, and writes its atoms to the file ``end``.
 
     Args:
-        fix: a LAMMPS line with the words ``{group}`` and ``{words}``; LAMMPS's own fixes leave single atoms to fix nve.
+        fix: a LAMMPS line with the words ``{group}`` and ``{words}``; LAMMPS's own fixes leave
+            single atoms to fix nve.
         dt: time step, in units of the system's own.
         before, after: further lines: before the fix, and after the run.
     """

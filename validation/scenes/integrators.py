@@ -37,7 +37,8 @@ class Integrator:
 
 
 def nosquish(name, label, words="", scheme="NVE"):
-    """One of this package's classes with the keywords ``words``: its NO_SQUISH, or an older ``scheme``."""
+    """One of this package's classes with the keywords ``words``: its NO_SQUISH, or an older
+    ``scheme``."""
     return Integrator(
         name,
         label,
@@ -114,7 +115,8 @@ BENCHMARKED = {
     )
 }
 
-# what is drawn as error against run time: every scheme with every parameter of its own that trades one for the other
+# what is drawn as error against run time: every scheme with every parameter of its own that trades
+# one for the other
 SWEPT = {
     integrator.name: integrator
     for integrator in (

@@ -1,4 +1,5 @@
-"""The peptide of figure 3: what SHAKE holds of it, variants of its force field, the peptide without water, and its helix."""
+"""The peptide of figure 3: what SHAKE holds of it, variants of its force field, the peptide without
+water, and its helix."""
 
 import gzip
 import re
@@ -12,9 +13,8 @@ import numpy as np
 
 from validation.scenes import SCENES
 
-PDB = (
-    SCENES["peptide"].folder / "peptide.pdb"
-)  # names of the peptide's atoms, which are the data file's first
+# names of the peptide's atoms, which are the data file's first
+PDB = SCENES["peptide"].folder / "peptide.pdb"
 BACKBONE = ("N", "CA", "C")
 NM_PER_ANGSTROM = 0.1
 
@@ -29,8 +29,9 @@ def topology():
 def scene():
     """The scene with what fix shake can hold of its rigid groups, in the fix's words.
 
-    All bonds within a group, and the angle of the groups of three atoms (water, CH2, NH2), so that CH, NH, CH2, NH2 and water
-    are as rigid as with the rigid fixes.  A group of four (CH3, NH3) keeps its three bonds only: fix shake has no more for it.
+    All bonds within a group, and the angle of the groups of three atoms (water, CH2, NH2), so that
+    CH, NH, CH2, NH2 and water are as rigid as with the rigid fixes.  A group of four (CH3, NH3)
+    keeps its three bonds only: fix shake has no more for it.
     """
     plain = SCENES["peptide"]
     file = plain.folder / next(
@@ -72,7 +73,8 @@ def alone(peptide):
 
 
 def within(peptide):
-    """The scene with the Coulomb energy of pairs one or two bonds apart: in rigid groups it does no work, but it moves the zero of energy."""
+    """The scene with the Coulomb energy of pairs one or two bonds apart: in rigid groups it does no
+    work, but it moves the zero of energy."""
     return replace(peptide, setup=(*peptide.setup, "special_bonds lj 0.0 0.0 0.0 coul 1.0 1.0 0.0"))
 
 
@@ -95,7 +97,8 @@ def force_fields(accuracies):
 
 
 def dump(every):
-    """LAMMPS commands that write the peptide's positions, unwrapped, each so many steps; ``{folder}`` is where to."""
+    """LAMMPS commands that write the peptide's positions, unwrapped, each so many steps;
+    ``{folder}`` is where to."""
     return (
         f"group peptide id 1:{topology().n_atoms}",
         f'dump helix peptide custom {every} "{{folder}}/helix.dump" id xu yu zu',
@@ -104,7 +107,8 @@ def dump(every):
 
 
 def helical(frames):
-    """Residues that are alpha helix by DSSP, (frames,), of unwrapped positions of the peptide (frames, atoms, 3) in Angstrom."""
+    """Residues that are alpha helix by DSSP, (frames,), of unwrapped positions of the peptide
+    (frames, atoms, 3) in Angstrom."""
     return (
         mdtraj.compute_dssp(
             mdtraj.Trajectory(frames * NM_PER_ANGSTROM, topology()), simplified=True
@@ -121,8 +125,10 @@ def helix(folders, ps_per_step):
         ps_per_step: the time step, ps.
 
     Returns:
-        dict: ``time`` (frames,) in ps, ``helical`` (frames,) residues that are alpha helix by DSSP, ``rmsd`` (frames,) of the
-        backbone from the first frame, in Angstrom; None if there is no frame, or a piece without frames.
+        dict: ``time`` (frames,) in ps, ``helical`` (frames,) residues that are alpha helix by DSSP,
+            ``rmsd`` (frames,) of the
+        backbone from the first frame, in Angstrom; None if there is no frame, or a piece without
+        frames.
     """
     top, begin, times, frames = topology(), 0, [], []
     for folder, steps in folders:

@@ -1,4 +1,5 @@
-"""Bodies that act on each other, or that something acts on, hard: walls, springs, gradients, unequal masses, fast flight, far places, ranks.
+"""Bodies that act on each other, or that something acts on, hard: walls, springs, gradients,
+unequal masses, fast flight, far places, ranks.
 
 Reduced units; most bodies are bent triatomics, which fix shake can hold too.
 """
@@ -51,7 +52,8 @@ ALONG = np.array([0.8, 0.0, 0.6])
 def _liquid(
     stand, name, count, box, *, seed, dt, masses=None, corner=(0, 0, 0), least=0.0, more=()
 ):
-    """Bent triatomics on a lattice of count³ places, each turned at random so that no atoms are nearer than ``least``, thermal at temperature 1."""
+    """Bent triatomics on a lattice of count³ places, each turned at random so that no atoms are
+    nearer than ``least``, thermal at temperature 1."""
     rng, found = np.random.default_rng(seed), []
     side = box / count
     for k, site in enumerate(np.ndindex(count, count, count)):
@@ -83,7 +85,8 @@ def _liquid(
 
 
 def _turn(rng, place, others, box, least):
-    """A random turn with which no atom of a body at that place is nearer than ``least`` to the others' or their periodic images."""
+    """A random turn with which no atom of a body at that place is nearer than ``least`` to the
+    others' or their periodic images."""
     there = np.concatenate([np.empty((0, 3)), *(one.x for one in others)])
     while True:
         turn = bodies.Rotation.from_quat(rng.normal(size=4))
@@ -137,7 +140,8 @@ def contact(stand, steps):
 
 
 def springs(stand, periods):
-    """Two equal bodies with a stiff spring between each two like atoms: the longest Δt times the highest frequency, for so many periods from each start."""
+    """Two equal bodies with a stiff spring between each two like atoms: the longest Δt times the
+    highest frequency, for so many periods from each start."""
     stiffness, M = 1000.0, bodies.MASSES.sum()
     r = bodies.BENT - bodies.MASSES @ bodies.BENT / M
     cross = np.array([[[0, -z, y], [z, 0, -x], [-y, x, 0]] for x, y, z in r])
@@ -215,10 +219,12 @@ def far_away(stand, steps):
 
 
 def ranks(stand, steps):
-    """Fast bodies on 1, 2, 4, 8 ranks, neighbour lists and owners new at every other step: how far from the trajectory of one rank, over how far that
-    is from itself with every atom moved by `ROUNDING` at the start?
+    """Fast bodies on 1, 2, 4, 8 ranks, neighbour lists and owners new at every other step: how far
+    from the trajectory of one rank, over how far that is from itself with every atom moved by
+    `ROUNDING` at the start?
 
-    Each atom feels dozens, and many a body is parted among ranks: what is added up, is added up in another order for each number of ranks.
+    Each atom feels dozens, and many a body is parted among ranks: what is added up, is added up in
+    another order for each number of ranks.
     """
     dense = (
         "pair_style lj/cut 2.5",
@@ -251,7 +257,8 @@ def ranks(stand, steps):
 
 
 def beyond_skin(stand, steps):
-    """The same liquid at rest and flying by `FLIGHTS` in a step, on two ranks: how far apart, in the frame that flies with it?"""
+    """The same liquid at rest and flying by `FLIGHTS` in a step, on two ranks: how far apart, in
+    the frame that flies with it?"""
     ends = {}
     for flight in (0.0, *FLIGHTS):
         velocity = flight / DT * ALONG
@@ -268,12 +275,12 @@ def beyond_skin(stand, steps):
 
 
 def resonance(stand, periods):
-    """Bodies with a loose atom each on a stiff spring, ω its frequency: up to which step is the energy kept?"""
+    """Bodies with a loose atom each on a stiff spring, ω its frequency: up to which step is the
+    energy kept?"""
     stiffness, rest, count, loose = 5000.0, 1.0, 6, 1.0
     r = bodies.BENT[1] - bodies.MASSES @ bodies.BENT / bodies.MASSES.sum()
-    outward = np.array([r[1], -r[0], 0.0]) / np.linalg.norm(
-        r
-    )  # across, so that the spring turns the body
+    # across, so that the spring turns the body
+    outward = np.array([r[1], -r[0], 0.0]) / np.linalg.norm(r)
     moments, axes = bodies.moments(bodies.BENT, bodies.MASSES)
     lever = np.cross(r, outward) @ axes
     omega = np.sqrt(stiffness * (1 / loose + 1 / bodies.MASSES.sum() + (lever**2 / moments).sum()))

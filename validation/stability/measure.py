@@ -1,9 +1,13 @@
-"""Where integrators break: cases with a number each, run with fix_nosquish's schemes and with LAMMPS's rigid and constraint fixes.
+"""Where integrators break: cases with a number each, run with fix_nosquish's schemes and with
+LAMMPS's rigid and constraint fixes.
 
-A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stability` runs cases with integrators, row by row.  A row keeps
-what was measured, from each start; it is judged against the bounds of ``criteria`` whenever it is shown.  Each row is kept in a file whose name has the hash of what it follows from: one that is there already is not
-run again, those of other code or lengths stay and are not shown, and of a row that was interrupted the runs that are complete are taken over.
-Several processes may run with the same output folder: one alone has a case, and what it saves has the others' rows in it.
+A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stability`
+runs cases with integrators, row by row.  A row keeps what was measured, from each start; it is
+judged against the bounds of ``criteria`` whenever it is shown.  Each row is kept in a file whose
+name has the hash of what it follows from: one that is there already is not run again, those of
+other code or lengths stay and are not shown, and of a row that was interrupted the runs that are
+complete are taken over. Several processes may run with the same output folder: one alone has a
+case, and what it saves has the others' rows in it.
 """
 
 import fcntl
@@ -53,13 +57,11 @@ COMPARED = {
 LINE = "standard error of the mean slope of seven stretches of the run, from their scatter"
 EXTREME = "none: the largest of all deviations in runs that give the same each time, of which no mean is taken"
 
-SLOW = (
-    "matubayasi-nakahara",
-    "gear",
-)  # the paper's other schemes, here to be compared with: not made for speed
+# the paper's other schemes, here to be compared with: not made for speed
+SLOW = ("matubayasi-nakahara", "gear")
 LESS = " (reference 12 and Gear: a tenth of that)"
-# files of this package that no row follows from; those criteria that rows follow from are told beside the code
-# without those that are much like another
+# files of this package that no row follows from; those criteria that rows follow from are told
+# beside the code without those that are much like another
 FEW = tuple(name for name in COMPARED if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
 
 
@@ -72,7 +74,8 @@ class Number:
         error: its standard error, or how finely it was looked for.
         freedom: degrees of freedom of the error; None for many.
         note: what else there is to say, as which part of the case the number is of.
-        parts: of a case with several criteria, the number of each, by name; ``value`` is then the largest of them, each over its bound.
+        parts: of a case with several criteria, the number of each, by name; ``value`` is then the
+            largest of them, each over its bound.
     """
 
     value: float
@@ -149,9 +152,11 @@ class Case:
         short, full: lengths (what they count is the function's own).
         few: names of the integrators with ``--short``.
         tenth: names of those with a tenth of the length with ``--full``.
-        starts: how many at least and at most, between which a row gets more until its verdict is sure.
+        starts: how many at least and at most, between which a row gets more until its verdict is
+            sure.
         together: function of the starts' `Number`s that gives the row's.
-        every: whether all starts have to hold, of which there are to be ``criteria.ENOUGH_STARTS`` to say so.
+        every: whether all starts have to hold, of which there are to be ``criteria.ENOUGH_STARTS``
+            to say so.
         criteria: name to ``Criterion``; by default those that name the case.
     """
 
@@ -218,7 +223,8 @@ class Case:
         return replace(found, value=_largest(found.parts)) if found.parts else found
 
     def verdict(self, numbers):
-        """pass, fail, or cannot tell where the 95 % interval of the starts' number reaches over the bound, or there are too few that hold."""
+        """pass, fail, or cannot tell where the 95 % interval of the starts' number reaches over the
+        bound, or there are too few that hold."""
         number = self.number(numbers)
         holds = Check(
             self.name,
@@ -261,7 +267,8 @@ class Stand:
         """Do the runs, or take over what is there.
 
         Args:
-            scene: a ``Scene``.  label: of the run's folder.  runs: numbers of steps, one after the other.
+            scene: a ``Scene``.  label: of the run's folder.  runs: numbers of steps, one after the
+                other.
             more: LAMMPS commands before the first run; ``{folder}`` is the run's.
             files: what the run follows from beside the scene.
             integrator: another one than the stand's.
@@ -286,7 +293,8 @@ class Stand:
         return result, folder
 
     def attempt(self, scene, label, runs, *, more=(), files=(), integrator=None, **how):
-        """As `run`, but a run that broke after its first line of output is a result like any other."""
+        """As `run`, but a run that broke after its first line of output is a result like any
+        other."""
         integrator = integrator or self.integrator
         if not integrator.can_run(scene):
             raise CannotRun(
@@ -313,7 +321,8 @@ def _broken(result):
 
 
 def stability(cases, names, out, full, silence, meter, only=None, starts=None, take=None):
-    """Run what is not there yet; another process may run other cases into the same folder meanwhile.
+    """Run what is not there yet; another process may run other cases into the same folder
+    meanwhile.
 
     Args:
         cases: name to `Case`, all that there are.
@@ -323,11 +332,14 @@ def stability(cases, names, out, full, silence, meter, only=None, starts=None, t
         silence: s without a sign of life after which a run is given up.
         meter: a ``console.Meter`` that counts rows.
         only: names of integrators; None for all that the cases name.
-        starts: how many at least, of cases that have several; None for as many as each verdict needs.
-        take: folder of another atlas, whose rows stand in for those that are not there; they are judged anew and not run.
+        starts: how many at least, of cases that have several; None for as many as each verdict
+            needs.
+        take: folder of another atlas, whose rows stand in for those that are not there; they are
+            judged anew and not run.
 
     Returns:
-        plain data: ``cases``, each with its ``rows``; ``summary``, what is told of all; ``interrupted``; circumstances.
+        plain data: ``cases``, each with its ``rows``; ``summary``, what is told of all;
+        ``interrupted``; circumstances.
     """
     summary = machine.circumstances() | {"interrupted": False, "full": full, "cases": []}
     taken = _taken(take, cases, full) if take else {}
@@ -358,7 +370,8 @@ def stability(cases, names, out, full, silence, meter, only=None, starts=None, t
 
 
 def _taken(folder, cases, full):
-    """Rows of another atlas's summary, by case and integrator, without those of other lengths or inner bounds."""
+    """Rows of another atlas's summary, by case and integrator, without those of other lengths or
+    inner bounds."""
     rows = {
         (case["name"], row["integrator"]): row
         for case in json.loads((folder / "summary.json").read_text())["cases"]
@@ -373,7 +386,8 @@ def _plain(length):
 
 
 def _in_turn(names, out):
-    """The names, each while no other process has its case: those that are another's are waited for when all others are done."""
+    """The names, each while no other process has its case: those that are another's are waited for
+    when all others are done."""
     busy = []
     for some, how in (names, fcntl.LOCK_EX | fcntl.LOCK_NB), (busy, fcntl.LOCK_EX):
         for name in some:
@@ -399,7 +413,8 @@ def plan(cases, names, full, only=None):
 
 
 def _rows(case, name, file, folder, full, silence, meter, starts):
-    """Run a case with an integrator; yields its row, as plain data without verdict, after each start that it did not have yet."""
+    """Run a case with an integrator; yields its row, as plain data without verdict, after each
+    start that it did not have yet."""
     integrator = COMPARED[name]
     ranks = 1 if full else 2  # in full, cases side by side make the better use of cores
     stand = Stand(case, integrator, folder / run.folder_name(name), silence, meter, ranks)
@@ -422,16 +437,15 @@ def _rows(case, name, file, folder, full, silence, meter, starts):
 
 
 def _enough(case, row, starts=None):
-    """Whether a row needs no more starts: what is asked for, or a verdict that is sure when its number of starts is the least one, doubled again and
-    again."""
+    """Whether a row needs no more starts: what is asked for, or a verdict that is sure when its
+    number of starts is the least one, doubled again and again."""
     count, (least, most) = len(row["numbers"]), case.starts
     if row["ended"] or count >= most:
         return True
     if starts:
         return count >= max(least, starts)
-    doubled = (
-        count >= least and count % least == 0 and (count // least).bit_count() == 1
-    )  # few looks: each is a chance to be sure by chance
+    # few looks: each is a chance to be sure by chance
+    doubled = count >= least and count % least == 0 and (count // least).bit_count() == 1
     return doubled and verdict(case, row) != "cannot tell"
 
 
@@ -483,7 +497,8 @@ def _inner(case):
 
 
 def _file(out, case, name, full):
-    """Where the row of a case with an integrator is kept: the name has the hash of what it follows from, code, length and inner bounds."""
+    """Where the row of a case with an integrator is kept: the name has the hash of what it follows
+    from, code, length and inner bounds."""
     origin = hashlib.sha256(
         json.dumps([_code(), repr(case.length(full, name)), _inner(case)]).encode()
     ).hexdigest()
@@ -492,8 +507,8 @@ def _file(out, case, name, full):
 
 @functools.cache
 def _code():
-    """Hash of versions, the package, this one without what only shows, and the scenes' files, as they are when first asked for: what is edited later
-    does not run in this process."""
+    """Hash of versions, the package, this one without what only shows, and the scenes' files, as
+    they are when first asked for: what is edited later does not run in this process."""
     found = hashlib.sha256(json.dumps([machine.versions(), machine.package_hash()]).encode())
     found.update(store.code_of("validation.stability.cases").encode())
     for scene in SCENES.values():
@@ -502,7 +517,8 @@ def _code():
 
 
 def _save(summary, cases, out, taken, file=None, row=None):
-    """Keep a row, if one is given, and write the summary of all that there are, other processes' too."""
+    """Keep a row, if one is given, and write the summary of all that there are, other processes'
+    too."""
     with open(out / "summary.lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if row:
@@ -545,10 +561,12 @@ def _fill(summary, cases, rows):
 
 
 def told(cases):
-    """What all rows together say: dictionaries of ``what``, ``holds`` (None: cannot tell, as ours has not run) and ``where``, names of cases.
+    """What all rows together say: dictionaries of ``what``, ``holds`` (None: cannot tell, as ours
+    has not run) and ``where``, names of cases.
 
     Args:
-        cases: plain data, each with ``rows`` and ``integrators``, the names of those that it is to be run with.
+        cases: plain data, each with ``rows`` and ``integrators``, the names of those that it is to
+            be run with.
     """
     verdicts = {
         case["name"]: {row["integrator"]: row["verdict"] for row in case["rows"]} for case in cases

@@ -1,4 +1,5 @@
-"""Molecules from the scenes: how long a step they bear, heat, cold, very many steps.  LAMMPS units ``real``: Angstrom, fs, kcal/mol."""
+"""Molecules from the scenes: how long a step they bear, heat, cold, very many steps.  LAMMPS units
+``real``: Angstrom, fs, kcal/mol."""
 
 from dataclasses import replace
 
@@ -43,25 +44,20 @@ BODIES = 512  # of water
 DRIFT = "|drift of the energy| over the mean kinetic energy"
 FS_PER_NS = 1000 * FS_PER_PS
 SPACING = 2000  # steps between the dimer's starts
-HEAVY = (
-    "nosquish",
-    "gear",
-    "rigid/nve",
-    "rigid/nve/small",
-    "rigid",
-    "shake 1e-8",
-    "rattle 1e-4",
-)  # integrators of the costly cases' short form
+# integrators of the costly cases' short form
+HEAVY = ("nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4")
 
 
 def limit(stand, scene, steps_of_time, time, unit=1.0, name=" fs", **how):
-    """The time step up to which runs keep their energy: it is never off by `GIVEN_UP` times `ALLOWED` of the kinetic energy, nor differs between the
-    first and the last fifth of the run by more than `ALLOWED` of that.
+    """The time step up to which runs keep their energy: it is never off by `GIVEN_UP` times
+    `ALLOWED` of the kinetic energy, nor differs between the first and the last fifth of the run by
+    more than `ALLOWED` of that.
 
     All time steps are tried in one LAMMPS run, from the shortest, until one breaks it.
 
     Args:
-        scene: a ``Scene``, of the stand's start.  steps_of_time: ascending, in the scene's unit of time.
+        scene: a ``Scene``, of the stand's start.  steps_of_time: ascending, in the scene's unit of
+            time.
         time: that each run covers, in that unit.
         unit: that the limit is given in.  name: of it, after a blank.
         how: as ``Stand.run`` has it.
@@ -76,7 +72,8 @@ def limit(stand, scene, steps_of_time, time, unit=1.0, name=" fs", **how):
 
 
 def halved(stand, scene, steps_of_time, time, allowed, **how):
-    """As `limit`, for a costly scene: from one start, of up to `MOST` steps, by bisection, and with a step of half the limit after it.
+    """As `limit`, for a costly scene: from one start, of up to `MOST` steps, by bisection, and with
+    a step of half the limit after it.
 
     If that is bad then the limit is below it.
     """
@@ -140,14 +137,16 @@ def _between(dts, first, error, more, name=" fs"):
 
 
 def changes(stand, scene, label, dts, time, allowed, **how):
-    """By how much of the kinetic energy at the start the energy differs between the first and the last fifth of a run.
+    """By how much of the kinetic energy at the start the energy differs between the first and the
+    last fifth of a run.
 
     Args:
         dts: time steps, all tried in one LAMMPS run in this order.
         time: that each covers.
         allowed: a run is ended when the energy is off by `GIVEN_UP` times this.
     Returns:
-        (time steps,), infinite for a run that is not complete and for those after it; and what ended it.
+        (time steps,), infinite for a run that is not complete and for those after it; and what
+        ended it.
     """
     counts = np.maximum(SAMPLES, np.round(time / dts).astype(int) // SAMPLES * SAMPLES)
     apart = 2 * int(counts.max())  # between the runs' numbers of steps
@@ -241,7 +240,8 @@ def dimer_dt(mass):
 
 
 def later(stand, scene, steps, dt, *, starts, more=(), **how):
-    """The scene so many steps later, as fix_nosquish.NVE moves it, again so many for each further start; the same for all integrators.
+    """The scene so many steps later, as fix_nosquish.NVE moves it, again so many for each further
+    start; the same for all integrators.
 
     Args:
         starts: of the case, the most of them the second.
@@ -266,7 +266,8 @@ def later(stand, scene, steps, dt, *, starts, more=(), **how):
 
 
 def _change(stand, temperature, time, dt, warm_time, warm_dt, damping):
-    """Energy gained or lost per ns, in parts of the mean kinetic energy, by a straight line, after Langevin dynamics."""
+    """Energy gained or lost per ns, in parts of the mean kinetic energy, by a straight line, after
+    Langevin dynamics."""
     bath = f"fix heat all langevin {temperature} {temperature} {damping} 4928"
     scene, state = later(
         stand,

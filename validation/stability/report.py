@@ -1,4 +1,5 @@
-"""From the rows of `stability` to files and the terminal: table.csv, a figure, report.html; summary.json is written as rows come."""
+"""From the rows of `stability` to files and the terminal: table.csv, a figure, report.html;
+summary.json is written as rows come."""
 
 import csv
 
@@ -255,9 +256,8 @@ def _tile(case, row):
         return full, "white" if full.mean() < 0.5 else INK, sign
     if case["high"] is None:
         judged, text = value - unsure, f"{value:.3g}±{unsure:.1g}" if unsure else f"{value:.3g}"
-        decades = (
-            SHADES * abs(np.log10(judged / case["low"])) if judged > 0 else np.inf
-        )  # a time step is not far off in decades
+        # a time step is not far off in decades
+        decades = SHADES * abs(np.log10(judged / case["low"])) if judged > 0 else np.inf
     else:
         judged = abs(value) + unsure
         decades = abs(np.log10(judged / case["high"])) if judged else np.inf

@@ -1,4 +1,5 @@
-"""Free tops: what they keep is known, so is the exact motion.  Reduced units, all bodies of a case in one run."""
+"""Free tops: what they keep is known, so is the exact motion.  Reduced units, all bodies of a case
+in one run."""
 
 from dataclasses import replace
 
@@ -12,9 +13,8 @@ from validation.stability.measure import EXTREME, LESS, SLOW, BlowUp, Case, Numb
 from validation.statistics import motion
 
 TURN = 0.05  # radians in a step, as in practice
-SPIN = np.array([0.6, -0.5, 0.7]) / np.linalg.norm(
-    [0.6, -0.5, 0.7]
-)  # about the principal axes, none of them alone
+# about the principal axes, none of them alone
+SPIN = np.array([0.6, -0.5, 0.7]) / np.linalg.norm([0.6, -0.5, 0.7])
 ATTITUDE = bodies.turned(2002)  # of all tops at the start
 COMPARED_AT = 20_000  # steps, 1,000 radians, at which tops are held against the exact motion
 RATIOS = 10.0 ** -np.arange(13)
@@ -23,10 +23,8 @@ APART = 0.2  # radians in a step, from which each speed has a run of its own: it
 SWING = 0.1  # of the energy, that a fast top may be off at most
 SPLITS = {"sphere": (1, 1, 1), "needle": (1, 1, 0.1), "disk": (1, 1, 1.9)}
 SPLIT = 1e-12
-MIDDLE, TILTS = (
-    0.1,
-    (0.1, 1e-3),
-)  # radians in a step about the middle axis; parts of the spin about each of the others
+# radians in a step about the middle axis; parts of the spin about each of the others
+MIDDLE, TILTS = (0.1, (0.1, 1e-3))
 WINDOW, EVERY, NEVER = 200, 2, 10**9  # turns; steps between frames in a window, and outside
 GAP = 10.0  # between bodies
 
@@ -35,7 +33,8 @@ def _row_of(stand, name, shapes, spins, **more):
     """A scene of bodies side by side, each turned at random.
 
     Args:
-        shapes: list of (positions, masses).  spins: as many angular velocities in the shape's frame.
+        shapes: list of (positions, masses).  spins: as many angular velocities in the shape's
+            frame.
     """
     found = []
     for k, ((x, mass), spin) in enumerate(zip(shapes, spins)):
@@ -66,7 +65,8 @@ def _each(folder, size):
 
 
 def _from_exact(k, moment, steps, x):
-    """Largest distance of an atom of the k-th top, of `bodies.three_rods`, from where the exact motion has it; x: (6, 3) after so many steps."""
+    """Largest distance of an atom of the k-th top, of `bodies.three_rods`, from where the exact
+    motion has it; x: (6, 3) after so many steps."""
     turn = bodies.symmetric_top(ATTITUDE, TURN * SPIN, moment, steps)
     return float(
         np.linalg.norm(x - _place(k) - turn.apply(bodies.three_rods(moment)[0]), axis=1).max()
@@ -74,7 +74,8 @@ def _from_exact(k, moment, steps, x):
 
 
 def _kept(stand, moments, labels, steps):
-    """Largest change of a body's energy and angular momentum, and distance from the exact motion after `COMPARED_AT` steps."""
+    """Largest change of a body's energy and angular momentum, and distance from the exact motion
+    after `COMPARED_AT` steps."""
     scene = _row_of(
         stand,
         "tops",
@@ -127,8 +128,8 @@ def disks(stand, steps):
 
 
 def degenerate(stand, steps):
-    """Tops with two or three equal moments, and with moments apart by `SPLIT` in a run of their own: how far from the exact motion, which is that of
-    the equal ones but for some 1e-9 σ?"""
+    """Tops with two or three equal moments, and with moments apart by `SPLIT` in a run of their
+    own: how far from the exact motion, which is that of the equal ones but for some 1e-9 σ?"""
     ends, far = [], {}
     for name, split in ("equal", 0.0), ("split", SPLIT):
         shapes = [
@@ -146,8 +147,8 @@ def degenerate(stand, steps):
 
 
 def turn_per_step(stand, steps):
-    """The largest |ω|Δt up to which the energy is off by no more than (|ω|Δt)², nor `SWING`, beside rounding; where (|ω|Δt)² is less than rounding, it is
-    rounding that is judged."""
+    """The largest |ω|Δt up to which the energy is off by no more than (|ω|Δt)², nor `SWING`, beside
+    rounding; where (|ω|Δt)² is less than rounding, it is rounding that is judged."""
     off = np.full(len(STEPS), np.inf)
     for some in (np.flatnonzero(STEPS < APART), *np.flatnonzero(STEPS >= APART)[:, None]):
         name = f"tops up to {STEPS[some[-1]]:.2g}"
@@ -184,8 +185,9 @@ def _in_frame(spin):
 def middle_axis(stand, turns):
     """How far the phase of tops that turn over again and again has gone, against the exact one.
 
-    Times of turning over are taken in windows of `WINDOW` turns, the first at the start, then up to 1e3, 1e4 ... turns.  How often it has turned over
-    between two windows follows from the mean time between two until then; it is sure if the time in the next window says the same number.
+    Times of turning over are taken in windows of `WINDOW` turns, the first at the start, then up to
+    1e3, 1e4 ... turns.  How often it has turned over between two windows follows from the mean time
+    between two until then; it is sure if the time in the next window says the same number.
     """
     axes = bodies.moments(bodies.BENT, bodies.MASSES)[1]
     spins = [axes @ (MIDDLE * np.array([tilt, 1.0, tilt])) for tilt in TILTS]
@@ -212,9 +214,8 @@ def middle_axis(stand, turns):
     for tilt, (mass, x, v) in zip(TILTS, _each(folder, 3)):
         r = x - np.einsum("i,fij->fj", mass, x)[:, None] / mass.sum()
         shape = bodies.BENT - mass @ bodies.BENT / mass.sum()
-        weights = np.linalg.lstsq(shape.T, axes[:, 1], rcond=None)[
-            0
-        ]  # the axis lies in the plane of the atoms
+        # the axis lies in the plane of the atoms
+        weights = np.linalg.lstsq(shape.T, axes[:, 1], rcond=None)[0]
         along = np.einsum("fj,i,fij->f", motion.conserved(mass, x, v)[2], weights, r)
         found.append(
             _phase([_turns_over(at[k], along[k]) for k in windows], exact_interval(tilt), ends[-1])
@@ -226,7 +227,8 @@ def middle_axis(stand, turns):
 
 
 def _phase(windows, exact, steps):
-    """The number of `middle_axis` for one top, of the times of turning over in each window and the exact time between two."""
+    """The number of `middle_axis` for one top, of the times of turning over in each window and the
+    exact time between two."""
     if min(len(times) for times in windows) < 3:
         return Number(1.0, note=f"does not turn over at least three times in {WINDOW} turns")
     count, first, last = len(windows[0]) - 1, windows[0][0], windows[0][-1]
@@ -250,7 +252,8 @@ def _phase(windows, exact, steps):
 
 
 def exact_interval(tilt):
-    """Time between two turns over, half a period of the angular momentum about the middle axis (Landau and Lifshitz, Mechanics, section 37)."""
+    """Time between two turns over, half a period of the angular momentum about the middle axis
+    (Landau and Lifshitz, Mechanics, section 37)."""
     moments = bodies.moments(bodies.BENT, bodies.MASSES)[0]
     momentum = moments * MIDDLE * np.array([tilt, 1.0, tilt])
     square, twice = momentum @ momentum, (momentum**2 / moments).sum()

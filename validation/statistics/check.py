@@ -1,4 +1,5 @@
-"""A number beside the bounds that it is held against, and how such numbers are shown: in the terminal and as CSV."""
+"""A number beside the bounds that it is held against, and how such numbers are shown: in the
+terminal and as CSV."""
 
 import csv
 from dataclasses import asdict, dataclass, field
@@ -33,7 +34,8 @@ class Check:
         subject: whose number it is.
         what: the number, in words.
         value: measured; None if it could not be.
-        error: its standard error; 0 for a number that has none, as one that is computed, not sampled.
+        error: its standard error; 0 for a number that has none, as one that is computed, not
+            sampled.
         freedom: degrees of freedom of the error; None for many.
         low, high: bounds; None for none.
         unit: of all of these.
@@ -65,7 +67,8 @@ class Check:
 
     @property
     def holds(self):
-        """Whether all of value ± `margin` is within the bounds: False if all is outside of them, None if neither, or without bounds."""
+        """Whether all of value ± `margin` is within the bounds: False if all is outside of them,
+        None if neither, or without bounds."""
         if self.value is None or (self.low is None and self.high is None):
             return None
         low, high = (

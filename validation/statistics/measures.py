@@ -31,7 +31,8 @@ def statistical_inefficiency(x):
 
 
 def of_few(values):
-    """The mean of few independent values, of starts for example, with the error that their scatter tells; of one value that is 0, for it tells none."""
+    """The mean of few independent values, of starts for example, with the error that their scatter
+    tells; of one value that is 0, for it tells none."""
     number = len(values)
     return (
         Estimate(np.mean(values), np.std(values, ddof=1) / np.sqrt(number), number - 1)
@@ -43,9 +44,11 @@ def of_few(values):
 def mean(x):
     """`Estimate` of the mean, in units of ``x``.
 
-    The margin is the larger one of sd sqrt(g / n) and of what the scatter of the means of `FEW_BLOCKS` equal blocks says.  For the window of g
-    closes behind the first fast decay: a slow part behind it, small in each sample but most of the mean's error, is seen by the blocks only, as far as
-    its correlation time is shorter than a block.  Of noise without a slow part the larger one is too large, by 8 % on average.
+    The margin is the larger one of sd sqrt(g / n) and of what the scatter of the means of
+    `FEW_BLOCKS` equal blocks says.  For the window of g closes behind the first fast decay: a slow
+    part behind it, small in each sample but most of the mean's error, is seen by the blocks only,
+    as far as its correlation time is shorter than a block.  Of noise without a slow part the larger
+    one is too large, by 8 % on average.
     """
     x = np.asarray(x, float)
     blocks = [block.mean() for block in np.array_split(x, min(FEW_BLOCKS, len(x)))]
@@ -81,8 +84,8 @@ def drift(t, x):
     `GAP` of the series lies between two stretches, so that noise with a correlation time of
     up to half of it is independent there, too.
 
-    One line through the whole series has a smaller error in white noise (11 times).  But a walk that is
-    too small for any series to show doubles that error, so nobody knows it.
+    One line through the whole series has a smaller error in white noise (11 times).  But a walk
+    that is too small for any series to show doubles that error, so nobody knows it.
 
     Args:
         t: equally spaced times.
@@ -105,18 +108,19 @@ def drift(t, x):
     if number == 1:
         return Estimate(slopes[..., 0] * size[..., 0], np.inf * size[..., 0])
     error = WIDER * slopes.std(axis=-1, ddof=1) / np.sqrt(number)
-    freedom = special.stdtridf(
-        0.5 + CONFIDENCE / 2, margin(1.0, number - 1) / WIDER
-    )  # keeps Student's margin
+    # keeps Student's margin
+    freedom = special.stdtridf(0.5 + CONFIDENCE / 2, margin(1.0, number - 1) / WIDER)
     return Estimate(slopes.mean(axis=-1), error, float(freedom)).times(size[..., 0])
 
 
 def random_walk(t, x, blocks=32):
-    """How much the variance of x(t + s) - x(t) grows with s, an `Estimate`, in units of ``x``^2 over those of ``t``.
+    """How much the variance of x(t + s) - x(t) grows with s, an `Estimate`, in units of ``x``^2
+    over those of ``t``.
 
-    In white noise beside a walk, by the most likely walk; a block has to be longer than the correlation time of all that does not wander, else that passes for a
-    walk.  So there are few blocks.  The error is that of maximum likelihood, from the Fisher information.
-    A walk over the time T makes a variance about its own mean of this number times T / 6.
+    In white noise beside a walk, by the most likely walk; a block has to be longer than the
+    correlation time of all that does not wander, else that passes for a walk.  So there are few
+    blocks.  The error is that of maximum likelihood, from the Fisher information. A walk over the
+    time T makes a variance about its own mean of this number times T / 6.
 
     Args:
         t: equally spaced times.
@@ -129,7 +133,8 @@ def random_walk(t, x, blocks=32):
 
 
 def _block_means(t, x, blocks):
-    """Means of so many equal blocks of successive values or some more, of both; of less than a block at the end none."""
+    """Means of so many equal blocks of successive values or some more, of both; of less than a
+    block at the end none."""
     size = max(1, len(t) // blocks)
     blocks = len(t) // size
     return [
@@ -143,32 +148,35 @@ def _line(t):
 
 
 def _walk(blocks):
-    """Covariance of the means of a random walk over blocks i <= j (from 1): i - 1/2, and i - 2/3 if they are the same."""
+    """Covariance of the means of a random walk over blocks i <= j (from 1): i - 1/2, and i - 2/3 if
+    they are the same."""
     age = np.arange(1, blocks + 1)
     return np.minimum.outer(age, age) - 0.5 - np.eye(blocks) / 6
 
 
 def _modes(t):
-    """What no line reaches: variances of a walk's independent modes there, and the modes as columns."""
+    """What no line reaches: variances of a walk's independent modes there, and the modes as
+    columns."""
     rest = np.linalg.qr(_line(t), mode="complete")[0][:, 2:]
     values, vectors = np.linalg.eigh(rest.T @ _walk(len(t)) @ rest)
     return values, rest @ vectors
 
 
 def _most_likely_walk(t, x):
-    """The variance of the walk's step from block to block that makes what the line leaves over most likely, and its error."""
+    """The variance of the walk's step from block to block that makes what the line leaves over most
+    likely, and its error."""
     values, modes = _modes(t)
     power = (modes.T @ x) ** 2
     if not np.any(power):
         return 0.0, 0.0
+    # fine where one of the two is small
     parts = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 100), 1 - np.geomspace(1e-4, 0.1, 30)])[
         :, None
-    ]  # fine where one of the two is small
+    ]
     spectrum = (1 - parts) + parts * values
     variance = np.mean(power / spectrum, axis=1)  # the most likely one with each part
-    best = np.argmin(
-        len(power) * np.log(variance) + np.log(spectrum).sum(axis=1)
-    )  # -2 log likelihood
+    # -2 log likelihood
+    best = np.argmin(len(power) * np.log(variance) + np.log(spectrum).sum(axis=1))
     weights = (variance[best] * spectrum[best]) ** -2
     information = 0.5 * np.array(
         [[weights.sum(), weights @ values], [weights @ values, weights @ values**2]]
@@ -191,7 +199,8 @@ def quotient(first, second):
 
 
 def power(x, y):
-    """The exponent of y ~ x^exponent, by a straight line through the logarithms that weighs the errors of ``y``, `Estimate`s."""
+    """The exponent of y ~ x^exponent, by a straight line through the logarithms that weighs the
+    errors of ``y``, `Estimate`s."""
     relative = np.array([one.error / one.value for one in y])
     line = np.stack([np.log(x), np.ones(len(y))], axis=1) / relative[:, None]
     weights = np.linalg.pinv(line)[0]
@@ -261,7 +270,8 @@ def spread(values):
 
 
 def ratio(first, second):
-    """Geometric mean of second / first over independent pairs of positive numbers, an `Estimate`."""
+    """Geometric mean of second / first over independent pairs of positive numbers, an
+    `Estimate`."""
     logarithm = of_few(np.log(np.asarray(second, float) / np.asarray(first, float)))
     value = np.exp(logarithm.value)
     return Estimate(value, value * logarithm.error, logarithm.freedom)

@@ -21,7 +21,8 @@ def has_frames(folder):
 
 
 def frames(folder):
-    """What `dump` left, whole frames only: steps (frames,), masses (atoms,), positions and velocities (frames, atoms, 3)."""
+    """What `dump` left, whole frames only: steps (frames,), masses (atoms,), positions and
+    velocities (frames, atoms, 3)."""
     lines = (Path(folder) / "atoms.dump").read_text().splitlines()
     n = int(lines[3])
     size = n + 9
@@ -33,7 +34,8 @@ def frames(folder):
 
 
 def conserved(mass, x, v):
-    """What a body without forces keeps, in each frame: kinetic energy (frames,), momentum, angular momentum about its centre (frames, 3).
+    """What a body without forces keeps, in each frame: kinetic energy (frames,), momentum, angular
+    momentum about its centre (frames, 3).
 
     Args:
         mass: (atoms,) of the body.  x, v: (frames, atoms, 3).

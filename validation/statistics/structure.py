@@ -1,4 +1,5 @@
-"""What a run's atoms tell: how far bodies are from a reference, what holds them, g(r), helix, kinetic energies of single bodies."""
+"""What a run's atoms tell: how far bodies are from a reference, what holds them, g(r), helix,
+kinetic energies of single bodies."""
 
 import contextlib
 import io
@@ -58,14 +59,16 @@ class Motion:
         return measures.nearest_image(d, self.cell, self.periodic)
 
     def _parts(self, x, group):
-        """Centres of mass (bodies, 3) and atoms about them (bodies, n, 3), each body put together."""
+        """Centres of mass (bodies, 3) and atoms about them (bodies, n, 3), each body put
+        together."""
         r, mass = x[group], self.mass[group][..., None]
         r = r[:, :1] + self._image(r - r[:, :1])
         centre = (mass * r).sum(axis=1) / mass.sum(axis=1)
         return centre, r - centre[:, None]
 
     def distance(self, frame, exact):
-        """Root mean square over all bodies of how far their centres of mass are from those of ``exact``, (atoms, 3); Angstrom."""
+        """Root mean square over all bodies of how far their centres of mass are from those of
+        ``exact``, (atoms, 3); Angstrom."""
         moved = [
             self._image(self._parts(self.x[frame], group)[0] - self._parts(exact, group)[0])
             for group in self.groups
@@ -73,9 +76,11 @@ class Motion:
         return _rms(np.linalg.norm(np.concatenate(moved), axis=1))
 
     def angle(self, frame, exact):
-        """Root mean square over all bodies of the angle of the rotation that fits them best to ``exact``; radians.
+        """Root mean square over all bodies of the angle of the rotation that fits them best to
+        ``exact``; radians.
 
-        Of linear bodies the angle between their axes; single atoms do not count.  The fit is by singular values (Kabsch, Acta Cryst. A32, 922, 1976).
+        Of linear bodies the angle between their axes; single atoms do not count.  The fit is by
+        singular values (Kabsch, Acta Cryst. A32, 922, 1976).
         """
         angles = []
         for group in self.groups:
@@ -86,13 +91,15 @@ class Motion:
         return _rms(np.concatenate(angles))
 
     def bond_error(self):
-        """Largest change of a bond within a body from its length at the start, in all frames; Angstrom."""
+        """Largest change of a bond within a body from its length at the start, in all frames;
+        Angstrom."""
         i, j = self._within(self._bonds).T
         length = np.linalg.norm(self._image(self.x[:, i] - self.x[:, j]), axis=-1)
         return np.abs(length - length[0]).max()
 
     def angle_error(self):
-        """Largest change of an angle within a body of three atoms from the start's, in all frames; radians."""
+        """Largest change of an angle within a body of three atoms from the start's, in all frames;
+        radians."""
         sizes = np.bincount(self.bodies)
         rows = self._within(self._angles)
         i, centre, k = rows[sizes[self.bodies[rows[:, 0]]] == 3].T
@@ -109,7 +116,8 @@ class Motion:
         return rows[(body[:, 0] != 0) & (body == body[:, :1]).all(axis=1)]
 
     def kinetic(self, frames):
-        """Kinetic energies of the nonlinear bodies of three atoms, which every integrator holds as a whole: (frames, bodies), kcal/mol."""
+        """Kinetic energies of the nonlinear bodies of three atoms, which every integrator holds as
+        a whole: (frames, bodies), kcal/mol."""
         (group,) = (group for group in self.groups if group.shape[1] == 3)
         group = group[~_straight(self._parts(self.x[0], group)[1])]
         return (
@@ -139,21 +147,24 @@ def _straight(r):
 
 
 def _between(a, b):
-    """Angles (bodies,) between the axes of linear bodies, each from its centre to its farthest atom."""
+    """Angles (bodies,) between the axes of linear bodies, each from its centre to its farthest
+    atom."""
     far = np.argmax((a**2).sum(axis=2), axis=1)
     a, b = a[np.arange(len(a)), far], b[np.arange(len(b)), far]
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
 
 
 def _turned(a, b):
-    """Angles (bodies,) of the rotations that fit ``a`` to ``b`` best, both (bodies, n, 3) about their centres."""
+    """Angles (bodies,) of the rotations that fit ``a`` to ``b`` best, both (bodies, n, 3) about
+    their centres."""
     u, _, v = np.linalg.svd(np.swapaxes(b, 1, 2) @ a)
     u[:, :, 2] *= np.linalg.det(u @ v)[:, None]
     return Rotation.from_matrix(u @ v).magnitude() if len(a) else np.empty(0)
 
 
 def pair_distribution(motion, frames):
-    """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the frames; bins of ``BIN`` in ``REACH``."""
+    """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the
+    frames; bins of ``BIN`` in ``REACH``."""
     heaviest = np.concatenate(
         [
             group[np.arange(len(group)), np.argmax(motion.mass[group], axis=1)]
@@ -181,9 +192,8 @@ def helicity(motion, frames):
     """Helical residues of the peptide over those of the first frame of all, (frames,)."""
     atoms = slice(0, paper_peptide.topology().n_atoms)
     x = motion.x[:, atoms]
-    steps = measures.nearest_image(
-        np.diff(x, axis=1), motion.cell, motion.periodic
-    )  # an atom is never far from the one before
+    # an atom is never far from the one before
+    steps = measures.nearest_image(np.diff(x, axis=1), motion.cell, motion.periodic)
     whole = np.concatenate([x[:, :1], x[:, :1] + np.cumsum(steps, axis=1)], axis=1)
     helical = paper_peptide.helical(whole)
     return helical[frames] / helical[0]
@@ -211,18 +221,19 @@ def _data(temperature, natoms, **more):
 
 
 def distribution(energies, temperature):
-    """How far the kinetic energies of single nonlinear bodies are from the canonical distribution, in standard deviations.
+    """How far the kinetic energies of single nonlinear bodies are from the canonical distribution,
+    in standard deviations.
 
-    A body among many is a small part of a large whole, so its distribution is canonical also where the whole's energy is constant.  physical_validation
-    holds mean and width against the gamma distribution; the larger distance counts.
+    A body among many is a small part of a large whole, so its distribution is canonical also where
+    the whole's energy is constant.  physical_validation holds mean and width against the gamma
+    distribution; the larger distance counts.
 
     Args:
         energies: independent ones, kcal/mol.
         temperature: K.
     """
-    data = _data(
-        temperature, natoms=2, kinetic_energy=energies
-    )  # two atoms' degrees of freedom are six, a body's
+    # two atoms' degrees of freedom are six, a body's
+    data = _data(temperature, natoms=2, kinetic_energy=energies)
     found = _quiet(
         physical_validation.kinetic_energy.distribution,
         data,
@@ -234,10 +245,11 @@ def distribution(energies, temperature):
 
 
 def equipartition(translation, rotation, moving, turning, temperature):
-    """How far the mean kinetic energies of translation and of rotation are from the temperature, in standard deviations.
+    """How far the mean kinetic energies of translation and of rotation are from the temperature, in
+    standard deviations.
 
-    By physical_validation; the larger distance of the two counts.  The widths are not looked at, which are not canonical where the whole's energy is
-    constant.
+    By physical_validation; the larger distance of the two counts.  The widths are not looked at,
+    which are not canonical where the whole's energy is constant.
 
     Args:
         translation, rotation: (samples,) kcal/mol of the whole, independent ones.
@@ -252,9 +264,8 @@ def equipartition(translation, rotation, moving, turning, temperature):
     data.observables.kinetic_energy_per_molecule = [
         dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)
     ]
-    data.trajectory = TrajectoryData(
-        *(np.zeros((len(translation), 2, 3)) for _ in range(2))
-    )  # not looked at, for energies are there
+    # not looked at, for energies are there
+    data.trajectory = TrajectoryData(*(np.zeros((len(translation), 2, 3)) for _ in range(2)))
     found = _quiet(
         physical_validation.kinetic_energy.equipartition,
         data,
@@ -267,7 +278,8 @@ def equipartition(translation, rotation, moving, turning, temperature):
 
 
 def convergence(deviations):
-    """physical_validation's largest deviation of the ratios of the energy's standard deviations from the square of the steps' ratios.
+    """physical_validation's largest deviation of the ratios of the energy's standard deviations
+    from the square of the steps' ratios.
 
     Args:
         deviations: time step to (samples,).

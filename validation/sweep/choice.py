@@ -1,9 +1,11 @@
-"""Which measured point of a sweep is the fastest that is accurate enough.  Pure functions; nothing between two points is guessed.
+"""Which measured point of a sweep is the fastest that is accurate enough.  Pure functions; nothing
+between two points is guessed.
 
-A point is one integrator with one time step, as plain data (see ``sweep``); of it are used ``integrator``, ``dt`` (fs), ``failed``, ``ours``,
-``lines`` (of the input script), ``cost`` (min and median of its run time, s per simulated ns; None if not timed), ``errors`` (measure to value and
-standard error) and ``without`` (measures that do not apply to it).
-Targets are a dictionary from measure to the largest error that is good enough, in the measure's unit.
+A point is one integrator with one time step, as plain data (see ``sweep``); of it are used
+``integrator``, ``dt`` (fs), ``failed``, ``ours``, ``lines`` (of the input script), ``cost`` (min
+and median of its run time, s per simulated ns; None if not timed), ``errors`` (measure to value and
+standard error) and ``without`` (measures that do not apply to it). Targets are a dictionary from
+measure to the largest error that is good enough, in the measure's unit.
 """
 
 import math
@@ -25,11 +27,15 @@ class Choice:
 
     Attributes:
         targets: measure to what its error has to be below.
-        best: the simplest of the ``fastest`` and those that tie with it; None if none meets all targets for sure.  Where that is this package's
-            with keywords, its default at the same step is, if its errors are not above the variant's within that one's error bars: it may not meet the targets for sure itself.
+        best: the simplest of the ``fastest`` and those that tie with it; None if none meets all
+            targets for sure.  Where that is this package's with keywords, its default at the same
+            step is, if its errors are not above the variant's within that one's error bars: it may
+            not meet the targets for sure itself.
         fastest: the point that meets all targets for sure and has the smallest least run time.
-        ties: further points that tie with it, from the fastest: they meet all targets for sure, and their least run time is not above its median.
-        perhaps: points of which there is no telling whether they meet the targets, or which are not timed, as fast as the best one or faster.
+        ties: further points that tie with it, from the fastest: they meet all targets for sure, and
+            their least run time is not above its median.
+        perhaps: points of which there is no telling whether they meet the targets, or which are not
+            timed, as fast as the best one or faster.
         resolved: whether the targets are not below the `resolution`.
     """
 
@@ -42,14 +48,16 @@ class Choice:
 
     @property
     def verdict(self):
-        """``met``; else ``cannot tell`` if some point may meet the targets, and ``not met`` if none does; or that they are not resolved."""
+        """``met``; else ``cannot tell`` if some point may meet the targets, and ``not met`` if none
+        does; or that they are not resolved."""
         if not self.resolved:
             return "not resolved by this sampling"
         return "met" if self.best else "cannot tell" if self.perhaps else "not met"
 
 
 def bound(point, measure):
-    """What an error is at most for sure: value + its 95 % margin; infinite if the point failed, or if one of the two is not known."""
+    """What an error is at most for sure: value + its 95 % margin; infinite if the point failed, or
+    if one of the two is not known."""
     found = point["errors"].get(measure)
     if point["failed"] or found is None or found["error"] is None:
         return math.inf
@@ -61,7 +69,8 @@ def meets(point, targets):
     """Whether all errors of a point are within the targets.
 
     Returns:
-        True if they are with their 95 % margins, False if one less its margin is above or does not apply or the point failed, None if there is no telling.
+        True if they are with their 95 % margins, False if one less its margin is above or does not
+        apply or the point failed, None if there is no telling.
     """
     if point["failed"] or not targets.keys().isdisjoint(point.get("without", ())):
         return False
@@ -100,7 +109,8 @@ def choose(points, targets):
 
 
 def _plain(best, perhaps, targets):
-    """The default in the place of its variant with keywords, where no error of it is above the variant's: a keyword has to be seen to help."""
+    """The default in the place of its variant with keywords, where no error of it is above the
+    variant's: a keyword has to be seen to help."""
     if best is None or not best["ours"] or best["integrator"] == DEFAULT:
         return best
     for point in perhaps:
@@ -134,7 +144,8 @@ def each(points, targets):
 
 
 def nearest(points, targets):
-    """The point that is the least above the targets, and how many times its worst `bound` is above; None if no point has all these errors."""
+    """The point that is the least above the targets, and how many times its worst `bound` is above;
+    None if no point has all these errors."""
     excess = [
         (max(bound(point, measure) / target for measure, target in targets.items()), point)
         for point in points
@@ -144,7 +155,8 @@ def nearest(points, targets):
 
 
 def is_zero(point, measure):
-    """Whether a point's error cannot be told from zero by its 95 % margin; not if it is not known."""
+    """Whether a point's error cannot be told from zero by its 95 % margin; not if it is not
+    known."""
     found = point["errors"].get(measure)
     return (
         not point["failed"]
@@ -155,14 +167,16 @@ def is_zero(point, measure):
 
 
 def resolution(points, measure):
-    """What errors that cannot be told from zero are at most, their median; 0 if there are none.  Which of these is below a smaller target is chance."""
+    """What errors that cannot be told from zero are at most, their median; 0 if there are none.
+    Which of these is below a smaller target is chance."""
     return statistics.median(
         [bound(point, measure) for point in points if is_zero(point, measure)] or [0.0]
     )
 
 
 def front(points, measure):
-    """The points that no other one beats in both run time and `bound`, from the fastest: those that are chosen for some target; none of `CHECKS`."""
+    """The points that no other one beats in both run time and `bound`, from the fastest: those that
+    are chosen for some target; none of `CHECKS`."""
     found, least = [], math.inf
     for point in sorted(
         (point for point in points if point["cost"] and measure not in CHECKS), key=_by_cost
@@ -176,7 +190,8 @@ def front(points, measure):
 def ladder(points, measure):
     """Targets over which the choice changes: 1, 2, 5 times powers of ten, or these powers alone.
 
-    From the last one that no point meets for sure to the first one that the fastest point of the `front` meets, without those below the `resolution`.
+    From the last one that no point meets for sure to the first one that the fastest point of the
+    `front` meets, without those below the `resolution`.
     """
     least = resolution(points, measure)
     return [rung for rung in _rungs(points, measure) if rung >= least]
@@ -201,7 +216,8 @@ def _rungs(points, measure):
 
 
 def fastest(points, measures):
-    """For each of the measures, a `Choice` for each rung of its `ladder`: list of (measure, target, `Choice`, that of `ours`).
+    """For each of the measures, a `Choice` for each rung of its `ladder`: list of (measure, target,
+    `Choice`, that of `ours`).
 
     A target below the `resolution` is there once, without a best point.
     """
@@ -220,10 +236,12 @@ def fastest(points, measures):
 
 
 def _by_words(point):
-    """From the simplest: this package's default, then what takes the fewest words in an input script; of equal ones the fastest first."""
+    """From the simplest: this package's default, then what takes the fewest words in an input
+    script; of equal ones the fastest first."""
     return point["integrator"] != DEFAULT, len(" ".join(point["lines"]).split()), _by_cost(point)
 
 
 def _by_cost(point):
-    """From the fastest; of equal ones the longer step first, then by name; those that are not timed last."""
+    """From the fastest; of equal ones the longer step first, then by name; those that are not timed
+    last."""
     return point["cost"]["min"] if point["cost"] else math.inf, -point["dt"], point["integrator"]

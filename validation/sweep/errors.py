@@ -1,7 +1,9 @@
 """From the runs of a sweep's points to errors with margins.
 
-Numbers of one run are ``measures.Estimate``s, with an error from the correlation in time of its samples or from the scatter of
-its bodies.  Those of a point are means over its starts, with the larger margin of what the runs tell and what their scatter tells.  Averages are held against their limits for steps of zero length, extrapolated, start by start.
+Numbers of one run are ``measures.Estimate``s, with an error from the correlation in time of its
+samples or from the scatter of its bodies.  Those of a point are means over its starts, with the
+larger margin of what the runs tell and what their scatter tells.  Averages are held against their
+limits for steps of zero length, extrapolated, start by start.
 """
 
 from math import ceil
@@ -20,14 +22,8 @@ FS_PER_NS = 1e6
 APART = 0.25  # ps after which a body's kinetic energy is another one
 ENOUGH = 4  # starts whose scatter is an error by itself
 SMALL = 1.0  # fs; the symplectic schemes' g(r) up to this step is what all others are held against
-SYMPLECTIC = (
-    "nosquish",
-    "nosquish-2",
-    "nosquish-4",
-    "rigid/nve",
-    "rigid/nve/small",
-    "shake-1e-8",
-)  # whose averages go with dt^2
+# whose averages go with dt^2
+SYMPLECTIC = ("nosquish", "nosquish-2", "nosquish-4", "rigid/nve", "rigid/nve/small", "shake-1e-8")
 AVERAGES = "potential", "equipartition", "pressure"
 LARGEST = "bond", "angle"
 
@@ -62,7 +58,8 @@ MEASURES = {
 
 
 def failure(result, temperature):
-    """None, or in a line why a run is none: it ended early, or its energy has changed by more than all the kinetic energy.
+    """None, or in a line why a run is none: it ended early, or its energy has changed by more than
+    all the kinetic energy.
 
     Args:
         result: a ``run.Result``.
@@ -91,16 +88,19 @@ def of_run(result, reference, dt, parts, asked):
 
     Args:
         result: the complete ``run.Result``.
-        reference: the reference solution's, which ends at the horizon; None if no measure asks for it.
+        reference: the reference solution's, which ends at the horizon; None if no measure asks for
+            it.
         dt: fs.
         parts: the run's ``sweep.Parts``.
         asked: names of the measures; nothing else is computed.
 
     Returns:
-        dict: of the measures an ``Estimate``, or where only all starts together give one, what it is made of: ``g_oo`` (blocks, bins);
-        ``convergence`` the energy's deviations from its mean, (samples,); ``ke_distribution`` energies of single bodies; ``pv_equipartition`` kinetic
-        energies of translation and rotation, (2, samples).  Also ``cost`` and ``cpu``, lists: s per simulated ns of each timed segment;
-        ``temperature``; degrees of freedom: ``all``, ``moving`` and ``turning``.
+        dict: of the measures an ``Estimate``, or where only all starts together give one, what it
+            is made of: ``g_oo`` (blocks, bins);
+        ``convergence`` the energy's deviations from its mean, (samples,); ``ke_distribution``
+        energies of single bodies; ``pv_equipartition`` kinetic energies of translation and
+        rotation, (2, samples).  Also ``cost`` and ``cpu``, lists: s per simulated ns of each timed
+        segment; ``temperature``; degrees of freedom: ``all``, ``moving`` and ``turning``.
     """
     sampled = (result.thermo["Step"] >= parts.begin) & (result.thermo["Step"] <= parts.end)
     thermo = {name: values[sampled] for name, values in result.thermo.items()}
@@ -111,7 +111,8 @@ def of_run(result, reference, dt, parts, asked):
         degrees_of_freedom(result),
     )
     motion = Motion(result.positions)
-    # LAMMPS's degrees of freedom are three less, for the momentum is kept: these are translations, of bodies and free atoms alike
+    # LAMMPS's degrees of freedom are three less, for the momentum is kept: these are translations,
+    # of bodies and free atoms alike
     moving = 3 * motion.count * (1 - 1 / (motion.count + motion.free))
     turning = total - 3 * (motion.count + motion.free - 1)
     makers = {
@@ -150,7 +151,8 @@ def of_run(result, reference, dt, parts, asked):
 
 
 def pooled(starts):
-    """The mean over starts, with the larger margin of what the runs tell and what their scatter tells.
+    """The mean over starts, with the larger margin of what the runs tell and what their scatter
+    tells.
 
     Args:
         starts: an ``Estimate`` of each.
@@ -163,17 +165,20 @@ def pooled(starts):
 
 
 def limits(found, swept):
-    """Averages at steps of zero length, from the symplectic schemes' points with steps up to ``Sweep.law``.
+    """Averages at steps of zero length, from the symplectic schemes' points with steps up to
+    ``Sweep.law``.
 
-    Fitted is, start by start, a + b dt^2, weighted, with one a for all and a b for each integrator, which differ in what they leave out.  Runs from
-    the same start are near each other at first, so a limit is not surer than the surest average that it is from.
+    Fitted is, start by start, a + b dt^2, weighted, with one a for all and a b for each integrator,
+    which differ in what they leave out.  Runs from the same start are near each other at first, so
+    a limit is not surer than the surest average that it is from.
 
     Args:
         found: ``Point`` to the list of its starts' numbers.
         swept: the ``Sweep``.
 
     Returns:
-        dict: measure to ``starts``, a list of each start's ``Estimate``, and ``all``, of all, as plain data; without those for which
+        dict: measure to ``starts``, a list of each start's ``Estimate``, and ``all``, of all, as
+            plain data; without those for which
         there are too few points.
     """
     used = [
@@ -221,7 +226,8 @@ def _limit(matrix, averages):
 def _off_limit(averages, limit):
     """An average less its limit, start by start.
 
-    Of ``ENOUGH`` starts that is their scatter, which knows how much of a start's chance both share; else, too large then, as if they shared none.
+    Of ``ENOUGH`` starts that is their scatter, which knows how much of a start's chance both share;
+    else, too large then, as if they shared none.
     """
     pairs = list(zip(averages, limit["starts"]))
     if len(pairs) >= ENOUGH:
@@ -240,7 +246,8 @@ def of_points(found, limits, swept):
         swept: the ``Sweep``.
 
     Returns:
-        dict: ``Point`` to (errors, signed), each measure to an ``Estimate`` as plain data; errors are not negative.
+        dict: ``Point`` to (errors, signed), each measure to an ``Estimate`` as plain data; errors
+            are not negative.
     """
     return {
         point: _of_point(point, found, limits, swept) for point, numbers in found.items() if numbers
@@ -275,10 +282,12 @@ def _of_point(point, found, limits, swept):
 
 
 def _pair_distribution(point, found):
-    """The rms difference from the mean of the symplectic schemes at steps up to `SMALL`, without what noise makes of it; None without these.
+    """The rms difference from the mean of the symplectic schemes at steps up to `SMALL`, without
+    what noise makes of it; None without these.
 
-    It is taken start by start, for runs from one start are like each other: the mean product of the differences from two starts has no noise of its own.
-    Its error is by the jackknife over starts.  Of fewer than ``ENOUGH`` starts their blocks stand for starts, which shares the start's chance.
+    It is taken start by start, for runs from one start are like each other: the mean product of the
+    differences from two starts has no noise of its own. Its error is by the jackknife over starts.
+    Of fewer than ``ENOUGH`` starts their blocks stand for starts, which shares the start's chance.
     """
     held = [
         one
@@ -303,9 +312,10 @@ def _pair_distribution(point, found):
     products = differences @ differences.T / differences.shape[1]
     number, own = len(products), np.diag(products)
     square = (products.sum() - own.sum()) / (number * (number - 1))
+    # one of them
     without = (products.sum() - own.sum() - 2 * (products.sum(axis=1) - own)) / (
         (number - 1) * (number - 2)
-    )  # one of them
+    )
     margin = measures.margin(
         np.sqrt((number - 1) / number * np.sum((without - without.mean()) ** 2)), number - 1
     )
@@ -347,7 +357,8 @@ def _distribution(point, found):
 
 
 def _equipartition(point, found):
-    """Of all starts together, of each those samples that are independent; in standard deviations."""
+    """Of all starts together, of each those samples that are independent; in standard
+    deviations."""
     numbers = found[point]
     each = (one["pv_equipartition"] for one in numbers)
     series = np.concatenate(

@@ -1,4 +1,5 @@
-"""Work-precision diagrams of a sweep: error against run time, both logarithmic, a line for each integrator through its time steps."""
+"""Work-precision diagrams of a sweep: error against run time, both logarithmic, a line for each
+integrator through its time steps."""
 
 import itertools
 import textwrap
@@ -33,18 +34,10 @@ GROUPS = {  # name of the file: (title, measures)
     "structure": ("Structure", ("g_oo", "helix")),
     "constraints": ("Constraints", ("bond", "angle")),
 }
-FAMILIES = MARKS | {
-    "matubayasi-nakahara": ("#3d9fb0", "P"),
-    "gear": ("#a6a11f", "X"),
-}  # the beginning of an integrator's name: colour, marker
-DASHES = (
-    "-",
-    (0, (4, 1.5)),
-    (0, (1, 1.2)),
-    (0, (4, 1.2, 1, 1.2)),
-    (0, (7, 2)),
-    (0, (1, 3)),
-)  # of one family, in turn
+# the beginning of an integrator's name: colour, marker
+FAMILIES = MARKS | {"matubayasi-nakahara": ("#3d9fb0", "P"), "gear": ("#a6a11f", "X")}
+# of one family, in turn
+DASHES = ("-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (4, 1.2, 1, 1.2)), (0, (7, 2)), (0, (1, 3)))
 READ = (
     f"Left and down is better. Whiskers: the error's {SURE} interval; run time from the least of its repeats, where the point stands, to their "
     f"median. A pale point with an arrow is what an error is at most (the end of its {SURE} interval) where it cannot be told from zero; a hollow point "
@@ -53,7 +46,8 @@ READ = (
 
 
 def draw(summary, out):
-    """All figures that there are numbers for: {scene: list of (PNG path, caption)}, the main figure first."""
+    """All figures that there are numbers for: {scene: list of (PNG path, caption)}, the main figure
+    first."""
     looks = styles(point for scene in summary["scenes"].values() for point in scene["points"])
     return {
         name: draw_each(_of_scene(name, scene, summary["measures"], looks), out)
@@ -64,7 +58,8 @@ def draw(summary, out):
 def styles(points):
     """How each integrator is drawn, alike in all panels and scenes: name to keywords of matplotlib.
 
-    The beginning of the name says colour and marker; dashes tell those with the same beginning apart, from the first that occurs.
+    The beginning of the name says colour and marker; dashes tell those with the same beginning
+    apart, from the first that occurs.
     """
     found, used = {}, {}
     spare = itertools.cycle(("#6b6b6b", marker) for marker in "*hp<>d")
@@ -87,7 +82,8 @@ def styles(points):
 
 
 def _of_scene(name, scene, measures, looks):
-    """Functions for `draw_each`: the main figure, one for each group of measures that some point has, and one of tolerances and mrot."""
+    """Functions for `draw_each`: the main figure, one for each group of measures that some point
+    has, and one of tolerances and mrot."""
     points = _shown(scene)
     known = [
         measure for measure in scene["measures"] if any(_drawn(point, measure) for point in points)
@@ -135,7 +131,8 @@ def _is_told(points, measure):
 
 
 def _main(name, scene, measure, measures, looks):
-    """A panel, and above it the time steps of each integrator: its good ones, and the shortest that fails."""
+    """A panel, and above it the time steps of each integrator: its good ones, and the shortest that
+    fails."""
     points = _shown(scene)
     rows = _by_integrator(points)
     height = 0.5 + 0.17 * len(rows)
@@ -208,7 +205,8 @@ def _group(name, points, title, shown, noise, measures, looks):
 
 
 def _parameters(name, points, measure, measures, looks):
-    """Ours with each mrot, and shake and rattle with each tolerance: the error times the square of the run time, which dt does not change if it is ~ dt^2."""
+    """Ours with each mrot, and shake and rattle with each tolerance: the error times the square of
+    the run time, which dt does not change if it is ~ dt^2."""
     scaled = [
         point | {"errors": {measure: point["errors"][measure] | {
             key: value and value * point["cost"]["min"] ** 2 for key, value in point["errors"][measure].items() if key in ("value", "error")}}}
@@ -226,7 +224,8 @@ def _parameters(name, points, measure, measures, looks):
 
 
 def _panel(axis, points, measure, looks, dts):
-    """Lines of all integrators; ``dts``: the points of ours and the longest steps of the others with their time steps."""
+    """Lines of all integrators; ``dts``: the points of ours and the longest steps of the others
+    with their time steps."""
     axis.set_xscale("log")
     axis.set_yscale("log")
     floor = (
@@ -272,7 +271,8 @@ def _panel(axis, points, measure, looks, dts):
 
 
 def _line(axis, row, measure, look, floor):
-    """One integrator's points, from the shortest step, those that can be told from zero joined; the lowest and highest ends of its whiskers."""
+    """One integrator's points, from the shortest step, those that can be told from zero joined; the
+    lowest and highest ends of its whiskers."""
     x, usual = (np.array([point["cost"][key] for point in row]) for key in ("min", "median"))
     y = np.array([max(_height(point, measure), floor) for point in row])
     limit, hollow = (

@@ -1,11 +1,13 @@
 """Error against run time: every integrator with every time step on the same starts.
 
-A point is a scene, an integrator and a time step.  It is run once from each start, and a run serves all measures: first to the
-horizon, where its bodies are compared with those of a reference solution; then a sampled part, and before and after it timed
-segments without output.  The starts take turns (all points from the first one, then all from the second), so that
-repeats of a point are far apart in time.  A run that is complete, or that LAMMPS or a fix has ended with a message, or that hung, is not done
-again, unless its code or input changed.  Steps longer than one that failed are not run.  Of a scene's usual points also those are measured
-that are not asked for and whose runs are in the folder, so that averages and g(r) are held against all that there is.
+A point is a scene, an integrator and a time step.  It is run once from each start, and a run serves
+all measures: first to the horizon, where its bodies are compared with those of a reference
+solution; then a sampled part, and before and after it timed segments without output.  The starts
+take turns (all points from the first one, then all from the second), so that repeats of a point are
+far apart in time.  A run that is complete, or that LAMMPS or a fix has ended with a message, or
+that hung, is not done again, unless its code or input changed.  Steps longer than one that failed
+are not run.  Of a scene's usual points also those are measured that are not asked for and whose
+runs are in the folder, so that averages and g(r) are held against all that there is.
 
 What is measured is in ``sweep_plan``, what the errors are in ``sweep_errors``.
 """
@@ -42,7 +44,8 @@ __all__ = [
     "BUDGET", "MEASURES", "SCENES", "SHORT_BUDGET", "SHORT_SCENES", "SWEEPS", "Lengths", "Point", "lengths", "points", "sweep", "total",
 ]  # fmt: skip
 
-# kinetic energy of the bodies' centres, and of the atoms about them: from the atoms, so alike for all integrators
+# kinetic energy of the bodies' centres, and of the atoms about them: from the atoms, so alike for
+# all integrators
 KINETIC = (
     "compute bodies all chunk/atom {bodies}",
     "compute kinetic all temp/chunk bodies kecom internal com yes",
@@ -67,7 +70,8 @@ def sweep(points, lengths, out, meter, ranks=1, silence=300.0, short=False):
         dict: plain data; after a Ctrl-C with what was complete, and ``interrupted`` true.
     """
     summary = machine.circumstances() | {
-        "code": [machine.package_hash(), store.code_of("validation.sweep.measure")],  # as it is now, not as it is when all has run
+        # as it is now, not as it is when all has run
+        "code": [machine.package_hash(), store.code_of("validation.sweep.measure")],
         "interrupted": False, "ranks": ranks, "lengths": {name: asdict(one) for name, one in lengths.items()}, "measures": MEASURES, "scenes": {},
     }  # fmt: skip
     for name in dict.fromkeys(point.scene for point in points):
@@ -104,9 +108,8 @@ class _Scene:
         self.scene = self.swept.scene
         self.finest = min(self.swept.steps_of(short) + tuple(point.dt for point in asked)) / FINER
         self.found = {point: [] for point in self.points}  # numbers from each start
-        self.failures = {
-            point: [] for point in self.points
-        }  # why, from each start on which it failed
+        # why, from each start on which it failed
+        self.failures = {point: [] for point in self.points}
         self.error = None  # why there is nothing
         self.begun = None  # hash of the starts
         self.degrees_of_freedom = None
@@ -152,7 +155,8 @@ class _Scene:
         return self._once(f"{self.name} {start}, reference", job)
 
     def _failed(self, point):
-        """The shortest step with which its integrator has failed, of those that are not longer; or None."""
+        """The shortest step with which its integrator has failed, of those that are not longer; or
+        None."""
         return min(
             (
                 one.dt
@@ -246,7 +250,8 @@ class _Scene:
         }  # fmt: skip
 
     def _command(self, point):
-        """That runs this point from the same starts, and the reference, elsewhere; what is held against other points needs these too."""
+        """That runs this point from the same starts, and the reference, elsewhere; what is held
+        against other points needs these too."""
         words = ["python", "-m", "validation", "sweep", self.name, *(["--short"] if self.short else []), "--ranks", str(self.ranks),
                  "--budget", f"{self.lengths.budget:.10g}", "--only", point.integrator.name, "--steps", f"{point.dt:g}",
                  "--out", "results/sweep-point"]  # fmt: skip

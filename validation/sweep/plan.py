@@ -1,4 +1,5 @@
-"""What a sweep measures: which scenes with which steps and integrators, for how long, and what a budget allows."""
+"""What a sweep measures: which scenes with which steps and integrators, for how long, and what a
+budget allows."""
 
 from bisect import bisect
 from dataclasses import dataclass, replace
@@ -17,15 +18,15 @@ TIMED = 0.2  # s of a timed segment at least, as far as the nominal cost is righ
 SAMPLED = 250  # steps of the sampled part at least: what fails late has time to
 FRAMES = 25  # of a run
 SAMPLES = 5000  # of a run at most
-TIMES = [
-    float(f"{digits}e{power}") for power in range(-2, 6) for digits in range(10, 100)
-]  # ps of a sampled part, any of these
+# ps of a sampled part, any of these
+TIMES = [float(f"{digits}e{power}") for power in range(-2, 6) for digits in range(10, 100)]
 SHORT_TIME = 0.1  # ps of it at least, of --short
-# accuracy of PPPM: an integrator's error is measured, not the mesh's.  With 1e-5 the energy of the peptide at 0.5 fs wanders in 4 ps
-# by 0.072 kcal/mol; with 1e-6 by 0.026, with 1e-7 by 0.022
+# accuracy of PPPM: an integrator's error is measured, not the mesh's.  With 1e-5 the energy of the
+# peptide at 0.5 fs wanders in 4 ps by 0.072 kcal/mol; with 1e-6 by 0.026, with 1e-7 by 0.022
 MESH = "1e-6"
 OURS = "nosquish"
-# what --short leaves out: mrot, tolerances, and fixes of one integrator in another distribution of the work
+# what --short leaves out: mrot, tolerances, and fixes of one integrator in another distribution of
+# the work
 SHORT = (
     OURS,
     "matubayasi-nakahara",
@@ -48,13 +49,8 @@ COMMON = (
     "potential",
     "equipartition",
 )
-AGAINST = (
-    "position",
-    "orientation",
-    "potential",
-    "equipartition",
-    "pressure",
-)  # held against a solution, or limits, of ours and the rigid fixes
+# held against a solution, or limits, of ours and the rigid fixes
+AGAINST = ("position", "orientation", "potential", "equipartition", "pressure")
 HELD = ("bond", "angle")
 PHYSICAL = ("convergence", "ke_distribution", "pv_equipartition")
 
@@ -72,12 +68,15 @@ class Sweep:
         horizon: fs after which positions and orientations are compared.
         fine: fs; a shorter step does as many steps as this one.
         apart: ps between one start and the next, at the scene's usual step.
-        sampled: fs between samples; more, if these were two steps or less, or more than ``SAMPLES``.
+        sampled: fs between samples; more, if these were two steps or less, or more than
+            ``SAMPLES``.
         least: ps of the sampled part at least, but for --short.
         law: fs up to which averages are taken to go with dt^2.
-        seconds: of a step on one core, and ``startup``: of a run without steps, nominal; only budgets follow from them.
+        seconds: of a step on one core, and ``startup``: of a run without steps, nominal; only
+            budgets follow from them.
         temperature: K.
-        differs: what shake and rattle hold otherwise than the rigid fixes, in a sentence; then nothing of theirs is held ``AGAINST`` numbers of ours.
+        differs: what shake and rattle hold otherwise than the rigid fixes, in a sentence; then
+            nothing of theirs is held ``AGAINST`` numbers of ours.
     """
 
     scene: object
@@ -174,7 +173,8 @@ class Lengths:
 
     Attributes:
         starts: their number.
-        time: ps of the sampled part of a run; less where the step is shorter than ``Sweep.fine``, more where that were less than ``SAMPLED`` steps.
+        time: ps of the sampled part of a run; less where the step is shorter than ``Sweep.fine``,
+            more where that were less than ``SAMPLED`` steps.
         minutes: what all of it may take.  budget: of which this is a part.
     """
 
@@ -186,12 +186,14 @@ class Lengths:
 
 @dataclass(frozen=True)
 class Parts:
-    """A run, one part after the other, in steps: to the horizon; a timed segment; the sampled part, frame by frame; another timed segment.
+    """A run, one part after the other, in steps: to the horizon; a timed segment; the sampled part,
+    frame by frame; another timed segment.
 
     So what disturbs one of the two timed segments may spare the other.
 
     Attributes:
-        horizon: steps to it.  timed: of a timed segment.  frame: between two frames.  every: between two samples.
+        horizon: steps to it.  timed: of a timed segment.  frame: between two frames.  every:
+            between two samples.
     """
 
     horizon: int
@@ -216,7 +218,8 @@ class Parts:
 
     @property
     def samples(self):
-        """The next step with thermodynamic output, in the words of LAMMPS's variables: nothing within the first and the timed runs but their ends."""
+        """The next step with thermodynamic output, in the words of LAMMPS's variables: nothing
+        within the first and the timed runs but their ends."""
         parts = {
             f"(step<{self.horizon})": f"{self.horizon}",
             f"(step>={self.horizon})*(step<{self.begin})": f"{self.begin}",
@@ -231,7 +234,8 @@ class Parts:
 
 
 def parts(swept, dt, time):
-    """The ``Parts`` of a run of so many ps, or ``SAMPLED`` steps if these are longer, with a time step in fs."""
+    """The ``Parts`` of a run of so many ps, or ``SAMPLED`` steps if these are longer, with a time
+    step in fs."""
     steps = max(SAMPLED, time * FS_PER_PS / max(dt, swept.fine))
     every = max(2, round(swept.sampled / dt), ceil(steps / SAMPLES))
     return Parts(
@@ -271,21 +275,25 @@ def points(names, short=False, only=None, steps=None):
 
 
 def lengths(names, short=False, budget=None):
-    """How much is done of each scene, so that all of them are done within the budget, as far as the nominal costs are right.
+    """How much is done of each scene, so that all of them are done within the budget, as far as the
+    nominal costs are right.
 
-    The scenes share it as they would the least budget, whether they are named or not, so that they can be swept one by one into the same folder.  What
-    a step and a start cost is taken from `Sweep`, not measured: the same budget gives the same runs.
+    The scenes share it as they would the least budget, whether they are named or not, so that they
+    can be swept one by one into the same folder.  What a step and a start cost is taken from
+    `Sweep`, not measured: the same budget gives the same runs.
 
     Args:
         names: of ``SCENES``.
         short: whether with the steps and integrators of --short.
-        budget: minutes of all scenes (of --short: of ``SHORT_SCENES``); None is ``BUDGET`` or ``SHORT_BUDGET``.
+        budget: minutes of all scenes (of --short: of ``SHORT_SCENES``); None is ``BUDGET`` or
+            ``SHORT_BUDGET``.
 
     Returns:
         dict: name to ``Lengths``.
 
     Raises:
-        ValueError: the budget is too little for runs of the least length; the message says how much it has to be.
+        ValueError: the budget is too little for runs of the least length; the message says how much
+            it has to be.
     """
     budget = budget or (SHORT_BUDGET if short else BUDGET)
     least = {

@@ -1,4 +1,5 @@
-"""From a sweep's summary to files: summary.json, points.csv, fastest.csv, figures, report.html; and to the terminal."""
+"""From a sweep's summary to files: summary.json, points.csv, fastest.csv, figures, report.html; and
+to the terminal."""
 
 import csv
 import json
@@ -42,11 +43,14 @@ def write(summary, out):
 
 
 def gathered(summary, out):
-    """The summary of a sweep with the scenes that earlier sweeps of the same code left in the folder ``out``; each keeps when it was ``swept``.
+    """The summary of a sweep with the scenes that earlier sweeps of the same code left in the
+    folder ``out``; each keeps when it was ``swept``.
 
-    The code is the package, this harness and LAMMPS.  A scene that older code has measured is left out: its runs are still there, for a new sweep of it.
-    Of a scene that was swept twice with the same lengths from the same starts, the sweep that knows more runs stays: one of some points, which knows those
-    of the earlier ones too, and not one that was interrupted before it had come to them.
+    The code is the package, this harness and LAMMPS.  A scene that older code has measured is left
+    out: its runs are still there, for a new sweep of it. Of a scene that was swept twice with the
+    same lengths from the same starts, the sweep that knows more runs stays: one of some points,
+    which knows those of the earlier ones too, and not one that was interrupted before it had come
+    to them.
     """
     swept = {key: summary[key] for key in ("command", "date", "interrupted")}
     scenes, lengths = (
@@ -90,7 +94,8 @@ def names(points, most=None):
 
 
 def distinct(ways):
-    """Rows of ``sweep_choice.fastest`` without those that say the same point again, for a target that is easier to reach."""
+    """Rows of ``sweep_choice.fastest`` without those that say the same point again, for a target
+    that is easier to reach."""
     kept = []
     for row in ways:
         if not (kept and row[2].best and kept[-1][0] == row[0] and kept[-1][2].best == row[2].best):
@@ -128,7 +133,8 @@ def unit_of(measure):
 
 
 def _fronts(summary):
-    """{scene: {measure: (integrator, dt) of the points that no other one beats in both run time and error}}"""
+    """{scene: {measure: (integrator, dt) of the points that no other one beats in both run time and
+    error}}"""
     return {
         name: {
             measure: {
@@ -158,6 +164,7 @@ def _write_points(summary, path):
                     for part in PARTS
                 ]
                 found = (point["errors"].get(measure, {}) for measure in measures)
+                # the largest of all frames has none
                 errors = [
                     value
                     for one in found
@@ -165,7 +172,7 @@ def _write_points(summary, path):
                         one.get("value"),
                         (one.get("error") and Estimate.of(one).margin) or None,
                     )
-                ]  # the largest of all frames has none
+                ]
                 here = point["integrator"], point["dt"]
                 writer.writerow([
                     name, point["integrator"], point["label"], point["dt"], point["steps"], point["ps"], point["starts"],
@@ -192,7 +199,8 @@ def _write_ways(summary, ways, path):
 
 
 def show(console, summary, out):
-    """Print for each scene what each integrator's steps came to and the fastest ways, and where the files are."""
+    """Print for each scene what each integrator's steps came to and the fastest ways, and where the
+    files are."""
     for name, scene in summary["scenes"].items():
         _show_integrators(console, name, scene, summary["measures"])
         _show_fastest(console, name, scene, summary["measures"])

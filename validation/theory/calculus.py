@@ -1,9 +1,10 @@
 """Compositions of exactly solved parts (2.20), and derivatives of them to rounding error.
 
-All functions of a state take arrays whose first axis is the state and whose further axes are states side by side.
-Derivatives come from complex numbers: first ones from a complex step, others from Cauchy's integral on a circle of times,
-so all functions must be analytic, without absolute values or comparisons of what is differentiated. The circle's
-radius is to be short beside the fastest motion and, for the sake of rounding errors, not shorter than need be.
+All functions of a state take arrays whose first axis is the state and whose further axes are states
+side by side. Derivatives come from complex numbers: first ones from a complex step, others from
+Cauchy's integral on a circle of times, so all functions must be analytic, without absolute values
+or comparisons of what is differentiated. The circle's radius is to be short beside the fastest
+motion and, for the sake of rounding errors, not shorter than need be.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,8 @@ POINTS = 32  # on the circle; a singularity at three times its radius adds an er
 
 
 class Part(NamedTuple):
-    """A term of a Hamiltonian: its energy of a state, and the motion under it alone, a function of state and time."""
+    """A term of a Hamiltonian: its energy of a state, and the motion under it alone, a function of
+    state and time."""
 
     energy: Callable
     motion: Callable
@@ -39,7 +41,8 @@ def repeated(motion, n):
 
 
 def strang(parts):
-    """The symmetric composition: half of the first part, all others, half of the first part (2.20, 2.53)."""
+    """The symmetric composition: half of the first part, all others, half of the first part (2.20,
+    2.53)."""
     outer, *inner = parts
     if not inner:
         return outer.motion
@@ -48,7 +51,8 @@ def strang(parts):
 
 
 def fourth_order(motion):
-    """A symmetric second-order step made fourth order: three steps, the middle one backwards in time."""
+    """A symmetric second-order step made fourth order: three steps, the middle one backwards in
+    time."""
     outer = 1 / (2 - 2 ** (1 / 3))
     return lambda x, time: motion(
         motion(motion(x, outer * time), (1 - 2 * outer) * time), outer * time
@@ -72,10 +76,11 @@ def taylor(function, order, radius):
 def leading_term(parts, radius):
     """H^(2) of (2.37) for the symmetric composition of parts, a function of a state.
 
-    For two parts -{h1 + 2 h2, {h1, h2}} / 24 with h1 outside. A Poisson bracket {h, f} is the change of f in
-    the motion under h, so both double brackets are second derivatives along a part's motion:
-    {h1, {h1, h2}} = d^2/ds^2 h2(e^{s L1} x) and {h2, {h1, h2}} = -d^2/ds^2 h1(e^{s L2} x). More parts: the
-    first one outside of all others, whose own composition has the right second derivative.
+    For two parts -{h1 + 2 h2, {h1, h2}} / 24 with h1 outside. A Poisson bracket {h, f} is the
+    change of f in the motion under h, so both double brackets are second derivatives along a part's
+    motion: {h1, {h1, h2}} = d^2/ds^2 h2(e^{s L1} x) and {h2, {h1, h2}} = -d^2/ds^2 h1(e^{s L2} x).
+    More parts: the first one outside of all others, whose own composition has the right second
+    derivative.
 
     Args:
         parts: list of `Part`, outermost first.
@@ -99,10 +104,12 @@ def leading_term(parts, radius):
 
 
 def recursion_terms(step, exact, energy, second, x, radius):
-    """The two terms of (2.30) for n = 1, G^(0) . grad H^(1) and G^(1) . grad H^(0), whose sum is to vanish.
+    """The two terms of (2.30) for n = 1, G^(0) . grad H^(1) and G^(1) . grad H^(0), whose sum is to
+    vanish.
 
     Args:
-        step: a symmetric step of second order; G^(1) is what its modified equations (2.24) have of order dt^2.
+        step: a symmetric step of second order; G^(1) is what its modified equations (2.24) have of
+            order dt^2.
         exact: any step of fourth order for the same equations.
         energy, second: H^(0) and H^(1), functions of a state.
         x: states (n, ...).
@@ -146,13 +153,15 @@ def tangent(constraints, x):
 def restricted(J, basis):
     """What (2.42) becomes on a constrained phase space.
 
-    There the form of two directions u, v is u^T g v, and a step is symplectic if it keeps it: B^T J^T g J B = B^T g B for a basis B.
+    There the form of two directions u, v is u^T g v, and a step is symplectic if it keeps it: B^T
+    J^T g J B = B^T g B for a basis B.
 
     Args:
         J: Jacobian.
         basis: of `tangent`.
     Returns:
-        (2-norm of the difference of the two sides, the factor by which the step changes the volume that belongs to the form).
+        (2-norm of the difference of the two sides, the factor by which the step changes the volume
+        that belongs to the form).
     """
     g = metric(len(J) // 2)
     after, before = (J @ basis).T @ g @ (J @ basis), basis.T @ g @ basis
@@ -162,6 +171,7 @@ def restricted(J, basis):
 
 
 def slope(x, y):
-    """The exponent of y ~ x^exponent and its standard error, from a straight line through the logarithms."""
+    """The exponent of y ~ x^exponent and its standard error, from a straight line through the
+    logarithms."""
     (exponent, _), covariance = np.polyfit(np.log(x), np.log(y), 1, cov=True)
     return float(exponent), float(np.sqrt(covariance[0, 0]))

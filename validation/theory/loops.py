@@ -1,7 +1,9 @@
-"""The compiled loops of the fix, bound without LAMMPS: whole steps of bodies whose atoms attract or repel each other, as functions of a state.
+"""The compiled loops of the fix, bound without LAMMPS: whole steps of bodies whose atoms attract or
+repel each other, as functions of a state.
 
-A state x has 14 n rows, as in `theory_reference`: momenta of the centres (3 n) and conjugate momenta of the quaternions (4 n), then
-centres and quaternions.  Its derivatives are central differences: the machine code takes no complex numbers.
+A state x has 14 n rows, as in `theory_reference`: momenta of the centres (3 n) and conjugate
+momenta of the quaternions (4 n), then centres and quaternions.  Its derivatives are central
+differences: the machine code takes no complex numbers.
 """
 
 import numpy as np
@@ -88,9 +90,8 @@ class Scene:
         q /= np.linalg.norm(q, axis=0)
         spin = rng.normal(size=(3, self.n))
         spin /= np.linalg.norm(spin, axis=0)
-        if (
-            self.kind == "nearly linear"
-        ):  # turns about its axis as fast as that, about the others as its energy has it
+        # turns about its axis as fast as that, about the others as its energy has it
+        if self.kind == "nearly linear":
             spin[self.moments > 0.5] *= np.sqrt(self.moments.min())
         L = turn * self.moments[:, None] * spin
         p = 2 * multiply(q, np.concatenate([np.zeros((1, self.n)), L]))
@@ -142,14 +143,16 @@ class Scene:
         )
 
     def forces(self, r):
-        """On the atoms (atoms, 3), of the potential sum of c exp(-r^2 / 2) over pairs of atoms in different bodies."""
+        """On the atoms (atoms, 3), of the potential sum of c exp(-r^2 / 2) over pairs of atoms in
+        different bodies."""
         delta = r[:, None] - r[None]
         return ((self.charge * np.exp(-0.5 * (delta**2).sum(axis=2)))[:, :, None] * delta).sum(
             axis=1
         )
 
     def model(self, x, dt, forces, scheme="NVE"):
-        """A step by the paper's equations as they stand, in numpy, with these forces on the atoms (atoms, 3)."""
+        """A step by the paper's equations as they stand, in numpy, with these forces on the atoms
+        (atoms, 3)."""
         momenta, p, centres, q = self.split(x)
         f = forces.T.reshape(3, self.n, ATOMS)
 
@@ -192,13 +195,16 @@ class Scene:
         return q, p
 
     def apart(self, rng, scheme="NVE"):
-        """How far a step of the loops and one of `model` lead apart, of bodies that turn by 1e-8 to 10 rad in it, with random forces.
+        """How far a step of the loops and one of `model` lead apart, of bodies that turn by 1e-8 to
+        10 rad in it, with random forces.
 
-        That is relative to the size of each momentum, place and quaternion, and to how much larger the equations make a relative change
-        of what they start from, if they do: the faster a body turns, the more they make of rounding.
+        That is relative to the size of each momentum, place and quaternion, and to how much larger
+        the equations make a relative change of what they start from, if they do: the faster a body
+        turns, the more they make of rounding.
 
         Returns:
-            the largest of all bodies, and that of the bodies that turn by at most 1 rad without regard to the latter.
+            the largest of all bodies, and that of the bodies that turn by at most 1 rad without
+            regard to the latter.
         """
         turn, tiny = 10 ** rng.uniform(-8, 1, self.n), 1e-8
         x = self.random(rng, turn, turn)
@@ -225,8 +231,9 @@ class Scene:
     # ------------------------------------------------------------- phase space
 
     def basis(self, x):
-        """Directions (14 n, m) that span the bodies' phase space at x: |q| = 1 and w_0 = 0 (2.55); a point has no orientation, a linear
-        body neither spin nor angle about its axis (the direction (P_3 p, P_3 q) changes nothing)."""
+        """Directions (14 n, m) that span the bodies' phase space at x: |q| = 1 and w_0 = 0 (2.55);
+        a point has no orientation, a linear body neither spin nor angle about its axis (the
+        direction (P_3 p, P_3 q) changes nothing)."""
         _, p, _, q = self.split(x)
         blocks = []
         for b in range(self.n):
@@ -235,10 +242,8 @@ class Scene:
                 rows = [np.concatenate([0 * q[:, b], q[:, b]]), np.concatenate([q[:, b], p[:, b]])]
                 if self.kind == "linear":
                     q3, p3 = (np.stack(PERMUTE[3](a[:, b])) for a in (q, p))
-                    rows += [
-                        np.concatenate([q3, -p3]),
-                        np.concatenate([p3, q3]),
-                    ]  # of p . P_3 q, and along the turn
+                    # of p . P_3 q, and along the turn
+                    rows += [np.concatenate([q3, -p3]), np.concatenate([p3, q3])]
             blocks.append(np.stack(rows))
         inner = block_diag(*(null_space(block) for block in blocks))
         full, n = np.zeros((14 * self.n, 6 * self.n + inner.shape[1])), self.n
@@ -249,10 +254,12 @@ class Scene:
         return full
 
     def derivative(self, x, directions, dt):
-        """The step's derivatives along directions (14 n, m), by central differences extrapolated twice.
+        """The step's derivatives along directions (14 n, m), by central differences extrapolated
+        twice.
 
         Returns:
-            (14 n, m); the largest change of it that leaving out the last extrapolation makes, which bounds its truncation error.
+            (14 n, m); the largest change of it that leaving out the last extrapolation makes, which
+            bounds its truncation error.
         """
         rows = []
         for h in STEP, STEP / 2, STEP / 4:
@@ -268,7 +275,8 @@ class Scene:
         return (16 * once[1] - once[0]) / 15, float(np.abs(once[1] - once[0]).max() / 15)
 
     def defects(self, x, dt):
-        """What a step loses of the symplectic property (2.42) and of volume on this phase space, and the error of the differences."""
+        """What a step loses of the symplectic property (2.42) and of volume on this phase space,
+        and the error of the differences."""
         basis = self.basis(x)
         moved, error = self.derivative(x, basis, dt)
         g = metric(7 * self.n)
@@ -277,7 +285,8 @@ class Scene:
         return float(np.linalg.norm(after - before, 2)), float(abs(volume - 1)), error
 
     def returned(self, x, dt, steps):
-        """How far from the start so many steps forward, momenta reversed, and as many steps back end, largest of all components."""
+        """How far from the start so many steps forward, momenta reversed, and as many steps back
+        end, largest of all components."""
         turned = np.concatenate([-np.ones(7 * self.n), np.ones(7 * self.n)])
         y = x
         for _ in range(steps):

@@ -7,7 +7,8 @@
     recursion     (2.30), where a conserved quantity exists and where it does not
     loops         (2.42), volume and reversal of the compiled loops themselves, and how far they are from the equations, for random bodies
 
-All but the first and the last take the same equations in Python (`theory_reference`), complex numbers and all: these are exact to rounding.
+All but the first and the last take the same equations in Python (`theory_reference`), complex
+numbers and all: these are exact to rounding.
 """
 
 from functools import partial
@@ -34,15 +35,20 @@ MROTS = 1, 2, 4, 8, 16, 32
 TOPS, TURNS = 20, 50  # of the free rotor: bodies, time steps
 TEMPERATURE = 155.0  # K, of the dimer
 KT = 0.0019872067 * TEMPERATURE  # kcal/mol, with LAMMPS's Boltzmann constant
-# A reversal is judged where chaos has not made much of rounding yet: of 1e-15 Angstrom it makes 1e-13 in 300 steps and back, 1e-11 to 1e-10
-# in 1,000, as luck and processor have it, up to 1e-4 in 3,000.
+# A reversal is judged where chaos has not made much of rounding yet: of 1e-15 Angstrom it makes
+# 1e-13 in 300 steps and back, 1e-11 to 1e-10 in 1,000, as luck and processor have it, up to 1e-4 in
+# 3,000.
 REVERSED = 300  # steps
-RETURNED = 1e-10  # Angstrom that may be left: converged shake leaves 4e-12, because it first corrects the data file's own lengths
+# Angstrom that may be left: converged shake leaves 4e-12, because it first corrects the data file's
+# own lengths
+RETURNED = 1e-10
 LENGTH = 1.0  # Angstrom: about a bond's, of which a tolerance is a part
-# The compiled loops' derivatives are differences: steps of 0.01 to 0.0025, extrapolated twice, and leave less than the extrapolation
-# once does, 0.005^4 = 6e-10 times a fifth derivative of order one, and rounding, 1e-16 / 0.0025; what is said of them is said to 1e-8.
+# The compiled loops' derivatives are differences: steps of 0.01 to 0.0025, extrapolated twice, and
+# leave less than the extrapolation once does, 0.005^4 = 6e-10 times a fifth derivative of order
+# one, and rounding, 1e-16 / 0.0025; what is said of them is said to 1e-8.
 DIFFERENCES = 1e-8
-TIED = 1e-13  # the most that a step of the loops and of the equations may be apart: some hundred rounding errors
+# the most that a step of the loops and of the equations may be apart: some hundred rounding errors
+TIED = 1e-13
 STEPS_OF_LOOPS = 0.05, 0.07, 0.1, 0.14, 0.2  # with forces and rates of rotation of about a third
 RANDOM = 500  # bodies of each kind, order, mrot and scheme
 CURL = 0.3  # of the force without a potential, over dt^2, that breaks a scheme
@@ -57,8 +63,8 @@ def theory(parts, out, meter, silence=120.0):
         meter: a `console.Meter`.
         silence: s without a word in its log after which a run of LAMMPS is given up.
     Returns:
-        (checks, data, interrupted): a list of `Check`; part to what its figure shows, plain data; whether a Ctrl-C ended it, which
-        leaves the parts that were complete.
+        (checks, data, interrupted): a list of `Check`; part to what its figure shows, plain data;
+        whether a Ctrl-C ended it, which leaves the parts that were complete.
     """
     scene = SCENES["dimer"]
     dimer = Dimer(scene)
@@ -168,7 +174,8 @@ def reversal(scene, dimer, tick, out, silence):
 
 
 def symplectic(scene, dimer, tick, **_):
-    """|J g^-1 J^T - g^-1| of a whole step, of all p and q, and as much of it as concerns |q| = 1; det J; a model of SHAKE against tolerance."""
+    """|J g^-1 J^T - g^-1| of a whole step, of all p and q, and as much of it as concerns |q| = 1;
+    det J; a model of SHAKE against tolerance."""
     check, checks = partial(Check, "symplectic"), []
     steps = {"NO_SQUISH": dimer.nosquish, "reference 12": dimer.reference_12}
     basis = calculus.tangent(dimer.constraints, dimer.start)
@@ -239,7 +246,8 @@ def symplectic(scene, dimer, tick, **_):
 
 
 def conserved(scene, dimer, tick, **_):
-    """How the spread of H and of H + dt^2 H^(2) along a trajectory falls with dt, for dimer and free rotor; and (2.51)."""
+    """How the spread of H and of H + dt^2 H^(2) along a trajectory falls with dt, for dimer and
+    free rotor; and (2.51)."""
     check, checks = partial(Check, "conserved"), []
     dt, radius = np.array(MULTIPLES) * scene.dt * FS, scene.dt * FS / 2
     force, rotor = dimer.second_order_terms(radius)
@@ -330,7 +338,8 @@ def conserved(scene, dimer, tick, **_):
 
 
 def _oscillator():
-    """Velocity Verlet beside (2.51): how much that changes, how far a step is from its motion, and its dt^2 term from (2.37)."""
+    """Velocity Verlet beside (2.51): how much that changes, how far a step is from its motion, and
+    its dt^2 term from (2.37)."""
     oscillator, x = Oscillator(mass=1.3, omega=0.7), np.array([0.4, -1.1])
     step, changes, motions = calculus.strang(oscillator.parts()), [], []
     for dt in np.linspace(0.1, 1.99, 20) / oscillator.omega:
@@ -338,9 +347,8 @@ def _oscillator():
         changes.append(
             abs(hamiltonian(calculus.repeated(step, 1000)(x, 1000 * dt)) / hamiltonian(x) - 1)
         )
-        second = np.diag(
-            [2 * hamiltonian(axis) for axis in np.eye(2)]
-        )  # derivatives; there is no mixed one
+        # derivatives; there is no mixed one
+        second = np.diag([2 * hamiltonian(axis) for axis in np.eye(2)])
         flow = expm(dt * (second @ calculus.metric(1)).T)  # dx/dt = grad H g^-1 (2.41)
         matrix = np.transpose([step(axis, dt) for axis in np.eye(2)])  # the step is linear
         motions.append(np.abs(flow - matrix).max())
@@ -356,7 +364,8 @@ def _oscillator():
 
 
 def mrot(scene, dimer, tick, **_):
-    """The error of free rotors after some steps with so many inner steps, against Jacobi's elliptic functions."""
+    """The error of free rotors after some steps with so many inner steps, against Jacobi's elliptic
+    functions."""
     moments, dt = dimer.moments[:, 0], MULTIPLES[-1] * scene.dt * FS
     rng = np.random.default_rng(2002)
     q = rng.normal(size=(4, TOPS))
@@ -393,16 +402,17 @@ def mrot(scene, dimer, tick, **_):
 
 
 def recursion(scene, dimer, tick, **_):
-    """(2.30) for n = 1, G^(0) . grad H^(1) + G^(1) . grad H^(0) = 0, where it can be met and where it cannot.
+    """(2.30) for n = 1, G^(0) . grad H^(1) + G^(1) . grad H^(0) = 0, where it can be met and where
+    it cannot.
 
-    It cannot be met by any H^(1) if the second term has an average along a closed orbit of the exact motion, because the first
-    one, the change of H^(1) along it, has none. All orbits of an isotropic oscillator are closed. There the force is given an
-    addition dt^2 CURL (-q_2, q_1), which has no potential: the scheme stays reversible, of second order, and keeps phase-space volume.
+    It cannot be met by any H^(1) if the second term has an average along a closed orbit of the
+    exact motion, because the first one, the change of H^(1) along it, has none. All orbits of an
+    isotropic oscillator are closed. There the force is given an addition dt^2 CURL (-q_2, q_1),
+    which has no potential: the scheme stays reversible, of second order, and keeps phase-space
+    volume.
     """
-    check, radius = (
-        partial(Check, "recursion"),
-        scene.dt * FS / 4,
-    )  # at half a step some states meet a singularity
+    # at half a step some states meet a singularity
+    check, radius = (partial(Check, "recursion"), scene.dt * FS / 4)
     force, rotor = dimer.second_order_terms(radius)
     states = [dimer.start]
     for _ in range(8):
@@ -446,9 +456,8 @@ def recursion(scene, dimer, tick, **_):
         0.1,
     )
     whole, cut = (calculus.recursion_terms(step, *common) for step in (verlet, broken))
-    gain = (
-        CURL / 4 * (q[0] * p[1] - q[1] * p[0])
-    )  # both half steps add CURL (dt/2)^3; p . (-q_2, q_1) is the angular momentum
+    # both half steps add CURL (dt/2)^3; p . (-q_2, q_1) is the angular momentum
+    gain = CURL / 4 * (q[0] * p[1] - q[1] * p[0])
     dt, time, energies = 0.05, np.linspace(0, 200, 101), {}
     for name, step in ("velocity Verlet", verlet), ("with a curl", broken):
         x, energies[name] = start, [float(oscillator.energy(start))]
@@ -517,7 +526,8 @@ def recursion(scene, dimer, tick, **_):
 
 
 def loops(scene, dimer, tick, **_):
-    """What is measured on the machine code that runs in LAMMPS; a pair of bodies of each kind, but nearly linear ones, which are too stiff."""
+    """What is measured on the machine code that runs in LAMMPS; a pair of bodies of each kind, but
+    nearly linear ones, which are too stiff."""
     check, checks = partial(Check, "loops"), []
     names = {"NVE": "NO_SQUISH", "MatubayasiNakahara": "reference 12"}
     largest, form = (
@@ -534,10 +544,8 @@ def loops(scene, dimer, tick, **_):
                     [pair.defects(start, dt) for dt in STEPS_OF_LOOPS]
                 )
                 subject = f"{name}, {kind}"
-                if name == "NO_SQUISH" or kind not in (
-                    "solid",
-                    "planar",
-                ):  # where reference 12 is exact, too
+                # where reference 12 is exact, too
+                if name == "NO_SQUISH" or kind not in ("solid", "planar"):
                     checks.append(
                         check(
                             subject,
@@ -616,7 +624,8 @@ def loops(scene, dimer, tick, **_):
 
 
 def _rest(terms):
-    """What two terms leave of each other, over the larger one's size; largest of several states each."""
+    """What two terms leave of each other, over the larger one's size; largest of several states
+    each."""
     return float(np.abs(terms.sum(axis=0)).max() / np.abs(terms).max())
 
 

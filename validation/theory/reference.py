@@ -1,8 +1,10 @@
-"""The paper's equations as they stand, for numbers of any kind: rigid dimers and oscillators, and integrators of them.
+"""The paper's equations as they stand, for numbers of any kind: rigid dimers and oscillators, and
+integrators of them.
 
-Plain functions of a state x = {p, q} (2.34): momenta first, then coordinates, along the first axis; further axes are
-states side by side.  Numbers may be complex, so that derivatives can be taken through a whole step (see
-`theory_calculus`).  The free rotor is the package's own, `fix_nosquish.rotor`.
+Plain functions of a state x = {p, q} (2.34): momenta first, then coordinates, along the first axis;
+further axes are states side by side.  Numbers may be complex, so that derivatives can be taken
+through a whole step (see `theory_calculus`).  The free rotor is the package's own,
+`fix_nosquish.rotor`.
 
 Units: Angstrom, g/mol, kcal/mol; time in Angstrom sqrt(g/kcal), of which `FS` is a femtosecond.
 """
@@ -22,11 +24,12 @@ PERMUTE = {1: rotor.permute_1, 2: rotor.permute_2, 3: rotor.permute_3}
 
 
 class Dimer:
-    """Two rigid molecules of three atoms in empty space, with Lennard-Jones and Coulomb forces between them.
+    """Two rigid molecules of three atoms in empty space, with Lennard-Jones and Coulomb forces
+    between them.
 
-    A state has 28 rows: momenta of the centres (3 x 2), conjugate momenta of the quaternions (4 x 2), centres (3 x 2),
-    quaternions (4 x 2).  The potential energy depends on q / |q|, so the equations hold beside |q| = 1 too, and there they are
-    the paper's.
+    A state has 28 rows: momenta of the centres (3 x 2), conjugate momenta of the quaternions (4 x
+    2), centres (3 x 2), quaternions (4 x 2).  The potential energy depends on q / |q|, so the
+    equations hold beside |q| = 1 too, and there they are the paper's.
 
     Args:
         scene: a `Scene` whose data file and force field are read.
@@ -98,7 +101,8 @@ class Dimer:
         return self.pair(self.positions(x))[0]
 
     def loads(self, x):
-        """Forces on the centres, space frame, and torques, principal frame, (3, 2, ...) both (2.9)."""
+        """Forces on the centres, space frame, and torques, principal frame, (3, 2, ...) both
+        (2.9)."""
         forces = self.pair(self.positions(x))[1]
         *_, q = self.split(x)
         return forces.sum(axis=2), np.cross(
@@ -152,7 +156,8 @@ class Dimer:
         return self.translational(x) + sum(part.energy(x) for part in self.rotor_parts())
 
     def parts(self, mrot=1):
-        """The force, and all that moves without it, outermost first, as NO_SQUISH has them (2.53)."""
+        """The force, and all that moves without it, outermost first, as NO_SQUISH has them
+        (2.53)."""
         return [
             Part(self.potential, self.kick),
             Part(self.kinetic, composed(self.translate, repeated(self.rotate_freely, mrot))),
@@ -167,15 +172,18 @@ class Dimer:
         return strang(self.parts(mrot))(x, time)
 
     def second_order_terms(self, radius, mrot=1):
-        """H^(2) (2.37) of the force splitting and of the rotor splitting, two functions of a state; radius: see `taylor`."""
+        """H^(2) (2.37) of the force splitting and of the rotor splitting, two functions of a state;
+        radius: see `taylor`."""
         rotation = leading_term(self.rotor_parts(), radius)
         return leading_term(self.parts(), radius), lambda x: rotation(x) / mrot**2
 
     def reference_12(self, x, time):
-        """One step of the paper's reference 12 (2.61): not Hamiltonian, in the Trotter order of (2.53).
+        """One step of the paper's reference 12 (2.61): not Hamiltonian, in the Trotter order of
+        (2.53).
 
-        The terms of Euler's equations are paired so that i L_2 turns w_x and w_y while w_z stays, i L_3 turns w_y and
-        w_z while w_x stays, both at a constant rate, if each w is taken times the root of its moment.
+        The terms of Euler's equations are paired so that i L_2 turns w_x and w_y while w_z stays, i
+        L_3 turns w_y and w_z while w_x stays, both at a constant rate, if each w is taken times the
+        root of its moment.
         """
         momenta, p, centres, q = self.split(x)
         moments = _beside(self.moments, x)
@@ -186,9 +194,8 @@ class Dimer:
         w = _second(_third(w, moments, time / 2), moments, time / 2)
         size = np.sqrt((w * w).sum(axis=0))
         half = size * time / 2
-        q = np.cos(half) * q + np.sin(half) / size * multiply(
-            q, np.stack([0 * size, *w])
-        )  # i L_1: dq/dt = S(q) (0, w) / 2
+        # i L_1: dq/dt = S(q) (0, w) / 2
+        q = np.cos(half) * q + np.sin(half) / size * multiply(q, np.stack([0 * size, *w]))
         w = _third(_second(w, moments, time / 2), moments, time / 2)
         forces, torques = self.loads(self.join(momenta, p, centres, q))
         momenta, spin = momenta + time / 2 * forces, moments * w + time / 2 * torques
@@ -203,7 +210,8 @@ class Dimer:
 
 
 class Atoms:
-    """The atoms of a `Dimer`, held by their distances: a state has 36 rows, momenta (3 x 6) and positions (3 x 6).
+    """The atoms of a `Dimer`, held by their distances: a state has 36 rows, momenta (3 x 6) and
+    positions (3 x 6).
 
     Attributes:
         start: (36,) the state of the data file.
@@ -220,10 +228,12 @@ class Atoms:
         }
 
     def shake_rattle(self, x, time, tolerance):
-        """One step of velocity Verlet with SHAKE for positions and RATTLE for velocities, bond after bond, round after round.
+        """One step of velocity Verlet with SHAKE for positions and RATTLE for velocities, bond
+        after bond, round after round.
 
         Args:
-            tolerance: rounds end with one that has found all bonds' |r^2 - d^2| / 2 d^2 within it, and for velocities |r . v| time / d^2.
+            tolerance: rounds end with one that has found all bonds' |r^2 - d^2| / 2 d^2 within it,
+                and for velocities |r . v| time / d^2.
         """
         v, old = self._split(x)
         v = v + time / 2 * self._accelerations(old)
@@ -265,7 +275,8 @@ class Atoms:
         )
 
     def _rounds(self, wrong, y, tolerance):
-        """Correct y (3, 6, ...) until ``wrong`` (how far off a bond is, and along what its atoms must move) finds nothing."""
+        """Correct y (3, 6, ...) until ``wrong`` (how far off a bond is, and along what its atoms
+        must move) finds nothing."""
         y, worst = y.copy(), np.inf
         while worst > tolerance:
             worst = 0.0
@@ -279,7 +290,8 @@ class Atoms:
 
 
 class Oscillator:
-    """The isotropic harmonic oscillator (2.50): a state has so many momenta, then as many coordinates."""
+    """The isotropic harmonic oscillator (2.50): a state has so many momenta, then as many
+    coordinates."""
 
     def __init__(self, mass, omega):
         self.mass, self.omega, self.stiffness = mass, omega, mass * omega**2
@@ -313,7 +325,8 @@ class Oscillator:
     def integrator_hamiltonian(self, x, dt):
         """(2.51): what velocity Verlet conserves, and whose motion it is.
 
-        Its arccos(1 - a^2 / 2) is written as 2 arcsin(a / 2), which is the same and can be differentiated at a = 0.
+        Its arccos(1 - a^2 / 2) is written as 2 arcsin(a / 2), which is the same and can be
+        differentiated at a = 0.
         """
         half = self.omega * dt / 2
         stretch = np.sqrt(1 - half**2)
@@ -355,7 +368,8 @@ def _third(w, moments, time):
 
 
 def _along_ellipse(a, b, moment_a, moment_b, turn):
-    """a and b after da = turn / moment_a b, db = -turn / moment_b a, which keep moment_a a^2 + moment_b b^2."""
+    """a and b after da = turn / moment_a b, db = -turn / moment_b a, which keep moment_a a^2 +
+    moment_b b^2."""
     root_a, root_b = np.sqrt(moment_a), np.sqrt(moment_b)
     angle = turn / (root_a * root_b)
     c, s = np.cos(angle), np.sin(angle)
@@ -368,8 +382,8 @@ def _beside(values, x, axes=1):
 
 
 def _read(scene):
-    """Of a scene of two molecules of three atoms: masses, charges, types (2, 3), positions and velocities (3, 2, 3), and
-    epsilon and sigma by type."""
+    """Of a scene of two molecules of three atoms: masses, charges, types (2, 3), positions and
+    velocities (3, 2, 3), and epsilon and sigma by type."""
     words = dict(
         line.split(maxsplit=1)
         for line in scene.setup

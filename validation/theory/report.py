@@ -1,4 +1,5 @@
-"""From the checks of `theory` to files and the terminal: summary.json, table.csv, figures, report.html."""
+"""From the checks of `theory` to files and the terminal: summary.json, table.csv, figures,
+report.html."""
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -22,7 +23,8 @@ def write(summary, out):
     """Write all files into the folder ``out``.
 
     Args:
-        summary: plain data: ``checks``, ``data`` (what the figures show, by part), ``interrupted`` and the circumstances.
+        summary: plain data: ``checks``, ``data`` (what the figures show, by part), ``interrupted``
+            and the circumstances.
     """
     save(summary, out)
     check.write(summary["checks"], out / "table.csv")
@@ -39,7 +41,8 @@ def show(console, summary, out):
 
 
 def reversal(data):
-    """Distance from the start against the number of steps, one panel for shake, one for rattle, one for all others."""
+    """Distance from the start against the number of steps, one panel for shake, one for rattle, one
+    for all others."""
     found = data.get("reversal")
     if not found:
         return None, ""

@@ -1,7 +1,9 @@
-"""Reversibility, in LAMMPS: so many steps forward, velocities reversed, as many steps; how far from the start?
+"""Reversibility, in LAMMPS: so many steps forward, velocities reversed, as many steps; how far from
+the start?
 
-After the reversal a new run begins. Integrators that keep a state of their own, as fix_nosquish does, make it anew of the
-atoms' positions and velocities then, which adds a rounding error: that of one step is what this costs.
+After the reversal a new run begins. Integrators that keep a state of their own, as fix_nosquish
+does, make it anew of the atoms' positions and velocities then, which adds a rounding error: that of
+one step is what this costs.
 """
 
 import numpy as np
@@ -36,8 +38,10 @@ def reverse(scene, integrator, folder, silence=120.0):
         folder: where the files go.
         silence: s without a word in the log after which the run is given up.
     Returns:
-        dict: name, label, error (None, or why there are no numbers); for each of `STEPS` in Angstrom ``distance``, of the atom that ends
-        furthest from its start, and ``moved``, of the atom that had gone furthest; ``positions`` (atoms, 3) after `COMPARED` steps.
+        dict: name, label, error (None, or why there are no numbers); for each of `STEPS` in
+            Angstrom ``distance``, of the atom that ends
+        furthest from its start, and ``moved``, of the atom that had gone furthest; ``positions``
+        (atoms, 3) after `COMPARED` steps.
     """
     folder = folder.resolve()
     job = run.job(

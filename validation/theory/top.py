@@ -8,9 +8,10 @@ from scipy.special import ellipj, ellipkinc, elliprf, elliprj
 def free_top(q, L, moments, time):
     """Where a top without torque is after some time.
 
-    In the principal frame the components of the angular momentum are the functions cn, sn, dn of time, dn that of the axis
-    which the angular momentum circles about. It is fixed in space, and that axis turns about it by an angle that
-    is an elliptic integral of the third kind, here in Carlson's form.
+    In the principal frame the components of the angular momentum are the functions cn, sn, dn of
+    time, dn that of the axis which the angular momentum circles about. It is fixed in space, and
+    that axis turns about it by an angle that is an elliptic integral of the third kind, here in
+    Carlson's form.
 
     Args:
         q: (4,) unit quaternion.
