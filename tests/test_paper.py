@@ -21,6 +21,7 @@ from validation.paper import measure as paper_claims
 from validation.paper import plan as paper
 from validation.paper import report as paper_report
 from validation.running import machine, run
+from validation.running.trajectory import Series, Trajectory
 from validation.scenes import SCENES
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.data_file import data_file
@@ -38,7 +39,7 @@ def trajectory(integrator="nosquish", steps=300, piece=300, **more):
         "every": 10,
         "ranks": 1,
     }
-    return paper.Trajectory(integrator=PAPER[integrator], steps=steps, piece=piece, **usual | more)
+    return Trajectory(integrator=PAPER[integrator], steps=steps, piece=piece, **usual | more)
 
 
 @pytest.mark.timeout(120)
@@ -186,7 +187,7 @@ def made(name, total, scene="dimer", dt=3.0, every=10, integrator="nosquish", **
         "potential": total - 2000.0,
         "temperature": np.full(len(total), 300.0),
     }
-    return paper.Series(
+    return Series(
         path, None, time, total, **usual | more, positions=None, pieces=[], seconds=1.0
     )
 

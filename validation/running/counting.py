@@ -35,12 +35,14 @@ def environment(folder):
         old.unlink()
     library = folder / "mpi_count.so"
     headers, mpi = _mpich("mpi.h").parent, _mpich("libmpi.so.12")
-    command = [*_compiler(), "-O2", "-shared", "-fPIC", "-I", str(headers), str(SOURCE), "-o", str(library),
-               str(mpi), f"-Wl,-rpath,{mpi.parent}", "-ldl"]  # fmt: skip
+    flags = "-O2", "-shared", "-fPIC", "-I", str(headers)
+    command = [*_compiler(), *flags, str(SOURCE), "-o", str(library)]
+    command += [str(mpi), f"-Wl,-rpath,{mpi.parent}", "-ldl"]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode:
         raise SystemExit(
-            f"{SOURCE.name}, which counts messages, does not compile: {shlex.join(command)}\n{done.stdout}"
+            f"{SOURCE.name}, which counts messages, does not compile: {shlex.join(command)}\n"
+            f"{done.stdout}"
         )
     preload = " ".join(filter(None, (str(library), os.environ.get("LD_PRELOAD"))))
     return {"LD_PRELOAD": preload, "MPI_COUNT_FOLDER": str(folder)}
@@ -49,11 +51,9 @@ def environment(folder):
 def read(folder):
     """The counts of a run that has ended, one dictionary per rank in the order of the ranks.
 
-    messages, bytes: sends to other ranks and their data.  collectives, collective_bytes: calls such
-        as
-    MPI_Allreduce, and the size of what the rank gives into them.  fix_messages, fix_bytes,
-    fix_collectives,
-    fix_collective_bytes: those among them that fixes made, in their turns in LAMMPS's class Modify.
+    ``messages`` and ``bytes``: sends to other ranks and their data; ``collectives`` and
+    ``collective_bytes``: calls such as MPI_Allreduce, and the size of what the rank gives into
+    them; with ``fix_`` before each: those that fixes made, in their turns in LAMMPS's class Modify.
 
     Raises:
         FileNotFoundError: if a run left no counts.
@@ -61,7 +61,8 @@ def read(folder):
     files = sorted(Path(folder).glob("*.json"), key=lambda file: int(file.stem))
     if not files:
         raise FileNotFoundError(
-            f"no counts in {folder}: the run did not reach MPI_Finalize, or was without environment()"
+            f"no counts in {folder}: the run did not reach MPI_Finalize, or was without "
+            "environment()"
         )
     return [json.loads(file.read_text()) for file in files]
 
@@ -72,8 +73,8 @@ def _compiler():
     ]
     if not command[0] or not shutil.which(command[0]):
         raise SystemExit(
-            "messages are counted by a small C program, but there is no C compiler (looked for CC, cc, gcc, clang): install one "
-            "(Debian and Ubuntu: apt-get install gcc)"
+            "messages are counted by a small C program, but there is no C compiler "
+            "(looked for CC, cc, gcc, clang): install one (Debian and Ubuntu: apt-get install gcc)"
         )
     return command
 
@@ -88,5 +89,6 @@ def _mpich(name):
         if file.name == name:
             return file.locate().resolve()
     raise SystemExit(
-        f"messages are counted with the package mpich, which is not here, or without its {name}: pip install mpich"
+        f"messages are counted with the package mpich, which is not here, or without its {name}: "
+        "pip install mpich"
     )

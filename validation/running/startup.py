@@ -20,7 +20,8 @@ PLAIN = Integrator("nve", "fix nve", ("fix 1 {group} nve",), kind="free")
 
 def package():
     """Folder of the fix_nosquish that LAMMPS would import, which need not be the checkout's."""
-    code = "import importlib.util as u; print(u.find_spec('fix_nosquish').submodule_search_locations[0])"
+    find = "find_spec('fix_nosquish').submodule_search_locations[0]"
+    code = f"from importlib.util import find_spec; print({find})"
     found = subprocess.run([sys.executable, "-c", code], cwd="/", capture_output=True, text=True)
     if found.returncode:
         raise SystemExit("fix_nosquish is not installed for this Python: pip install .")
@@ -91,24 +92,23 @@ def _start(scene, integrator, place, ranks, environment):
         "\n".join([*scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""])
     )
     lmp = Path(sys.executable).parent / "lmp"
-    command = [
-        str(lmp) if lmp.exists() else "lmp",
-        "-in",
-        str(script),
-        "-log",
-        "none",
-        "-screen",
-        "none",
-    ]
+    command = [str(lmp) if lmp.exists() else "lmp", "-in", str(script)]
+    command += ["-log", "none", "-screen", "none"]
     if ranks > 1:
         command = [run.mpirun(), "-np", str(ranks), *command]
     core = min(os.sched_getaffinity(0))
     begin = time.perf_counter()
-    process = subprocess.Popen(
-        command, cwd=scene.folder, env={"OMP_NUM_THREADS": "1", **os.environ, **environment}, stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL, stderr=open(place / "stderr.txt", "w"), start_new_session=True,
-        preexec_fn=(lambda: os.sched_setaffinity(0, {core})) if ranks == 1 else None,
-    )  # fmt: skip
+    with open(place / "stderr.txt", "w") as said:
+        process = subprocess.Popen(
+            command,
+            cwd=scene.folder,
+            env={"OMP_NUM_THREADS": "1", **os.environ, **environment},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=said,
+            start_new_session=True,
+            preexec_fn=(lambda: os.sched_setaffinity(0, {core})) if ranks == 1 else None,
+        )
     try:
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
@@ -117,7 +117,6 @@ def _start(scene, integrator, place, ranks, environment):
     wall = time.perf_counter() - begin
     error = None
     if process.returncode:
-        error = (place / "stderr.txt").read_text().strip().replace("\n", " ")[
-            -200:
-        ] or f"exit code {process.returncode}"
+        told = (place / "stderr.txt").read_text().strip().replace("\n", " ")
+        error = told[-200:] or f"exit code {process.returncode}"
     return wall, used.ru_utime + used.ru_stime, error

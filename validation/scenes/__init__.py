@@ -11,6 +11,8 @@ from pathlib import Path
 from validation import INPUTS
 
 FS_PER_PS = 1000.0
+# K, of the captions of the paper's figures; so they are here
+TEMPERATURE = {"dimer": 155.0, "water": 295.0, "peptide": 300.0}
 
 
 @dataclass(frozen=True)

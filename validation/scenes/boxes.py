@@ -130,10 +130,16 @@ def assemble(
         for name in sorted(set(names))
     }
     text = [
-        f"units {units}", f"dimension {dimension}", "atom_style molecular", "atom_modify map array", setup,
+        f"units {units}",
+        f"dimension {dimension}",
+        "atom_style molecular",
+        "atom_modify map array",
+        setup,
         "read_data data.bodies",
-        f"pair_style lj/cut {2.5 * u.length:.17g}", f"pair_coeff * * {u.energy:.17g} {u.length:.17g}",
-        f"neighbor {0.4 * u.length:.17g} bin", "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
+        f"pair_style lj/cut {2.5 * u.length:.17g}",
+        f"pair_coeff * * {u.energy:.17g} {u.length:.17g}",
+        f"neighbor {0.4 * u.length:.17g} bin",
+        "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
         *(f"group {name} molecule " + " ".join(map(str, ids)) for name, ids in groups.items()),
         "group bodies " + ("subtract all single" if "single" in groups else "union all"),
     ]  # fmt: skip

@@ -17,8 +17,8 @@ import shlex
 from dataclasses import asdict
 from pathlib import Path
 
-from validation.paper import plan as paper
 from validation.running import machine, run, store
+from validation.running.trajectory import Trajectory
 from validation.scenes import FS_PER_PS, starts
 from validation.scenes.integrators import SWEPT
 from validation.statistics import measures
@@ -124,7 +124,7 @@ class _Scene:
         self.folder = out / "runs" / (f"{self.name}-short" if self.short else self.name)
         usual = self.swept.scene.dt
         apart = round(self.swept.apart * FS_PER_PS / usual)
-        trajectory = paper.Trajectory(name="starts", label=f"{self.name}, starts", scene=self.scene, integrator=SWEPT[OURS], dt=usual,
+        trajectory = Trajectory(name="starts", label=f"{self.name}, starts", scene=self.scene, integrator=SWEPT[OURS], dt=usual,
                                       steps=self.lengths.starts * apart, every=100, ranks=self.ranks, piece=apart)  # fmt: skip
         dumps = []
         for job in trajectory.jobs(self.folder, self.silence):

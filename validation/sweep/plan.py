@@ -5,9 +5,8 @@ from bisect import bisect
 from dataclasses import dataclass, replace
 from math import ceil
 
-from validation.paper import plan as paper
 from validation.running.rounds import LEAST
-from validation.scenes import FS_PER_PS
+from validation.scenes import FS_PER_PS, TEMPERATURE
 from validation.scenes import SCENES as ALL
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.integrators import SWEPT
@@ -137,19 +136,19 @@ SWEEPS = {
     "dimer": Sweep(
         ALL["dimer"], (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.5, 2.0, 3.0, 4.0), (0.2, 0.4, 0.8, 2.0, 4.0), 4, 2, (*COMMON, *HELD, "convergence"),
         bodies=ALL["dimer"].unit, horizon=60.0, fine=0.1, apart=60.0, sampled=6.0, least=100.0, law=0.6, seconds=2e-6, startup=0.8,
-        temperature=paper.TEMPERATURE["dimer"],
+        temperature=TEMPERATURE["dimer"],
     ),
     "water": Sweep(
         _on_mesh(ALL["water"]), (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.5, 10.0, 12.0), (1.0, 2.0, 4.0, 7.5, 12.0), 4, 1,
         (*COMMON, "pressure", "g_oo", *HELD, *PHYSICAL),
         bodies=512, horizon=60.0, fine=1.0, apart=2.0, sampled=5.0, least=1.0, law=4.0, seconds=13e-3, startup=1.2,
-        temperature=paper.TEMPERATURE["water"],
+        temperature=TEMPERATURE["water"],
     ),
     "peptide": Sweep(
         _on_mesh(paper_peptide.scene()), (0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.5, 10.0), (1.0, 2.0, 4.0, 7.5), 2, 1,
         (*COMMON, "pressure", "helix", *HELD, *PHYSICAL),
         bodies=ALL["peptide"].unit, horizon=60.0, fine=1.0, apart=2.0, sampled=5.0, least=1.0, law=4.0, seconds=40e-3, startup=2.0,
-        temperature=paper.TEMPERATURE["peptide"],
+        temperature=TEMPERATURE["peptide"],
         differs="shake and rattle leave the H-X-H angles of CH3 and NH3 free, so they move another model: their trajectories and averages are not held "
         "against those of rigid groups",
     ),
