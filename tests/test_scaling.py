@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from fix_nosquish.compiled import Cell
-from validation.scenes.data_file import data_file
 
 RANKS = 1, 2, 4, 8, 16
 SIDE = 4  # molecules along each edge of a rank's cube
@@ -22,6 +21,8 @@ STEPS, EVERY = 12, 4  # and between re-neighbourings
 
 def water(ranks):
     """A data file of molecules like water, turned at random: a row of cubes, one for each rank, each with a layer on its faces."""
+    from validation.scenes.data_file import data_file
+
     rng = np.random.default_rng(5)
     cells = np.stack(
         np.meshgrid(np.arange(ranks * SIDE), np.arange(SIDE), np.arange(SIDE)), -1

@@ -8,7 +8,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 WIDE = 150  # columns, where the output is not a terminal
 
 
-def console():
+def console() -> Console:
     """Standard output."""
     found = Console(highlight=False)
     return found if found.is_terminal else Console(width=WIDE, highlight=False)
@@ -45,17 +45,17 @@ class Meter:
     def __exit__(self, *_):
         self.progress.stop()
 
-    def begin(self, label, total):
+    def begin(self, label: str, total: int) -> None:
         """A run of ``total`` steps starts."""
         self.label, self.total, self.start = label, total, time.monotonic()
         self.one = self.progress.add_task(label, total=total)
 
-    def at(self, step):
+    def at(self, step: int) -> None:
         """The run has come to ``step``."""
         self.progress.update(self.one, completed=step)
         self.progress.update(self.all, completed=self.done + step)
 
-    def end(self, error):
+    def end(self, error: str | None) -> None:
         """The run is over: well if ``error`` is None."""
         self.at(self.total)
         self.done += self.total

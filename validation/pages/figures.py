@@ -1,5 +1,6 @@
 """What all figures share: colours, marks, style, and how they are drawn into a folder."""
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import matplotlib
@@ -9,7 +10,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 OURS, OTHERS, THIRD, INK, PALE = "#0b6e4f", "#5b7db1", "#c06c3e", "#333333", "#bdbdbd"
-STYLE = {
+STYLE: dict = {
     "font.size": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -37,7 +38,7 @@ MARKS = {  # integrator: colour, marker; pale ones are variants of the one befor
 MISSED = "#b00000"
 
 
-def draw_each(functions, out, *data):
+def draw_each(functions: Iterable[Callable], out: Path, *data) -> list[tuple[Path, str]]:
     """Draw figures into a folder, each by a function of the data that gives (figure or None,
     caption).
 

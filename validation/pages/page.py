@@ -2,6 +2,7 @@
 
 import base64
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import jinja2
@@ -13,7 +14,7 @@ from validation.statistics.estimate import SURE, Estimate
 TEMPLATES = Path(__file__).parent / "templates"
 
 
-def save(summary, out):
+def save(summary: dict, out: Path) -> None:
     """Write plain data to summary.json in the folder ``out``, whole or not at all."""
     path = out / "summary.json"
     part = path.with_suffix(".part")
@@ -21,7 +22,7 @@ def save(summary, out):
     part.replace(path)
 
 
-def page(template, path, figures, **values):
+def page(template: str, path: Path, figures: Sequence[tuple[Path, str]], **values) -> None:
     """Write a self-contained HTML page.
 
     Args:

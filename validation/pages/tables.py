@@ -20,7 +20,7 @@ class Column:
     meaning: str
 
 
-def cell(row, column, short=False):
+def cell(row: dict, column: Column, short: bool = False) -> str:
     """A row's entry in a column as text; ``short`` leaves out minimum and maximum."""
     value = row.get(column.key)
     if value is None:
@@ -37,7 +37,7 @@ def cell(row, column, short=False):
     return f"{value['median']:.{digits}f} [{value['min']:.{digits}f}–{value['max']:.{digits}f}]"
 
 
-def busy(summary):
+def busy(summary: dict) -> str | None:
     """A warning if the machine was too busy for its timings to be trusted, or None."""
     shares = [row["cpu"] for row in summary["integrators"] if row.get("cpu") is not None]
     if not shares or min(shares) >= FREE:

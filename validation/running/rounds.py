@@ -4,11 +4,13 @@ So a change in the machine's load meets all of them alike, and numbers of one ro
 with like.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from validation.running import run
+from validation.running.run import Meter
 from validation.statistics import measures
 
 SETUPS = 2  # `run 0` before the steps: the first one also reads or compiles code
@@ -25,12 +27,12 @@ class Lengths:
     segments: int
 
     @property
-    def runs(self):
+    def runs(self) -> list[int]:
         """The list of a job's runs."""
         return [self.warm_up] + [self.segment] * self.segments
 
 
-def lengths(loop, seconds):
+def lengths(loop: float, seconds: float) -> Lengths:
     """Segments that last so long.
 
     Args:
@@ -42,7 +44,9 @@ def lengths(loop, seconds):
     return Lengths(max(3, min(1000, segment // 5)), segment, segments)
 
 
-def calibrate(make, on_step=lambda step: None):
+def calibrate(
+    make: Callable[[list[int]], run.Job], on_step: Callable[[int], object] = lambda step: None
+) -> float | run.Result:
     """s of a step of the job ``make(runs)``, or its ``Result`` if it fails."""
     steps = LEAST
     while True:
@@ -55,7 +59,7 @@ def calibrate(make, on_step=lambda step: None):
         steps = min(10000, int(0.2 * steps / max(loop, 1e-6)))
 
 
-def in_turn(jobs, rounds, meter):
+def in_turn(jobs: dict, rounds: int, meter: Meter) -> tuple[dict, dict, bool]:
     """Run all jobs in each of so many rounds; one that fails is not run again.
 
     Args:
@@ -66,7 +70,8 @@ def in_turn(jobs, rounds, meter):
         (found, errors, interrupted): name to the list of its rounds' numbers (see ``numbers``),
         name to why it failed, and whether a Ctrl-C ended it all.
     """
-    found, errors = {name: [] for name in jobs}, {}
+    found: dict[str, list[dict]] = {name: [] for name in jobs}
+    errors: dict[str, str] = {}
     for number in range(1, rounds + 1):
         for name, (label, make) in jobs.items():
             if name in errors:
@@ -84,7 +89,7 @@ def in_turn(jobs, rounds, meter):
     return found, errors, False
 
 
-def numbers(job, result):
+def numbers(job: run.Job, result: run.Result) -> dict:
     """What is kept of a completed run, as plain data.
 
     ``modify``, ``loop`` and each of ``sections`` (us per step): medians of the segments after the
@@ -122,19 +127,19 @@ def numbers(job, result):
     return kept
 
 
-def spread(rounds, key):
+def spread(rounds: list[dict], key: str) -> dict | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
     values = [one[key] for one in rounds if key in one]
     return measures.spread(values) if values else None
 
 
-def ratio(ours, theirs, key):
+def ratio(ours: list[dict], theirs: list[dict], key: str) -> dict | None:
     """Spread of ours over theirs, each pair of one round; None if there is no pair."""
     pairs = [(a[key], b[key]) for a, b in zip(ours, theirs) if key in a and b.get(key)]
     return measures.spread(a / b for a, b in pairs) if pairs else None
 
 
-def difference(own, other, of):
+def difference(own: list[dict], other: list[dict], of: Callable[[dict], float]) -> dict | None:
     """Spread of own minus other, each pair of one round; None if there is no pair.
 
     Args:

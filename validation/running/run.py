@@ -11,17 +11,31 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
 from validation.running import lammps_log
+from validation.scenes import Scene
+from validation.scenes.integrators import Integrator
 
 WORKER = Path(__file__).with_name("worker.py")
 THERMO = "thermo_style custom step time temp press pe ke etotal"
 LOOK = 0.2  # s between two looks at a running job
 GRACE = 5.0  # s that processes have to end after SIGTERM
+
+
+class Meter(Protocol):
+    """What is told of progress: ``pages.console.Meter``, or one that shows nothing."""
+
+    def begin(self, label: str, total: int) -> None: ...
+
+    def at(self, step: float) -> None: ...
+
+    def end(self, error: str | None) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -80,21 +94,21 @@ class Result:
 
 
 def job(
-    scene,
-    integrator,
-    directory,
-    runs,
+    scene: Scene,
+    integrator: Integrator,
+    directory: Path | str,
+    runs: list[int],
     *,
-    dt,
-    every,
-    ranks=1,
-    silence=120.0,
-    positions=True,
-    setups=0,
-    more=(),
-    origin=None,
-    motion=False,
-):
+    dt: float,
+    every: int,
+    ranks: int = 1,
+    silence: float = 120.0,
+    positions: bool = True,
+    setups: int = 0,
+    more: Sequence[str] = (),
+    origin: str | None = None,
+    motion: bool = False,
+) -> Job:
     """The job of one integrator on a scene.
 
     Args:
@@ -135,17 +149,17 @@ def job(
     )
 
 
-def thermo(*more):
+def thermo(*more) -> list[str]:
     """LAMMPS commands for the columns of the output that measures ask for, and these."""
     return [" ".join((THERMO, *more)), 'thermo_modify norm no flush yes format float "%.15g"']
 
 
-def folder_name(name):
+def folder_name(name: str) -> str:
     """The name of an integrator or a run, fit for a folder."""
     return re.sub(r"[/ ]", "-", name)
 
 
-def run(job, on_step=lambda step: None, environment=()):
+def run(job: Job, on_step: Callable[[int], object] = lambda step: None, environment=()) -> Result:
     """Do a job and collect its result; a Ctrl-C ends the run and is in the result.
 
     Args:
@@ -184,7 +198,9 @@ def run(job, on_step=lambda step: None, environment=()):
     return result
 
 
-def once(job, on_step=lambda step: None, failures=False):
+def once(
+    job: Job, on_step: Callable[[int], object] = lambda step: None, failures: bool = False
+) -> Result:
     """Do a job, as `run`, unless the complete result of the same job, its origin included, is
     there.
 
@@ -194,7 +210,7 @@ def once(job, on_step=lambda step: None, failures=False):
     return collect(job.directory) if is_there(job, failures) else run(job, on_step)
 
 
-def is_there(job, failures=False):
+def is_there(job: Job, failures: bool = False) -> bool:
     """Whether the complete result of the same job, its origin included, is in its directory.
 
     Args:
@@ -213,7 +229,7 @@ def is_there(job, failures=False):
 INTERRUPTED = "interrupted"
 
 
-def collect(directory):
+def collect(directory: Path | str) -> Result:
     """The result in a job's directory, complete or not."""
     directory = Path(directory)
     log = _read(directory / "log.lammps")
@@ -265,7 +281,7 @@ def _watch(process, log, silence, on_step):
     return False
 
 
-def end(process):
+def end(process: subprocess.Popen) -> None:
     """End what is left of the process group."""
     for sign, grace in ((signal.SIGTERM, GRACE), (signal.SIGKILL, GRACE)):
         try:
@@ -279,7 +295,7 @@ def end(process):
     process.wait()
 
 
-def mpirun():
+def mpirun() -> str:
     """mpirun of this interpreter's environment, else the one on PATH."""
     beside = Path(sys.executable).parent / "mpirun"
     found = str(beside) if beside.exists() else shutil.which("mpirun")

@@ -12,13 +12,15 @@ import time
 from pathlib import Path
 
 from validation.running import run
+from validation.running.run import Meter
+from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures
 
 PLAIN = Integrator("nve", "fix nve", ("fix 1 {group} nve",), kind="free")
 
 
-def package():
+def package() -> Path:
     """Folder of the fix_nosquish that LAMMPS would import, which need not be the checkout's."""
     find = "find_spec('fix_nosquish').submodule_search_locations[0]"
     code = f"from importlib.util import find_spec; print({find})"
@@ -28,7 +30,9 @@ def package():
     return Path(found.stdout.strip())
 
 
-def measure(scene, ours, folder, ranks, rounds, meter):
+def measure(
+    scene: Scene, ours: Integrator, folder: Path, ranks: int, rounds: int, meter: Meter
+) -> dict:
     """Time the three kinds of start in turn; a Ctrl-C passes through.
 
     Args:
@@ -45,7 +49,7 @@ def measure(scene, ours, folder, ranks, rounds, meter):
         same round; ``error``.
     """
     folder = Path(folder).resolve()
-    found = {"first": [], "later": [], "plain": []}
+    found: dict[str, list[dict]] = {"first": [], "later": [], "plain": []}
     error = None
     for number in range(1, rounds + 1):
         place = folder / f"{ranks}-{number}"

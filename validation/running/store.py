@@ -208,8 +208,8 @@ def _imported(tree: ast.AST, path: Path, harness: Path) -> Iterator[Path | None]
             yield from (_module(f"{node.module}.{one.name}", harness) for one in node.names)
         elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "with_name":
             name = node.args[0]
-            if isinstance(name, ast.Constant) and (beside := path.with_name(name.value)).exists():
-                yield beside
+            if isinstance(name, ast.Constant) and path.with_name(str(name.value)).exists():
+                yield path.with_name(str(name.value))
 
 
 class _Bare(ast.NodeTransformer):

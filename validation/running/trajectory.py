@@ -5,12 +5,16 @@ piece that is complete is not run again (see ``run.once``), so the same command 
 Ctrl-C. Energies are in the pieces' logs, sampled as they run.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from validation.running import machine, run
-from validation.scenes import FS_PER_PS
+from validation.running.run import Meter
+from validation.scenes import FS_PER_PS, Scene
+from validation.scenes.integrators import Integrator
 from validation.scenes.starts import from_dump, to_dump
 
 PIECE = 25_000  # steps of a piece of a run on a mesh: some minutes
@@ -34,8 +38,8 @@ class Trajectory:
 
     name: str
     label: str
-    scene: object
-    integrator: object
+    scene: Scene
+    integrator: Integrator
     dt: float
     steps: int
     every: int
@@ -46,11 +50,11 @@ class Trajectory:
     more: tuple[str, ...] = ()
 
     @property
-    def pieces(self):
+    def pieces(self) -> int:
         """How many pieces there are."""
         return max(1, -(-self.steps // self.piece))
 
-    def jobs(self, out, silence):
+    def jobs(self, out: Path, silence: float) -> Iterator[run.Job]:
         """The pieces' jobs, in order, each when the one before has been done; one without steps
         gives the energy of the start.
 
@@ -103,7 +107,7 @@ class Series:
     seconds: float
 
 
-def do(trajectory, out, silence, meter):
+def do(trajectory: Trajectory, out: Path, silence: float, meter: Meter) -> tuple[Series, bool]:
     """Run a trajectory, or take over what is there: a ``Series``, and whether a Ctrl-C ended it."""
     results, error, interrupted = [], None, False
     for number, job in enumerate(trajectory.jobs(out, silence), 1):
@@ -120,7 +124,7 @@ def do(trajectory, out, silence, meter):
     return series(trajectory, results, error), interrupted
 
 
-def series(trajectory, results, error):
+def series(trajectory: Trajectory, results: list, error: str | None) -> Series:
     """Put the pieces' results together.
 
     Args:
@@ -134,7 +138,8 @@ def series(trajectory, results, error):
         "potential": "PotEng",
         "temperature": "Temp",
     }
-    parts, done = {name: [] for name in names}, 0
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    done = 0
     for job, result in results:
         for name, column in names.items():
             values = result.thermo.get(column, np.empty(0))

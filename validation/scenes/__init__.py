@@ -57,26 +57,25 @@ class Scene:
     subject: str | None = None
     ghost_cutoff: float | None = None
 
-    def on_mesh(self, accuracy):
+    def on_mesh(self, accuracy: str) -> "Scene":
         """The scene with another accuracy of its PPPM; without effect on one that has none."""
         # of two definitions LAMMPS keeps the first
         return replace(self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup))
 
-    def is_whole_copies(self, bodies):
+    def is_whole_copies(self, bodies: int) -> bool:
         """Whether so many bodies are ``unit`` copied to a block that is at most twice as long as
         wide."""
         return bodies % self.unit == 0 and _block(bodies // self.unit) is not None
 
-    def of_size(self, bodies, data=None):
+    def of_size(self, bodies: int, data: Path | None = None) -> "Scene":
         """The scene with so many bodies.
 
         Args:
             bodies: their number.
             data: for a number that is not a block of whole copies, the data file with so many.
         """
-        place = next(
-            (i for i, line in enumerate(self.setup) if line.startswith("read_data ")), None
-        )
+        lines = enumerate(self.setup)
+        place = next((i for i, line in lines if line.startswith("read_data ")), len(self.setup))
         if data is not None:
             setup = (*self.setup[:place], f"read_data {data}", *self.setup[place + 1 :])
         elif not self.is_whole_copies(bodies):

@@ -1,5 +1,6 @@
 """Small scenes in reduced units for the stability atlas: bodies and their data file."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -31,7 +32,9 @@ class Body(NamedTuple):
     charge: np.ndarray | None = None
 
 
-def body(x, mass, *, place=(0, 0, 0), turn=None, velocity=(0, 0, 0), spin=(0, 0, 0), charge=None):
+def body(
+    x, mass, *, place=(0, 0, 0), turn=None, velocity=(0, 0, 0), spin=(0, 0, 0), charge=None
+) -> Body:
     """A `Body` in rigid motion.
 
     Args:
@@ -45,7 +48,7 @@ def body(x, mass, *, place=(0, 0, 0), turn=None, velocity=(0, 0, 0), spin=(0, 0,
     return Body(x + place, mass, np.cross(spin, x) + velocity, charge)
 
 
-def moments(x, mass):
+def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Principal moments, from the largest, and their axes as columns."""
     r = x - mass @ x / mass.sum()
     inertia = np.einsum("i,ij,ik->jk", mass, r, r)
@@ -54,7 +57,7 @@ def moments(x, mass):
     return values[::-1], vectors[:, ::-1]
 
 
-def three_rods(moment):
+def three_rods(moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shape and masses of six atoms on three axes with these principal moments, axis by axis; no
     one above the sum of the others.
 
@@ -66,7 +69,7 @@ def three_rods(moment):
     return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
 
 
-def symmetric_top(turn, spin, moment, time):
+def symmetric_top(turn: Rotation, spin: np.ndarray, moment: np.ndarray, time: float) -> Rotation:
     """Where a free top with two equal moments is turned to after some time, exactly: its axis
     circles about the angular momentum, and it turns about its axis, both at constant rates (Landau
     and Lifshitz, Mechanics, section 33).
@@ -86,7 +89,18 @@ def symmetric_top(turn, spin, moment, time):
     )
 
 
-def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, name="bodies", **more):
+def scene(
+    folder: Path | str,
+    bodies: list[Body],
+    setup: Sequence[str],
+    *,
+    box,
+    dt: float,
+    corner=(0, 0, 0),
+    bonded: bool = False,
+    name: str = "bodies",
+    **more,
+) -> Scene:
     """Write a data file and give the ``Scene`` of it.
 
     Args:
@@ -114,7 +128,7 @@ def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, nam
     x = x - image * box
     n = sum(len(one.mass) > 1 for one in bodies)
     first = 3 * np.arange(n)
-    terms = {
+    terms: dict[str, list] = {
         "bonds": [(1, one + 1, one + 1 + other) for one in first for other in (1, 2)],
         "angles": [(1, one + 2, one + 1, one + 3) for one in first],
     }
@@ -138,12 +152,12 @@ def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, nam
     )  # fmt: skip
 
 
-def turned(seed):
+def turned(seed: int) -> Rotation:
     """A random ``Rotation``."""
     return Rotation.random(random_state=np.random.default_rng(seed))
 
 
-def drifting(scene, velocity):
+def drifting(scene: Scene, velocity: np.ndarray) -> Scene:
     """The scene with a velocity more for all atoms."""
     more = "velocity all set {:.17g} {:.17g} {:.17g} sum yes units box".format(*velocity)
     return replace(scene, setup=(*scene.setup, more))

@@ -2,6 +2,7 @@
 `breaks`, and for tests."""
 
 import itertools
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -31,8 +32,8 @@ class System(NamedTuple):
     dt: float
     group: str = "bodies"
     singles: bool = False
-    mass: np.ndarray = None
-    molecule: np.ndarray = None
+    mass: np.ndarray | None = None
+    molecule: np.ndarray | None = None
 
 
 class Units(NamedTuple):
@@ -45,7 +46,7 @@ class Units(NamedTuple):
     mvv2e: float = 1.0
 
     @property
-    def time(self):
+    def time(self) -> float:
         return self.length * np.sqrt(self.mass * self.mvv2e / self.energy)
 
 
@@ -94,8 +95,17 @@ SHAPES |= {name: (np.array(shape), types) for name, (shape, types) in TOPS.items
 
 
 def assemble(
-    bodies, h, *, units="lj", dimension=3, flags=True, temperature=1.0, dt=0.002, seed=1, setup=""
-):
+    bodies: list,
+    h: np.ndarray,
+    *,
+    units: str = "lj",
+    dimension: int = 3,
+    flags: bool = True,
+    temperature: float = 1.0,
+    dt: float = 0.002,
+    seed: int = 1,
+    setup: str = "",
+) -> System:
     """A System of Lennard-Jones atoms with random velocities, which are not rigid motion.
 
     Args:
@@ -147,7 +157,9 @@ def assemble(
                   singles="single" in groups, mass=mass * u.mass, molecule=molecule)  # fmt: skip
 
 
-def turned(kind, place, others, h, rng):
+def turned(
+    kind: str, place: np.ndarray, others: list, h: np.ndarray, rng: np.random.Generator
+) -> tuple[str, np.ndarray, np.ndarray]:
     """A body (kind, positions, types) of a shape at a place, turned at random so that it overlaps
     with no other."""
     shape, types = SHAPES[kind]
@@ -170,15 +182,15 @@ def turned(kind, place, others, h, rng):
 
 
 def mixture(
-    kinds="solid planar pair row single",
+    kinds: str = "solid planar pair row single",
     *,
-    side=3,
-    tilt=0.0,
-    spacing=2.55,
-    dimension=3,
-    seed=1,
+    side: int = 3,
+    tilt: float = 0.0,
+    spacing: float = 2.55,
+    dimension: int = 3,
+    seed: int = 1,
     **more,
-):
+) -> System:
     """Bodies of these kinds in turn, each turned at random, on a lattice that the box's faces cut.
 
     No distance in the lattice is the cutoff, at which the potential energy jumps."""
@@ -187,7 +199,7 @@ def mixture(
     h = spacing * side * np.array([[1, tilt, -tilt / 2], [0, 1, tilt / 3], [0, 0, 1.0]])
     if dimension == 2:
         h[:, 2] = 0, 0, 1
-    bodies = []
+    bodies: list = []
     for kind, site in zip(itertools.cycle(kinds.split()), itertools.product(*map(range, count))):
         bodies.append(turned(kind, h @ (site / count), bodies, h, rng))
     bodies.sort(key=lambda body: list(SHAPES).index(body[0]))
@@ -207,18 +219,18 @@ class Result(NamedTuple):
 
 
 def script(
-    system,
-    fix,
-    steps,
+    system: System,
+    fix: str,
+    steps: int,
     *,
-    words="molecule",
-    group=None,
-    dt=1.0,
-    every=10,
-    before="",
-    columns="",
-    after="",
-):
+    words: str = "molecule",
+    group: str | None = None,
+    dt: float = 1.0,
+    every: int = 10,
+    before: str = "",
+    columns: str = "",
+    after: str = "",
+) -> str:
     """The input that runs a `System` with a fix, and writes its atoms to the file ``end``.
 
     Args:
@@ -239,20 +251,20 @@ def script(
     ])  # fmt: skip
 
 
-def result(path, thermo, log):
+def result(path: Path, thermo: np.ndarray, log: str) -> Result:
     """The `Result` whose atoms `script` has written to a file."""
     atoms = np.loadtxt(path, skiprows=9)
     return Result(atoms[:, 1:4], atoms[:, 4:], thermo, log)
 
 
-def apart(a, b, h):
+def apart(a: Result, b: Result, h: np.ndarray) -> float:
     """The largest distance between atoms of two Results, nearest images."""
     delta = a.x - b.x
     delta -= np.rint(delta @ np.linalg.inv(h).T) @ h.T
     return np.linalg.norm(delta, axis=1).max()
 
 
-def tensor(result):
+def tensor(result: Result) -> np.ndarray:
     """The six pressure components of all printed steps, (steps, 6)."""
     return np.stack(
         [result.thermo[name] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")], axis=1

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+from validation.scenes import Scene
+
 REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
 
 
@@ -26,17 +28,17 @@ class Integrator:
     kind: str = "ours"
     tolerance: float | None = None
 
-    def can_run(self, scene):
+    def can_run(self, scene: Scene) -> bool:
         """Whether this integrator knows how to hold the scene's bodies."""
         return self.kind != "constraints" or scene.constraints is not None
 
-    def commands(self, scene):
+    def commands(self, scene: Scene) -> list[str]:
         """LAMMPS commands of this integrator for a scene."""
         words = {"group": scene.group, "bodies": scene.bodies, "constraints": scene.constraints}
         return [line.format(**words) for line in self.lines]
 
 
-def nosquish(name, label, words="", scheme="NVE"):
+def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
     """One of this package's classes with the keywords ``words``: its NO_SQUISH, or an older
     ``scheme``."""
     return Integrator(
@@ -46,14 +48,14 @@ def nosquish(name, label, words="", scheme="NVE"):
     )
 
 
-def rigid(style):
+def rigid(style: str) -> Integrator:
     """One of LAMMPS's rigid fixes."""
     return Integrator(
         style, style, (f"fix 1 {{group}} {style} {{bodies}}",), "small" in style, "rigid"
     )
 
 
-def constrained(style, tolerance, iterations=100):
+def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator:
     """Velocity Verlet with ``shake`` or ``rattle``, to a relative tolerance.
 
     fix nve comes first: rattle corrects the velocities that nve has set.

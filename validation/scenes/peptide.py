@@ -4,6 +4,7 @@ water, and its helix."""
 import gzip
 import re
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from operator import methodcaller
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import mdtraj
 import numpy as np
 
-from validation.scenes import SCENES
+from validation.scenes import SCENES, Scene
 
 # names of the peptide's atoms, which are the data file's first
 PDB = SCENES["peptide"].folder / "peptide.pdb"
@@ -19,14 +20,14 @@ BACKBONE = ("N", "CA", "C")
 NM_PER_ANGSTROM = 0.1
 
 
-def topology():
+def topology() -> mdtraj.Topology:
     """The peptide's, as mdtraj's ``Topology``."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # mdtraj's about this file's box
         return mdtraj.load_topology(str(PDB))
 
 
-def scene():
+def scene() -> Scene:
     """The scene with what fix shake can hold of its rigid groups, in the fix's words.
 
     All bonds within a group, and the angle of the groups of three atoms (water, CH2, NH2), so that
@@ -59,7 +60,7 @@ def scene():
     return replace(plain, constraints=f"b {types('Bonds', 2)} a {types('Angles', 3)}")
 
 
-def alone(peptide):
+def alone(peptide: Scene) -> Scene:
     """The scene without its water."""
     count = topology().n_atoms
     return replace(
@@ -72,13 +73,13 @@ def alone(peptide):
     )
 
 
-def within(peptide):
+def within(peptide: Scene) -> Scene:
     """The scene with the Coulomb energy of pairs one or two bonds apart: in rigid groups it does no
     work, but it moves the zero of energy."""
     return replace(peptide, setup=(*peptide.setup, "special_bonds lj 0.0 0.0 0.0 coul 1.0 1.0 0.0"))
 
 
-def force_fields(accuracies):
+def force_fields(accuracies: Sequence[str]) -> dict[str, Callable[[Scene], Scene]]:
     """Variants of the scene's force field: name to a function from scene to scene.
 
     Args:
@@ -96,7 +97,7 @@ def force_fields(accuracies):
     }
 
 
-def dump(every):
+def dump(every: int) -> tuple[str, ...]:
     """LAMMPS commands that write the peptide's positions, unwrapped, each so many steps;
     ``{folder}`` is where to."""
     return (
@@ -106,7 +107,7 @@ def dump(every):
     )
 
 
-def helical(frames):
+def helical(frames: np.ndarray) -> np.ndarray:
     """Residues that are alpha helix by DSSP, (frames,), of unwrapped positions of the peptide
     (frames, atoms, 3) in Angstrom."""
     return (
@@ -117,7 +118,7 @@ def helical(frames):
     ).sum(axis=1)
 
 
-def helix(folders, ps_per_step):
+def helix(folders: Sequence, ps_per_step: float) -> dict | None:
     """What becomes of the helix.
 
     Args:

@@ -5,15 +5,17 @@ import shlex
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 from validation.running import run
 from validation.running.machine import contents
+from validation.scenes import Scene
 
 STATE = "x y z ix iy iz vx vy vz"  # of an atom, all that a run goes on from
 EXACT = "sort id format float %.17g"  # of a dump: to the last bit
 
 
-def of_size(scene, bodies, folder):
+def of_size(scene: Scene, bodies: int, folder: Path) -> Scene:
     """The scene with so many bodies; its data file is built if there is none yet.
 
     Args:
@@ -33,9 +35,9 @@ def of_size(scene, bodies, folder):
         command = [
             run.mpirun(),
             "-np",
-            str(min(4, os.cpu_count())),
+            str(min(4, os.cpu_count() or 1)),
             sys.executable,
-            scene.cutter,
+            str(scene.cutter),
             str(bodies),
             str(part),
         ]
@@ -53,16 +55,16 @@ def of_size(scene, bodies, folder):
     return scene.of_size(bodies, data)
 
 
-def to_dump(dump, every):
+def to_dump(dump: Path | str, every: int) -> list[str]:
     """LAMMPS commands that dump all atoms every so many steps, for `from_dump`."""
     return [f'dump state all custom {every} "{dump}" id {STATE}', f"dump_modify state {EXACT}"]
 
 
-def read(dump, step):
+def read(dump: Path | str, step: int) -> str:
     """The LAMMPS command that gives the atoms of a scene what a dump of them all has."""
     return f'read_dump "{dump}" {step} {STATE} box no replace yes format native'
 
 
-def from_dump(scene, dump, step):
+def from_dump(scene: Scene, dump: Path | str, step: int) -> Scene:
     """The scene with positions, images and velocities from a dump of all atoms."""
     return replace(scene, setup=(*scene.setup, read(dump, step)))

@@ -3,9 +3,11 @@ terminal and as CSV."""
 
 import csv
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 
 import numpy as np
 from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.table import Table
 
 from validation.statistics.estimate import SURE, Estimate
@@ -66,7 +68,7 @@ class Check:
         return self.estimate.margin
 
     @property
-    def holds(self):
+    def holds(self) -> bool | None:
         """Whether all of value ± `margin` is within the bounds: False if all is outside of them,
         None if neither, or without bounds."""
         if self.value is None or (self.low is None and self.high is None):
@@ -81,29 +83,29 @@ class Check:
         return False if most < low or least > high else None
 
     @property
-    def verdict(self):
+    def verdict(self) -> str:
         """`holds` in words; empty for a number without bounds."""
         if self.value is not None and self.low is None and self.high is None:
             return ""
         return {True: "holds", False: "does not hold", None: "cannot tell"}[self.holds]
 
-    def plain(self):
+    def plain(self) -> dict:
         """As a dictionary, with the verdict."""
         return asdict(self) | {"verdict": self.verdict}
 
 
-def measured(check):
+def measured(check: dict) -> str:
     """The number of a check as text; ``check`` is of `Check.plain`."""
     return f"{Estimate.of(check).text()} {check['unit']}".strip()
 
 
-def bound(check):
+def bound(check: dict) -> str:
     """The bounds of a check as text; ``check`` is of `Check.plain`."""
     low, high = (None if check[key] is None else f"{check[key]:.4g}" for key in ("low", "high"))
     return f"{low} … {high}" if low and high else f"≥ {low}" if low else f"≤ {high}" if high else ""
 
 
-def write(checks, path):
+def write(checks: list[dict], path: Path) -> None:
     """Write checks, of `Check.plain`, to a CSV file; where there is no margin its cell is empty."""
     with open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n", extrasaction="ignore")
@@ -111,7 +113,7 @@ def write(checks, path):
         writer.writerows(one | {"margin": Estimate.of(one).margin or None} for one in checks)
 
 
-def show(console, checks, titles):
+def show(console: Console, checks: list[dict], titles: dict[str, str]) -> None:
     """Print checks, of `Check.plain`: a table for each part.
 
     Args:

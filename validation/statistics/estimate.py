@@ -6,7 +6,7 @@ verdicts go by, is its margin, made of both: the half width of its 95 % interval
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import special
@@ -52,7 +52,7 @@ def combined(*parts: tuple[float, float | None]) -> tuple[float, float | None]:
 class Estimate(NamedTuple):
     """A number, its standard error, and the degrees of freedom of that; None for many."""
 
-    value: float | None
+    value: Any  # a float, or an array of several; None where there is no number
     error: float = 0.0
     freedom: float | None = None
 

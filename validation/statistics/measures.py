@@ -3,6 +3,8 @@
 The errors account for the correlation in time of successive samples; see `estimate`.
 """
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 from scipy import special
 
@@ -13,7 +15,7 @@ WIDER = 1.14  # than the standard error of seven slopes: so ± one error covers 
 FEW_BLOCKS = 12  # for the error of its mean
 
 
-def statistical_inefficiency(x):
+def statistical_inefficiency(x: np.ndarray) -> float:
     """How many successive samples carry as much as one independent sample.
 
     g = 1 + 2 sum_k rho(k), with rho the normalised autocorrelation, summed to the
@@ -30,18 +32,18 @@ def statistical_inefficiency(x):
     return max(1.0, g[np.argmax(enough) if enough.any() else -1])
 
 
-def of_few(values):
+def of_few(values: Sequence[float]) -> Estimate:
     """The mean of few independent values, of starts for example, with the error that their scatter
     tells; of one value that is 0, for it tells none."""
     number = len(values)
     return (
-        Estimate(np.mean(values), np.std(values, ddof=1) / np.sqrt(number), number - 1)
+        Estimate(float(np.mean(values)), np.std(values, ddof=1) / np.sqrt(number), number - 1)
         if number > 1
         else Estimate(values[0])
     )
 
 
-def mean(x):
+def mean(x: np.ndarray) -> Estimate:
     """`Estimate` of the mean, in units of ``x``.
 
     The margin is the larger one of sd sqrt(g / n) and of what the scatter of the means of
@@ -57,7 +59,7 @@ def mean(x):
     return max(smooth, Estimate(x.mean(), *of_few(blocks)[1:]), key=lambda one: one.margin)
 
 
-def standard_deviation(x):
+def standard_deviation(x: np.ndarray) -> Estimate:
     """`Estimate` of the standard deviation about the mean, in units of ``x``.
 
     The error is that of the mean of (x - <x>)^2, divided by 2 sd.
@@ -68,13 +70,13 @@ def standard_deviation(x):
     return Estimate(sd, error / (2 * sd), freedom) if sd > 0 else Estimate(sd)
 
 
-def about_line(t, x):
+def about_line(t: np.ndarray, x: np.ndarray) -> Estimate:
     """`standard_deviation` about the least-squares line, of a series that drifts."""
     line = _line(np.asarray(t, float))
     return standard_deviation(x - line @ (np.linalg.pinv(line) @ x))
 
 
-def drift(t, x):
+def drift(t: np.ndarray, x: np.ndarray) -> Estimate:
     """`Estimate` of the slope of a series whose noise may also wander.
 
     It is the mean of the least-squares slopes of `STRETCHES` stretches of equal length, and their
@@ -113,7 +115,7 @@ def drift(t, x):
     return Estimate(slopes.mean(axis=-1), error, float(freedom)).times(size[..., 0])
 
 
-def random_walk(t, x, blocks=32):
+def random_walk(t: np.ndarray, x: np.ndarray, blocks: int = 32) -> Estimate:
     """How much the variance of x(t + s) - x(t) grows with s, an `Estimate`, in units of ``x``^2
     over those of ``t``.
 
@@ -184,13 +186,13 @@ def _most_likely_walk(t, x):
     return parts[best, 0] * variance[best], np.sqrt(np.linalg.inv(information)[1, 1])
 
 
-def scatter(values):
+def scatter(values: Sequence[float]) -> Estimate:
     """`Estimate` of the standard deviation of independent values."""
-    sd, freedom = np.std(values, ddof=1), len(values) - 1
+    sd, freedom = float(np.std(values, ddof=1)), len(values) - 1
     return Estimate(sd, sd / np.sqrt(2 * freedom), freedom)
 
 
-def quotient(first, second):
+def quotient(first: Estimate, second: Estimate) -> Estimate:
     """First over second, independent `Estimate`s."""
     value = first.value / second.value
     return Estimate(
@@ -198,7 +200,7 @@ def quotient(first, second):
     )
 
 
-def power(x, y):
+def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
     """The exponent of y ~ x^exponent, by a straight line through the logarithms that weighs the
     errors of ``y``, `Estimate`s."""
     relative = np.array([one.error / one.value for one in y])
@@ -210,7 +212,7 @@ def power(x, y):
     )
 
 
-def nearest_image(d, cell, periodic):
+def nearest_image(d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
     """Displacements (..., 3) folded to the nearest periodic image.
 
     Args:
@@ -225,12 +227,14 @@ def nearest_image(d, cell, periodic):
     return d
 
 
-def largest_distance(x, y, cell, periodic):
+def largest_distance(
+    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
+) -> float:
     """max_i |x_i - y_i| over all atoms, nearest image, in units of ``x``."""
     return np.linalg.norm(nearest_image(x - y, cell, periodic), axis=-1).max()
 
 
-def body_pairs(bodies, reach=8):
+def body_pairs(bodies: np.ndarray, reach: int = 8) -> np.ndarray:
     """Pairs of atoms of the same body, (pairs, 2).
 
     In a body of up to ``reach`` + 1 atoms all pairs; in a larger one each atom with
@@ -247,7 +251,13 @@ def body_pairs(bodies, reach=8):
     return np.concatenate(pairs)
 
 
-def rigidity_error(start, end, pairs, cell, periodic):
+def rigidity_error(
+    start: np.ndarray,
+    end: np.ndarray,
+    pairs: np.ndarray,
+    cell: np.ndarray,
+    periodic: Sequence[bool],
+) -> float:
     """Largest change of a distance within a body: max |d_ij(end) - d_ij(start)|."""
 
     def distances(x):
@@ -258,7 +268,7 @@ def rigidity_error(start, end, pairs, cell, periodic):
     return np.abs(distances(end) - distances(start)).max(initial=0.0)
 
 
-def spread(values):
+def spread(values: Iterable[float]) -> dict:
     """Median, minimum and maximum, with the values themselves."""
     values = [float(value) for value in values]
     return {
@@ -269,7 +279,7 @@ def spread(values):
     }
 
 
-def ratio(first, second):
+def ratio(first: Sequence[float], second: Sequence[float]) -> Estimate:
     """Geometric mean of second / first over independent pairs of positive numbers, an
     `Estimate`."""
     logarithm = of_few(np.log(np.asarray(second, float) / np.asarray(first, float)))

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 
-def dump(every):
+def dump(every: int) -> list[str]:
     """LAMMPS commands that dump all atoms every so many steps; see `frames`."""
     return [
         f'dump atoms all custom {every} "{{folder}}/atoms.dump" id mass xu yu zu vx vy vz',
@@ -13,14 +13,14 @@ def dump(every):
     ]
 
 
-def has_frames(folder):
+def has_frames(folder: Path) -> bool:
     """Whether `dump` left a whole frame."""
     path = Path(folder) / "atoms.dump"
     lines = path.read_text().splitlines() if path.exists() else []
     return len(lines) > 3 and len(lines) >= int(lines[3]) + 9
 
 
-def frames(folder):
+def frames(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What `dump` left, whole frames only: steps (frames,), masses (atoms,), positions and
     velocities (frames, atoms, 3)."""
     lines = (Path(folder) / "atoms.dump").read_text().splitlines()
@@ -33,7 +33,9 @@ def frames(folder):
     return steps, values[0, :, 1], values[:, :, 2:5], values[:, :, 5:8]
 
 
-def conserved(mass, x, v):
+def conserved(
+    mass: np.ndarray, x: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What a body without forces keeps, in each frame: kinetic energy (frames,), momentum, angular
     momentum about its centre (frames, 3).
 
@@ -49,12 +51,12 @@ def conserved(mass, x, v):
     )
 
 
-def distances(x):
+def distances(x: np.ndarray) -> np.ndarray:
     """All distances within a body, (frames, pairs), of positions (frames, atoms, 3)."""
     i, j = np.triu_indices(x.shape[1], 1)
     return np.linalg.norm(x[:, i] - x[:, j], axis=2)
 
 
-def relative(vectors):
+def relative(vectors: np.ndarray) -> float:
     """Largest |a(t) - a(0)| / |a(0)|, of (frames, 3)."""
     return float(np.linalg.norm(vectors - vectors[0], axis=1).max() / np.linalg.norm(vectors[0]))

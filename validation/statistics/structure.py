@@ -5,6 +5,7 @@ import contextlib
 import io
 import logging
 import warnings
+from collections.abc import Sequence
 
 import mdtraj
 import numpy as np
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.peptide import NM_PER_ANGSTROM
 from validation.statistics import measures
+from validation.statistics.estimate import Estimate
 
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
 
@@ -66,7 +68,7 @@ class Motion:
         centre = (mass * r).sum(axis=1) / mass.sum(axis=1)
         return centre, r - centre[:, None]
 
-    def distance(self, frame, exact):
+    def distance(self, frame: int, exact: np.ndarray) -> Estimate:
         """Root mean square over all bodies of how far their centres of mass are from those of
         ``exact``, (atoms, 3); Angstrom."""
         moved = [
@@ -75,7 +77,7 @@ class Motion:
         ]
         return _rms(np.linalg.norm(np.concatenate(moved), axis=1))
 
-    def angle(self, frame, exact):
+    def angle(self, frame: int, exact: np.ndarray) -> Estimate:
         """Root mean square over all bodies of the angle of the rotation that fits them best to
         ``exact``; radians.
 
@@ -90,14 +92,14 @@ class Motion:
                 angles += [_between(a[straight], b[straight]), _turned(a[~straight], b[~straight])]
         return _rms(np.concatenate(angles))
 
-    def bond_error(self):
+    def bond_error(self) -> float:
         """Largest change of a bond within a body from its length at the start, in all frames;
         Angstrom."""
         i, j = self._within(self._bonds).T
         length = np.linalg.norm(self._image(self.x[:, i] - self.x[:, j]), axis=-1)
         return np.abs(length - length[0]).max()
 
-    def angle_error(self):
+    def angle_error(self) -> float:
         """Largest change of an angle within a body of three atoms from the start's, in all frames;
         radians."""
         sizes = np.bincount(self.bodies)
@@ -115,7 +117,7 @@ class Motion:
         body = self.bodies[rows]
         return rows[(body[:, 0] != 0) & (body == body[:, :1]).all(axis=1)]
 
-    def kinetic(self, frames):
+    def kinetic(self, frames: Sequence[int] | slice) -> np.ndarray:
         """Kinetic energies of the nonlinear bodies of three atoms, which every integrator holds as
         a whole: (frames, bodies), kcal/mol."""
         (group,) = (group for group in self.groups if group.shape[1] == 3)
@@ -128,13 +130,13 @@ class Motion:
 
 
 def _rms(distances):
-    """`measures.Estimate` of it, of independent distances."""
+    """`Estimate` of it, of independent distances."""
     square = distances**2
     value, number = np.sqrt(square.mean()), len(square)
     return (
-        measures.Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
+        Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
         if value and number > 1
-        else measures.Estimate(value)
+        else Estimate(value)
     )
 
 
