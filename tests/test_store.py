@@ -89,7 +89,7 @@ def test_what_only_shows_drops_nothing(harness):
     assert changed(harness, "breaks/report.py", "small is good", "small is best") == before
     assert changed(harness, "scenes/boxes.py", '"""Small boxes', '"""Little boxes') == before
     assert changed(harness, "scenes/boxes.py", "# ---- runs", "# runs") == before
-    assert changed(harness, "breaks/measure.py", "the largest is of", "at worst in") != before
+    assert changed(harness, "breaks/plan.py", "the largest is of", "at worst in") != before
 
 
 def test_titles_drop_nothing(harness):
@@ -107,7 +107,7 @@ def test_titles_drop_nothing(harness):
     assert store.code_of(sweep) == before
 
 
-@pytest.mark.parametrize("name", ["scenes/boxes.py", "running/lammps_log.py", "breaks/measure.py"])
+@pytest.mark.parametrize("name", ["scenes/boxes.py", "running/lammps_log.py", "breaks/plan.py"])
 def test_code_that_measures_counts(harness, name):
     """Locks out results that stay though what made them is another."""
     before = store.code_of(MEASURE)
@@ -185,7 +185,7 @@ def test_file_is_whole(tmp_path, monkeypatch):
 def test_breaks_goes_on(tmp_path, monkeypatch):
     """Locks out cases that are run again after a Ctrl-C, which kept nothing before, and a verdict by an old bound."""
     pytest.importorskip("rich", reason="the extra 'validation' is not installed")
-    from validation.breaks import measure
+    from validation.breaks import measure, plan
 
     done = []
 
@@ -196,13 +196,13 @@ def test_breaks_goes_on(tmp_path, monkeypatch):
         done.append(fix)
         return 0.5, "a remark"
 
-    case = measure.Case("one", number, 1.0, what="what", why="why")
+    case = plan.Case("one", number, 1.0, what="what", why="why")
     monkeypatch.setattr(measure, "CASES", {"one": case})
     rows, interrupted = measure.breaks(["one"], tmp_path, Silent())
     assert interrupted and len(rows) == 2
     rows, interrupted = measure.breaks(["one"], tmp_path, Silent())
     assert not interrupted and [row["value"] for row in rows] == [0.5] * 3
-    assert done == [measure.OURS, measure.RIGID, "interrupted", measure.SMALL]
+    assert done == [plan.OURS, plan.RIGID, "interrupted", plan.SMALL]
     monkeypatch.setattr(measure, "CASES", {"one": replace(case, most=0.4, what="in other words")})
     rows, _ = measure.breaks(["one"], tmp_path, Silent())
     assert {(row["verdict"], row["what"]) for row in rows} == {("fail", "in other words")}

@@ -27,8 +27,9 @@ from systems import (
 )  # fmt: skip
 from test_bad_input import Case
 
-from validation.breaks import measure as breaks
-from validation.breaks.measure import (
+from validation.breaks import measure
+from validation.breaks import plan as breaks
+from validation.breaks.plan import (
     FREE,
     SMOOTH,
     bent,
@@ -398,7 +399,7 @@ def test_cases(simulate, name):
     """Locks out what each case says: bodies that depend on where a run was cut, on image counters or on the origin, that leave the plane, lose angular
     momentum or ignore other fixes, and r-RESPA that does not converge. The committed table has what LAMMPS's fixes come to."""
     case = breaks.CASES[name]
-    value, remark = breaks.told(case.measure(simulate, OURS))
+    value, remark = measure.told(case.measure(simulate, OURS))
     assert value <= case.most, f"{case.what}: {value:.3g}, {remark}"
 
 

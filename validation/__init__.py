@@ -2,7 +2,7 @@
 
 Run from the checkout: ``python -m validation --help``.  Below are rooms that import no verb:
 
-    scenes        what is simulated, and by which fix: scenes, integrators, starts, bodies, data files
+    scenes        what is simulated and by which fix: scenes, integrators, starts, data files
     running       LAMMPS in processes of its own, in turn or counted; the store of results
     statistics    from logs, series and atoms to numbers with errors, and numbers beside bounds
     pages         tables, figures, HTML pages and the terminal, as all reports share them

@@ -28,24 +28,24 @@ def add(verbs) -> None:
 
 
 def _cases():
-    from validation.breaks.measure import CASES  # heavy: not for --help
+    from validation.breaks.plan import CASES  # heavy: not for --help
 
     return CASES
 
 
 def run(arguments) -> int:
     """Run the verb; the exit status."""
-    from validation.breaks import measure, report  # heavy: not for --help
+    from validation.breaks import measure, plan, report  # heavy: not for --help
     from validation.pages import console
     from validation.running import machine
 
     out, screen = command_line.folder(arguments.out, "results/breaks"), console.console()
-    names = command_line.chosen(measure.CASES, arguments.cases)
+    names = command_line.chosen(plan.CASES, arguments.cases)
     summary = machine.circumstances()
-    with console.Meter(screen, len(names) * len(measure.FIXES), "cases") as meter:
+    with console.Meter(screen, len(names) * len(plan.FIXES), "cases") as meter:
         rows, interrupted = measure.breaks(names, out, meter)
     summary |= {"interrupted": interrupted, "rows": rows}
     report.write(summary, out)
     report.show(screen, summary, out)
-    ours = [row for row in rows if row["integrator"] == measure.OUR_LABEL]
+    ours = [row for row in rows if row["integrator"] == plan.OUR_LABEL]
     return command_line.status(interrupted, any(row["verdict"] != "pass" for row in ours))
