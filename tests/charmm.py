@@ -10,6 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from validation.scenes.data_file import data_file
+
 # MacKerell et al., J. Phys. Chem. B 102, 3586 (1998), the file par_all22_prot; water from Jorgensen et al.,
 # J. Chem. Phys. 79, 926 (1983), without Lennard-Jones on its hydrogens.
 
@@ -272,55 +274,41 @@ def data(scene, scale, molecule):
     s, types, names = scale, list(ATOMS), ("bond", "angle", "dihedral", "improper")
     keys = {name: list(dict.fromkeys(key for key, _ in scene.terms[name])) for name in names}
     image = np.floor(scene.x / BOX).astype(int)
-    lines = ["CHARMM22", "", f"{len(scene.x)} atoms", f"{len(types)} atom types"]
-    for name in names:
-        lines += [f"{len(scene.terms[name])} {name}s", f"{len(keys[name])} {name} types"]
-    lines += [
-        "",
-        *(f"0 {BOX[k] * s.length:.17g} {c}lo {c}hi" for k, c in enumerate("xyz")),
-        "",
-        "Masses",
-        "",
-    ]
-    lines += [f"{k + 1} {ATOMS[name][0] * s.mass:.17g}" for k, name in enumerate(types)]
-    lines += ["", "Pair Coeffs", ""]
-    for k, name in enumerate(types):
+    spring = s.energy / s.length**2
+    coefficients = {"Pair Coeffs": []}
+    for name in types:
         depth, half, depth14, half14 = np.array(ATOMS[name][1:]) * (
             2 * [s.energy, 2 ** (5 / 6) * s.length]
         )
-        lines += [f"{k + 1} {depth:.17g} {half:.17g} {depth14:.17g} {half14:.17g}"]
-    spring = s.energy / s.length**2
+        coefficients["Pair Coeffs"] += [(depth, half, depth14, half14)]
     for name in names:
-        lines += ["", f"{name.title()} Coeffs", ""]
-        for k, key in enumerate(keys[name]):
+        rows = coefficients[f"{name.title()} Coeffs"] = []
+        for key in keys[name]:
             if name == "bond":
-                values = np.array(BONDS[key]) * [spring, s.length]
+                rows += [np.array(BONDS[key]) * [spring, s.length]]
             elif name == "angle":
-                values = np.array(ANGLES[key]) * [s.energy, 1, spring, s.length]
+                rows += [np.array(ANGLES[key]) * [s.energy, 1, spring, s.length]]
             elif name == "dihedral":
                 energy, *others = DIHEDRALS[key[0]][key[1]]
-                values = (
-                    energy * s.energy,
-                    *others,
-                    1 - key[1],
-                )  # several terms of four atoms: one has their 1-4 pair
+                # several terms of four atoms: one has their 1-4 pair
+                rows += [(energy * s.energy, *others, 1 - key[1])]
             else:
-                values = IMPROPERS[key] * s.energy, 0
-            lines += [f"{k + 1} " + " ".join(f"{value:.17g}" for value in values)]
-    lines += ["", "Atoms # full", ""]
-    for k, x in enumerate((scene.x - image * BOX) * s.length):
-        start = f"{k + 1} {molecule[k]} {types.index(scene.type[k]) + 1} {scene.charge[k] * s.charge:.17g}"
-        lines += [start + " {:.17g} {:.17g} {:.17g} {} {} {}".format(*x, *image[k])]
-    lines += ["", "Velocities", ""]
-    lines += [
-        "{} {:.17g} {:.17g} {:.17g}".format(k + 1, *v)
-        for k, v in enumerate(scene.v * (s.length / s.time))
-    ]
-    for name in names:
-        lines += ["", f"{name.title()}s", ""]
-        for k, (key, ids) in enumerate(scene.terms[name]):
-            lines += [f"{k + 1} {keys[name].index(key) + 1} " + " ".join(str(i + 1) for i in ids)]
-    return "\n".join(lines) + "\n"
+                rows += [(IMPROPERS[key] * s.energy, 0)]
+    kind = [types.index(name) + 1 for name in scene.type]
+    return data_file(
+        "full",
+        [molecule, kind, scene.charge * s.charge, (scene.x - image * BOX) * s.length, image],
+        [(0, length * s.length) for length in BOX],
+        mass=[ATOMS[name][0] * s.mass for name in types],
+        velocities=[scene.v * (s.length / s.time)],
+        terms={
+            f"{name}s": [
+                (keys[name].index(key) + 1, *(i + 1 for i in ids)) for key, ids in scene.terms[name]
+            ]
+            for name in names
+        },
+        coefficients=coefficients,
+    )
 
 
 def script(scale, long=False):

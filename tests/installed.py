@@ -6,7 +6,7 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
-from validation import startup
+from validation.running import startup
 
 SOURCE = Path(__file__).resolve().parent.parent / "fix_nosquish"
 

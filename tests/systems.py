@@ -8,8 +8,24 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.boxes import (  # noqa: F401 (for the tests)
-    LIKE_LAMMPS, MASSES, OURS, RIGID, SHAPES, SMALL, UNITS, Result, System, Units, apart, assemble, mixture, result, script, tensor, turned,
+from validation.scenes.boxes import (  # noqa: F401 (for the tests)
+    LIKE_LAMMPS,
+    MASSES,
+    OURS,
+    RIGID,
+    SHAPES,
+    SMALL,
+    UNITS,
+    Result,
+    System,
+    Units,
+    apart,
+    assemble,
+    mixture,
+    result,
+    script,
+    tensor,
+    turned,
 )  # fmt: skip
 
 INPUTS = Path(__file__).resolve().parent.parent / "inputs" / "water"

@@ -17,10 +17,13 @@ if str(ROOT) not in sys.path:
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from test_sweep_choice import advise, synthetic  # noqa: E402
+from test_sweep_choice import advise, synthetic
 
-from validation import __main__ as command  # noqa: E402
-from validation import overview, overview_report, sweep_plan, sweep_report  # noqa: E402
+from validation import __main__ as command
+from validation.report import report as overview_report
+from validation.report import sections as overview
+from validation.sweep import plan as sweep_plan
+from validation.sweep import report as sweep_report
 
 COMMITTED = ROOT / "validation" / "results"
 
@@ -106,7 +109,7 @@ def test_what_the_page_prints(tmp_path, monkeypatch):
     """Locks out such a command on the page: of the committed results, and where there are none."""
     monkeypatch.setattr(overview_report, "light", lambda path: "")
     overview_report.write(overview_report.gather(tmp_path), tmp_path / "page.html")
-    monkeypatch.setattr(overview_report, "COMMITTED", tmp_path)
+    monkeypatch.setattr(overview_report, "RESULTS", tmp_path)
     overview_report.write(overview_report.gather(tmp_path), tmp_path / "empty.html")
     assert_accepted(html.unescape((tmp_path / "page.html").read_text()), least=100)
     assert_accepted(html.unescape((tmp_path / "empty.html").read_text()), least=len(overview.PARTS))

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from conftest import BIN, Silent, read_thermo
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -18,18 +17,17 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import (
-    bandwidth,
-    bench,
-    bench_figures,
-    bench_report,
-    goals,
+from validation.bench import bandwidth, goals
+from validation.bench import figures as bench_figures
+from validation.bench import measure as bench
+from validation.bench import report as bench_report
+from validation.running import rounds, run
+from validation.scenes import (
+    SCENES,
+    Scene,
     integrators,
-    rounds,
-    run,
-)  # noqa: E402
-from validation.integrators import BENCHMARKED, INTEGRATORS, Integrator  # noqa: E402
-from validation.scenes import SCENES, Scene  # noqa: E402
+)
+from validation.scenes.integrators import BENCHMARKED, INTEGRATORS, Integrator
 
 
 def timing(**numbers):

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 from endings import SECONDS, assert_ended
-from fix_nosquish.command import Command
-from fix_nosquish.errors import RunError
 from scipy.spatial.transform import Rotation
 from systems import LIKE_LAMMPS, OURS, RIGID, apart, mixture
 from test_bad_input import Case
+
+from fix_nosquish.command import Command
+from fix_nosquish.errors import RunError
+from validation.scenes.data_file import data_file
 
 
 def assert_same(ours, theirs, system, tolerance=1e-9):
@@ -496,13 +498,8 @@ def clumps(*, dimension=3, points=True, velocity=1.0, count=3):
                 rng.normal(size=6) * velocity * ([1] * 6 if dimension == 3 else [1, 1, 0, 0, 0, 1])
             )
     half = 0.5 if dimension == 2 else 0
-    lines = ["clumps", "", f"{len(rows)} atoms", "1 atom types", "", f"0 {side} xlo xhi", f"0 {side} ylo yhi",
-             f"{-half} {side if dimension == 3 else half} zlo zhi", "", "Atoms # hybrid", ""]  # fmt: skip
-    form = "{} {} {:.17g} {:.17g} {:.17g} {} {} {} {} {} {}"
-    lines += [form.format(k + 1, *row) for k, row in enumerate(rows)]
-    lines += ["", "Velocities", ""] + [
-        f"{k + 1} " + " ".join(f"{c:.17g}" for c in row) for k, row in enumerate(speeds)
-    ]
+    height = (-half, side if dimension == 3 else half)
+    data = data_file("hybrid", [*zip(*rows)], [(0, side), (0, side), height], velocities=[speeds])
     script = "\n".join([
         "units lj", f"dimension {dimension}", "atom_style hybrid sphere molecular", "atom_modify map array", "comm_modify vel yes",
         "newton off", "read_data data.clumps", "pair_style gran/hooke/history 3000.0 2000.0 0.0 0.0 0.5 0", "pair_coeff * *",
@@ -511,7 +508,7 @@ def clumps(*, dimension=3, points=True, velocity=1.0, count=3):
         "compute spin all temp/sphere", "timestep 0.0005", "thermo_style custom step temp pe press pxx pyy pzz pxy pxz pyz",
         "thermo_modify format float %.16g norm no temp spin", "",
     ])  # fmt: skip
-    return script, "\n".join(lines) + "\n"
+    return script, data
 
 
 @pytest.fixture

@@ -19,13 +19,16 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-import numpy as np  # noqa: E402
-from PIL import Image, ImageColor  # noqa: E402
+import numpy as np
+from PIL import Image, ImageColor
 
-from validation import __main__ as command  # noqa: E402
-from validation import overview, overview_report, overview_stability, stability_report  # noqa: E402
-from validation.criteria import CRITERIA  # noqa: E402
-from validation.scenes import SCENES  # noqa: E402
+from validation import __main__ as command
+from validation.report import report as overview_report
+from validation.report import sections as overview
+from validation.report import stability as overview_stability
+from validation.scenes import SCENES
+from validation.stability import report as stability_report
+from validation.stability.criteria import CRITERIA
 
 COMMITTED = ROOT / "validation" / "results"
 WHERE = {
@@ -523,7 +526,7 @@ def test_numbers_of_the_committed_results(tmp_path):
 
 def test_nothing_there(tmp_path, monkeypatch):
     """Locks out a page that fails without results, and one that does not say what."""
-    monkeypatch.setattr(overview_report, "COMMITTED", tmp_path / "nothing")
+    monkeypatch.setattr(overview_report, "RESULTS", tmp_path / "nothing")
     assert (
         command.main(
             ["report", "--results", str(tmp_path / "none"), "--out", str(tmp_path / "page.html")]
@@ -845,7 +848,7 @@ def test_no_text_leaves_its_cell(tmp_path, monkeypatch):
 
 def test_breaks_is_what_the_table_and_the_readme_say():
     """Locks out numbers in the README or on the page that the committed results do not have, a case that is not among them, and one without its row."""
-    from validation import breaks
+    from validation.breaks import measure as breaks
 
     with open(COMMITTED / "breaks" / "table.csv") as file:
         table = list(csv.DictReader(file))

@@ -18,6 +18,7 @@ from systems import apart, mixture
 from test_bad_input import CASES
 
 import fix_nosquish
+from validation.scenes.data_file import data_file
 
 LMP = Path(os.environ.get("DEBIAN_LAMMPS", "/usr/bin/lmp"))
 ROOT = Path(__file__).parents[1]
@@ -66,27 +67,18 @@ def ice(side=5, spacing=3.1):
     turn = np.linalg.qr(rng.normal(size=(n, 3, 3)))[0]
     centres = spacing * (np.stack(np.meshgrid(*[np.arange(side)] * 3), -1).reshape(n, 1, 3) + 0.5)
     place = (centres + np.einsum("nij,aj->nai", turn, molecule)).reshape(-1, 3)
-    lines = [
-        "ice",
-        f"{3 * n} atoms",
-        f"{2 * n} bonds",
-        f"{n} angles",
-        "2 atom types",
-        "1 bond types",
-        "1 angle types",
-    ]
-    lines += [f"0 {side * spacing} {k}lo {k}hi" for k in "xyz"]
-    lines += ["", "Masses", "", "1 15.9994", "2 1.008", "", "Atoms # full", ""]
-    for i, r in enumerate(place):
-        kind, charge = (2, 0.417) if i % 3 else (1, -0.834)
-        lines.append(f"{i + 1} {i // 3 + 1} {kind} {charge} {r[0]:.16g} {r[1]:.16g} {r[2]:.16g}")
-    lines += ["", "Bonds", ""] + [
-        f"{2 * m + h} 1 {3 * m + 1} {3 * m + 1 + h}" for m in range(n) for h in (1, 2)
-    ]
-    lines += ["", "Angles", ""] + [
-        f"{m + 1} 1 {3 * m + 2} {3 * m + 1} {3 * m + 3}" for m in range(n)
-    ]
-    return "\n".join(lines) + "\n"
+    first = np.arange(0, 3 * n, 3)
+    kind = np.tile([1, 2, 2], n)
+    return data_file(
+        "full",
+        [np.repeat(np.arange(n), 3) + 1, kind, np.where(kind == 1, -0.834, 0.417), place],
+        (0, side * spacing),
+        mass=[15.9994, 1.008],
+        terms={
+            "bonds": [(1, m + 1, m + 1 + h) for m in first for h in (1, 2)],
+            "angles": [(1, m + 2, m + 1, m + 3) for m in first],
+        },
+    )
 
 
 def debian(ranks):

@@ -14,13 +14,20 @@ from conftest import Silent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-import mdtraj  # noqa: E402
+import mdtraj
 
-from validation import __main__ as command  # noqa: E402
-from validation import machine, measures, paper, paper_claims, paper_peptide, paper_report, run  # noqa: E402
-from validation.check import Check  # noqa: E402
-from validation.integrators import PAPER  # noqa: E402
-from validation.scenes import SCENES  # noqa: E402
+from validation import __main__ as command
+from validation.paper import measure as paper_claims
+from validation.paper import plan as paper
+from validation.paper import report as paper_report
+from validation.running import machine, run
+from validation.running.trajectory import Series, Trajectory
+from validation.scenes import SCENES
+from validation.scenes import peptide as paper_peptide
+from validation.scenes.data_file import data_file
+from validation.scenes.integrators import PAPER
+from validation.statistics import measures
+from validation.statistics.check import Check
 
 
 def trajectory(integrator="nosquish", steps=300, piece=300, **more):
@@ -32,7 +39,7 @@ def trajectory(integrator="nosquish", steps=300, piece=300, **more):
         "every": 10,
         "ranks": 1,
     }
-    return paper.Trajectory(integrator=PAPER[integrator], steps=steps, piece=piece, **usual | more)
+    return Trajectory(integrator=PAPER[integrator], steps=steps, piece=piece, **usual | more)
 
 
 @pytest.mark.timeout(120)
@@ -180,7 +187,7 @@ def made(name, total, scene="dimer", dt=3.0, every=10, integrator="nosquish", **
         "potential": total - 2000.0,
         "temperature": np.full(len(total), 300.0),
     }
-    return paper.Series(
+    return Series(
         path, None, time, total, **usual | more, positions=None, pieces=[], seconds=1.0
     )
 
@@ -551,33 +558,13 @@ def one_water(shift):
     )
     v = np.cross([0.003, -0.002, 0.02], x)
     x = (x + [10.0 + shift, 10.0, 10.0]) % 20.0
-    lines = [
-        "one molecule",
-        "",
-        "3 atoms",
-        "2 bonds",
-        "1 angles",
-        "2 atom types",
-        "1 bond types",
-        "1 angle types",
-        "",
-    ]
-    lines += [f"0 20 {c}lo {c}hi" for c in "xyz"] + [
-        "",
-        "Masses",
-        "",
-        "1 15.9994",
-        "2 1.008",
-        "",
-        "Atoms # full",
-        "",
-    ]
-    lines += [
-        f"{i + 1} 1 {1 + (i > 0)} 0 " + " ".join(f"{c:.16g}" for c in x[i]) for i in range(3)
-    ] + ["", "Velocities", ""]
-    lines += [f"{i + 1} " + " ".join(f"{c:.16g}" for c in v[i]) for i in range(3)]
-    return "\n".join(
-        [*lines, "", "Bonds", "", "1 1 1 2", "2 1 1 3", "", "Angles", "", "1 1 2 1 3", ""]
+    return data_file(
+        "full",
+        [[1, 1, 1], [1, 2, 2], [0, 0, 0], x],
+        (0, 20),
+        mass=[15.9994, 1.008],
+        velocities=[v],
+        terms={"bonds": [(1, 1, 2), (1, 1, 3)], "angles": [(1, 2, 1, 3)]},
     )
 
 

@@ -13,8 +13,8 @@ from conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
 
-from validation import paper_peptide  # noqa: E402
-from validation.scenes import SCENES  # noqa: E402
+from validation.scenes import SCENES
+from validation.scenes import peptide as paper_peptide
 
 FOLDER = ROOT / "inputs" / "peptide"
 ELEMENTS = {1: "H", 12: "C", 14: "N", 16: "O"}

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from conftest import BIN, Silent, read_thermo
 
-from validation import __main__, published, run
-from validation.integrators import INTEGRATORS
+from validation import __main__
+from validation.published import measure as published
+from validation.running import run
+from validation.scenes.integrators import INTEGRATORS
 
 
 def result(sd, error=None, slope=0.0):

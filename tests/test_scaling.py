@@ -21,6 +21,8 @@ STEPS, EVERY = 12, 4  # and between re-neighbourings
 
 def water(ranks):
     """A data file of molecules like water, turned at random: a row of cubes, one for each rank, each with a layer on its faces."""
+    from validation.scenes.data_file import data_file
+
     rng = np.random.default_rng(5)
     cells = np.stack(
         np.meshgrid(np.arange(ranks * SIDE), np.arange(SIDE), np.arange(SIDE)), -1
@@ -28,22 +30,10 @@ def water(ranks):
     shape = np.array([[0, 0, 0], [0.59, 0.76, 0], [0.59, -0.76, 0]])
     turn = np.linalg.qr(rng.normal(size=(len(cells), 3, 3)))[0]
     place = (SPACING * cells + np.einsum("nij,aj->nai", turn, shape)).reshape(-1, 3)
-    lines = ["water", f"{len(place)} atoms", "2 atom types", f"0 {ranks * SIDE * SPACING} xlo xhi"]
-    lines += [f"0 {SIDE * SPACING} {k}lo {k}hi" for k in "yz"] + [
-        "",
-        "Masses",
-        "",
-        "1 16",
-        "2 1",
-        "",
-        "Atoms # molecular",
-        "",
-    ]
-    lines += [
-        f"{i + 1} {i // 3 + 1} {1 if i % 3 == 0 else 2} {x:.9g} {y:.9g} {z:.9g}"
-        for i, (x, y, z) in enumerate(place)
-    ]
-    return "\n".join(lines) + "\n"
+    atom = np.arange(len(place))
+    box = [(0, ranks * SIDE * SPACING), *2 * [(0, SIDE * SPACING)]]
+    kind = np.where(atom % 3 == 0, 1, 2)
+    return data_file("molecular", [atom // 3 + 1, kind, place], box, mass=[16, 1])
 
 
 SCRIPT = f"""
@@ -108,7 +98,7 @@ def start(ranks, folder, program):
     """Run Python on some ranks in a folder. Returns: what each of them gave to MPI."""
     from conftest import BIN
 
-    from validation import counting
+    from validation.running import counting
 
     environment = os.environ | counting.environment(folder / "counts")
     done = subprocess.run([str(BIN / "mpirun"), "-np", str(ranks), sys.executable, *program], cwd=folder, env=environment, text=True,

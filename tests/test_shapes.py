@@ -7,7 +7,9 @@ import sys
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import OURS, SHAPES, assemble, mixture
+from systems import MASSES, OURS, assemble, mixture
+
+from validation.scenes.data_file import data_file
 
 ALL = "solid planar pair row single"
 EXACT = "modify sort id format float %.17g"
@@ -85,21 +87,18 @@ def with_atoms(system, x, v, log):
     """The files of the system with other places, unwrapped, and velocities, in the box that the log's line BOX tells."""
     lo, hi, tilt = np.array(re.search(r"(?m)^BOX (.*)", log)[1].split(), float).reshape(3, 3)
     text = system.files["data.bodies"]
-    masses = text[text.index("Masses") : text.index("Atoms")]
-    rows = [
-        line.split()[:3]
-        for line in text[text.index("Atoms") : text.index("Velocities")].splitlines()[2:]
-        if line
-    ]
-    lines = ["bodies", "", f"{len(x)} atoms", f"{len(SHAPES['row'][0])} atom types", ""]
-    lines += [f"{a:.17g} {b:.17g} {k}lo {k}hi" for a, b, k in zip(lo, hi, "xyz")]
-    lines += ["{:.17g} {:.17g} {:.17g} xy xz yz".format(*tilt)] if tilt.any() else []
-    lines += ["", masses, "Atoms # molecular", ""]
-    lines += [" ".join([*row, *(f"{c:.17g}" for c in place)]) for row, place in zip(rows, x)]
-    lines += ["", "Velocities", ""] + [
-        f"{k + 1} " + " ".join(f"{c:.17g}" for c in speed) for k, speed in enumerate(v)
-    ]
-    return {"data.bodies": "\n".join(lines) + "\n"}
+    atoms = text[text.index("Atoms") : text.index("Velocities")].splitlines()[2:]
+    _, molecule, kind = np.array([line.split()[:3] for line in atoms if line], int).T
+    return {
+        "data.bodies": data_file(
+            "molecular",
+            [molecule, kind, x],
+            np.stack([lo, hi], axis=1),
+            tilt=tilt,
+            mass=MASSES,
+            velocities=[v],
+        )
+    }
 
 
 BOX = (

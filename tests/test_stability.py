@@ -18,22 +18,20 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import __main__ as command  # noqa: E402
-from validation import (
-    console,
-    measures,
-    overview_stability,
-    run,
-    stability,
-    stability_bodies,
-    stability_molecules,
-    stability_report,
-    stability_tops,
-)  # noqa: E402
-from validation.criteria import CRITERIA, ENOUGH_STARTS, Criterion  # noqa: E402
-from validation.stability import BlowUp, CannotRun, Case, Number  # noqa: E402
-from validation.stability_cases import CASES  # noqa: E402
-from validation.theory_top import free_top  # noqa: E402
+from validation import __main__ as command
+from validation.pages import console
+from validation.report import stability as overview_stability
+from validation.running import run
+from validation.scenes import bodies as stability_bodies
+from validation.stability import measure as stability
+from validation.stability import molecules as stability_molecules
+from validation.stability import report as stability_report
+from validation.stability import tops as stability_tops
+from validation.stability.cases import CASES
+from validation.stability.criteria import CRITERIA, ENOUGH_STARTS, Criterion
+from validation.stability.measure import BlowUp, CannotRun, Case, Number
+from validation.statistics import measures
+from validation.theory.top import free_top
 
 
 def criterion(bound=1.0, side="≤", unit="", **more):
@@ -175,7 +173,7 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     cases = {name: case(measure, name) for name in ("one", "two")}
     run_them = lambda names, full=False: stability.stability(
         cases, names, tmp_path, full, 60.0, Silent(), ["nosquish", "rigid"]
-    )  # noqa: E731
+    )
     summary = run_them(["one"])
     assert summary["interrupted"] and [len(found["rows"]) for found in summary["cases"]] == [1]
     summary = run_them(["one"])
@@ -205,29 +203,30 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     shutil.copytree(
         ROOT / "validation", copy, ignore=shutil.ignore_patterns("results", "__pycache__")
     )
-    monkeypatch.setattr(stability, "__file__", str(copy / "stability.py"))
+    monkeypatch.setattr(stability.store, "HARNESS", copy)
 
     def code():
         stability._code.cache_clear()
+        stability.store.code_of.cache_clear()
         return stability._code()
 
     before = code()
-    for shows in "stability_report", "figures", "overview", "__main__":
+    for shows in "stability/report", "pages/figures", "report/sections", "stability/command":
         (copy / f"{shows}.py").write_text("")
     assert code() == before
     found = {before}
     for follows in (
-        "measures",
-        "motion",
-        "starts",
-        "theory_top",
-        "integrators",
-        "paper_peptide",
-        "scenes",
-        "run",
-        "worker",
-        "check",
-        "stability_tops",
+        "statistics/measures",
+        "statistics/motion",
+        "scenes/starts",
+        "scenes/bodies",
+        "scenes/integrators",
+        "scenes/peptide",
+        "scenes/__init__",
+        "running/worker",
+        "running/run",
+        "statistics/check",
+        "stability/tops",
     ):
         (copy / f"{follows}.py").write_text("")
         found.add(code())
@@ -235,6 +234,7 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     found.add(code())
     assert len(found) == 13
     stability._code.cache_clear()
+    stability.store.code_of.cache_clear()
 
 
 def test_a_length_of_some_is_a_tenth(tmp_path):
@@ -457,7 +457,7 @@ def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
     found = case(measure, starts=(4, 19), together=stability.mean_of_starts)
     run_it = lambda starts=None: stability.stability(
         {"test": found}, ["test"], tmp_path, False, 60.0, Silent(), ["nosquish"], starts
-    )  # noqa: E731
+    )
     (line,) = run_it()["cases"][0]["rows"]
     assert done == list(range(8)) and line["verdict"] == "pass" and len(line["numbers"]) == 8
     run_it()
@@ -507,7 +507,7 @@ def test_rows_of_another_atlas_are_judged_again(tmp_path):
     stability.stability(
         {"test": measured}, ["test"], tmp_path / "old", False, 60.0, Silent(), ["nosquish"]
     )
-    take = lambda found, out: stability.stability({"test": found}, ["test"], tmp_path / out, False, 60.0, Silent(), ["nosquish"],  # noqa: E731
+    take = lambda found, out: stability.stability({"test": found}, ["test"], tmp_path / out, False, 60.0, Silent(), ["nosquish"],
                                                   take=tmp_path / "old")["cases"][0]["rows"][0]  # fmt: skip
     ran = []
     stricter = dataclasses.replace(

@@ -12,7 +12,7 @@ import pytest
 import quick
 from conftest import BIN
 
-from validation import startup
+from validation.running import startup
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMANDS = {"module": [sys.executable, "-m", "pytest"], "script": [str(BIN / "pytest")]}

@@ -11,14 +11,19 @@ from conftest import Silent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-import mdtraj  # noqa: E402
-from scipy import constants  # noqa: E402
-from scipy.spatial.transform import Rotation  # noqa: E402
+import mdtraj
+from scipy import constants
+from scipy.spatial.transform import Rotation
 
-from validation import paper_peptide, run, sweep, sweep_errors, sweep_plan, sweep_structure  # noqa: E402
-from validation.integrators import SWEPT  # noqa: E402
-from validation.measures import Estimate  # noqa: E402
-from validation.scenes import SCENES  # noqa: E402
+from validation.running import run
+from validation.scenes import SCENES
+from validation.scenes import peptide as paper_peptide
+from validation.scenes.integrators import SWEPT
+from validation.statistics import structure as sweep_structure
+from validation.statistics.measures import Estimate
+from validation.sweep import errors as sweep_errors
+from validation.sweep import measure as sweep
+from validation.sweep import plan as sweep_plan
 
 CELL = np.diag([20.0, 22.0, 24.0])
 SHAPES = {  # one atom, two, three in a line, three, four

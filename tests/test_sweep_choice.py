@@ -10,9 +10,13 @@ import pytest
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import __main__, console, sweep_choice, sweep_figures, sweep_report  # noqa: E402
-from validation.integrators import SWEPT  # noqa: E402
-from validation.scenes import SCENES  # noqa: E402
+from validation import __main__
+from validation.pages import console
+from validation.scenes import SCENES
+from validation.scenes.integrators import SWEPT
+from validation.sweep import choice as sweep_choice
+from validation.sweep import figures as sweep_figures
+from validation.sweep import report as sweep_report
 
 MEASURES = {
     "energy_sd": {"title": "sd of energy", "unit": "kcal/mol", "relative_to": "zero", "log": True},
@@ -223,7 +227,7 @@ def test_choice_is_that_of_a_search():
 
 WRONG = {
     "an error bar counts for nothing": lambda patch: patch.setattr(
-        "validation.measures.margin", lambda error, freedom=None: 0.0
+        "validation.statistics.estimate.margin", lambda error, freedom=None: 0.0
     ),
     "a failed point may be chosen": lambda patch: patch.setattr(
         sweep_choice,
@@ -678,7 +682,7 @@ def broken(points):
 def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil, status):
     """Locks out an exit status that hides an integrator without a result or a Ctrl-C, files that are not written then, and words that are lost."""
     sweep = pytest.importorskip(
-        "validation.sweep", reason="the extra 'validation' is not installed"
+        "validation.sweep.measure", reason="the extra 'validation' is not installed"
     )
     summary, asked = synthetic() | {"interrupted": interrupted}, {}
     scene = summary["scenes"]["water"]
@@ -714,7 +718,9 @@ def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil
 
 def test_sweep_refuses(capsys):
     """Locks out a traceback, or a night's work, where something is misspelt."""
-    pytest.importorskip("validation.sweep", reason="the extra 'validation' is not installed")
+    pytest.importorskip(
+        "validation.sweep.measure", reason="the extra 'validation' is not installed"
+    )
     for words, answer in (
         ("butter", "no scene butter"),
         ("water --steps 1,-2", "positive"),

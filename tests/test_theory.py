@@ -17,12 +17,15 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from fix_nosquish import rotor  # noqa: E402
-from validation import measures, theory, theory_loops, theory_reversal  # noqa: E402
-from validation import theory_calculus as calculus  # noqa: E402
-from validation.scenes import SCENES  # noqa: E402
-from validation.theory_reference import FS, Dimer, Oscillator  # noqa: E402
-from validation.theory_top import free_top  # noqa: E402
+from fix_nosquish import rotor
+from validation.scenes import SCENES
+from validation.statistics import measures
+from validation.theory import calculus
+from validation.theory import loops as theory_loops
+from validation.theory import measure as theory
+from validation.theory import reversal as theory_reversal
+from validation.theory.reference import FS, Dimer, Oscillator
+from validation.theory.top import free_top
 
 SCENE = SCENES["dimer"]
 
@@ -91,8 +94,8 @@ def test_rotor_parts_are_the_packages_step(dimer):
     )
     assert np.abs(apart).max() < 1e-14
     for energy, motion in dimer.rotor_parts():
-        gradient = calculus.jacobian(lambda x: energy(x)[None], dimer.start)[0]  # noqa: B023
-        slope = calculus.taylor(lambda s: motion(dimer.start[:, None], s), 1, dt).real  # noqa: B023
+        gradient = calculus.jacobian(lambda x: energy(x)[None], dimer.start)[0]
+        slope = calculus.taylor(lambda s: motion(dimer.start[:, None], s), 1, dt).real
         np.testing.assert_allclose(
             slope, gradient @ calculus.metric(14), atol=1e-12 * np.abs(slope).max()
         )

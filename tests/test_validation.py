@@ -12,17 +12,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import signal
 from conftest import Silent
+from scipy import signal
 
 ROOT = Path(__file__).resolve().parent.parent
 
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import compare, figures, lammps_log, measures, report, run  # noqa: E402
-from validation.integrators import Integrator, rigid  # noqa: E402
-from validation.scenes import Scene  # noqa: E402
+from validation.compare import measure as compare
+from validation.compare import report
+from validation.pages import tables
+from validation.running import lammps_log, run
+from validation.scenes import Scene
+from validation.scenes.data_file import data_file
+from validation.scenes.integrators import Integrator, rigid
+from validation.statistics import measures
 
 
 def ar1(n, phi, seed):
@@ -112,7 +117,7 @@ def test_a_deviation_that_is_a_drift_says_so(slope, said):
         "energy_sd": {"value": 2.0, "error": 0.1},
         "drift": {"value": slope, "error": 0.02, "freedom": 12.0},
     }
-    assert report.cell(row, column) == f"2.00 ± 0.20{said}"
+    assert tables.cell(row, column) == f"2.00 ± 0.20{said}"
 
 
 def test_drift_of_several_series_and_of_none():
@@ -334,16 +339,13 @@ def test_thermo_of_a_log_cut_in_a_number():
 def scene(tmp_path_factory):
     """27 rigid bent triatomic molecules of Lennard-Jones atoms."""
     folder = tmp_path_factory.mktemp("scene")
-    lines = ["27 molecules", "", "81 atoms", "1 atom types", ""]
-    lines += [f"0 15 {axis}lo {axis}hi" for axis in "xyz"]
-    lines += ["", "Masses", "", "1 12", "", "Atoms # molecular", ""]
-    shape = [(0, 0, 0), (1.0, 0, 0), (0, 1.2, 0)]
-    for i in range(27):
-        corner = 5.0 * np.array([i % 3, i // 3 % 3, i // 9])
-        for j, site in enumerate(shape):
-            x, y, z = corner + site
-            lines.append(f"{3 * i + j + 1} {i + 1} 1 {x} {y} {z}")
-    (folder / "data.tiny").write_text("\n".join(lines) + "\n")
+    body = np.repeat(np.arange(27), 3)
+    corner = 5.0 * np.stack([body % 3, body // 3 % 3, body // 9], axis=1)
+    place = corner + np.tile([(0, 0, 0), (1.0, 0, 0), (0, 1.2, 0)], (27, 1))
+    kind = np.ones(81, int)
+    (folder / "data.tiny").write_text(
+        data_file("molecular", [body + 1, kind, place], (0, 15), mass=[12])
+    )
     setup = (
         "units real",
         "atom_style molecular",
@@ -366,7 +368,7 @@ def test_comparison_from_end_to_end(scene, tmp_path):
     """Locks out a failed integrator that ends the run, hides its cause, or lacks its row."""
     integrators = [BROKEN, rigid("rigid/nve"), rigid("rigid/nve/small")]
     summary, series = compare.compare(scene, integrators, tmp_path, steps=200, **SETTINGS)
-    report.write(summary, series, figures.draw(summary, series, tmp_path), tmp_path)
+    report.write(summary, series, tmp_path)
 
     broken, reference, small = json.loads((tmp_path / "summary.json").read_text())["integrators"]
     assert "no/such/fix" in broken["error"]

@@ -1,0 +1,209 @@
+"""What the harness keeps: it is taken again while all that it follows from is the same."""
+
+import json
+import shutil
+import threading
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+from conftest import Silent
+
+from validation.running import machine, store
+from validation.running.store import Store
+
+ROOT = Path(__file__).resolve().parent.parent
+MEASURE = "validation.breaks.measure"
+
+
+@dataclass(frozen=True)
+class Settings:
+    steps: int
+
+
+@pytest.fixture
+def harness(tmp_path, monkeypatch):
+    """A copy of the harness whose files can be changed."""
+    copy = tmp_path / "validation"
+    ignored = shutil.ignore_patterns("results", "__pycache__")
+    shutil.copytree(ROOT / "validation", copy, ignore=ignored)
+    monkeypatch.setattr(store, "HARNESS", copy)
+    store.code_of.cache_clear()
+    yield copy
+    store.code_of.cache_clear()
+
+
+def counted(found):
+    """A function that makes a record, and the list of its calls."""
+    calls = []
+    return lambda: calls.append(1) or found, calls
+
+
+def test_made_once(tmp_path):
+    """Locks out work that is done again, and a record that is taken for another's."""
+    make, calls = counted({"value": 1.5})
+    for _ in range(2):
+        kept = Store(tmp_path, MEASURE)
+        assert kept.once("some/thing", kept.origin(Settings(3)), make) == {"value": 1.5}
+    assert len(calls) == 1
+    for name, origin in (
+        ("other", kept.origin(Settings(3))),
+        ("some/thing", kept.origin(Settings(4))),
+    ):
+        kept.once(name, origin, make)
+    assert len(calls) == 3
+    kept.once("some/thing", kept.origin(Settings(3)), make, again=True)
+    assert len(calls) == 4
+
+
+def test_origin_is_all_that_counts(tmp_path, monkeypatch):
+    """Locks out a record that stays though a file, a version or the package is another."""
+    file = tmp_path / "input"
+    file.write_text("one")
+    found = {Store(tmp_path, MEASURE).origin(Settings(3), files=[file])}
+    file.write_text("two")
+    found.add(Store(tmp_path, MEASURE).origin(Settings(3), files=[file]))
+    monkeypatch.setattr(machine, "versions", lambda: {"lammps": "another"})
+    found.add(Store(tmp_path, MEASURE).origin(Settings(3), files=[file]))
+    monkeypatch.setattr(machine, "package_hash", lambda: "another")
+    found.add(Store(tmp_path, MEASURE).origin(Settings(3), files=[file]))
+    assert len(found) == 4
+    with pytest.raises(TypeError, match="is no plain data"):
+        Store(tmp_path, MEASURE).origin(object())
+
+
+def changed(harness, name, old, new):
+    """The code's hash after one change in a file."""
+    path = harness / name
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    store.code_of.cache_clear()
+    return store.code_of(MEASURE)
+
+
+def test_what_only_shows_drops_nothing(harness):
+    """Locks out results that are lost by another help text, title, comment or figure."""
+    before = store.code_of(MEASURE)
+    assert changed(harness, "breaks/command.py", "what users report", "how users see") == before
+    assert changed(harness, "breaks/report.py", "small is good", "small is best") == before
+    assert changed(harness, "scenes/boxes.py", '"""Small boxes', '"""Little boxes') == before
+    assert changed(harness, "scenes/boxes.py", "# ---- runs", "# runs") == before
+    assert changed(harness, "breaks/plan.py", "the largest is of", "at worst in") != before
+
+
+def test_titles_drop_nothing(harness):
+    """Locks out a sweep that is lost by a scene's title."""
+    sweep = "validation.sweep.measure"
+    before = store.code_of(sweep)
+    path = harness / "scenes" / "__init__.py"
+    text = path.read_text()
+    assert "title=" in text
+    path.write_text(text.replace("title=", 'title="another" or '))
+    store.code_of.cache_clear()
+    assert store.code_of(sweep) != before  # no constant any more
+    path.write_text(text.replace('title="', 'title="another '))
+    store.code_of.cache_clear()
+    assert store.code_of(sweep) == before
+
+
+@pytest.mark.parametrize("name", ["scenes/boxes.py", "running/lammps_log.py", "breaks/plan.py"])
+def test_code_that_measures_counts(harness, name):
+    """Locks out results that stay though what made them is another."""
+    before = store.code_of(MEASURE)
+    (harness / name).write_text((harness / name).read_text() + "\nMORE = 1\n")
+    store.code_of.cache_clear()
+    assert store.code_of(MEASURE) != before
+
+
+def test_files_that_are_run_count(harness):
+    """Locks out a worker, which nothing imports, that is another while its results stay."""
+    before = store.code_of("validation.running.run")
+    (harness / "running" / "worker.py").write_text("")
+    store.code_of.cache_clear()
+    assert store.code_of("validation.running.run") != before
+
+
+def test_interrupted(tmp_path):
+    """Locks out half a record after a Ctrl-C, and earlier ones that it takes along."""
+    kept = Store(tmp_path, MEASURE)
+
+    def stop():
+        raise KeyboardInterrupt
+
+    kept.once("first", kept.origin(1), lambda: {"value": 1})
+    with pytest.raises(KeyboardInterrupt):
+        kept.once("second", kept.origin(1), stop)
+    assert kept.kept("second", kept.origin(1)) is None
+    assert {name: one["record"] for name, one in kept.alike().items()} == {"first": {"value": 1}}
+    kept.keep("second", kept.origin(1), {"value": 2}, complete=False)
+    assert kept.once("second", kept.origin(1), lambda: {"value": 3}) == {"value": 3}
+
+
+def test_alike(tmp_path, monkeypatch):
+    """Locks out records of another package in a summary, and older ones of the same name."""
+    dates = iter("abcd")
+    monkeypatch.setattr(machine, "now", lambda: next(dates))
+    kept = Store(tmp_path, MEASURE)
+    for value in 1, 2:
+        kept.keep("one", kept.origin(value), {"value": value})
+    assert [one["record"]["value"] for one in kept.alike().values()] == [2]
+    monkeypatch.setattr(machine, "package_hash", lambda: "another")
+    assert Store(tmp_path, MEASURE).alike() == {}
+
+
+def test_processes_share(tmp_path):
+    """Locks out work that two processes do, and work that none does."""
+    first, second = Store(tmp_path, MEASURE), Store(tmp_path, MEASURE)
+    mine = first.shared(["one", "two"])
+    assert next(mine) == "one"
+    theirs = second.shared(["one", "two"])
+    assert next(theirs) == "two"
+    left = []
+    waiting = threading.Thread(target=lambda: left.extend(theirs))
+    waiting.start()
+    waiting.join(0.2)
+    assert left == []  # "one" is waited for, until the first is done with it
+    mine.close()
+    waiting.join(20)
+    assert left == ["one"]
+
+
+def test_file_is_whole(tmp_path, monkeypatch):
+    """Locks out a file that an interruption leaves in half."""
+    store.write(tmp_path / "one.json", {"value": 1})
+
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Path, "replace", stop)
+    with pytest.raises(KeyboardInterrupt):
+        store.write(tmp_path / "one.json", {"value": 2})
+    assert json.loads((tmp_path / "one.json").read_text()) == {"value": 1}
+
+
+def test_breaks_goes_on(tmp_path, monkeypatch):
+    """Locks out cases that are run again after a Ctrl-C, which kept nothing before, and a verdict by an old bound."""
+    pytest.importorskip("rich", reason="the extra 'validation' is not installed")
+    from validation.breaks import measure, plan
+
+    done = []
+
+    def number(simulate, fix):
+        if len(done) == 2:
+            done.append("interrupted")
+            raise KeyboardInterrupt
+        done.append(fix)
+        return 0.5, "a remark"
+
+    case = plan.Case("one", number, 1.0, what="what", why="why")
+    monkeypatch.setattr(measure, "CASES", {"one": case})
+    rows, interrupted = measure.breaks(["one"], tmp_path, Silent())
+    assert interrupted and len(rows) == 2
+    rows, interrupted = measure.breaks(["one"], tmp_path, Silent())
+    assert not interrupted and [row["value"] for row in rows] == [0.5] * 3
+    assert done == [plan.OURS, plan.RIGID, "interrupted", plan.SMALL]
+    monkeypatch.setattr(measure, "CASES", {"one": replace(case, most=0.4, what="in other words")})
+    rows, _ = measure.breaks(["one"], tmp_path, Silent())
+    assert {(row["verdict"], row["what"]) for row in rows} == {("fail", "in other words")}
+    assert len(done) == 4

@@ -1,0 +1,120 @@
+"""What the verbs' command lines share: types of words, options, and how a verb ends."""
+
+import argparse
+from collections.abc import Callable, Collection
+from pathlib import Path
+
+INTERRUPTED = 130  # exit status after Ctrl-C
+
+
+def verb(verbs, name: str, function: Callable, **texts: str) -> argparse.ArgumentParser:
+    """The parser of a verb, which ``function`` of the parsed arguments runs to its exit status."""
+    parser = verbs.add_parser(name, **texts)
+    parser.set_defaults(function=function, parser=parser)
+    return parser
+
+
+def status(interrupted: bool, failed: bool) -> int:
+    """The exit status."""
+    return INTERRUPTED if interrupted else int(failed)
+
+
+def one_of(kind: str, known: Callable[[], Collection[str]]) -> Callable[[str], str]:
+    """A type of argparse: a word among ``known()``, which is called when a word is there only."""
+
+    def word(text):
+        if text not in (names := known()):
+            raise argparse.ArgumentTypeError(
+                f"there is no {kind} {text}: choose from {', '.join(names)}"
+            )
+        return text
+
+    return word
+
+
+def chosen(names: Collection[str], wanted: Collection[str] | None) -> list[str]:
+    """Those of ``names`` that are wanted, in their own order; all if none is named."""
+    return [name for name in names if name in (wanted or names)]
+
+
+def whole(word: str) -> int:
+    """A positive whole number."""
+    value = int(word)
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{word}: a positive whole number is expected")
+    return value
+
+
+def positive(word: str) -> float:
+    """A positive number."""
+    value = float(word)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{word}: a positive number is expected")
+    return value
+
+
+def wholes(words: str) -> tuple[int, ...]:
+    """Positive whole numbers with commas between them."""
+    return tuple(whole(word) for word in words.split(","))
+
+
+def positives(words: str) -> tuple[float, ...]:
+    """Positive numbers with commas between them."""
+    return tuple(positive(word) for word in words.split(","))
+
+
+def number(parser, option: str, default, metavar: str, text: str) -> None:
+    """An option with a positive number: a whole one if the default is."""
+    kind = whole if isinstance(default, int) else positive
+    parser.add_argument(
+        option,
+        type=kind,
+        default=default,
+        metavar=metavar,
+        help=f"{text} (default %(default){'s' if isinstance(default, int) else 'g'})",
+    )
+
+
+def ranks(parser, default: int = 2, of: str = "each run") -> None:
+    """The option --ranks."""
+    number(parser, "--ranks", default, "N", f"MPI ranks of {of}")
+
+
+def only(parser, names, text: str = "integrators, of: %(choices)s", default=None) -> None:
+    """The option --only."""
+    parser.add_argument(
+        "--only", nargs="+", choices=names, metavar="NAME", default=default, help=text
+    )
+
+
+def silence(parser, default: float) -> None:
+    """The option --silence."""
+    number(parser, "--silence", default, "S", "give a run up that wrote nothing for S seconds")
+
+
+def short_or_full(parser, full: str) -> None:
+    """The options --short, the default, and --full."""
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument(
+        "--short", action="store_true", help="some minutes in all, for a first look (the default)"
+    )
+    length.add_argument("--full", action="store_true", help=full)
+
+
+def out(parser, default: str, short: bool = False) -> None:
+    """The option --out; with ``short`` another default for --short, see `folder`."""
+    other = f"; --short: {default}-short" if short else ""
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        default=None if short else Path(default),
+        help=f"output folder (default {default}{other})",
+    )
+
+
+def folder(given: Path | None, default: str, short: bool = False) -> Path:
+    """The output folder, which is made."""
+    found = given or Path(default + "-short" * short)
+    found.mkdir(parents=True, exist_ok=True)
+    return found

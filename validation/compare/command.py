@@ -1,0 +1,72 @@
+"""``compare``: its words, and what they run."""
+
+from pathlib import Path
+
+from validation import command_line
+from validation.scenes import SCENES
+from validation.scenes.integrators import INTEGRATORS
+
+
+def add(verbs) -> None:
+    """Add the verb to the command line."""
+    parser = command_line.verb(
+        verbs,
+        "compare",
+        run,
+        help="the same start with ours and with LAMMPS's fixes: accuracy and cost",
+        description="Run the same start with fix_nosquish.NVE and with LAMMPS's own fixes. "
+        "Writes a table to the terminal and summary.json, table.csv, series.csv, figures, a "
+        "self-contained report.html and every run's log to the output folder. Ctrl-C keeps what "
+        "is computed.",
+        epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
+        "130 after Ctrl-C.",
+    )
+    scenes = [name for name, scene in SCENES.items() if scene.units == "real"]
+    parser.add_argument("scene", choices=scenes, help="what is simulated: %(choices)s")
+    command_line.ranks(parser)
+    command_line.number(parser, "--steps", 1500, "N", "length of each trajectory")
+    parser.add_argument(
+        "--dt",
+        type=command_line.positive,
+        metavar="FS",
+        help="time step in fs (default: the scene's)",
+    )
+    command_line.only(parser, INTEGRATORS, default=list(INTEGRATORS))
+    command_line.number(parser, "--rounds", 3, "N", "timed segments of each integrator")
+    command_line.number(parser, "--segment", 200, "N", "steps of a timed segment")
+    command_line.silence(parser, 120.0)
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="output folder (default results/compare-SCENE)"
+    )
+
+
+def run(arguments) -> int:
+    """Run the verb; the exit status."""
+    from validation.compare import measure, report  # heavy: not for --help
+    from validation.pages import console
+
+    scene = SCENES[arguments.scene]
+    integrators = [
+        one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)
+    ]
+    out = command_line.folder(arguments.out, f"results/compare-{scene.name}")
+    screen = console.console()
+    each = arguments.steps + arguments.rounds * (measure.WARM_UP + arguments.segment)
+    with console.Meter(screen, len(integrators) * each) as meter:
+        summary, series = measure.compare(
+            scene,
+            integrators,
+            out,
+            ranks=arguments.ranks,
+            steps=arguments.steps,
+            dt=arguments.dt or scene.dt,
+            rounds=arguments.rounds,
+            segment=arguments.segment,
+            silence=arguments.silence,
+            meter=meter,
+        )
+    report.write(summary, series, out)
+    report.show(screen, summary, out)
+    return command_line.status(
+        summary["interrupted"], any(row["error"] for row in summary["integrators"])
+    )

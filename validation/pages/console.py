@@ -1,0 +1,65 @@
+"""Progress in the terminal; plain lines if it is not one."""
+
+import time
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+WIDE = 150  # columns, where the output is not a terminal
+
+
+def console() -> Console:
+    """Standard output."""
+    found = Console(highlight=False)
+    return found if found.is_terminal else Console(width=WIDE, highlight=False)
+
+
+class Meter:
+    """One bar for the run under way and one for all; a line for each finished run.
+
+    Args:
+        console: where to.
+        total: steps of all runs together.
+        unit: what is counted.
+    """
+
+    def __init__(self, console, total, unit="steps"):
+        self.console, self.unit = console, unit
+        self.progress = Progress(
+            TextColumn("{task.description:<34}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn(unit),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+        self.all = self.progress.add_task("all runs", total=total)
+        self.done = 0
+
+    def __enter__(self):
+        self.progress.start()
+        return self
+
+    def __exit__(self, *_):
+        self.progress.stop()
+
+    def begin(self, label: str, total: int) -> None:
+        """A run of ``total`` steps starts."""
+        self.label, self.total, self.start = label, total, time.monotonic()
+        self.one = self.progress.add_task(label, total=total)
+
+    def at(self, step: int) -> None:
+        """The run has come to ``step``."""
+        self.progress.update(self.one, completed=step)
+        self.progress.update(self.all, completed=self.done + step)
+
+    def end(self, error: str | None) -> None:
+        """The run is over: well if ``error`` is None."""
+        self.at(self.total)
+        self.done += self.total
+        self.progress.remove_task(self.one)
+        seconds = time.monotonic() - self.start
+        note = f"failed: {error[:70]}" if error else f"{self.total} {self.unit}" * (self.total > 1)
+        self.console.print(f"{self.label:<34} {seconds:6.1f} s  {note}", markup=False)

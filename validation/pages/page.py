@@ -1,0 +1,50 @@
+"""From plain data to summary.json and to self-contained HTML pages."""
+
+import base64
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import jinja2
+
+from validation.running import machine
+from validation.statistics.check import bound, measured
+from validation.statistics.estimate import SURE, Estimate
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+def save(summary: dict, out: Path) -> None:
+    """Write plain data to summary.json in the folder ``out``, whole or not at all."""
+    path = out / "summary.json"
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
+    part.replace(path)
+
+
+def page(template: str, path: Path, figures: Sequence[tuple[Path, str]], **values) -> None:
+    """Write a self-contained HTML page.
+
+    Args:
+        template: its name in ``templates``.
+        path: of the page.
+        figures: list of (PNG path, caption).
+        values: what else the template uses.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.globals |= {
+        "package": machine.package,
+        "number": lambda *estimate, **named: Estimate(*estimate, **named).text(),
+        "measured": measured,
+        "bound": bound,
+        "sure": SURE,
+    }
+    embedded = [
+        (base64.b64encode(Path(png).read_bytes()).decode(), caption) for png, caption in figures
+    ]
+    Path(path).write_text(environment.get_template(template).render(figures=embedded, **values))

@@ -1,0 +1,75 @@
+"""``paper``: its words, and what they run."""
+
+from dataclasses import asdict, replace
+
+from validation import command_line
+
+
+def add(verbs) -> None:
+    """Add the verb to the command line."""
+    parser = command_line.verb(
+        verbs,
+        "paper",
+        run,
+        help="the paper's test problems again: figures 2 and 3, and what it says of them",
+        description="Run the water dimer, liquid water and the peptide of Miller et al. (2002) "
+        "with NO_SQUISH, the paper's reference 12, Gear's scheme and LAMMPS's own fixes, draw the "
+        "paper's figures and check its statements. Writes summary.json, table.csv, claims.csv, "
+        "series.csv, figures and a self-contained report.html. Ctrl-C keeps what is computed, and "
+        "the same command goes on from there. Parts can run side by side; the command for all of "
+        "them then takes over what is there.",
+        epilog="Exit status: 0 if all trajectories but Gear's are complete, 1 if one is not, 130 "
+        "after Ctrl-C. Also 0 where statements do not hold: what is judged is the paper's "
+        "statements, not the code.",
+    )
+    parser.add_argument(
+        "parts",
+        nargs="*",
+        metavar="PART",
+        help="only the trajectory of this name, or those whose names begin so: dimer, water, "
+        "peptide, force-field, water-nosquish ... (default: all)",
+    )
+    command_line.short_or_full(
+        parser, "the paper's lengths, but half of its 6,000 ps of liquid: a night"
+    )
+    parser.add_argument(
+        "--liquid",
+        type=command_line.positive,
+        metavar="PS",
+        help="length of the liquid's trajectories",
+    )
+    command_line.ranks(parser, of="what is larger than the dimer")
+    command_line.silence(parser, 300.0)
+    command_line.out(parser, "results/paper", short=True)
+
+
+def run(arguments) -> int:
+    """Run the verb; the exit status."""
+    from validation.pages import console
+    from validation.paper import measure, plan, report  # heavy: not for --help
+
+    lengths = plan.FULL if arguments.full else plan.SHORT
+    if arguments.liquid:
+        lengths = replace(lengths, liquid=arguments.liquid)
+    out = command_line.folder(arguments.out, "results/paper", not arguments.full)
+    screen = console.console()
+    trajectories = list(plan.plan(lengths, arguments.ranks, out / "runs"))
+    names, wanted = {one.name for one in trajectories}, set()
+    for part in arguments.parts or ("",):
+        found = {part} & names or {name for name in names if name.startswith(part)}
+        if not found:
+            arguments.parser.error(f"no trajectory's name begins with {part}")
+        wanted |= found
+    chosen = [one for one in trajectories if one.name in wanted]
+    (out / "runs").mkdir(parents=True, exist_ok=True)
+    with console.Meter(screen, sum(one.steps for one in chosen)) as meter:
+        found, circumstances = plan.paper(
+            out / "runs", chosen, arguments.ranks, arguments.silence, meter
+        )
+    summary = circumstances | {"lengths": asdict(lengths)} | measure.judge(found)
+    report.write(summary, found, out)
+    report.show(screen, summary, out)
+    return command_line.status(
+        summary["interrupted"],
+        any(one.error for one in found.values() if one.trajectory.integrator.name != "gear"),
+    )

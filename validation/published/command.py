@@ -1,0 +1,47 @@
+"""``published``: its words, and what they run."""
+
+from validation import command_line
+
+
+def add(verbs) -> None:
+    """Add the verb to the command line."""
+    parser = command_line.verb(
+        verbs,
+        "published",
+        run,
+        help="the energy's spread in water at 1 to 4 fs beside published numbers",
+        description="Run water with a smooth cutoff at 1, 2, 3 and 4 fs and hold the standard "
+        "deviation of its energy against that of Silveira and Abreu (2019). Writes a table to the "
+        "terminal and summary.json, table.csv, a figure and a self-contained report.html to the "
+        "output folder. Ctrl-C keeps what is computed, and the same command goes on from there.",
+        epilog="Exit status: 0 if no number is outside of its bounds by its 95 % margin, 1 if one "
+        "is or is missing, 130 after Ctrl-C.",
+    )
+    command_line.number(parser, "--time", 48.0, "PS", "length of each trajectory")
+    command_line.ranks(parser)
+    command_line.silence(parser, 120.0)
+    command_line.out(parser, "results/published")
+
+
+def run(arguments) -> int:
+    """Run the verb; the exit status."""
+    from validation.pages import console
+    from validation.published import measure, report  # heavy: not for --help
+    from validation.running import machine
+
+    out, screen = command_line.folder(arguments.out, "results/published"), console.console()
+    with console.Meter(screen, measure.total(arguments.time)) as meter:
+        found, interrupted = measure.published(
+            out / "runs", arguments.time, arguments.ranks, arguments.silence, meter
+        )
+    made = measure.checks(found)
+    summary = machine.circumstances() | {
+        "interrupted": interrupted,
+        "time": arguments.time,
+        "checks": [one.plain() for one in made],
+    }
+    report.write(summary, made, out)
+    report.show(screen, summary, out)
+    return command_line.status(
+        interrupted, any(one.holds is False or one.value is None for one in made)
+    )

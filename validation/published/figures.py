@@ -1,0 +1,33 @@
+"""The figure of ``published``."""
+
+import matplotlib.pyplot as plt
+
+from validation.pages.figures import OTHERS, OURS
+from validation.published.measure import ALL, PUBLISHED, THEIR_ERROR, WITHIN
+from validation.statistics.estimate import SURE, margin
+
+
+def spread(made):
+    """The figure: ours over theirs against the time step."""
+    known = [one for one in made if one.value is not None and one.subject != ALL]
+    if not known:
+        return None, ""
+    figure, axis = plt.subplots(figsize=(5.5, 3.6), layout="constrained")
+    axis.axhspan(1 - WITHIN, 1 + WITHIN, color=OTHERS, alpha=0.15, lw=0)
+    axis.axhline(1.0, color=OTHERS, lw=0.8)
+    dts = [float(one.subject.split()[0]) for one in known]
+    axis.errorbar(
+        dts,
+        [one.value for one in known],
+        [one.margin for one in known],
+        fmt="o",
+        color=OURS,
+        capsize=3,
+    )
+    axis.set_xlabel("time step (fs)")
+    axis.set_ylabel("standard deviation of the energy,\nfix_nosquish.NVE over published")
+    axis.set_xticks(list(PUBLISHED), [f"{dt:g}" for dt in PUBLISHED])
+    return (
+        figure,
+        f"Error bars: {SURE} intervals, of both together (theirs alone: ± {100 * margin(THEIR_ERROR):.1f} %); shaded: within {100 * WITHIN:g} %.",
+    )

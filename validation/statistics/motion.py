@@ -1,0 +1,62 @@
+"""Dumps of atoms, and what of bodies' motion stays the same without forces."""
+
+from pathlib import Path
+
+import numpy as np
+
+
+def dump(every: int) -> list[str]:
+    """LAMMPS commands that dump all atoms every so many steps; see `frames`."""
+    return [
+        f'dump atoms all custom {every} "{{folder}}/atoms.dump" id mass xu yu zu vx vy vz',
+        "dump_modify atoms sort id format float %.17g flush yes",
+    ]
+
+
+def has_frames(folder: Path) -> bool:
+    """Whether `dump` left a whole frame."""
+    path = Path(folder) / "atoms.dump"
+    lines = path.read_text().splitlines() if path.exists() else []
+    return len(lines) > 3 and len(lines) >= int(lines[3]) + 9
+
+
+def frames(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What `dump` left, whole frames only: steps (frames,), masses (atoms,), positions and
+    velocities (frames, atoms, 3)."""
+    lines = (Path(folder) / "atoms.dump").read_text().splitlines()
+    n = int(lines[3])
+    size = n + 9
+    count = len(lines) // size
+    steps = np.array([int(lines[size * k + 1]) for k in range(count)])
+    rows = [line for k in range(count) for line in lines[size * k + 9 : size * (k + 1)]]
+    values = np.array(" ".join(rows).split(), float).reshape(count, n, 8)
+    return steps, values[0, :, 1], values[:, :, 2:5], values[:, :, 5:8]
+
+
+def conserved(
+    mass: np.ndarray, x: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What a body without forces keeps, in each frame: kinetic energy (frames,), momentum, angular
+    momentum about its centre (frames, 3).
+
+    Args:
+        mass: (atoms,) of the body.  x, v: (frames, atoms, 3).
+    """
+    centre, mean = (np.einsum("i,fij->fj", mass, a) / mass.sum() for a in (x, v))
+    r, u = x - centre[:, None], v - mean[:, None]
+    return (
+        0.5 * np.einsum("i,fij,fij->f", mass, v, v),
+        mean * mass.sum(),
+        np.einsum("i,fij->fj", mass, np.cross(r, u)),
+    )
+
+
+def distances(x: np.ndarray) -> np.ndarray:
+    """All distances within a body, (frames, pairs), of positions (frames, atoms, 3)."""
+    i, j = np.triu_indices(x.shape[1], 1)
+    return np.linalg.norm(x[:, i] - x[:, j], axis=2)
+
+
+def relative(vectors: np.ndarray) -> float:
+    """Largest |a(t) - a(0)| / |a(0)|, of (frames, 3)."""
+    return float(np.linalg.norm(vectors - vectors[0], axis=1).max() / np.linalg.norm(vectors[0]))

@@ -1,0 +1,297 @@
+"""What a run's atoms tell: how far bodies are from a reference, what holds them, g(r), helix,
+kinetic energies of single bodies."""
+
+import contextlib
+import io
+import logging
+import warnings
+from collections.abc import Sequence
+
+import mdtraj
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from validation.scenes import peptide as paper_peptide
+from validation.scenes.peptide import NM_PER_ANGSTROM
+from validation.statistics import measures
+from validation.statistics.estimate import Estimate
+
+logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
+
+import physical_validation  # noqa: E402  it imports pymbar
+from physical_validation.data import (
+    EnsembleData,
+    ObservableData,
+    SimulationData,
+    SystemData,
+    TrajectoryData,
+    UnitData,
+)
+
+KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
+STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
+REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
+BLOCKS = 5  # of a run's frames, for the noise of g(r)
+SEED = 1  # of physical_validation's resampling
+
+
+class Motion:
+    """Bodies and atoms of a run, from what it left (see ``worker``).
+
+    Attributes:
+        x, v: (frames, atoms, 3), Angstrom and Angstrom/fs.
+        mass: (atoms,) g/mol.
+        groups: arrays (bodies, n): the atoms of all bodies of n atoms, for each n.
+        count: number of bodies.  free: number of atoms in no body.
+    """
+
+    def __init__(self, positions):
+        self.x, self.v, self.mass, self.bodies = (
+            positions[name] for name in ("x", "v", "mass", "bodies")
+        )
+        self.cell, self.periodic = positions["cell"], positions["periodic"]
+        self._bonds, self._angles = positions["bonds"], positions["angles"]
+        order = np.argsort(self.bodies, kind="stable")
+        order = order[self.bodies[order] != 0]
+        _, first, sizes = np.unique(self.bodies[order], return_index=True, return_counts=True)
+        self.groups = [order[first[sizes == n][:, None] + np.arange(n)] for n in np.unique(sizes)]
+        self.count, self.free = len(first), int(np.sum(self.bodies == 0))
+
+    def _image(self, d):
+        return measures.nearest_image(d, self.cell, self.periodic)
+
+    def _parts(self, x, group):
+        """Centres of mass (bodies, 3) and atoms about them (bodies, n, 3), each body put
+        together."""
+        r, mass = x[group], self.mass[group][..., None]
+        r = r[:, :1] + self._image(r - r[:, :1])
+        centre = (mass * r).sum(axis=1) / mass.sum(axis=1)
+        return centre, r - centre[:, None]
+
+    def distance(self, frame: int, exact: np.ndarray) -> Estimate:
+        """Root mean square over all bodies of how far their centres of mass are from those of
+        ``exact``, (atoms, 3); Angstrom."""
+        moved = [
+            self._image(self._parts(self.x[frame], group)[0] - self._parts(exact, group)[0])
+            for group in self.groups
+        ]
+        return _rms(np.linalg.norm(np.concatenate(moved), axis=1))
+
+    def angle(self, frame: int, exact: np.ndarray) -> Estimate:
+        """Root mean square over all bodies of the angle of the rotation that fits them best to
+        ``exact``; radians.
+
+        Of linear bodies the angle between their axes; single atoms do not count.  The fit is by
+        singular values (Kabsch, Acta Cryst. A32, 922, 1976).
+        """
+        angles = []
+        for group in self.groups:
+            if group.shape[1] > 1:
+                a, b = self._parts(exact, group)[1], self._parts(self.x[frame], group)[1]
+                straight = _straight(a)
+                angles += [_between(a[straight], b[straight]), _turned(a[~straight], b[~straight])]
+        return _rms(np.concatenate(angles))
+
+    def bond_error(self) -> float:
+        """Largest change of a bond within a body from its length at the start, in all frames;
+        Angstrom."""
+        i, j = self._within(self._bonds).T
+        length = np.linalg.norm(self._image(self.x[:, i] - self.x[:, j]), axis=-1)
+        return np.abs(length - length[0]).max()
+
+    def angle_error(self) -> float:
+        """Largest change of an angle within a body of three atoms from the start's, in all frames;
+        radians."""
+        sizes = np.bincount(self.bodies)
+        rows = self._within(self._angles)
+        i, centre, k = rows[sizes[self.bodies[rows[:, 0]]] == 3].T
+        a, b = (
+            self._image(self.x[:, i] - self.x[:, centre]),
+            self._image(self.x[:, k] - self.x[:, centre]),
+        )
+        angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
+        return np.abs(angle - angle[0]).max()
+
+    def _within(self, rows):
+        """Those of which all atoms are in one body."""
+        body = self.bodies[rows]
+        return rows[(body[:, 0] != 0) & (body == body[:, :1]).all(axis=1)]
+
+    def kinetic(self, frames: Sequence[int] | slice) -> np.ndarray:
+        """Kinetic energies of the nonlinear bodies of three atoms, which every integrator holds as
+        a whole: (frames, bodies), kcal/mol."""
+        (group,) = (group for group in self.groups if group.shape[1] == 3)
+        group = group[~_straight(self._parts(self.x[0], group)[1])]
+        return (
+            KCAL
+            / 2
+            * (self.mass[group][..., None] * self.v[frames][:, group] ** 2).sum(axis=(2, 3))
+        )
+
+
+def _rms(distances):
+    """`Estimate` of it, of independent distances."""
+    square = distances**2
+    value, number = np.sqrt(square.mean()), len(square)
+    return (
+        Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
+        if value and number > 1
+        else Estimate(value)
+    )
+
+
+def _straight(r):
+    """Which bodies are linear, of atoms (bodies, n, 3) about their centres."""
+    if r.shape[1] == 2:
+        return np.ones(len(r), bool)
+    singular = np.linalg.svd(r, compute_uv=False)
+    return singular[:, 1] < STRAIGHT * singular[:, 0]
+
+
+def _between(a, b):
+    """Angles (bodies,) between the axes of linear bodies, each from its centre to its farthest
+    atom."""
+    far = np.argmax((a**2).sum(axis=2), axis=1)
+    a, b = a[np.arange(len(a)), far], b[np.arange(len(b)), far]
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
+
+
+def _turned(a, b):
+    """Angles (bodies,) of the rotations that fit ``a`` to ``b`` best, both (bodies, n, 3) about
+    their centres."""
+    u, _, v = np.linalg.svd(np.swapaxes(b, 1, 2) @ a)
+    u[:, :, 2] *= np.linalg.det(u @ v)[:, None]
+    return Rotation.from_matrix(u @ v).magnitude() if len(a) else np.empty(0)
+
+
+def pair_distribution(motion, frames):
+    """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the
+    frames; bins of ``BIN`` in ``REACH``."""
+    heaviest = np.concatenate(
+        [
+            group[np.arange(len(group)), np.argmax(motion.mass[group], axis=1)]
+            for group in motion.groups
+        ]
+    )
+    top = mdtraj.Topology()
+    residue = top.add_residue("HOH", top.add_chain())
+    for _ in heaviest:
+        top.add_atom("O", mdtraj.element.oxygen, residue)
+    path = mdtraj.Trajectory(motion.x[frames][:, heaviest] * NM_PER_ANGSTROM, top)
+    path.unitcell_vectors = np.tile(motion.cell * NM_PER_ANGSTROM, (path.n_frames, 1, 1))
+    pairs = top.select_pairs("all", "all")
+    reach = [end * NM_PER_ANGSTROM for end in REACH]
+    parts = np.array_split(np.arange(path.n_frames), BLOCKS)
+    return np.array(
+        [
+            mdtraj.compute_rdf(path[part], pairs, r_range=reach, bin_width=BIN * NM_PER_ANGSTROM)[1]
+            for part in parts
+        ]
+    )
+
+
+def helicity(motion, frames):
+    """Helical residues of the peptide over those of the first frame of all, (frames,)."""
+    atoms = slice(0, paper_peptide.topology().n_atoms)
+    x = motion.x[:, atoms]
+    # an atom is never far from the one before
+    steps = measures.nearest_image(np.diff(x, axis=1), motion.cell, motion.periodic)
+    whole = np.concatenate([x[:, :1], x[:, :1] + np.cumsum(steps, axis=1)], axis=1)
+    helical = paper_peptide.helical(whole)
+    return helical[frames] / helical[0]
+
+
+def _quiet(function, *arguments, **more):
+    """Call, without what it prints."""
+    with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return function(*arguments, **more)
+
+
+def _data(temperature, natoms, **more):
+    """physical_validation's record of a whole at this temperature."""
+    system = SystemData(
+        natoms=natoms, nconstraints=0, ndof_reduction_tra=0, ndof_reduction_rot=0, mass=np.ones(natoms), molecule_idx=[0], nconstraints_per_molecule=[0]
+    )  # fmt: skip
+    ensemble = EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
+    return SimulationData(
+        units=UnitData.units("LAMMPS real"),
+        system=system,
+        ensemble=ensemble,
+        observables=ObservableData(**more),
+    )
+
+
+def distribution(energies, temperature):
+    """How far the kinetic energies of single nonlinear bodies are from the canonical distribution,
+    in standard deviations.
+
+    A body among many is a small part of a large whole, so its distribution is canonical also where
+    the whole's energy is constant.  physical_validation holds mean and width against the gamma
+    distribution; the larger distance counts.
+
+    Args:
+        energies: independent ones, kcal/mol.
+        temperature: K.
+    """
+    # two atoms' degrees of freedom are six, a body's
+    data = _data(temperature, natoms=2, kinetic_energy=energies)
+    found = _quiet(
+        physical_validation.kinetic_energy.distribution,
+        data,
+        verbosity=0,
+        bootstrap_seed=SEED,
+        data_is_uncorrelated=True,
+    )
+    return max(abs(distance) for distance in found)
+
+
+def equipartition(translation, rotation, moving, turning, temperature):
+    """How far the mean kinetic energies of translation and of rotation are from the temperature, in
+    standard deviations.
+
+    By physical_validation; the larger distance of the two counts.  The widths are not looked at,
+    which are not canonical where the whole's energy is constant.
+
+    Args:
+        translation, rotation: (samples,) kcal/mol of the whole, independent ones.
+        moving, turning: their degrees of freedom.
+        temperature: K.
+    """
+    names = "total", "translational", "rotational and internal", "rotational", "internal"
+    data = _data(temperature, natoms=2)
+    data.system.ndof_per_molecule = [
+        dict(zip(names, (moving + turning, moving, turning, turning, 0)))
+    ]
+    data.observables.kinetic_energy_per_molecule = [
+        dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)
+    ]
+    # not looked at, for energies are there
+    data.trajectory = TrajectoryData(*(np.zeros((len(translation), 2, 3)) for _ in range(2)))
+    found = _quiet(
+        physical_validation.kinetic_energy.equipartition,
+        data,
+        verbosity=0,
+        bootstrap_seed=SEED,
+        data_is_uncorrelated=True,
+    )
+    _, (translational, _), (rotational, _), *_ = found
+    return max(abs(translational), abs(rotational))
+
+
+def convergence(deviations):
+    """physical_validation's largest deviation of the ratios of the energy's standard deviations
+    from the square of the steps' ratios.
+
+    Args:
+        deviations: time step to (samples,).
+    """
+    runs = [
+        SimulationData(
+            units=UnitData.units("LAMMPS real"),
+            dt=dt,
+            observables=ObservableData(constant_of_motion=values),
+        )
+        for dt, values in deviations.items()
+    ]
+    return _quiet(physical_validation.integrator.convergence, runs, verbose=False)
