@@ -20,7 +20,9 @@ def header_folder(distribution, header):
     for file in metadata.files(distribution) or ():
         if file.name == header:
             return file.locate().resolve().parent
-    raise SystemExit(f"fix_nosquish: the package {distribution!r} that is installed has no {header}")
+    raise SystemExit(
+        f"fix_nosquish: the package {distribution!r} that is installed has no {header}"
+    )
 
 
 def compiler():

@@ -16,7 +16,11 @@ from functools import partial
 from .errors import RunError
 
 __version__ = "0.1.0"
-INTEGRATORS = {"NVE": "nve", "MatubayasiNakahara": "matubayasi_nakahara", "Gear": "gear"}  # class: module, imported when a fix line names the class
+INTEGRATORS = {
+    "NVE": "nve",
+    "MatubayasiNakahara": "matubayasi_nakahara",
+    "Gear": "gear",
+}  # class: module, imported when a fix line names the class
 
 
 def __getattr__(name):

@@ -16,7 +16,9 @@ from .errors import RunError
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
 _MISSING = "this fix does not advance"
-_TURNS = "whose torque and inertia this fix does not know: use points or spheres (atom_style sphere)"
+_TURNS = (
+    "whose torque and inertia this fix does not know: use points or spheres (atom_style sphere)"
+)
 _ATOM_STYLE, _STRING = 1, 3  # of its variables
 
 
@@ -69,7 +71,12 @@ class Box:
         edge = hi - lo
         self.h = np.array([[edge[0], xy, xz], [0.0, edge[1], yz], [0.0, 0.0, edge[2]]])
         self.inverse = np.linalg.inv(self.h)
-        self.lo, self.periodic, self.wrap, self.size = lo, periodic, periodic.astype(float), np.abs(self.h).max()
+        self.lo, self.periodic, self.wrap, self.size = (
+            lo,
+            periodic,
+            periodic.astype(float),
+            np.abs(self.h).max(),
+        )
         self.farthest = max(np.abs(lo).max(), np.abs(lo + self.h.sum(axis=1)).max())
 
     def lattice(self, vectors):
@@ -88,7 +95,10 @@ class Lammps:
         self.handle = pointer(ptr)
         self.lib = _library()
         if not self.setting("box_exist"):
-            raise RunError("the fix needs a simulation box: define it after read_data or create_box", everywhere=True)
+            raise RunError(
+                "the fix needs a simulation box: define it after read_data or create_box",
+                everywhere=True,
+            )
         # these three never move while LAMMPS lives
         self._natoms = self._scalar("nlocal", c_int)
         self._dt = self._scalar("dt", c_double)
@@ -107,12 +117,16 @@ class Lammps:
         self._box_then = None
         self._views = {}  # of per-atom arrays, by name, with the address and shape that each is of
         # what loops that stay bound take of LAMMPS's atoms; a host points the cells at the arrays as they are (see `plugin.host.Host.point`)
-        self.table, self.cells = cells({"atom_x": F2, "atom_v": F2, "atom_f": F2, "groups": I1, "origins": L1, "arrived": F2})
+        self.table, self.cells = cells(
+            {"atom_x": F2, "atom_v": F2, "atom_f": F2, "groups": I1, "origins": L1, "arrived": F2}
+        )
 
     def _global(self, name):
         address = self.lib.lammps_extract_global(self.handle, name.encode())
         if not address:
-            raise RunError(f"this LAMMPS does not give its {name}: it is too old for the fix", everywhere=True)
+            raise RunError(
+                f"this LAMMPS does not give its {name}: it is too old for the fix", everywhere=True
+            )
         return address
 
     def _scalar(self, name, ctype):
@@ -173,7 +187,10 @@ class Lammps:
         lo, hi, tilt, periodic = self.bounds
         now = lo.tobytes(), hi.tobytes(), periodic.tobytes(), *[t.value for t in tilt]
         if now != self._box_then:
-            self._box_then, self._box = now, Box(lo.copy(), hi.copy(), [t.value for t in tilt], periodic.astype(bool))
+            self._box_then, self._box = (
+                now,
+                Box(lo.copy(), hi.copy(), [t.value for t in tilt], periodic.astype(bool)),
+            )
         return self._box
 
     def per_atom(self, name, dtype=float, columns=0):
@@ -196,7 +213,9 @@ class Lammps:
         """Atom IDs, (natoms,)."""
         tags = self.per_atom("id", self.tagint)
         if tags is None:
-            raise RunError("the fix needs atom IDs, which this script turns off (atom_modify id no)")
+            raise RunError(
+                "the fix needs atom IDs, which this script turns off (atom_modify id no)"
+            )
         return tags
 
     @property
@@ -205,7 +224,9 @@ class Lammps:
         mass = self.per_atom("rmass")
         if mass is None:
             address = self.lib.lammps_extract_atom(self.handle, b"mass")
-            mass = array(address, (self.setting("ntypes") + 1,), float)[self.per_atom("type", np.int32)]
+            mass = array(address, (self.setting("ntypes") + 1,), float)[
+                self.per_atom("type", np.int32)
+            ]
         return mass
 
     @property
@@ -218,7 +239,9 @@ class Lammps:
         """Image flags: how many box vectors each atom is away from its place in the box, (natoms, 3)."""
         packed = self.per_atom("image", self.imageint).astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
-        return np.stack([(packed >> (self._image_bits * k) & mask) - half for k in range(3)], axis=1)
+        return np.stack(
+            [(packed >> (self._image_bits * k) & mask) - half for k in range(3)], axis=1
+        )
 
     def image_difference(self, difference):
         """What a difference of image flags means: their counters start again at the other end."""
@@ -233,11 +256,19 @@ class Lammps:
             no spheres; (natoms,) what an atom is, and what of it this fix does not move, '' for a point or a sphere, None if none is more.
         """
         kinds = {}
-        for name, what in ("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"), ("body", "a body particle"):
+        for name, what in (
+            ("ellipsoid", "an ellipsoid"),
+            ("line", "a line"),
+            ("tri", "a triangle"),
+            ("body", "a body particle"),
+        ):
             index = self.per_atom(name, np.int32)
             if index is not None:
                 kinds[f"{what}, {_TURNS}"] = index >= 0
-        for name, what in ("mu", f"a dipole, {_TURNS}"), ("sp", f"a magnetic spin, whose precession {_MISSING}"):
+        for name, what in (
+            ("mu", f"a dipole, {_TURNS}"),
+            ("sp", f"a magnetic spin, whose precession {_MISSING}"),
+        ):
             vector = self.per_atom(name, columns=4)
             if vector is not None:
                 kinds[what] = vector[:, 3] > 0
@@ -247,16 +278,24 @@ class Lammps:
         if spin is not None:
             kinds[f"an electron, whose radius {_MISSING}"] = np.abs(spin) == 1
         if phase is not None:
-            kinds[f"a fluid particle of RHEO, whose density {_MISSING}; give it rheo/status 1 (solid)"] = phase & 1 == 0
-        if self.per_atom("vest", columns=3) is not None:  # velocities for the forces, which only these styles' own integrators extrapolate
+            kinds[
+                f"a fluid particle of RHEO, whose density {_MISSING}; give it rheo/status 1 (solid)"
+            ] = phase & 1 == 0
+        if (
+            self.per_atom("vest", columns=3) is not None
+        ):  # velocities for the forces, which only these styles' own integrators extrapolate
             if self.per_atom("esph") is not None:
-                kinds[f"an SPH particle, whose density and energy {_MISSING}; use fix rigid/meso"] = True
+                kinds[
+                    f"an SPH particle, whose density and energy {_MISSING}; use fix rigid/meso"
+                ] = True
             elif self.per_atom("edpd_temp") is not None:
                 kinds[f"a DPD particle of atom style edpd, whose temperature {_MISSING}"] = True
             elif self.per_atom("rho") is None:  # style mdpd has it, whose forces are of v
                 kinds[f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"] = True
         # asked of the settings, because a rank without atoms must give the same answer
-        spheres = all(self.setting(name) > 0 for name in ("radius_flag", "omega_flag", "torque_flag"))
+        spheres = all(
+            self.setting(name) > 0 for name in ("radius_flag", "omega_flag", "torque_flag")
+        )
         radius = self.per_atom("radius") if spheres else None
         every = [np.broadcast_to(which, self._natoms.value) for which in kinds.values()]
         return radius, (np.select(every, list(kinds), "") if kinds else None)
@@ -291,18 +330,25 @@ class Lammps:
             return word
         name = word[2:]
         if not self.has("variable", name):
-            raise RunError(f"there is no variable '{name}' ({word}): define it before the fix", everywhere=True)
+            raise RunError(
+                f"there is no variable '{name}' ({word}): define it before the fix", everywhere=True
+            )
         return ctypes.string_at(self._evaluate(name, None, _STRING)).decode()
 
     def _evaluate(self, name, group, style):
         """The address of a variable's value; collective."""
-        style_of = getattr(self.lib, "lammps_extract_variable_datatype", None)  # LAMMPS has it since 2022
+        style_of = getattr(
+            self.lib, "lammps_extract_variable_datatype", None
+        )  # LAMMPS has it since 2022
         if style_of and style_of(c_void_p(self.handle), name.encode()) != style:
             article, word = ("an", "atom") if style == _ATOM_STYLE else ("a", "string")
             raise RunError(
-                f"variable {name} is not {article} {word}-style variable: define it with 'variable {name} {word} ...'", everywhere=True
+                f"variable {name} is not {article} {word}-style variable: define it with 'variable {name} {word} ...'",
+                everywhere=True,
             )
-        address = self.lib.lammps_extract_variable(self.handle, name.encode(), group and group.encode())
+        address = self.lib.lammps_extract_variable(
+            self.handle, name.encode(), group and group.encode()
+        )
         if not address:
             raise RunError(f"variable {name} cannot be evaluated", everywhere=True)
         return address
@@ -323,11 +369,15 @@ class Lammps:
 
         def call(_, step, natoms, tags, x, forces):
             if natoms:  # the fix adds its own array of forces, which holds what memory held
-                ctypes.memset(c_void_p.from_address(forces).value, 0, natoms * 3 * ctypes.sizeof(c_double))
+                ctypes.memset(
+                    c_void_p.from_address(forces).value, 0, natoms * 3 * ctypes.sizeof(c_double)
+                )
             function()
 
         callback = prototype(call)
-        self.lib.lammps_set_fix_external_callback(self.handle, fix.encode(), ctypes.cast(callback, c_void_p), None)
+        self.lib.lammps_set_fix_external_callback(
+            self.handle, fix.encode(), ctypes.cast(callback, c_void_p), None
+        )
         return callback
 
     def set_external_virial(self, fix, virial):

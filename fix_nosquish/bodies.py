@@ -26,7 +26,17 @@ MASS, MOMENT, X, V, Q, P, LOAD, NATOMS, IMAGE, HOME, ID = (slice(row, row + rows
 
 # what the loops take beside RENEWED, by the names of their arguments: what has an entry for each atom, or each body, and room for more
 # (of RENEWED, too), and the rest
-_OF_ATOMS = {"rounds": I1, "index": I1, "body": L1, "away": I1, "shift": F2, "here": I1, "place": I1, "owner": L1, "source": L1}
+_OF_ATOMS = {
+    "rounds": I1,
+    "index": I1,
+    "body": L1,
+    "away": I1,
+    "shift": F2,
+    "here": I1,
+    "place": I1,
+    "owner": L1,
+    "source": L1,
+}
 _OF_BODIES = {"blocks": I2, "atoms": L1, "number": L1, "order": L1, "first": L1, "next_": L2}
 _OTHERS = {"aways": L1, "scratch": F1, "plane": I, "table": L1, "buckets": L1, "room": L1, "found": L1, "sizes": L1, "cells": L2, "off": F1,
            "h": F2, "inverse": F2, "lo": F1, "periodic": F1, "near": F}  # fmt: skip
@@ -100,11 +110,22 @@ class Bodies:
     def __init__(self, state, body, d, here, plane, spheres, world=ALONE):
         n, m = state.shape[1], len(here)
         self.plane, self.spheres, self._world, self.start = plane, spheres, world, None
-        self._room, self._found, self._box = np.zeros(kernels.ROOMS, np.int64), np.zeros(kernels.FOUND, np.int64), None
+        self._room, self._found, self._box = (
+            np.zeros(kernels.ROOMS, np.int64),
+            np.zeros(kernels.FOUND, np.int64),
+            None,
+        )
         table, self.cells = cells(RENEWED)
-        self.cells |= {name: Cell(kind) for name, kind in (_OF_ATOMS | _OF_BODIES | _OTHERS).items() if name not in RENEWED}
+        self.cells |= {
+            name: Cell(kind)
+            for name, kind in (_OF_ATOMS | _OF_BODIES | _OTHERS).items()
+            if name not in RENEWED
+        }
         self.sharers = Sharers(world, self.cells["load"])
-        self.cells |= {"counts": self.sharers.cells["counts"], "shared": self.sharers.cells["bodies"]}
+        self.cells |= {
+            "counts": self.sharers.cells["counts"],
+            "shared": self.sharers.cells["bodies"],
+        }
         for name in _WIDTHS:
             self.cells[name].set(_column(name, 0))
         for name, value in (
@@ -125,20 +146,31 @@ class Bodies:
             self.cells[name].set(_column(name, 0))
         for name in "state", "d":
             address = self.cells[name].numbers[0].item()
-            self.cells[name].owners = self.cells["old_" + name].owners = {address: self.cells[name].owners[address]}
+            self.cells[name].owners = self.cells["old_" + name].owners = {
+                address: self.cells[name].owners[address]
+            }
         of_sharers = self.sharers.cells | self.cells
         self._sharing, self._concluding = [], []
         if world.size > 1:
             self._sharing = [kernels.partial.bind_to(of_sharers), *self.sharers.finding]
-            self._concluding = [kernels.set_home.bind_to(of_sharers)]  # when all ranks know: until then they meet where they did
+            self._concluding = [
+                kernels.set_home.bind_to(of_sharers)
+            ]  # when all ranks know: until then they meet where they did
 
-    rotors, extended = (property(lambda self, name=name: self.cells[name].number) for name in ("rotors", "extended"))
+    rotors, extended = (
+        property(lambda self, name=name: self.cells[name].number) for name in ("rotors", "extended")
+    )
     state, d, blocks, rounds, index, body, away, shift, aways, scratch = map(
-        _cell, ("state", "d", "blocks", "rounds", "index", "body", "away", "shift", "aways", "scratch")
+        _cell,
+        ("state", "d", "blocks", "rounds", "index", "body", "away", "shift", "aways", "scratch"),
     )
     atoms_here = _cell("atoms")
-    mass, natoms, moment, x, v, q, p, load, image = map(_rows, (kernels.MASS, kernels.NATOMS, MOMENT, X, V, Q, P, LOAD, IMAGE))
-    force, torque = (property(lambda self, rows=rows: self.load[rows]) for rows in (slice(3), slice(3, 6)))
+    mass, natoms, moment, x, v, q, p, load, image = map(
+        _rows, (kernels.MASS, kernels.NATOMS, MOMENT, X, V, Q, P, LOAD, IMAGE)
+    )
+    force, torque = (
+        property(lambda self, rows=rows: self.load[rows]) for rows in (slice(3), slice(3, 6))
+    )
 
     @property
     def flat(self):
@@ -163,7 +195,9 @@ class Bodies:
 
     def _make_room(self, atoms, bodies, entries):
         """Have arrays for so many atoms, bodies (with those that come among them) and entries of the table of `kernels.arrange`."""
-        atoms, bodies, entries = self._room[:] = np.maximum(self._room, (atoms, bodies, entries)).tolist()
+        atoms, bodies, entries = self._room[:] = np.maximum(
+            self._room, (atoms, bodies, entries)
+        ).tolist()
         self.cells["table"].set(np.empty(entries, np.int64))
         for name, size in ("state", bodies), ("d", atoms):
             now, other = self.cells[name], self.cells["old_" + name]
@@ -199,7 +233,13 @@ class Bodies:
 
     def following(self):
         """The passes of `follow`, for the plugin; see `Host.go_alone`."""
-        return self._locate, self._agreement, [*self._rearranging, *self._sharing], self._settle, self._concluding
+        return (
+            self._locate,
+            self._agreement,
+            [*self._rearranging, *self._sharing],
+            self._settle,
+            self._concluding,
+        )
 
     def follow(self, lammps, membership, host):
         """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
@@ -235,10 +275,15 @@ class Bodies:
         of_bodies[:, here] = self.state[rows][:, self.body[place]]
         of_bodies[:, came] = arrived[row[:, None], kernels.OF_BODY + rows].T
         d[:, here], d[:, came] = self.d[:3, place], arrived[row, 1:4].T
-        return Former(here | came, of_bodies[0].astype(np.int64), of_bodies[1], of_bodies[2:], d, followed)
+        return Former(
+            here | came, of_bodies[0].astype(np.int64), of_bodies[1], of_bodies[2:], d, followed
+        )
 
     def _make_room_for(self, atoms, arrived):
-        bodies, entries = len(self) + arrived, 4 << (2 * (len(self.sharers.bodies) + arrived)).bit_length()
+        bodies, entries = (
+            len(self) + arrived,
+            4 << (2 * (len(self.sharers.bodies) + arrived)).bit_length(),
+        )
         if self._world.size > 1:  # on one rank there are always as many
             atoms, bodies = (size * 5 // 4 + kernels.BLOCK for size in (atoms, bodies))
         self._make_room(atoms, bodies, entries)
@@ -256,7 +301,13 @@ class Bodies:
         box, problem = lammps.box, None
         if box is not self._box:
             self._box = box
-            for name, value in ("h", box.h), ("inverse", box.inverse), ("lo", box.lo), ("periodic", box.wrap), ("near", OFF_BODY * box.size):
+            for name, value in (
+                ("h", box.h),
+                ("inverse", box.inverse),
+                ("lo", box.lo),
+                ("periodic", box.wrap),
+                ("near", OFF_BODY * box.size),
+            ):
                 self.cells[name].set(value)
         if self._settle():
             problem = self._off()
@@ -273,7 +324,10 @@ class Bodies:
                 "or to another place in LAMMPS's arrays, or has another ID. Use 'run N pre yes'"
             )
         else:
-            copies = {name: Cell(self.cells[name].kind, self.cells[name].array.copy()) for name in ("state", "away", "shift", "aways")}
+            copies = {
+                name: Cell(self.cells[name].kind, self.cells[name].array.copy())
+                for name in ("state", "away", "shift", "aways")
+            }
             if kernels.settle.bind_to(self.cells | lammps.cells | copies)():
                 problem = self._off()
         self._world.agree(problem)
@@ -295,10 +349,19 @@ class Bodies:
         """
         mass = lammps.masses
         momentum, load = np.empty_like(self.load), self.load.copy()
-        kernels.gather(self.state, *self.atoms, mass[:, None] * lammps.per_atom("v", columns=3), momentum, True, self.scratch)
+        kernels.gather(
+            self.state,
+            *self.atoms,
+            mass[:, None] * lammps.per_atom("v", columns=3),
+            momentum,
+            True,
+            self.scratch,
+        )
         if self.spheres:
             spin = SPHERE * mass * lammps.per_atom("radius") ** 2
-            spheres.add_torques(self.body, self.index, spin[:, None] * lammps.per_atom("omega", columns=3), momentum)
+            spheres.add_torques(
+                self.body, self.index, spin[:, None] * lammps.per_atom("omega", columns=3), momentum
+            )
         self.sharers.combine(momentum)
         if given is not None:
             momentum[:, given[0]] = given[1]
@@ -306,7 +369,9 @@ class Bodies:
             momentum[2:5] = 0.0
         self.v[:] = self.p[:] = 0.0
         self.load[:] = momentum
-        kernels.kick(self.state, self.blocks, 1.0, self.scratch)  # a blow of this strength starts the motion
+        kernels.kick(
+            self.state, self.blocks, 1.0, self.scratch
+        )  # a blow of this strength starts the motion
         self.load[:] = load
         if self.extended > self.rotors:  # nothing turns about the axis of a linear body
             linear = slice(self.rotors, self.extended)
@@ -319,21 +384,34 @@ class Bodies:
 
     def angular_velocity(self):
         """Angular velocity in the principal frame, (3, n); zero about an axis without moment."""
-        return np.divide(self.angular_momentum(), self.moment, out=np.zeros_like(self.moment), where=self.moment > 0)
+        return np.divide(
+            self.angular_momentum(),
+            self.moment,
+            out=np.zeros_like(self.moment),
+            where=self.moment > 0,
+        )
 
     def momenta(self):
         """Linear and angular momentum in the space frame, (6, n)."""
-        return np.concatenate([self.mass * self.v, np.einsum("abn,bn->an", matrices(self.q), self.angular_momentum())])
+        return np.concatenate(
+            [self.mass * self.v, np.einsum("abn,bn->an", matrices(self.q), self.angular_momentum())]
+        )
 
     def instability(self, body, lammps):
         """Why a body moves too far in a step, and what to do; '', '' if it does not."""
-        move, turn = (lammps.innermost_dt * np.linalg.norm(speed[:, body]) for speed in (self.v, self.angular_velocity()))
+        move, turn = (
+            lammps.innermost_dt * np.linalg.norm(speed[:, body])
+            for speed in (self.v, self.angular_velocity())
+        )
         first, cause, remedy, spacing = self.start or (0, "", "", np.inf)
         if move < 0.5 * spacing and turn < 1.0:
             return "", ""
         if cause and lammps.step <= first + _SOON:
             return cause, remedy
-        return f"the time step is too long: a body moves by {move:.3g} and turns by {turn:.2g} rad in it", "use a shorter one, or a better start"
+        return (
+            f"the time step is too long: a body moves by {move:.3g} and turns by {turn:.2g} rad in it",
+            "use a shorter one, or a better start",
+        )
 
     def kinetic(self):
         """Kinetic energy of translation and of rotation, mass times velocity squared, (2, n)."""
@@ -364,7 +442,9 @@ def _atoms_changed(lammps, world, membership, bodies):
     atoms, origins = membership.atoms(), lammps.cells["origins"].array
     of_atoms = origins[atoms]
     gained = lammps.cells["arrived"].array[-2 - of_atoms[of_atoms < -1], 0].copy().view(np.int64)
-    gone = world.gone(np.setdiff1d(np.arange(len(bodies.index)), places(of_atoms[of_atoms >= 0])), gained)
+    gone = world.gone(
+        np.setdiff1d(np.arange(len(bodies.index)), places(of_atoms[of_atoms >= 0])), gained
+    )
     if len(gone):
         gone = gone[bodies.tag[gone].argmin()]
         body = bodies.body[gone]

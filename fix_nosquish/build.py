@@ -9,8 +9,12 @@ from .shapes import keep
 from .sharing import Sharers
 from .unfold import unfold
 
-ZERO_MOMENT = 1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
-_EQUAL_MOMENTS = 1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
+ZERO_MOMENT = (
+    1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
+)
+_EQUAL_MOMENTS = (
+    1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
+)
 _LARGEST_ID = 2**53  # IDs travel as floating-point numbers
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
@@ -54,28 +58,49 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     given = infile.read(path, world, ids, sharers.owned) if path else None
     if given:
         body_mass[given.bodies] = given.mass
-    blame(~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero")
+    blame(
+        ~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero"
+    )
 
-    place, image, delta, rebuilt, doubt = unfold(lammps, world, membership, sharers, ids, body, tag, atoms)
+    place, image, delta, rebuilt, doubt = unfold(
+        lammps, world, membership, sharers, ids, body, tag, atoms
+    )
     centre = total(*(mass * delta.T)) / body_mass
     if given:
         # the file's centre, as the place of the body's first atom sees it
         here, of_atoms = given.bodies, centre.copy()
-        centre[:, here] = given.x - place[:, here] + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
+        centre[:, here] = (
+            given.x
+            - place[:, here]
+            + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
+        )
         far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
-        blame(far.any(axis=0), lambda k: "has its centre in the infile more than half the box from its atoms: check the image flags there")
+        blame(
+            far.any(axis=0),
+            lambda k: (
+                "has its centre in the infile more than half the box from its atoms: check the image flags there"
+            ),
+        )
     r, kept, new = delta - centre[:, body].T, None, True
     if former is not None:
         r, kept, new = keep(lammps, world, membership, sharers, former, ids, body, atoms, mass, r)
     rx, ry, rz = r.T
-    xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz)))
+    xx, yy, zz, xy, xz, yz = total(
+        *(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz))
+    )
     own = SPHERE * total(mass * radius**2)[0] if radius is not None else 0.0
     size = np.sqrt((xx + yy + zz + own) / body_mass)
     blame(
-        (natoms > 1) & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max()) & (given.absent if given else True),
-        lambda k: f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, or leave them out of the group",
+        (natoms > 1)
+        & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
+        & (given.absent if given else True),
+        lambda k: (
+            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, or leave them out of the group"
+        ),
     )
-    inertia = np.array([[yy + zz + own, -xy, -xz], [-xy, xx + zz + own, -yz], [-xz, -yz, xx + yy + own]]).transpose(2, 0, 1)
+    inertia = np.array(
+        [[yy + zz + own, -xy, -xz], [-xy, xx + zz + own, -yz], [-xz, -yz, xx + yy + own]]
+    ).transpose(2, 0, 1)
     if given:
         inertia[given.bodies] = given.inertia
     if plane:
@@ -92,7 +117,13 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
         axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
 
     state = np.zeros((ROWS + more_rows, n))
-    state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = body_mass, natoms, moment, sharers.home, ids
+    state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = (
+        body_mass,
+        natoms,
+        moment,
+        sharers.home,
+        ids,
+    )
     state[X], state[IMAGE], state[Q] = place + centre, image, _quaternion(axes)
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
@@ -106,7 +137,12 @@ def build(lammps, world, membership, path=None, more_rows=0, former=None):
     result.find_sharers()  # the periodic image of each atom is found when LAMMPS has put the atoms where the run starts
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, world, membership, rebuilt[sharers.owned].sum())
-    return result, notes | {"given": given.named if given else (), "warnings": [doubt] if doubt else [], "kept": kept, "new": new}
+    return result, notes | {
+        "given": given.named if given else (),
+        "warnings": [doubt] if doubt else [],
+        "kept": kept,
+        "new": new,
+    }
 
 
 def count(lammps, world, membership):
@@ -133,7 +169,10 @@ def _notes(bodies, lammps, world, membership, rebuilt):
     v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
     before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum()
     if bodies.spheres:
-        radius, omega = lammps.per_atom("radius")[bodies.index], lammps.per_atom("omega", columns=3)[bodies.index]
+        radius, omega = (
+            lammps.per_atom("radius")[bodies.index],
+            lammps.per_atom("omega", columns=3)[bodies.index],
+        )
         before += 0.5 * SPHERE * (mass[bodies.index] * radius**2 * (omega**2).T).sum()
     zero = owned & (bodies.id == 0) & (membership.command.style == "molecule")
     before, after, rebuilt, stray = world.total(
@@ -159,16 +198,27 @@ def _members(lammps, world, membership):
         problem = str(error)
     world.agree(problem)
     if world.total(np.array([len(atoms)]))[0] == 0:
-        raise RunError(f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run", everywhere=True)
+        raise RunError(
+            f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run",
+            everywhere=True,
+        )
     radius, more = lammps.finite()
     more = more[atoms] if more is not None else np.zeros(len(atoms), "U1")
     odd = more != ""
     world.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
     bad = ~(mass >= 0)
-    world.agree(f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero" if bad.any() else None)
+    world.agree(
+        f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero"
+        if bad.any()
+        else None
+    )
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
     far = (ids > _LARGEST_ID) | (ids < -_LARGEST_ID)
-    world.agree(f"{membership.name(ids[far][0])} has too large an ID: at most 2^53 is possible" if far.any() else None)
+    world.agree(
+        f"{membership.name(ids[far][0])} has too large an ID: at most 2^53 is possible"
+        if far.any()
+        else None
+    )
     return atoms, ids, body, mass, tag, None if radius is None else radius[atoms]
 
 
@@ -240,7 +290,10 @@ def _choose_axes(axes, equal, sums):
     """
     chosen = np.flatnonzero(equal.any(axis=0))
     equal, frames = equal[:, chosen], axes[chosen]
-    both, last = equal.all(axis=0), equal[0] & ~equal[1]  # all moments are equal; the third one is alone
+    both, last = (
+        equal.all(axis=0),
+        equal[0] & ~equal[1],
+    )  # all moments are equal; the third one is alone
     one, two = sums[chosen, 0], sums[chosen, 1]
     alone = np.where(last[:, None], frames[:, :, 2], frames[:, :, 0])
 
@@ -249,17 +302,23 @@ def _choose_axes(axes, equal, sums):
 
     def without(a, b):
         """The part of a that is perpendicular to b."""
-        return a - np.divide(dot(a, b), dot(b, b), out=np.zeros((len(a), 1)), where=dot(b, b) > 0) * b
+        return (
+            a - np.divide(dot(a, b), dot(b, b), out=np.zeros((len(a), 1)), where=dot(b, b) > 0) * b
+        )
 
     first = np.where(both[:, None], one, alone)
     one, two = without(one, alone), without(two, first)
     second = np.where(both[:, None] | (dot(one, one) < 1e-6 * dot(two, two)), two, one)
     # a sphere has no direction
-    found = (dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))) & (dot(first, first)[:, 0] > 0)
+    found = (dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))) & (
+        dot(first, first)[:, 0] > 0
+    )
     first, second = (a[found] / np.sqrt(dot(a, a)[found]) for a in (first, second))
     third = np.cross(first, second)
     last = last[found, None, None]
-    axes[chosen[found]] = np.where(last, np.stack([second, third, first], axis=2), np.stack([first, second, third], axis=2))
+    axes[chosen[found]] = np.where(
+        last, np.stack([second, third, first], axis=2), np.stack([first, second, third], axis=2)
+    )
 
 
 def _quaternion(axes):

@@ -22,8 +22,14 @@ _ELSEWHERE = {
     "gravity": "use fix gravity before this fix",
     "mol": "insert bodies between runs",
     "bodyforces": "the order of the fix lines decides which forces count",
-    **dict.fromkeys(("temp", "tparam", "tchain"), "this fix keeps the energy; use a thermostat fix on the bodies' atoms"),
-    **dict.fromkeys(("iso", "aniso", "x", "y", "z", "couple", "pchain", "pparam", "fixedpoint", "dilate"), "this fix keeps the volume"),
+    **dict.fromkeys(
+        ("temp", "tparam", "tchain"),
+        "this fix keeps the energy; use a thermostat fix on the bodies' atoms",
+    ),
+    **dict.fromkeys(
+        ("iso", "aniso", "x", "y", "z", "couple", "pchain", "pparam", "fixedpoint", "dilate"),
+        "this fix keeps the volume",
+    ),
 }
 
 
@@ -82,7 +88,9 @@ class Command:
                 )
         elif style == "group":
             count = words.whole("the number of groups")
-            arguments = tuple(words.take(f"the ID of group {k + 1} of {count}") for k in range(count))
+            arguments = tuple(
+                words.take(f"the ID of group {k + 1} of {count}") for k in range(count)
+            )
             if len(set(arguments)) < count:
                 raise words.wrong("one group is named twice: each is one body")
         elif style not in ("single", "molecule"):
@@ -92,11 +100,19 @@ class Command:
             keyword = words.take("a keyword")
             expected = KEYWORDS.get(keyword)
             if expected is None:
-                raise words.wrong(f"unknown keyword '{keyword}': " + _ELSEWHERE.get(keyword, "expected " + ", ".join(KEYWORDS)))
+                raise words.wrong(
+                    f"unknown keyword '{keyword}': "
+                    + _ELSEWHERE.get(keyword, "expected " + ", ".join(KEYWORDS))
+                )
             if keyword in values and keyword not in ("force", "torque"):
                 raise words.wrong(f"keyword {keyword} stands twice")
             if keyword in ("force", "torque"):
-                values[keyword] += ((*words.bodies(expected), tuple(words.choice(("off", "on"), expected) for _ in "xyz")),)
+                values[keyword] += (
+                    (
+                        *words.bodies(expected),
+                        tuple(words.choice(("off", "on"), expected) for _ in "xyz"),
+                    ),
+                )
             elif keyword == "mrot":
                 values["mrot"] = words.whole(expected)
             elif keyword == "order":
@@ -108,7 +124,9 @@ class Command:
             elif keyword == "output":
                 values["output"] = (words.whole(expected), words.take(expected))
         if "infile" in values:
-            values["reinit"] = False  # as in fix rigid: the file is the start, not the state of later runs
+            values["reinit"] = (
+                False  # as in fix rigid: the file is the start, not the state of later runs
+            )
         return cls(text, group, style, arguments, **values)
 
 
@@ -139,7 +157,9 @@ class _Words:
         """Which of two words comes next, as a bool."""
         word = self.take(expected)
         if word not in allowed:
-            raise self.wrong(f"'{word}' was given where {' or '.join(allowed)} is expected, of {expected}")
+            raise self.wrong(
+                f"'{word}' was given where {' or '.join(allowed)} is expected, of {expected}"
+            )
         return word == allowed[1]
 
     def bodies(self, expected):

@@ -47,7 +47,11 @@ class Kind(NamedTuple):
     dimensions: int
 
     def __str__(self):
-        return f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions" if self.dimensions else f"a {self.dtype}"
+        return (
+            f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions"
+            if self.dimensions
+            else f"a {self.dtype}"
+        )
 
     def describe(self, value):
         """A value as integers: a number's bits, or an array's address and shape. Raises: TypeError."""
@@ -55,7 +59,12 @@ class Kind(NamedTuple):
             return [operator.index(value)]
         if self is F:
             return [ctypes.c_int64.from_buffer(ctypes.c_double(value)).value]
-        if isinstance(value, np.ndarray) and value.dtype == self.dtype and value.ndim == self.dimensions and value.flags.c_contiguous:
+        if (
+            isinstance(value, np.ndarray)
+            and value.dtype == self.dtype
+            and value.ndim == self.dimensions
+            and value.flags.c_contiguous
+        ):
             return [_address(value), *value.shape]
         raise TypeError
 
@@ -72,7 +81,10 @@ I, L1, L2 = (Kind(np.dtype(np.int64), dimensions) for dimensions in range(3))
 I1, I2 = (Kind(np.dtype(np.int32), dimensions) for dimensions in (1, 2))
 
 _memory = ctypes.pythonapi.PyMemoryView_FromMemory
-_memory.restype, _memory.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int]
+_memory.restype, _memory.argtypes = (
+    ctypes.py_object,
+    [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int],
+)
 _WRITABLE = 0x200  # PyBUF_WRITE
 
 
@@ -101,7 +113,9 @@ class Cell:
 
     def __init__(self, kind, value=None, numbers=None):
         self.kind = kind
-        self.numbers = (np.zeros(3, np.int64) if numbers is None else numbers)[: 1 + kind.dimensions]
+        self.numbers = (np.zeros(3, np.int64) if numbers is None else numbers)[
+            : 1 + kind.dimensions
+        ]
         self.address, self.owners = self.numbers.ctypes.data, {}
         if value is not None:
             self.set(value)
@@ -134,7 +148,9 @@ def cells(kinds):
         (cells (len(kinds), 3), dictionary): their integers, and from names to each `Cell`.
     """
     table = np.zeros((len(kinds), 3), np.int64)
-    return table, {name: Cell(kind, numbers=numbers) for (name, kind), numbers in zip(kinds.items(), table)}
+    return table, {
+        name: Cell(kind, numbers=numbers) for (name, kind), numbers in zip(kinds.items(), table)
+    }
 
 
 def inlined(function=None, *, contract=False):
@@ -202,7 +218,9 @@ class Loop:
     def __init__(self, function):
         update_wrapper(self, function)
         self.name = f"{function.__module__}.{function.__name__}"
-        self.kinds = {name: kind for name, kind in function.__annotations__.items() if name != "return"}
+        self.kinds = {
+            name: kind for name, kind in function.__annotations__.items() if name != "return"
+        }
         self.machine_code = None
         self.module = _modules.setdefault(function.__module__, _Module(function.__module__))
         self.module.loops.append(self)
@@ -236,7 +254,9 @@ class Loop:
                 raise TypeError(f"{self.name}: {name} must be {kind}, not a {given}") from None
         if not self.machine_code:
             self.module.load()
-        call = partial(self.machine_code, (ctypes.c_int64 * len(used))(*[cell.address for cell in used]))
+        call = partial(
+            self.machine_code, (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
+        )
         call.cells = used  # they live as long as their addresses are in use
         return call
 
@@ -273,15 +293,25 @@ class _Module:
         """
         if not self.read():
             package = self.name.partition(".")[0]
-            modules = [module for name, module in _modules.items() if name.partition(".")[0] == package]
+            modules = [
+                module for name, module in _modules.items() if name.partition(".")[0] == package
+            ]
             with _locked(self.places()):
                 if not self.read():  # nor has another process made it meanwhile
-                    print(f"{package} compiles its loops, once for this machine and version: about 15 s", file=sys.stderr, flush=True)
+                    print(
+                        f"{package} compiles its loops, once for this machine and version: about 15 s",
+                        file=sys.stderr,
+                        flush=True,
+                    )
                     begin = time.perf_counter()
                     for module in sorted(modules, key=lambda module: module is not self):
                         if not module.read() and not module.compile():
                             break  # what cannot be kept is compiled for this run alone
-                    print(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s", file=sys.stderr, flush=True)
+                    print(
+                        f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s",
+                        file=sys.stderr,
+                        flush=True,
+                    )
         return self.code
 
     def read(self):
@@ -299,10 +329,15 @@ class _Module:
     def compile(self):
         """Make the machine code, and keep it if there is a place for it. Returns: whether there is."""
         places, self.code = self.places(), _compile(self.loops)
-        kept = any(_save(place, importlib.util.source_hash(self.code) + self.code) for place in places)
+        kept = any(
+            _save(place, importlib.util.source_hash(self.code) + self.code) for place in places
+        )
         if not kept:
             folders = " nor ".join(str(place.parent) for place in places)
-            warnings.warn(f"the loops of {self.name} are compiled at each start, because neither {folders} can be written", RuntimeWarning)
+            warnings.warn(
+                f"the loops of {self.name} are compiled at each start, because neither {folders} can be written",
+                RuntimeWarning,
+            )
         return kept
 
     def places(self):
@@ -314,8 +349,12 @@ class _Module:
 
         beside = Path(importlib.util.cache_from_source(sys.modules[self.name].__file__))
         compiler = f"{_processor()} {metadata.version('llvmlite')} {metadata.version('numba')}"
-        loops = repr([(loop.name, loop.__annotations__, _contents(loop.__wrapped__)) for loop in self.loops])
-        beside = beside.with_suffix(f".{_hash(compiler)}.{_hash(__loader__.get_source(__name__) + loops)}.o")
+        loops = repr(
+            [(loop.name, loop.__annotations__, _contents(loop.__wrapped__)) for loop in self.loops]
+        )
+        beside = beside.with_suffix(
+            f".{_hash(compiler)}.{_hash(__loader__.get_source(__name__) + loops)}.o"
+        )
         cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
         return beside, Path(cache, __package__, _hash(str(beside.parent)), beside.name)
 
@@ -371,7 +410,10 @@ def _target():
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     return llvm.Target.from_default_triple().create_target_machine(
-        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=3, jit=True
+        cpu=llvm.get_host_cpu_name(),
+        features=llvm.get_host_cpu_features().flatten(),
+        opt=3,
+        jit=True,
     )
 
 
@@ -399,8 +441,15 @@ def _contents(function):
     names = sorted({name for code in codes for name in code.co_names})
     used = {name: function.__globals__[name] for name in names if name in function.__globals__}
     for module in [value for value in used.values() if isinstance(value, ModuleType)]:
-        used |= {f"{module.__name__}.{name}": getattr(module, name) for name in names if hasattr(module, name)}
-    used |= {name: cell.cell_contents for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ())}
+        used |= {
+            f"{module.__name__}.{name}": getattr(module, name)
+            for name in names
+            if hasattr(module, name)
+        }
+    used |= {
+        name: cell.cell_contents
+        for name, cell in zip(function.__code__.co_freevars, function.__closure__ or ())
+    }
     return (
         [(code.co_code, [c for c in code.co_consts if not isinstance(c, CodeType)], code.co_names, code.co_varnames) for code in codes],
         {name: _contents(value) if isinstance(value, FunctionType) and value in _inlined else getattr(value, "__name__", value)
@@ -417,7 +466,9 @@ def _teach(function):
     """Let numba compile a function wherever a compiled one calls it, and inline it there."""
     from numba.extending import overload
 
-    options = _OPTIONS | {"no_cfunc_wrapper": True, "error_model": "numpy"} | _inlined.get(function, {})
+    options = (
+        _OPTIONS | {"no_cfunc_wrapper": True, "error_model": "numpy"} | _inlined.get(function, {})
+    )
     overload(function, options, strict=False)(lambda *types: function)
 
 
@@ -440,18 +491,24 @@ def _compile(loops):
             try:
                 entries.append((loop, _entry(loop)))
             except NumbaError as error:
-                raise RuntimeError(f"{loop.name} makes an array or raises an exception, or is not what numba can compile: {error}") from error
+                raise RuntimeError(
+                    f"{loop.name} makes an array or raises an exception, or is not what numba can compile: {error}"
+                ) from error
     for loop, entry in entries:
         module = llvm.parse_assembly(entry.inspect_llvm())
         for value in (*module.functions, *module.global_variables):
             if not value.is_declaration and value.name != entry.native_name:
                 value.linkage = "internal"
                 if value.is_function:
-                    value.add_function_attribute("alwaysinline")  # of LLVM, which simplifies it first
+                    value.add_function_attribute(
+                        "alwaysinline"
+                    )  # of LLVM, which simplifies it first
         module.get_function(entry.native_name).name = loop.name
         needed = _optimise(module) and _optimise(module)
         if needed:
-            raise RuntimeError(f"{loop.name} makes an array or raises an exception, for which it needs {', '.join(needed)}")
+            raise RuntimeError(
+                f"{loop.name} makes an array or raises an exception, for which it needs {', '.join(needed)}"
+            )
         linked.link_in(module)
     return _target().emit_object(linked)
 
@@ -468,11 +525,16 @@ def _teach_prefetch():
     def fetch(typing, array, row, column):
         def generate(context, builder, signature, arguments):
             view = context.make_array(array)(context, builder, arguments[0])
-            place = cgutils.get_item_pointer(context, builder, array, view, arguments[1:], wraparound=False)
+            place = cgutils.get_item_pointer(
+                context, builder, array, view, arguments[1:], wraparound=False
+            )
             number = ir.IntType(32)
             kind = ir.FunctionType(ir.VoidType(), [cgutils.voidptr_t, number, number, number])
             function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
-            builder.call(function, [builder.bitcast(place, cgutils.voidptr_t), number(0), number(2), number(1)])
+            builder.call(
+                function,
+                [builder.bitcast(place, cgutils.voidptr_t), number(0), number(2), number(1)],
+            )
             return context.get_dummy_value()
 
         return types.void(array, types.int64, types.int64), generate
@@ -500,7 +562,11 @@ def _optimise(module):
     options.loop_vectorization, options.loop_interleaving = True, False
     builder = llvm.create_pass_builder(_target(), options)
     builder.getModulePassManager().run(module, builder)
-    return [f.name for f in module.functions if f.is_declaration and not f.name.startswith("llvm.") and not hasattr(math, f.name)]
+    return [
+        f.name
+        for f in module.functions
+        if f.is_declaration and not f.name.startswith("llvm.") and not hasattr(math, f.name)
+    ]
 
 
 def _entry(loop):
@@ -510,7 +576,10 @@ def _entry(loop):
     from numba.extending import intrinsic
 
     scalars = [getattr(types, kind.dtype.name) for kind in loop.kinds.values()]
-    kinds = [types.Array(scalar, kind.dimensions, "C") if kind.dimensions else scalar for scalar, kind in zip(scalars, loop.kinds.values())]
+    kinds = [
+        types.Array(scalar, kind.dimensions, "C") if kind.dimensions else scalar
+        for scalar, kind in zip(scalars, loop.kinds.values())
+    ]
 
     @intrinsic
     def arguments(typing, slots):
@@ -525,13 +594,21 @@ def _entry(loop):
                     values.append(builder.bitcast(value, context.get_value_type(scalar)))
                     continue
                 view = context.make_array(kind)(context, builder)
-                view.itemsize = context.get_constant(types.intp, context.get_abi_sizeof(context.get_value_type(scalar)))
-                shape = [builder.load(cgutils.gep_inbounds(builder, cell, 1 + k)) for k in range(kind.ndim)]
+                view.itemsize = context.get_constant(
+                    types.intp, context.get_abi_sizeof(context.get_value_type(scalar))
+                )
+                shape = [
+                    builder.load(cgutils.gep_inbounds(builder, cell, 1 + k))
+                    for k in range(kind.ndim)
+                ]
                 strides = [view.itemsize]
                 for length in shape[:0:-1]:
                     strides.insert(0, builder.mul(strides[0], length))
                 view.data = builder.inttoptr(value, view.data.type)
-                view.shape, view.strides = cgutils.pack_array(builder, shape), cgutils.pack_array(builder, strides)
+                view.shape, view.strides = (
+                    cgutils.pack_array(builder, shape),
+                    cgutils.pack_array(builder, strides),
+                )
                 view.nitems = builder.mul(shape[0], shape[-1]) if kind.ndim == 2 else shape[0]
                 for unused in "meminfo", "parent":
                     setattr(view, unused, cgutils.get_null_value(getattr(view, unused).type))
@@ -569,11 +646,17 @@ def _only_what_is_needed():
     from numba.core.registry import cpu_target
 
     cpu_target.target_context  # makes, at the level that is set now, what all other users of numba have in this process
-    left_out = (JITCodeLibrary, "_finalize_specific"), (JITCPUCodegen, "_add_module"), (JITCPUCodegen, "set_env")
+    left_out = (
+        (JITCodeLibrary, "_finalize_specific"),
+        (JITCPUCodegen, "_add_module"),
+        (JITCPUCodegen, "set_env"),
+    )
     collects = gc.isenabled()
     with ExitStack() as stack:
         stack.enter_context(patch.object(config, "OPT", type(config.OPT)(0)))
-        if all(hasattr(*one) for one in left_out):  # they are not for the public, and a later numba may have others
+        if all(
+            hasattr(*one) for one in left_out
+        ):  # they are not for the public, and a later numba may have others
             for one in left_out:
                 stack.enter_context(patch.object(*one, lambda *_: None))
         gc.disable()

@@ -38,7 +38,14 @@ from .rotor import dot, mix, s_times
 
 ORDER = 5
 FIRST = 95 / 288, 1.0, 25 / 24, 35 / 72, 5 / 48, 1 / 120  # for equations of first order
-SECOND = 3 / 20, 251 / 360, 1.0, 11 / 18, 1 / 6, 1 / 60  # of second order, without velocities in them
+SECOND = (
+    3 / 20,
+    251 / 360,
+    1.0,
+    11 / 18,
+    1 / 6,
+    1 / 60,
+)  # of second order, without velocities in them
 
 # Rows of scratch, behind those of `kernels`: TERM + WIDTH n + k is derivative n, times dt^n / n!, of quantity k, which are x,
 # omega and q.  The state keeps derivatives 1 to 5, unscaled, in its rows from ROWS on, in this order (those of x begin with v).
@@ -79,7 +86,9 @@ def put_derivatives(scratch, state, begin, end, dt):
         scale *= dt / (n + 1)
         for k in range(WIDTH):
             for b in range(end - begin):
-                state[ROWS + WIDTH * n + k, begin + b] = scratch[(TERM + WIDTH * (n + 1) + k) * BLOCK + b] / scale
+                state[ROWS + WIDTH * n + k, begin + b] = (
+                    scratch[(TERM + WIDTH * (n + 1) + k) * BLOCK + b] / scale
+                )
 
 
 @inlined
@@ -113,7 +122,11 @@ def omega_term(scratch, n, b, dt, ftm2v):
         w1, w2, w3 = three(scratch, TERM_OMEGA + WIDTH * (n - j), b)
         a1, a2, a3 = a1 + (i2 - i3) * u2 * w3, a2 + (i3 - i1) * u3 * w1, a3 + (i1 - i2) * u1 * w2
     scale = dt / (n + 1)
-    return scale * a1 / i1 if i1 > 0.0 else 0.0, scale * a2 / i2 if i2 > 0.0 else 0.0, scale * a3 / i3 if i3 > 0.0 else 0.0
+    return (
+        scale * a1 / i1 if i1 > 0.0 else 0.0,
+        scale * a2 / i2 if i2 > 0.0 else 0.0,
+        scale * a3 / i3 if i3 > 0.0 else 0.0,
+    )
 
 
 @inlined
@@ -141,7 +154,9 @@ def predict_block(scratch):
     for i in range(ORDER):
         for n in range(ORDER - 1, i - 1, -1):
             for k in range(WIDTH * BLOCK):
-                scratch[(TERM + WIDTH * n) * BLOCK + k] += scratch[(TERM + WIDTH * (n + 1)) * BLOCK + k]
+                scratch[(TERM + WIDTH * n) * BLOCK + k] += scratch[
+                    (TERM + WIDTH * (n + 1)) * BLOCK + k
+                ]
 
 
 @inlined
@@ -234,7 +249,10 @@ class Gear(NVE):
     def init(self):
         """As `NVE.init`."""
         if self.lammps.respa_dt is not None:
-            raise RunError("fix_nosquish.Gear takes one force a step, not those of levels: use run_style verlet", everywhere=True)
+            raise RunError(
+                "fix_nosquish.Gear takes one force a step, not those of levels: use run_style verlet",
+                everywhere=True,
+            )
         super().init()
 
     def _build(self):
@@ -246,14 +264,22 @@ class Gear(NVE):
         """As `NVE.setup`."""
         super().setup(vflag)
         if not self._started:
-            start(self.bodies.state, self.bodies.blocks, self.dt, self.lammps.ftm2v, np.empty(ALL_SCRATCH))
+            start(
+                self.bodies.state,
+                self.bodies.blocks,
+                self.dt,
+                self.lammps.ftm2v,
+                np.empty(ALL_SCRATCH),
+            )
             self._started = True
 
     def _bind(self):
         loops = super()._bind()
         more = {"ftm2v": self.lammps.ftm2v, "scratch": np.empty(ALL_SCRATCH)}
         # a step's first half is the prediction, its second half the correction
-        loops.advance, loops.kick = (step.bind_to(loops.cells, corrects=corrects, **more) for corrects in (False, True))
+        loops.advance, loops.kick = (
+            step.bind_to(loops.cells, corrects=corrects, **more) for corrects in (False, True)
+        )
         return loops
 
     def _kick(self, dt):

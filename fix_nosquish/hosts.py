@@ -88,7 +88,9 @@ class OwnFix:
         cells["groups"].set(self.lammps.groups.view(np.int32))
         origins, moved = self._find_origins()
         strangers = np.flatnonzero((origins >= 0) & (origins >> 32 != self.world.rank))
-        arrived = self.world.fetch(origins[strangers], self._rows) if moved else self._rows(strangers)
+        arrived = (
+            self.world.fetch(origins[strangers], self._rows) if moved else self._rows(strangers)
+        )
         arrived[:, 0] = origins[strangers].view(float)
         origins[strangers] = -2 - np.arange(len(strangers))
         cells["origins"].set(origins)
@@ -105,7 +107,11 @@ class OwnFix:
         world, tags = self.world, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
         stayed = before >= 0
-        origins = np.where(stayed, self._origins[before], -1) if len(self._tags) else np.full(len(tags), -1)
+        origins = (
+            np.where(stayed, self._origins[before], -1)
+            if len(self._tags)
+            else np.full(len(tags), -1)
+        )
         gone = self._origins >= 0
         gone[before[stayed]] = False
         moved = world.any(gone.any() or not stayed.all())
@@ -140,7 +146,9 @@ class OwnFix:
         def report():
             try:
                 self.lammps.set_external_virial(EXTERNAL, method()() if method() else np.zeros(6))
-            except BaseException as error:  # LAMMPS cannot be told from here: the next hook raises it
+            except (
+                BaseException
+            ) as error:  # LAMMPS cannot be told from here: the next hook raises it
                 self._problem = error
 
         _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)

@@ -30,7 +30,11 @@ class Given:
         self.bodies, self.absent = bodies, np.ones(len(ids), bool)
         self.absent[bodies] = False
         self._ids = ids[bodies]
-        self.mass, self.x, self.image = rows[:, 1], rows[:, 2:5].T, rows[:, 17:20].T.astype(np.int64)
+        self.mass, self.x, self.image = (
+            rows[:, 1],
+            rows[:, 2:5].T,
+            rows[:, 17:20].T.astype(np.int64),
+        )
         self.inertia = _tensors(rows)
         self._momenta = np.concatenate([self.mass * rows[:, 11:14].T, rows[:, 14:17].T])
 
@@ -66,7 +70,9 @@ def read(path, world, ids, owned):
     count[here] = owned[bodies]
     missing = world.total(count) == 0
     if missing.any():
-        raise RunError(f"the infile {path} names body {named[missing][0]}, which is not there", everywhere=True)
+        raise RunError(
+            f"the infile {path} names body {named[missing][0]}, which is not there", everywhere=True
+        )
     return Given(ids, bodies, rows[here], named)
 
 
@@ -81,19 +87,25 @@ def _parse(path):
         raise ValueError(f"it announces {count} bodies and has lines for {len(lines)}")
     for line in lines[:count]:
         if len(line) != _COLUMNS:
-            raise ValueError(f"the line of body {line[0]} has {len(line)} values, where {_COLUMNS} are expected")
+            raise ValueError(
+                f"the line of body {line[0]} has {len(line)} values, where {_COLUMNS} are expected"
+            )
     rows = np.array(lines[:count], float).reshape(count, _COLUMNS)
     ids, times = np.unique(rows[:, 0], return_counts=True)
     if (times > 1).any():
         raise ValueError(f"body {ids[times > 1][0]:.0f} stands in it twice")
     if not np.isfinite(rows).all():
-        raise ValueError(f"the line of body {rows[~np.isfinite(rows).all(axis=1)][0, 0]:.0f} has a value that is not finite")
+        raise ValueError(
+            f"the line of body {rows[~np.isfinite(rows).all(axis=1)][0, 0]:.0f} has a value that is not finite"
+        )
     if (rows[:, 0] % 1).any():
         raise ValueError(f"{rows[rows[:, 0] % 1 > 0][0, 0]:g} is no ID of a body")
     moment = np.linalg.eigvalsh(_tensors(rows))
     negative = moment[:, 0] < -1e-7 * np.abs(moment).max(axis=1)
     if negative.any():
-        raise ValueError(f"the inertia of body {rows[negative][0, 0]:.0f} has a negative principal moment, {moment[negative][0, 0]:g}")
+        raise ValueError(
+            f"the inertia of body {rows[negative][0, 0]:.0f} has a negative principal moment, {moment[negative][0, 0]:g}"
+        )
     return rows
 
 
@@ -121,8 +133,12 @@ def write(path, bodies, lammps, world):
     if world.rank == 0:
         try:
             with open(path, "w") as file:
-                file.write(f"# fix_nosquish: mass, centre of mass, inertia, velocities of the bodies on timestep {lammps.step}\n\n{len(rows)}\n")
-                np.savetxt(file, rows[np.argsort(rows[:, 0])], fmt=["%d"] + ["%.17g"] * 16 + ["%d"] * 3)
+                file.write(
+                    f"# fix_nosquish: mass, centre of mass, inertia, velocities of the bodies on timestep {lammps.step}\n\n{len(rows)}\n"
+                )
+                np.savetxt(
+                    file, rows[np.argsort(rows[:, 0])], fmt=["%d"] + ["%.17g"] * 16 + ["%d"] * 3
+                )
         except OSError as error:
             problem = f"cannot write the bodies to {path}: {error.strerror}"
     world.agree(problem)

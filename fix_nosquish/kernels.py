@@ -32,7 +32,21 @@ from .compiled import F1, F2, I1, I2, L1, L2, F, I, inlined, loop, prefetch
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
 # the rows of `state`; scratch has those up to TORQUE, and more
-MASS, MOMENT, X, V, Q, P, FORCE, TORQUE, NATOMS, IMAGE, HOME, ID, ROWS = 0, 1, 4, 7, 10, 14, 18, 21, 24, 25, 28, 29, 30
+MASS, MOMENT, X, V, Q, P, FORCE, TORQUE, NATOMS, IMAGE, HOME, ID, ROWS = (
+    0,
+    1,
+    4,
+    7,
+    10,
+    14,
+    18,
+    21,
+    24,
+    25,
+    28,
+    29,
+    30,
+)
 MATRIX, ATOM, SHIFT, ACCELERATION, FAST = 24, 33, 36, 36, 36
 BLOCK = 64
 LINE = 8  # numbers that the processor fetches at a time
@@ -187,7 +201,9 @@ def kick_block(scratch, dtf):
     """
     for b in range(BLOCK):
         for k in range(3):
-            scratch[(V + k) * BLOCK + b] += dtf / scratch[MASS * BLOCK + b] * scratch[(FORCE + k) * BLOCK + b]
+            scratch[(V + k) * BLOCK + b] += (
+                dtf / scratch[MASS * BLOCK + b] * scratch[(FORCE + k) * BLOCK + b]
+            )
         t1, t2, t3 = three(scratch, TORQUE, b)
         x, y, z = 2.0 * dtf * t1, 2.0 * dtf * t2, 2.0 * dtf * t3
         q0, q1, q2, q3 = four(scratch, Q, b)
@@ -246,7 +262,9 @@ def rotate_in_plane(scratch, dt):
     """Rotation of bodies that turn about their axis 3 only, as all do in two dimensions: h_3 alone, exact."""
     for b in range(BLOCK):
         q, p = four(scratch, Q, b), four(scratch, P, b)
-        q, p = rotation(q, p, permute_3(q), permute_3(p), 0.25 / scratch[(MOMENT + 2) * BLOCK + b], dt, False)
+        q, p = rotation(
+            q, p, permute_3(q), permute_3(p), 0.25 / scratch[(MOMENT + 2) * BLOCK + b], dt, False
+        )
         set_four(scratch, Q, b, q)
         set_four(scratch, P, b, p)
 
@@ -255,7 +273,9 @@ def rotate_in_plane(scratch, dt):
 def rotate_linear(scratch, dt):
     """Free rotation of linear bodies, exact."""
     for b in range(BLOCK):
-        q, p = free_linear_rotor(four(scratch, Q, b), four(scratch, P, b), scratch[MOMENT * BLOCK + b], dt)
+        q, p = free_linear_rotor(
+            four(scratch, Q, b), four(scratch, P, b), scratch[MOMENT * BLOCK + b], dt
+        )
         set_four(scratch, Q, b, q)
         set_four(scratch, P, b, p)
 
@@ -288,7 +308,9 @@ def apply_matrices(scratch, row, begin, end, d):
     """The vector in these rows plus the matrix times d, for the atoms of a round."""
     for b in range(end - begin):
         x, y, z = three(scratch, row, b)
-        dx, dy, dz = to_space(nine(scratch, MATRIX, b), d[0, at(begin + b)], d[1, at(begin + b)], d[2, at(begin + b)])
+        dx, dy, dz = to_space(
+            nine(scratch, MATRIX, b), d[0, at(begin + b)], d[1, at(begin + b)], d[2, at(begin + b)]
+        )
         set_three(scratch, ATOM, b, x + dx, y + dy, z + dz)
 
 
@@ -317,11 +339,20 @@ def add_forces(scratch, begin, end, d):
     """Add the forces of the atoms of a round, and their torques about the centre of mass."""
     for b in range(end - begin):
         fx, fy, fz = three(scratch, ATOM, b)
-        dx, dy, dz = to_space(nine(scratch, MATRIX, b), d[0, at(begin + b)], d[1, at(begin + b)], d[2, at(begin + b)])
+        dx, dy, dz = to_space(
+            nine(scratch, MATRIX, b), d[0, at(begin + b)], d[1, at(begin + b)], d[2, at(begin + b)]
+        )
         sx, sy, sz = three(scratch, FORCE, b)
         tx, ty, tz = three(scratch, TORQUE, b)
         set_three(scratch, FORCE, b, sx + fx, sy + fy, sz + fz)
-        set_three(scratch, TORQUE, b, tx + (dy * fz - dz * fy), ty + (dz * fx - dx * fz), tz + (dx * fy - dy * fx))
+        set_three(
+            scratch,
+            TORQUE,
+            b,
+            tx + (dy * fz - dz * fy),
+            ty + (dz * fx - dx * fz),
+            tz + (dx * fy - dy * fx),
+        )
 
 
 @inlined
@@ -368,11 +399,15 @@ def advance_by(
         if part != ALL and blocks[k, 2] != (part == WHOLE):
             continue
         begin, end = blocks[k, 0], blocks[k + 1, 0]
-        fetch_ahead(state, blocks, k + 1, MASS, P + 4, rounds, index, d, atom_f if gathers else atom_x)
+        fetch_ahead(
+            state, blocks, k + 1, MASS, P + 4, rounds, index, d, atom_f if gathers else atom_x
+        )
         take(scratch, state, begin, end, MASS, P + 4)
         if gathers and blocks[k, 2]:
             rotation_matrices(scratch)
-            wrong += gather_block(scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f)
+            wrong += gather_block(
+                scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f
+            )
             if gathers == KEEPS:
                 put(scratch, state, begin, end, FORCE, TORQUE + 3, FORCE)
         else:
@@ -418,7 +453,9 @@ def advance(
 
 
 @loop
-def gather(state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_f: F2, load: F2, every: I, scratch: F1) -> I:
+def gather(
+    state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_f: F2, load: F2, every: I, scratch: F1
+) -> I:
     """Sum force and torque (space frame, about the centre of mass) over this rank's atoms into load, (6, bodies).
 
     Of all bodies if `every`, else of those that are not whole here.  Returns the number of bodies for which they are not finite.
@@ -431,7 +468,9 @@ def gather(state: F2, blocks: I2, rounds: I1, index: I1, d: F2, atom_f: F2, load
         fetch_ahead(state, blocks, k + 1, Q, Q + 4, rounds, index, d, atom_f)
         take(scratch, state, begin, end, Q, Q + 4)
         rotation_matrices(scratch)
-        wrong += gather_block(scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f)
+        wrong += gather_block(
+            scratch, end - begin, blocks[k, 1], blocks[k + 1, 1], rounds, index, d, atom_f
+        )
         put(scratch, load, begin, end, FORCE, TORQUE + 3, 0)
     return wrong
 
@@ -462,7 +501,9 @@ def acceleration_matrices(scratch, ftm2v):
     for b in range(BLOCK):
         r = nine(scratch, MATRIX, b)
         i1, i2, i3 = three(scratch, MOMENT, b)
-        w1, w2, w3 = body_frame_angular_velocity(four(scratch, Q, b), four(scratch, P, b), i1, i2, i3)
+        w1, w2, w3 = body_frame_angular_velocity(
+            four(scratch, Q, b), four(scratch, P, b), i1, i2, i3
+        )
         x, y, z = three(scratch, TORQUE, b)
         t1, t2, t3 = to_body(r, x, y, z)
         # Euler's equations; an axis without moment does not turn
@@ -554,7 +595,12 @@ def locate(
             count += 1
     lacking = count > room[ROOM_ATOMS] or state.shape[1] + arrived.shape[0] > room[ROOM_BODIES]
     lacking = lacking or 2 * (counts[packing.SHARED] + arrived.shape[0]) >= room[ROOM_ENTRIES]
-    found[CAME], found[MORE], found[LACKING], found[COUNT] = came, count - index.size, lacking, count
+    found[CAME], found[MORE], found[LACKING], found[COUNT] = (
+        came,
+        count - index.size,
+        lacking,
+        count,
+    )
     found[MOVED] = moved + (count != index.size) + (counts[packing.KNOWN] == 0)
 
 
@@ -575,13 +621,21 @@ BUCKETS = GROUPS * (BLOCK + 1) + 1
 @inlined
 def of_body(row, b, state, arrived, first):
     """An entry of body b's state: of those of this rank, or those that came with atoms."""
-    return state[row, b] if b < state.shape[1] else arrived[first[b - state.shape[1]], OF_BODY + row]
+    return (
+        state[row, b] if b < state.shape[1] else arrived[first[b - state.shape[1]], OF_BODY + row]
+    )
 
 
 @inlined
 def bucket(b, atoms, state, arrived, first):
     """The place of a body in the order of the passes: by kind (three moments, one, none), whole ones first, by its number of atoms."""
-    turns = 0 if of_body(MOMENT + 2, b, state, arrived, first) > 0.0 else 1 if of_body(MOMENT, b, state, arrived, first) > 0.0 else 2
+    turns = (
+        0
+        if of_body(MOMENT + 2, b, state, arrived, first) > 0.0
+        else 1
+        if of_body(MOMENT, b, state, arrived, first) > 0.0
+        else 2
+    )
     group = 2 * turns + (of_body(NATOMS, b, state, arrived, first) > atoms)
     return group * (BLOCK + 1) + max(BLOCK + 1 - atoms, 0)
 
@@ -707,7 +761,20 @@ def arrange(
 # what `renew` sets: the kinds of these cells, and which of the `compiled.cells` each is
 RENEWED = {"state": F2, "old_state": F2, "load": F2, "d": F2, "old_d": F2, "blocks": I2, "rounds": I1, "index": I1, "body": L1, "atoms": L1,
            "rotors": I, "extended": I}  # fmt: skip
-STATE_AT, OLD_STATE_AT, LOAD_AT, D_AT, OLD_D_AT, BLOCKS_AT, ROUNDS_AT, INDEX_AT, BODY_AT, ATOMS_AT, ROTORS_AT, EXTENDED_AT = range(12)
+(
+    STATE_AT,
+    OLD_STATE_AT,
+    LOAD_AT,
+    D_AT,
+    OLD_D_AT,
+    BLOCKS_AT,
+    ROUNDS_AT,
+    INDEX_AT,
+    BODY_AT,
+    ATOMS_AT,
+    ROTORS_AT,
+    EXTENDED_AT,
+) = range(12)
 
 
 @loop
@@ -717,7 +784,11 @@ def renew(cells: L2, found: L1, sizes: L1):
     for now, old, size in (STATE_AT, OLD_STATE_AT, n), (D_AT, OLD_D_AT, m):
         cells[now, 0], cells[old, 0] = cells[old, 0], cells[now, 0]
         cells[old, 1], cells[old, 2], cells[now, 2] = cells[now, 1], cells[now, 2], size
-    cells[LOAD_AT, 0], cells[LOAD_AT, 1], cells[LOAD_AT, 2] = cells[STATE_AT, 0] + 8 * FORCE * n, TORQUE + 3 - FORCE, n
+    cells[LOAD_AT, 0], cells[LOAD_AT, 1], cells[LOAD_AT, 2] = (
+        cells[STATE_AT, 0] + 8 * FORCE * n,
+        TORQUE + 3 - FORCE,
+        n,
+    )
     cells[BLOCKS_AT, 1], cells[ROUNDS_AT, 1] = sizes[GROUPS] + 1, sizes[GROUPS + 1] + 1
     cells[INDEX_AT, 1] = cells[BODY_AT, 1] = m
     cells[ATOMS_AT, 1] = n
@@ -725,7 +796,17 @@ def renew(cells: L2, found: L1, sizes: L1):
 
 
 @loop
-def carry_over(order: L1, first: L1, source: L1, place: I1, arrived: F2, old_state: F2, old_d: F2, state: F2, d: F2):
+def carry_over(
+    order: L1,
+    first: L1,
+    source: L1,
+    place: I1,
+    arrived: F2,
+    old_state: F2,
+    old_d: F2,
+    state: F2,
+    d: F2,
+):
     """Copy the bodies and their atoms to the order that `arrange` has found."""
     for row in range(state.shape[0]):
         for b in range(state.shape[1]):
@@ -796,10 +877,16 @@ def settle(
                     scratch[(ATOM + c) * BLOCK + b] = atom_x[i, c] - scratch[(ATOM + c) * BLOCK + b]
             for b in range(rounds[r + 1] - j):
                 x, y, z = three(scratch, ATOM, b)
-                n1 = periodic[0] * floor(inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z + 0.5)
+                n1 = periodic[0] * floor(
+                    inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z + 0.5
+                )
                 n2 = periodic[1] * floor(inverse[1, 1] * y + inverse[1, 2] * z + 0.5)
                 n3 = periodic[2] * floor(inverse[2, 2] * z + 0.5)
-                x, y, z = h[0, 0] * n1 + h[0, 1] * n2 + h[0, 2] * n3, h[1, 1] * n2 + h[1, 2] * n3, h[2, 2] * n3
+                x, y, z = (
+                    h[0, 0] * n1 + h[0, 1] * n2 + h[0, 2] * n3,
+                    h[1, 1] * n2 + h[1, 2] * n3,
+                    h[2, 2] * n3,
+                )
                 set_three(scratch, SHIFT, b, x, y, z)
             for b in range(rounds[r + 1] - j):
                 x, y, z = three(scratch, ATOM, b)

@@ -89,7 +89,8 @@ def compare(bodies, lammps, world, membership):
     said = np.flatnonzero((differ > 0) | mixed)
     said = said[np.argsort(-furthest[said, 0], kind="stable")]
     lines = [
-        _line(membership, natoms[k], lowest[k], counts[k], differ[k], *furthest[k]) for k in said[:_SAID]
+        _line(membership, natoms[k], lowest[k], counts[k], differ[k], *furthest[k])
+        for k in said[:_SAID]
     ]
     if len(said) > _SAID:
         lines.append(f"WARNING: so it is with {len(said) - _SAID} other kinds of bodies")

@@ -63,7 +63,9 @@ def rotate(scratch, dt, mrot):
             q = turned(q, wx, wy, wz, h)  # iL_1
             wx, wy = along_ellipse(wx, wy, ix, iy, (iy - iz) * wz, 0.5 * h)  # iL_2
             wz, wy = along_ellipse(wz, wy, iz, iy, (ix - iy) * wx, 0.5 * h)  # iL_3
-        q = mix(1.0 / sqrt(dot(q, q)), 0.0, q, q)  # else rounding errors of |q| would go on into omega, step by step
+        q = mix(
+            1.0 / sqrt(dot(q, q)), 0.0, q, q
+        )  # else rounding errors of |q| would go on into omega, step by step
         set_four(scratch, Q, b, q)
         set_four(scratch, P, b, s_times(q, 2.0 * ix * wx, 2.0 * iy * wy, 2.0 * iz * wz))
 

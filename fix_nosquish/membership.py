@@ -22,15 +22,26 @@ class Membership:
         self.lammps, self.world, self.command = lammps, world, command
         for group in (command.group, *(command.arguments if command.style == "group" else ())):
             if not lammps.has("group", group):
-                raise RunError(f"there is no group '{group}': define it before the fix", everywhere=True)
+                raise RunError(
+                    f"there is no group '{group}': define it before the fix", everywhere=True
+                )
         custom = command.arguments[0] if command.style == "custom" else ""
         self.variable = custom[2:] if custom[:1] == "v" else None
         if self.variable and not lammps.has("variable", self.variable):
-            raise RunError(f"there is no variable '{self.variable}' (custom {custom}): define it before the fix", everywhere=True)
+            raise RunError(
+                f"there is no variable '{self.variable}' (custom {custom}): define it before the fix",
+                everywhere=True,
+            )
         self.bit = lammps.group_bit(command.group)
-        self.bits = [lammps.group_bit(g) for g in command.arguments] if command.style == "group" else [self.bit]
+        self.bits = (
+            [lammps.group_bit(g) for g in command.arguments]
+            if command.style == "group"
+            else [self.bit]
+        )
         # an atom is in a body if its groups have some bit of both
-        self.masks = np.array([self.bit, np.bitwise_or.reduce(self.bits)], np.uint32).view(np.int32).tolist()
+        self.masks = (
+            np.array([self.bit, np.bitwise_or.reduce(self.bits)], np.uint32).view(np.int32).tolist()
+        )
 
     def atoms(self):
         """Indices of this rank's atoms that are in bodies."""
@@ -56,7 +67,9 @@ class Membership:
             if (inside.sum(axis=0) > 1).any():
                 tag = self.lammps.tags[atoms[inside.sum(axis=0) > 1][0]]
                 both = [g for g, i in zip(arguments, inside[:, inside.sum(axis=0) > 1][:, 0]) if i]
-                raise RunError(f"atom {tag} is in more than one body: it is in the groups {' and '.join(both)}; use groups without common atoms")
+                raise RunError(
+                    f"atom {tag} is in more than one body: it is in the groups {' and '.join(both)}; use groups without common atoms"
+                )
             return 1 + np.argmax(inside, axis=0)
         if values is None:
             raise RunError(f"body style {style} needs {what}")
@@ -64,11 +77,17 @@ class Membership:
 
     def _by_variable(self, atoms):
         """As `bodies`: an atom that was in a body stays in it, because the variable may be of what moves, as fix rigid reads it once only."""
-        ids, known = (of_all[atoms] for of_all in self.before) if self.before else (np.zeros(len(atoms), np.int64), np.zeros(len(atoms), bool))
+        ids, known = (
+            (of_all[atoms] for of_all in self.before)
+            if self.before
+            else (np.zeros(len(atoms), np.int64), np.zeros(len(atoms), bool))
+        )
         if self.world.any(not known.all()):
             values = np.trunc(self.lammps.variable(self.variable, self.command.group))[atoms]
             if not np.isfinite(values[~known]).all():
-                raise RunError(f"variable {self.variable} is not finite for every atom of the group, so it cannot tell bodies apart")
+                raise RunError(
+                    f"variable {self.variable} is not finite for every atom of the group, so it cannot tell bodies apart"
+                )
             ids = np.where(known, ids, np.where(known, 0, values).astype(np.int64))
         return ids
 

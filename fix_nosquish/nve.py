@@ -30,8 +30,20 @@ from .reports import Reports
 from .sharing import ALONE, World
 from .switches import Switches
 
-_BLIND = "nve", "rigid", "shake", "rattle"  # fixes that read no velocities but those of their own atoms
-_READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"  # fixes that act at the end of a step and change no velocity
+_BLIND = (
+    "nve",
+    "rigid",
+    "shake",
+    "rattle",
+)  # fixes that read no velocities but those of their own atoms
+_READERS = (
+    "ave/",
+    "print",
+    "vector",
+    "store/",
+    "STORE/",
+    "halt",
+)  # fixes that act at the end of a step and change no velocity
 
 
 class Loops:
@@ -49,7 +61,13 @@ class Loops:
 
     def __init__(self, advance, cells, mrot):
         self._advance = advance
-        self.cells = cells | {"dt": Cell(F), "dtf": Cell(F), "kicks": Cell(I), "gathers": Cell(I), "mrot": Cell(I, mrot)}
+        self.cells = cells | {
+            "dt": Cell(F),
+            "dtf": Cell(F),
+            "kicks": Cell(I),
+            "gathers": Cell(I),
+            "mrot": Cell(I, mrot),
+        }
 
     @cached_property
     def advance(self):
@@ -131,7 +149,9 @@ class NVE(Reports):
         self.bodies = None
         self._notes = self._said = self._loops = None
         self._warned = set()
-        self._settled = self._half = self._ran = self._over = self._heard = self._velocities_set = False
+        self._settled = self._half = self._ran = self._over = self._heard = self._velocities_set = (
+            False
+        )
         self._lost = False  # whether the bodies of the last run are gone, because the next one could not make them anew
         self._mask = self._file = None
         self._known, self.late = {}, []
@@ -145,14 +165,18 @@ class NVE(Reports):
         more = [packing.__name__] if self.world.size > 1 else []
         if self.host:
             more.append(lookup.__name__)
-        compiled.load(self.world, kernels.__name__, *(kind.__module__ for kind in type(self).__mro__), *more)
+        compiled.load(
+            self.world, kernels.__name__, *(kind.__module__ for kind in type(self).__mro__), *more
+        )
         self.command = Command.parse(words)
         self.membership = Membership(self.lammps, self.world, self.command)
         self._infile = self.command.infile and self.lammps.text(self.command.infile)
         self.restart_file = self._infile is not None
         self._all.add(self)
         self.reset_dt()
-        if self.host:  # LAMMPS's own fix: it takes commands, and so text for its log, only while nothing runs
+        if (
+            self.host
+        ):  # LAMMPS's own fix: it takes commands, and so text for its log, only while nothing runs
             self._build()
             self._say(False)
         else:
@@ -164,7 +188,10 @@ class NVE(Reports):
         """The integrator of a LAMMPS that the fix of this ID drives."""
         handle = pointer(getattr(lmp, "lmp", lmp))
         for other in cls._all:
-            if other.lammps.handle == handle and other.host.fix_id in (fix_id, None):  # LAMMPS's own fix tells no ID
+            if other.lammps.handle == handle and other.host.fix_id in (
+                fix_id,
+                None,
+            ):  # LAMMPS's own fix tells no ID
                 return other
         raise RunError(f"there is no fix {fix_id} of fix_nosquish", everywhere=True)
 
@@ -183,15 +210,21 @@ class NVE(Reports):
         self.host.waiting = False
         self._known = {}
         self.host.set_bodies(None, None)  # the atoms are not those of the last run
-        self.membership = Membership(self.lammps, self.world, self.command)  # nor are the groups: deleted ones leave their bits to others
+        self.membership = Membership(
+            self.lammps, self.world, self.command
+        )  # nor are the groups: deleted ones leave their bits to others
         ours = {mate.host.fix_id for mate in self._mates}
         fixes = [fix for fix in self.host.fixes() if fix.id not in ours]
         self.late = [fix for fix in fixes if fix.end_of_step and not fix.style.startswith(_READERS)]
         self.half_step_velocities = self.host.ghost_velocity or any(fix.between for fix in fixes)
         # of steps without output, those at whose end another fix may read the atoms' velocities
         unknown = isinstance(self.host, OwnFix)
-        each = unknown or any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
-        self.velocities_every = (1,) if each else tuple({fix.nevery for fix in fixes if fix.end_of_step})
+        each = unknown or any(
+            fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes
+        )
+        self.velocities_every = (
+            (1,) if each else tuple({fix.nevery for fix in fixes if fix.end_of_step})
+        )
         self._box_may_change = unknown or any(fix.box_change for fix in fixes)
         if self.command.reinit or not self._ran:
             self._build()
@@ -203,7 +236,9 @@ class NVE(Reports):
         if isinstance(self.host, OwnFix):
             self.host.begin_run(self._virial_of_all)
             self._say(self.host.virial_fix is not None)
-        self.host.set_array_rows(round(self.world.total(np.array([self.bodies.sharers.owned.sum()]))[0]))
+        self.host.set_array_rows(
+            round(self.world.total(np.array([self.bodies.sharers.owned.sum()]))[0])
+        )
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.load.copy())
@@ -212,22 +247,34 @@ class NVE(Reports):
             self.host.carry(None, None)
         self.bodies = self._loops = None  # there may be no room for both
         self._lost = former is not None
-        self.bodies, self._notes = build(self.lammps, self.world, self.membership, self._infile, self.more_rows, former)
+        self.bodies, self._notes = build(
+            self.lammps, self.world, self.membership, self._infile, self.more_rows, former
+        )
         self._lost = False
         if kept := self._notes.pop("kept"):
             self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
             self.host.log(kept.text)
-        if known and np.array_equal(np.sort(known[0]), np.sort(self.bodies.id)):  # commands like write_data compute no forces
+        if known and np.array_equal(
+            np.sort(known[0]), np.sort(self.bodies.id)
+        ):  # commands like write_data compute no forces
             self.bodies.load[:, np.argsort(self.bodies.id)] = known[1][:, np.argsort(known[0])]
         self.bodies.bind(self.lammps, self.membership)
         self._loops = self._bind()
         self._set_time_step()
         self.host.carry(self.lammps, self.bodies)
         self.host.note()
-        self._switches = Switches(self.command, self.lammps.dimension, self.world, self.bodies.id, self.bodies.sharers.owned)
+        self._switches = Switches(
+            self.command,
+            self.lammps.dimension,
+            self.world,
+            self.bodies.id,
+            self.bodies.sharers.owned,
+        )
         self._box = self.lammps.box
         if self._notes.pop("new"):
-            self._notes["warnings"] += compare(self.bodies, self.lammps, self.world, self.membership)
+            self._notes["warnings"] += compare(
+                self.bodies, self.lammps, self.world, self.membership
+            )
 
     def _former(self):
         """What the atoms were in the bodies of the last run, None if that says nothing of their shape; collective.
@@ -235,7 +282,10 @@ class NVE(Reports):
         An atom that was in a body stays in it; a variable is asked for the others only.  (LAMMPS's own fix cannot know which these are.)
         """
         if self._lost:
-            raise RunError("the bodies of the last run are gone, because this one could not begin: unfix this fix and define it again", everywhere=True)
+            raise RunError(
+                "the bodies of the last run are gone, because this one could not begin: unfix this fix and define it again",
+                everywhere=True,
+            )
         if self.bodies is None:
             return None
         self.host.point(self.lammps.cells)
@@ -256,7 +306,9 @@ class NVE(Reports):
                         f'atom {self.lammps.tags[both[0]]} of the rigid bodies ("{self.command.text}") is also integrated by '
                         f"fix {fix.id} (style {fix.style}): give that fix a group without the bodies' atoms"
                     )
-            elif all(any(self.host.removed_freedom(fix.id, group) for group in groups) for groups in ids):
+            elif all(
+                any(self.host.removed_freedom(fix.id, group) for group in groups) for groups in ids
+            ):
                 problem = (
                     f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, which fix {self.host.fix_id} "
                     f'("{self.command.text}") holds rigid: unfix it, or give it a group without the bodies\' atoms'
@@ -265,7 +317,7 @@ class NVE(Reports):
             both = np.intersect1d(mate.membership.atoms(), atoms) if mate is not self else ()
             if len(both):
                 problem = (
-                    f"atom {self.lammps.tags[both[0]]} is claimed by two fixes: \"{mate.command.text}\" and \"{self.command.text}\". "
+                    f'atom {self.lammps.tags[both[0]]} is claimed by two fixes: "{mate.command.text}" and "{self.command.text}". '
                     "An atom can be in one body only: use groups without common atoms"
                 )
         self.world.agree(problem)
@@ -347,7 +399,9 @@ class NVE(Reports):
         self._loops.kick()
         self._half, self._known = False, {}
         step = self.lammps.step
-        if step == self.host.next_output or any(step % every == 0 for every in self.velocities_every):
+        if step == self.host.next_output or any(
+            step % every == 0 for every in self.velocities_every
+        ):
             self._set_velocities()
         if self._vflag:
             self._constraint_virial()
@@ -391,9 +445,13 @@ class NVE(Reports):
     def _leave_to_host(self):
         """Have the plugin do itself what needs no Python; not what a class derived from this one does otherwise."""
         hooks = "initial_integrate", "final_integrate", "post_neighbor"
-        if self.respa_dt is not None or any(getattr(type(self), name) is not getattr(NVE, name) for name in hooks):
+        if self.respa_dt is not None or any(
+            getattr(type(self), name) is not getattr(NVE, name) for name in hooks
+        ):
             return
-        self._loops.cells["gathers"].set(kernels.KEEPS if self.half_step_velocities else kernels.GATHERS)
+        self._loops.cells["gathers"].set(
+            kernels.KEEPS if self.half_step_velocities else kernels.GATHERS
+        )
         every = gcd(*self.velocities_every, *(self.command.output[:1] if self._file else ()))
         step = following = None
         if not self._box_may_change and self._direct:
@@ -441,7 +499,9 @@ class NVE(Reports):
         bodies = self.bodies
         wrong = self._loops.gather()
         if bodies.spheres:
-            spheres.add_torques(bodies.body, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.load)
+            spheres.add_torques(
+                bodies.body, bodies.index, self.lammps.per_atom("torque", columns=3), bodies.load
+            )
         if wrong:
             self._blame_forces()
         bodies.sharers.add()
@@ -453,10 +513,16 @@ class NVE(Reports):
         bad = (~np.isfinite(bodies.load).all(axis=0)).argmax()
         cause, remedy = bodies.instability(bad, self.lammps)
         if not self._settled:
-            cause, remedy = "atoms overlap at the start", "minimise or move them apart before the fix line"
+            cause, remedy = (
+                "atoms overlap at the start",
+                "minimise or move them apart before the fix line",
+            )
         raise RunError(
             f"{cause or 'the run is unstable'}, and the force on {self.membership.name(bodies.id[bad])} is not finite at step {step}: "
-            + (remedy or "use a shorter time step or a better start, and look for what else acts on the body")
+            + (
+                remedy
+                or "use a shorter time step or a better start, and look for what else acts on the body"
+            )
         )
 
     def _set_velocities(self):
@@ -464,21 +530,40 @@ class NVE(Reports):
         if self._settled:
             self._loops.set_velocities()
         else:
-            kernels.set_velocities(bodies.state, *bodies.atoms, self.lammps.per_atom("v", columns=3), bodies.scratch)
+            kernels.set_velocities(
+                bodies.state, *bodies.atoms, self.lammps.per_atom("v", columns=3), bodies.scratch
+            )
         if bodies.spheres:
-            spheres.set_spins(bodies.state, *bodies.atoms[:3], self.lammps.per_atom("omega", columns=3), bodies.scratch)
+            spheres.set_spins(
+                bodies.state,
+                *bodies.atoms[:3],
+                self.lammps.per_atom("omega", columns=3),
+                bodies.scratch,
+            )
 
     def _velocities_changed(self):
         """Whether the atoms' velocities are not those that the bodies gave them, on any rank; collective."""
         bodies = self.bodies
         n = len(bodies.index)
         expected = np.empty((n, 3))
-        kernels.set_velocities(bodies.state, bodies.blocks, bodies.rounds, np.arange(n, dtype=np.int32), bodies.d, expected, bodies.scratch)
-        return self.world.any(not np.array_equal(expected, self.lammps.per_atom("v", columns=3)[bodies.index]))
+        kernels.set_velocities(
+            bodies.state,
+            bodies.blocks,
+            bodies.rounds,
+            np.arange(n, dtype=np.int32),
+            bodies.d,
+            expected,
+            bodies.scratch,
+        )
+        return self.world.any(
+            not np.array_equal(expected, self.lammps.per_atom("v", columns=3)[bodies.index])
+        )
 
     def _say_ignored(self, why):
         if self._velocities_changed():
-            self.host.log(f"The velocities of the bodies' atoms were changed between runs: without effect, because the bodies go on ({why})\n")
+            self.host.log(
+                f"The velocities of the bodies' atoms were changed between runs: without effect, because the bodies go on ({why})\n"
+            )
 
     def _take_changed_velocities(self, step):
         """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with them; collective."""
@@ -494,7 +579,9 @@ class NVE(Reports):
             self._heard = True
             self.host.log(
                 f"The velocities of the bodies' atoms were changed at the end of step {step} (by fix {' or '.join(due)}): the bodies take "
-                "them over, as rigid motion" + (" (not those of the infile)" if self._infile else "") + "\n"
+                "them over, as rigid motion"
+                + (" (not those of the infile)" if self._infile else "")
+                + "\n"
             )
 
     @hook

@@ -36,7 +36,12 @@ _FIELDS = (
     ("torque", ("tqx", "tqy", "tqz"), "space frame", "{torque}"),
 )
 _WHOLE = "step", "body", "natoms", "image"
-DTYPE = np.dtype([(name, np.int64 if name in _WHOLE else float, (len(parts),) if len(parts) > 1 else ()) for name, parts, *_ in _FIELDS])
+DTYPE = np.dtype(
+    [
+        (name, np.int64 if name in _WHOLE else float, (len(parts),) if len(parts) > 1 else ())
+        for name, parts, *_ in _FIELDS
+    ]
+)
 
 
 def table(bodies, lammps):
@@ -52,7 +57,12 @@ def table(bodies, lammps):
     rows = np.empty(len(bodies), DTYPE)
     rows["step"], rows["time"] = lammps.step, lammps.time
     rows["body"], rows["natoms"], rows["mass"] = bodies.id, bodies.natoms, bodies.mass
-    rows["x"], rows["image"], rows["v"], rows["q"] = bodies.x.T, bodies.image.T, bodies.v.T, bodies.q.T
+    rows["x"], rows["image"], rows["v"], rows["q"] = (
+        bodies.x.T,
+        bodies.image.T,
+        bodies.v.T,
+        bodies.q.T,
+    )
     rows["angmom"] = bodies.momenta()[3:].T
     rows["omega"] = np.einsum("abn,bn->na", turn, bodies.angular_velocity())
     rows["force"], rows["torque"] = bodies.force.T, bodies.torque.T
@@ -96,7 +106,11 @@ class BodyFile:
             try:
                 work()
             except OSError as error:
-                kept = "nothing is in it" if self.last is None else f"it is whole up to step {self.last}"
+                kept = (
+                    "nothing is in it"
+                    if self.last is None
+                    else f"it is whole up to step {self.last}"
+                )
                 problem = f"cannot write the table of bodies (keyword output) to {self.path}: {error.strerror}; {kept}"
         self.world.agree(problem)
 
@@ -127,7 +141,11 @@ def header(units):
 
 def _text(rows):
     columns = [np.atleast_2d(rows[name].T) for name in DTYPE.names]
-    formats = ["%d" if name in _WHOLE else "%.17g" for name, column in zip(DTYPE.names, columns) for _ in column]
+    formats = [
+        "%d" if name in _WHOLE else "%.17g"
+        for name, column in zip(DTYPE.names, columns)
+        for _ in column
+    ]
     text = io.BytesIO()
     np.savetxt(text, np.concatenate(columns).T, fmt=formats, delimiter=",")
     return text.getvalue()

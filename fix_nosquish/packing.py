@@ -34,7 +34,18 @@ def sort(order, spare, n, high, low):
 
 
 @loop
-def ask(asked: L1, ids: L1, home: L1, order: L1, spare: L1, places: L1, questions: L1, homes: L1, many: L1, counts: L1):
+def ask(
+    asked: L1,
+    ids: L1,
+    home: L1,
+    order: L1,
+    spare: L1,
+    places: L1,
+    questions: L1,
+    homes: L1,
+    many: L1,
+    counts: L1,
+):
     """Put the bodies that may be shared in an order on which two holders of the same bodies agree: of home and ID.
 
     Args:
@@ -56,7 +67,18 @@ def ask(asked: L1, ids: L1, home: L1, order: L1, spare: L1, places: L1, question
 
 
 @loop
-def answer(ids: L1, askers: L1, asked: L1, order: L1, spare: L1, owner: L1, first: L1, answers: L1, parts: L1, counts: L1) -> I:
+def answer(
+    ids: L1,
+    askers: L1,
+    asked: L1,
+    order: L1,
+    spare: L1,
+    owner: L1,
+    first: L1,
+    answers: L1,
+    parts: L1,
+    counts: L1,
+) -> I:
     """Tell ranks that ask who holds bodies who else has asked.
 
     Args:
@@ -182,5 +204,7 @@ def add(values: F2, bodies: L1, first: L1, source: L1, received: F1, counts: L1)
         for row in range(rows):
             total = 0.0
             for k in range(first[i], first[i + 1]):
-                total += values[row, bodies[i]] if source[k] < 0 else received[rows * source[k] + row]
+                total += (
+                    values[row, bodies[i]] if source[k] < 0 else received[rows * source[k] + row]
+                )
             values[row, bodies[i]] = total

@@ -36,7 +36,10 @@ class Reports:
     def _open(self):
         path = self.lammps.text(self.command.output[1])
         if any(mate._file and mate._file.path == path for mate in self._mates):
-            raise RunError(f"two fixes write their table of bodies (keyword output) to {path}: give each a file of its own", everywhere=True)
+            raise RunError(
+                f"two fixes write their table of bodies (keyword output) to {path}: give each a file of its own",
+                everywhere=True,
+            )
         if self.respa_dt is not None and isinstance(self.host, OwnFix):
             raise RunError(
                 "keyword output needs the plugin's fix python/move under run_style respa: this LAMMPS's own knows no end of a step",
@@ -45,7 +48,11 @@ class Reports:
         return output.BodyFile(path, self.lammps.units, self.world)
 
     def _due(self):
-        return self._file and self.lammps.step % self.command.output[0] == 0 and self._file.last != self.lammps.step
+        return (
+            self._file
+            and self.lammps.step % self.command.output[0] == 0
+            and self._file.last != self.lammps.step
+        )
 
     def _write(self):
         if self._due():
@@ -91,7 +98,9 @@ class Reports:
         between_runs = self._over or not self.lammps.running
         if between_runs and self.host.creates_velocities:
             return 0  # all atoms' velocities are scaled now; a body keeps its share of them when the run makes them rigid motion
-        if not self.lammps.running or bodies is None:  # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
+        if (
+            not self.lammps.running or bodies is None
+        ):  # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
             former = self._former()
             bodies = build(self.lammps, self.world, self.membership, self._infile, former=former)[0]
         inside = self.lammps.groups[bodies.index] & (1 << group) != 0
@@ -99,7 +108,9 @@ class Reports:
 
     def _energies(self):
         self._see_changed_velocities()
-        return self._once("energies", lambda bodies: thermo.energies(bodies, self.world, self.lammps))
+        return self._once(
+            "energies", lambda bodies: thermo.energies(bodies, self.world, self.lammps)
+        )
 
     def _once(self, name, make):
         """What make(bodies) returned, if nothing has changed the bodies since it was called in this step."""
@@ -128,7 +139,12 @@ class Reports:
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
         self._see_changed_velocities()
-        return self._once("array", lambda bodies: output.global_array(self.world.gather_to_all(output.table(bodies, self.lammps))))[i, j]
+        return self._once(
+            "array",
+            lambda bodies: output.global_array(
+                self.world.gather_to_all(output.table(bodies, self.lammps))
+            ),
+        )[i, j]
 
     @hook
     def write_restart_file(self, name):
@@ -141,6 +157,9 @@ class Reports:
 
     def _made(self):
         if self.bodies is None:
-            raise RunError("there is nothing to tell of the bodies before the first run: 'run 0' makes them", everywhere=True)
+            raise RunError(
+                "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
+                everywhere=True,
+            )
         self._catch_up()
         return self.bodies

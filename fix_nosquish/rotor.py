@@ -24,8 +24,23 @@ from .compiled import inlined
 SMALL = 0.5  # radians; sine and cosine of smaller angles are their power series
 
 # 1 / n!, with the signs of the series of sin(a) / a and of (1 - cos(a)) / a^2
-_S2, _S4, _S6, _S8, _S10, _S12 = -1 / 6, 1 / 120, -1 / 5040, 1 / 362880, -1 / 39916800, 1 / 6227020800
-_C0, _C2, _C4, _C6, _C8, _C10, _C12 = 1 / 2, -1 / 24, 1 / 720, -1 / 40320, 1 / 3628800, -1 / 479001600, 1 / 87178291200
+_S2, _S4, _S6, _S8, _S10, _S12 = (
+    -1 / 6,
+    1 / 120,
+    -1 / 5040,
+    1 / 362880,
+    -1 / 39916800,
+    1 / 6227020800,
+)
+_C0, _C2, _C4, _C6, _C8, _C10, _C12 = (
+    1 / 2,
+    -1 / 24,
+    1 / 720,
+    -1 / 40320,
+    1 / 3628800,
+    -1 / 479001600,
+    1 / 87178291200,
+)
 
 
 @inlined
@@ -66,12 +81,7 @@ def dot(a, b):
 @inlined
 def mix(c, s, a, b):
     """c a + s b, for four-vectors."""
-    return (
-        c * a[0] + s * b[0],
-        c * a[1] + s * b[1],
-        c * a[2] + s * b[2],
-        c * a[3] + s * b[3],
-    )
+    return (c * a[0] + s * b[0], c * a[1] + s * b[1], c * a[2] + s * b[2], c * a[3] + s * b[3])
 
 
 @inlined(contract=True)

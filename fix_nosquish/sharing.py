@@ -89,12 +89,19 @@ class World:
         from mpi4py import MPI
 
         if World._attribute is None:
-            World._attribute = MPI.Comm.Create_keyval(delete_fn=lambda comm, key, ours: ours[0].Free())
+            World._attribute = MPI.Comm.Create_keyval(
+                delete_fn=lambda comm, key, ours: ours[0].Free()
+            )
         theirs = MPI.Comm.f2py(comm)
         if not theirs.Get_attr(World._attribute):
             theirs.Set_attr(World._attribute, (theirs.Dup(), count()))
         self.comm, self._rounds = theirs.Get_attr(World._attribute)
-        self.mpi, self.size, self.rank, self.handle = MPI, self.comm.size, self.comm.rank, self.comm.py2f()
+        self.mpi, self.size, self.rank, self.handle = (
+            MPI,
+            self.comm.size,
+            self.comm.rank,
+            self.comm.py2f(),
+        )
         self._number, self._status = np.empty(1, np.int64), MPI.Status()
 
     def _reduce(self, number, operation):
@@ -153,7 +160,9 @@ class World:
             received[self.rank] = parts[self.rank].ravel()
 
         def receive(message):
-            part = received[self._status.source] = np.empty(self._status.Get_count(self.mpi.BYTE) // 8, dtype)
+            part = received[self._status.source] = np.empty(
+                self._status.Get_count(self.mpi.BYTE) // 8, dtype
+            )
             message.Recv(part)
 
         if sources is not None:
@@ -189,7 +198,9 @@ class World:
         end = 0
         back = {rank: answers[end : (end := end + len(part))] for rank, part in asked.items()}
         result = np.empty((len(to), answers.shape[1]), answers.dtype)
-        result[order] = _join(self.deliver(back, answers.dtype, parts).values(), answers.dtype).reshape(result.shape)
+        result[order] = _join(
+            self.deliver(back, answers.dtype, parts).values(), answers.dtype
+        ).reshape(result.shape)
         return result
 
     def look_up(self, keys, values, wanted):
@@ -201,7 +212,9 @@ class World:
             (m,) the values of these keys, -1 for a key that no rank has.
         """
         order = np.argsort(keys % self.size, kind="stable")
-        told = self.deliver(_split((keys % self.size)[order], np.stack([keys, values], axis=1)[order]), np.int64)
+        told = self.deliver(
+            _split((keys % self.size)[order], np.stack([keys, values], axis=1)[order]), np.int64
+        )
         known = dict(_join(told.values(), np.int64).reshape(-1, 2).tolist())
 
         def answer(asked):
@@ -242,7 +255,10 @@ class World:
         requests, end = [], 0
         for rank, n in zip(partners, counts):
             part = slice(end, end := end + n)
-            requests += [self.comm.Irecv(received[part], rank, _PARTS), self.comm.Isend(sent[part], rank, _PARTS)]
+            requests += [
+                self.comm.Irecv(received[part], rank, _PARTS),
+                self.comm.Isend(sent[part], rank, _PARTS),
+            ]
         return lambda: self.mpi.Request.Waitall(requests)
 
 
@@ -267,17 +283,32 @@ class Delivery:
         sources, of: the ranks that send something to this one, and their number; None if they are to be found out.
     """
 
-    def __init__(self, world, to, many, parts, ranks, senders, sent, numbers, sources=None, of=None):
+    def __init__(
+        self, world, to, many, parts, ranks, senders, sent, numbers, sources=None, of=None
+    ):
         self.world = world
-        self.cells = [to, many, parts, ranks, senders, sent, numbers, *([sources, of] if sources else [])]
+        self.cells = [
+            to,
+            many,
+            parts,
+            ranks,
+            senders,
+            sent,
+            numbers,
+            *([sources, of] if sources else []),
+        ]
 
     def __call__(self):
         """Send and receive."""
         to, many, parts, ranks, senders, sent, numbers, *known = self.cells
         n = ranks.number
         ends = np.cumsum(many.array[:n])
-        outgoing = dict(zip(to.array[:n].tolist(), np.split(parts.array[: ends[-1] if n else 0], ends[:-1])))
-        got = self.world.deliver(outgoing, np.int64, known[0].array[: known[1].number].tolist() if known else None)
+        outgoing = dict(
+            zip(to.array[:n].tolist(), np.split(parts.array[: ends[-1] if n else 0], ends[:-1]))
+        )
+        got = self.world.deliver(
+            outgoing, np.int64, known[0].array[: known[1].number].tolist() if known else None
+        )
         senders.set(np.array([*got], np.int64))
         sent.set(np.array([len(part) for part in got.values()], np.int64))
         numbers.set(_join(got.values(), np.int64))
@@ -302,7 +333,12 @@ class Exchange:
         """Begin to send and receive."""
         partners, shares, ranks, rows, sent, received = self.cells
         n = ranks.number
-        self.wait = self.world.exchange(partners.array[:n].tolist(), (rows.number * shares.array[:n]).tolist(), sent.array, received.array)
+        self.wait = self.world.exchange(
+            partners.array[:n].tolist(),
+            (rows.number * shares.array[:n]).tolist(),
+            sent.array,
+            received.array,
+        )
 
 
 class Completion:
@@ -332,8 +368,32 @@ class Agreement:
 
 
 # arrays of `Sharers`, with an entry for each body of this rank, or for each number that is answered or received
-_OF_BODIES = "asked", "ids", "meet", "order", "spare", "places", "questions", "homes", "many", "home", "bodies", "first"
-_OF_ANSWERS = "sorted", "work", "owner", "equal", "answers", "parts", "partners", "shares", "source", "sent"
+_OF_BODIES = (
+    "asked",
+    "ids",
+    "meet",
+    "order",
+    "spare",
+    "places",
+    "questions",
+    "homes",
+    "many",
+    "home",
+    "bodies",
+    "first",
+)
+_OF_ANSWERS = (
+    "sorted",
+    "work",
+    "owner",
+    "equal",
+    "answers",
+    "parts",
+    "partners",
+    "shares",
+    "source",
+    "sent",
+)
 _RECEIVED = "askers", "wanted", "wanted_ids", "answerers", "answered", "holders"
 
 
@@ -358,13 +418,27 @@ class Sharers:
     def __init__(self, world, load=None):
         self._world, self.counts = world, np.zeros(packing.COUNTS, np.int64)
         self.cells = cells = {name: Cell(L1) for name in (*_OF_BODIES, *_OF_ANSWERS, *_RECEIVED)}
-        cells |= {"counts": Cell(L1, self.counts), "load": load or Cell(F2), "packed": Cell(F1), "received": Cell(F1)}
+        cells |= {
+            "counts": Cell(L1, self.counts),
+            "load": load or Cell(F2),
+            "packed": Cell(F1),
+            "received": Cell(F1),
+        }
         self._bodies = self._numbers = -1  # for how many there is room
         self.finding, self.giving, self.taking = [], [], []
         if world.size == 1:
             return
-        homes, partners = (Cell(I, numbers=self.counts[k : k + 1]) for k in (packing.HOMES, packing.PARTNERS))
-        questions = Delivery(world, cells["homes"], cells["many"], cells["questions"], homes, *(cells[name] for name in _RECEIVED[:3]))
+        homes, partners = (
+            Cell(I, numbers=self.counts[k : k + 1]) for k in (packing.HOMES, packing.PARTNERS)
+        )
+        questions = Delivery(
+            world,
+            cells["homes"],
+            cells["many"],
+            cells["questions"],
+            homes,
+            *(cells[name] for name in _RECEIVED[:3]),
+        )
         answers = Delivery(world, cells["askers"], cells["parts"], cells["answers"], Cell(I, numbers=cells["askers"].numbers[1:]),
                            *(cells[name] for name in _RECEIVED[3:]), cells["homes"], homes)  # fmt: skip
         self.finding = [
@@ -376,7 +450,15 @@ class Sharers:
             packing.connect.bind_to(cells, answers=cells["holders"], own=world.rank),
         ]  # fmt: skip
         rows = Cell(I, _LOAD)
-        exchange = Exchange(world, cells["partners"], cells["shares"], partners, rows, cells["packed"], cells["received"])
+        exchange = Exchange(
+            world,
+            cells["partners"],
+            cells["shares"],
+            partners,
+            rows,
+            cells["packed"],
+            cells["received"],
+        )
         self.giving = [packing.pack.bind_to(cells, values=cells["load"]), exchange]
         self.taking = [Completion(exchange), packing.add.bind_to(cells, values=cells["load"])]
 
@@ -460,9 +542,16 @@ class Sharers:
         partners, shares = (cells[name].array[:ranks] for name in ("partners", "shares"))
         self._world.exchange(partners.tolist(), (rows * shares).tolist(), sent, received)()
         if operation is np.add:
-            packing.add(values, cells["bodies"], cells["first"], cells["source"], received, self.counts)
+            packing.add(
+                values, cells["bodies"], cells["first"], cells["source"], received, self.counts
+            )
         else:
             parts = np.concatenate([received.reshape(-1, rows).T, values[:, self.bodies]], axis=1)
             first = cells["first"].array[: shared + 1]
-            source, own = cells["source"].array[: first[-1]], n + np.repeat(np.arange(shared), np.diff(first))
-            values[:, self.bodies] = operation.reduceat(parts[:, np.where(source < 0, own, source)], first[:-1], axis=1)
+            source, own = (
+                cells["source"].array[: first[-1]],
+                n + np.repeat(np.arange(shared), np.diff(first)),
+            )
+            values[:, self.bodies] = operation.reduceat(
+                parts[:, np.where(source < 0, own, source)], first[:-1], axis=1
+            )

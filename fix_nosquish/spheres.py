@@ -1,7 +1,20 @@
 """The compiled loops for atoms that are spheres, with a torque and a spin of their own."""
 
 from .compiled import F1, F2, I1, I2, L1, loop
-from .kernels import ATOM, BLOCK, MOMENT, P, Q, body_frame_angular_velocity, four, rotation_matrix, set_three, take, three, to_space
+from .kernels import (
+    ATOM,
+    BLOCK,
+    MOMENT,
+    P,
+    Q,
+    body_frame_angular_velocity,
+    four,
+    rotation_matrix,
+    set_three,
+    take,
+    three,
+    to_space,
+)
 
 
 @loop

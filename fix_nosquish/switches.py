@@ -21,7 +21,11 @@ class Switches:
     def __init__(self, command, dimension, world, ids, owned):
         self._plane = dimension == 2
         self._choices = []  # (lowest ID, highest ID, rows of the load, 0 or 1 for each)
-        asked = [(choice, rows) for choices, rows in ((command.force, slice(0, 3)), (command.torque, slice(3, 6))) for choice in choices]
+        asked = [
+            (choice, rows)
+            for choices, rows in ((command.force, slice(0, 3)), (command.torque, slice(3, 6)))
+            for choice in choices
+        ]
         if not asked:
             return
         count = int(world.total(np.array([owned.sum()]))[0])
@@ -30,9 +34,18 @@ class Switches:
             low, high = low or 1, high or count
             text = f"keyword {'torque' if rows.start else 'force'}: "
             if not 1 <= low <= high <= count:
-                raise RunError(text + f"bodies {low} to {high} were asked for, and there are bodies 1 to {count}", everywhere=True)
+                raise RunError(
+                    text
+                    + f"bodies {low} to {high} were asked for, and there are bodies 1 to {count}",
+                    everywhere=True,
+                )
             if self._plane and (any(flags[:2]) if rows.start else flags[2]):
-                raise RunError(text + ("x and y are" if rows.start else "z is") + " off in two dimensions: say off", everywhere=True)
+                raise RunError(
+                    text
+                    + ("x and y are" if rows.start else "z is")
+                    + " off in two dimensions: say off",
+                    everywhere=True,
+                )
             ends += [low, high]
         ends = _id_of_number(np.array(ends), world, np.sort(ids[owned]))
         for ((_, _, flags), rows), low, high in zip(asked, ends[::2], ends[1::2]):

@@ -30,7 +30,9 @@ def removed_freedom(bodies, world, inside, lammps):
     degrees = np.full(len(inside), lammps.dimension)
     if bodies.spheres:
         degrees[lammps.per_atom("radius")[bodies.index] > 0] = 6 if lammps.dimension == 3 else 3
-    sums = np.array([np.bincount(bodies.body, weights, minlength=len(bodies)) for weights in (inside, degrees)])
+    sums = np.array(
+        [np.bincount(bodies.body, weights, minlength=len(bodies)) for weights in (inside, degrees)]
+    )
     bodies.sharers.combine(sums)
     whole = (sums[0] == bodies.natoms) & bodies.sharers.owned
     removed = sums[1, whole].sum() - freedom(bodies, lammps.dimension)[whole].sum()
@@ -47,10 +49,21 @@ def energies(bodies, world, lammps):
     owned = bodies.sharers.owned
     translation = np.full(len(bodies), lammps.dimension)
     rotation = freedom(bodies, lammps.dimension) - translation
-    sums = world.total(np.array([*bodies.kinetic()[:, owned].sum(axis=1), translation[owned].sum(), rotation[owned].sum()]))
+    sums = world.total(
+        np.array(
+            [
+                *bodies.kinetic()[:, owned].sum(axis=1),
+                translation[owned].sum(),
+                rotation[owned].sum(),
+            ]
+        )
+    )
     energy, degrees = lammps.mvv2e * sums[:2], sums[2:]
     energy, degrees = np.append(energy, energy.sum()), np.append(degrees, degrees.sum())
-    return np.append(energy[:2], np.divide(2 * energy, degrees * lammps.boltz, out=np.zeros(3), where=degrees > 0))
+    return np.append(
+        energy[:2],
+        np.divide(2 * energy, degrees * lammps.boltz, out=np.zeros(3), where=degrees > 0),
+    )
 
 
 def projected(notes):
@@ -70,14 +83,23 @@ def summary(nve, notes, virial):
     flat = bodies.flat
     counts = [owned.sum(), (owned[:r] & ~flat).sum(), (owned[:r] & flat).sum(), owned[r:e].sum(), owned[e:n].sum(),
               bodies.natoms[owned].sum(), len(bodies.sharers.bodies[owned[bodies.sharers.bodies]])]  # fmt: skip
-    total, solid, planar, linear, points, atoms, shared = world.total(np.array(counts, float)).astype(int)
+    total, solid, planar, linear, points, atoms, shared = world.total(
+        np.array(counts, float)
+    ).astype(int)
     removed = removed_freedom(bodies, world, np.ones(len(bodies.tag), bool), nve.lammps)
     own = world.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0]
     kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
-    degrees = np.array([removed + own, own]) - nve.lammps.dimension  # as compute temp of these atoms counts them
-    before, now = np.divide(2 * kinetic, degrees * nve.lammps.boltz, out=np.zeros(2), where=degrees > 0)
+    degrees = (
+        np.array([removed + own, own]) - nve.lammps.dimension
+    )  # as compute temp of these atoms counts them
+    before, now = np.divide(
+        2 * kinetic, degrees * nve.lammps.boltz, out=np.zeros(2), where=degrees > 0
+    )
     if bodies.plane:
-        kinds, turning = ((solid + planar, "in the plane"),), ((solid + planar, "rotation in the plane", "no rotation"),)
+        kinds, turning = (
+            ((solid + planar, "in the plane"),),
+            ((solid + planar, "rotation in the plane", "no rotation"),),
+        )
     else:
         kinds = (solid, "three-dimensional"), (planar, "planar"), (linear, "linear")
         turning = ((solid + planar, "rotation of rotors" + (f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""), "no rotors"),
@@ -89,12 +111,33 @@ def summary(nve, notes, virial):
         (points, "", "no single atoms"),
         (bodies.spheres, "torque and spin of spheres", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
-        (nve.late, f"velocities that {' '.join(fix.id for fix in nve.late)} may change, at the end of a step", ""),
-        (command.output, f"table of the bodies every {command.output and command.output[0]} steps", ""),
-        (shared, f"exchange of {shared} bodies shared between ranks", "no body shared between ranks"),
-        (nve.velocities_every, "velocities of the atoms every " + " and ".join(str(n) for n in nve.velocities_every) + " steps and with output",
-         "velocities of the atoms on steps without output"),
-        (nve.half_step_velocities, "velocities at the half step", "no reader of velocities at the half step"),
+        (
+            nve.late,
+            f"velocities that {' '.join(fix.id for fix in nve.late)} may change, at the end of a step",
+            "",
+        ),
+        (
+            command.output,
+            f"table of the bodies every {command.output and command.output[0]} steps",
+            "",
+        ),
+        (
+            shared,
+            f"exchange of {shared} bodies shared between ranks",
+            "no body shared between ranks",
+        ),
+        (
+            nve.velocities_every,
+            "velocities of the atoms every "
+            + " and ".join(str(n) for n in nve.velocities_every)
+            + " steps and with output",
+            "velocities of the atoms on steps without output",
+        ),
+        (
+            nve.half_step_velocities,
+            "velocities at the half step",
+            "no reader of velocities at the half step",
+        ),
         (virial, "constraint virial on steps that need it", "no virial requested"),
     ):
         if pass_ and needed or without and not needed:
@@ -114,7 +157,9 @@ def summary(nve, notes, virial):
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
     if notes["rebuilt"]:
-        lines.append(f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the nearest image")
+        lines.append(
+            f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the nearest image"
+        )
     return lines, removed
 
 
@@ -150,11 +195,22 @@ def forces_at_start(nve):
     """
     bodies, world, lammps = nve.bodies, nve.world, nve.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension
-    push = 0.5 * lammps.innermost_dt**2 * lammps.ftm2v * np.sqrt((bodies.force**2).sum(axis=0)) / bodies.mass
+    push = (
+        0.5
+        * lammps.innermost_dt**2
+        * lammps.ftm2v
+        * np.sqrt((bodies.force**2).sum(axis=0))
+        / bodies.mass
+    )
     size = np.sqrt(bodies.moment.max(axis=0) / bodies.mass)
     k = [push.argmax()] if len(push) else []
-    pushes, ids, sizes = world.gather_to_all(np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T).T
-    space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / world.total(np.array([len(lammps.groups)]))[0]
+    pushes, ids, sizes = world.gather_to_all(
+        np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T
+    ).T
+    space = (
+        np.linalg.det(lammps.box.h[:dimension, :dimension])
+        / world.total(np.array([len(lammps.groups)]))[0]
+    )
     spacing = max(space ** (1 / dimension), sizes.max())
     many, of = world.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
     if not many:
@@ -163,7 +219,11 @@ def forces_at_start(nve):
     if many > 0.1 * of:
         cause, remedy = f"the time step is too long, or {cause}", f"use a shorter one, or {remedy}"
     furthest = nve.membership.name(int(ids[pushes.argmax()]))
-    return f"{cause}: the force on {furthest} moves it by {pushes.max():.3g} in the first step", remedy, spacing
+    return (
+        f"{cause}: the force on {furthest} moves it by {pushes.max():.3g} in the first step",
+        remedy,
+        spacing,
+    )
 
 
 def _fastest(bodies, world, dt):

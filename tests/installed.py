@@ -1,12 +1,25 @@
 """Which fix_nosquish is tested: the one that LAMMPS's processes import, if its files are the checkout's."""
 
 import importlib.util
+import subprocess
+import sys
 from importlib import metadata
 from pathlib import Path
 
 from validation import startup
 
 SOURCE = Path(__file__).resolve().parent.parent / "fix_nosquish"
+
+COMPILE = """
+from importlib import import_module
+from pkgutil import iter_modules
+import fix_nosquish
+names = [f"fix_nosquish.{module.name}" for module in iter_modules(fix_nosquish.__path__) if not module.ispkg and module.name != "__main__"]
+for name in names:
+    import_module(name)
+from fix_nosquish import compiled, sharing
+compiled.load(sharing.ALONE, *names)
+"""
 
 
 def tested():
@@ -18,7 +31,9 @@ def tested():
     package = startup.package().resolve()
     here = Path(importlib.util.find_spec("fix_nosquish").origin).resolve().parent
     if here != package:
-        raise SystemExit(f"this Python imports {here}, LAMMPS's processes import {package}: unset PYTHONPATH")
+        raise SystemExit(
+            f"this Python imports {here}, LAMMPS's processes import {package}: unset PYTHONPATH"
+        )
     if other := differences(package, SOURCE):
         raise SystemExit(
             f"the fix_nosquish that is installed, {package}, is not the one of this checkout. "
@@ -26,7 +41,9 @@ def tested():
         )
     editable = package == SOURCE
     if editable and not compiled(package / "plugin"):
-        raise SystemExit(f"{package / 'plugin'} is not compiled as it is now. Do it first: pip install -e .")
+        raise SystemExit(
+            f"{package / 'plugin'} is not compiled as it is now. Do it first: pip install -e ."
+        )
     kind = "the checkout's own files" if editable else "the same files as the checkout's"
     return f"fix_nosquish {metadata.version('fix_nosquish')}: {package}, {kind}"
 
@@ -34,13 +51,20 @@ def tested():
 def differences(package, other):
     """The files of a package that are not the same in another folder, or only in one of them; sorted names."""
     ours, theirs = sources(package), sources(other)
-    return sorted(name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name))
+    return sorted(
+        name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name)
+    )
 
 
 def sources(folder):
     """From relative names to contents of a package's files, without what is compiled from them."""
     paths = (path for path in folder.rglob("*") if path.suffix in (".py", ".cpp"))
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+def compile_loops():
+    """Compile all loops of the package, if they are not: else the first tests would, while their clocks run."""
+    subprocess.run([sys.executable, "-c", COMPILE], cwd="/", check=True)  # not of the checkout
 
 
 def compiled(folder):

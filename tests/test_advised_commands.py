@@ -28,7 +28,9 @@ COMMITTED = ROOT / "validation" / "results"
 def commands(text):
     """The commands in a text, page or JSON: each ends with its line, sentence, code or JSON string, or where the next one begins."""
     found = re.findall(r"python -m validation ([^\n<`;\"\\]*)", text)
-    return sorted({re.sub(r"[.,:)]+$", "", one.split("python -m")[0].strip()) for one in found} - {"", "VERB"})
+    return sorted(
+        {re.sub(r"[.,:)]+$", "", one.split("python -m")[0].strip()) for one in found} - {"", "VERB"}
+    )
 
 
 lengths = functools.cache(sweep_plan.lengths)  # takes its time
@@ -72,13 +74,19 @@ def test_unknown_names_are_refused_at_once(capsys, asked):
         assert "dimer, water, peptide" in told
 
 
-@pytest.mark.parametrize("asked", [("energy_sd=0.3",), ("energy_sd=0.001",), ("energi=1",), ("drift=2.2e-5",)])
+@pytest.mark.parametrize(
+    "asked", [("energy_sd=0.3",), ("energy_sd=0.001",), ("energi=1",), ("drift=2.2e-5",)]
+)
 def test_what_advise_prints(capsys, tmp_path, asked):
     """Locks out a command that advise prints, on any of its ways, and that then fails."""
     out = tmp_path / "with a space"
     out.mkdir()
     (out / "summary.json").write_text(json.dumps(sweep_report.gathered(synthetic(), out)))
-    told = [advise(capsys, out, *asked)[1], advise(capsys, out, *asked, scene="dimer")[1], advise(capsys, tmp_path, *asked)[1]]
+    told = [
+        advise(capsys, out, *asked)[1],
+        advise(capsys, out, *asked, scene="dimer")[1],
+        advise(capsys, tmp_path, *asked)[1],
+    ]
     assert_accepted("\n".join(told), least=2)
 
 
@@ -104,15 +112,27 @@ def test_what_the_page_prints(tmp_path, monkeypatch):
     assert_accepted(html.unescape((tmp_path / "empty.html").read_text()), least=len(overview.PARTS))
 
 
-@pytest.mark.parametrize("name", sorted(path.parent.name for path in COMMITTED.glob("*/summary.json")))
+@pytest.mark.parametrize(
+    "name", sorted(path.parent.name for path in COMMITTED.glob("*/summary.json"))
+)
 def test_what_results_hold(name):
     """Locks out committed results whose commands cannot be given again."""
-    assert_accepted(json.dumps(json.loads((COMMITTED / name / "summary.json").read_text()), indent=0, ensure_ascii=False))
+    assert_accepted(
+        json.dumps(
+            json.loads((COMMITTED / name / "summary.json").read_text()),
+            indent=0,
+            ensure_ascii=False,
+        )
+    )
 
 
 def test_what_is_written_down():
     """Locks out such a command in the README and in the templates of pages."""
     assert_accepted((ROOT / "README.md").read_text(), least=10)
     for path in (ROOT / "validation" / "templates").glob("*.html"):
-        wrong = [why for why in map(refused, commands(re.sub(r"{{.*?}}", "water", path.read_text()))) if why]
+        wrong = [
+            why
+            for why in map(refused, commands(re.sub(r"{{.*?}}", "water", path.read_text())))
+            if why
+        ]
         assert not wrong, f"{path.name}: {wrong}"

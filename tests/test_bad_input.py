@@ -51,7 +51,10 @@ class Case(NamedTuple):
     @property
     def script(self):
         target = f"{self.module} {self.words}".strip()
-        return SCRIPT.format(target=target, **{k: v for k, v in self._asdict().items() if k not in ("words", "module")})
+        return SCRIPT.format(
+            target=target,
+            **{k: v for k, v in self._asdict().items() if k not in ("words", "module")},
+        )
 
 
 SPLIT = "group one molecule 1\ngroup rest subtract all one\n"
@@ -164,7 +167,9 @@ def test_ends_on_one_rank(run_case, tmp_path, launcher, name):
     assert_ended(run, CASES[name].expected, tmp_path)
     if launcher == "library":
         raised = [line for line in run.screen.splitlines() if line.startswith("Exception: ")]
-        assert len(raised) == 1 and all(words in raised[0] for words in CASES[name].expected), run.screen
+        assert len(raised) == 1 and all(words in raised[0] for words in CASES[name].expected), (
+            run.screen
+        )
 
 
 @pytest.mark.parametrize(
@@ -195,7 +200,11 @@ fix 1 all python/move "fix_nosquish.NVE all single"
 run 1
 """
     run = run_lammps(script, ranks=2, check=False, timeout=SECONDS)
-    assert_ended(run, (f"is {kind}, ", "torque and inertia", "use points or spheres (atom_style sphere)"), tmp_path)
+    assert_ended(
+        run,
+        (f"is {kind}, ", "torque and inertia", "use points or spheres (atom_style sphere)"),
+        tmp_path,
+    )
     if style in ("ellipsoid", "dipole"):
         points = "set group all mass 1.0" if style == "ellipsoid" else "mass * 1.0"
         assert run_lammps(script.replace(shape, points), ranks=2).code == 0
@@ -213,14 +222,24 @@ MORE = {
     "electron": ("is an electron, whose radius",),
     "spin": ("is a magnetic spin, whose precession",),
 }
-AS_POINTS = {"rheo": "set group all rheo/status 1", "electron": "set group all spin/electron 0", "spin": "", "mdpd": "", "dpd": "", "peri": ""}
+AS_POINTS = {
+    "rheo": "set group all rheo/status 1",
+    "electron": "set group all spin/electron 0",
+    "spin": "",
+    "mdpd": "",
+    "dpd": "",
+    "peri": "",
+}
 
 
 @pytest.mark.parametrize("style", [*MORE, "mdpd", "dpd", "peri"])
 def test_atoms_with_more_to_advance(run_lammps, tmp_path, style):
     """Locks out densities, temperatures, spins that stand still, because an integrator that advances them was replaced by this
     one; atoms of these styles that have none, or whose forces need none, are taken."""
-    made = {"spin": "set group all spin/atom 1.5 0 0 1", "electron": "set group all spin/electron 1"}.get(style, "")
+    made = {
+        "spin": "set group all spin/atom 1.5 0 0 1",
+        "electron": "set group all spin/electron 1",
+    }.get(style, "")
     script = f"""
 units lj
 atom_style {style}
@@ -245,13 +264,20 @@ run 1
 
 def test_group_of_the_fix(run_case):
     """Locks out silence where the fix line's two groups differ, and one of them does not do what it seems to."""
-    run = run_case(Case("bodies molecule", before="group bodies molecule <= 20", steps=5), ranks=2, check=True)
+    run = run_case(
+        Case("bodies molecule", before="group bodies molecule <= 20", steps=5), ranks=2, check=True
+    )
     assert run.log.count("WARNING: the fix line names group all, the class group bodies") == 1
 
 
 def test_before_the_box(run_lammps, tmp_path):
     """Locks out a crash where the fix line stands above read_data."""
-    run = run_lammps('fix 1 all python/move "fix_nosquish.NVE all single"\n', ranks=2, check=False, timeout=SECONDS)
+    run = run_lammps(
+        'fix 1 all python/move "fix_nosquish.NVE all single"\n',
+        ranks=2,
+        check=False,
+        timeout=SECONDS,
+    )
     assert run.code != 0 and run.screen.count("ERROR") == 1 and "box" in run.screen, run.screen
 
 
@@ -263,7 +289,11 @@ def test_before_the_box(run_lammps, tmp_path):
 )  # fmt: skip
 def test_change_between_runs(run_case, ranks, between):
     """Locks out the refusal between runs of what is refused in mid-run, and bodies of a fix that is gone."""
-    run = run_case(Case(steps=20, before="group odd molecule 1", after=f"run 20\n{between}"), ranks=ranks, check=True)
+    run = run_case(
+        Case(steps=20, before="group odd molecule 1", after=f"run 20\n{between}"),
+        ranks=ranks,
+        check=True,
+    )
     assert run.screen.count("Loop time") == 2
 
 
@@ -271,13 +301,23 @@ def test_version(run_case):
     """Locks out a log that does not say which package made the run, and a version that is not that of what is installed."""
     installed = metadata.version("fix_nosquish")
     assert fix_nosquish.__version__ == installed
-    assert f"Rigid bodies by NO_SQUISH, fix_nosquish {installed}: NVE all molecule\n" in run_case(Case(steps=1), check=True).log
+    assert (
+        f"Rigid bodies by NO_SQUISH, fix_nosquish {installed}: NVE all molecule\n"
+        in run_case(Case(steps=1), check=True).log
+    )
 
 
 def test_image_flags_that_may_tear_a_body(run_case):
     """Locks out silence where the image flags of one atom make a body as wide as the box."""
-    run = run_case(Case("all single", before="set atom 1 image 1 0 0", steps=1), ranks=2, check=True)
-    assert run.log.count("WARNING: the body of group all (its first atom is 1) may be cut by a periodic face") == 1
+    run = run_case(
+        Case("all single", before="set atom 1 image 1 0 0", steps=1), ranks=2, check=True
+    )
+    assert (
+        run.log.count(
+            "WARNING: the body of group all (its first atom is 1) may be cut by a periodic face"
+        )
+        == 1
+    )
 
 
 def test_molecule_zero(run_case):

@@ -18,7 +18,16 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import bandwidth, bench, bench_figures, bench_report, goals, integrators, rounds, run  # noqa: E402
+from validation import (
+    bandwidth,
+    bench,
+    bench_figures,
+    bench_report,
+    goals,
+    integrators,
+    rounds,
+    run,
+)  # noqa: E402
 from validation.integrators import BENCHMARKED, INTEGRATORS, Integrator  # noqa: E402
 from validation.scenes import SCENES, Scene  # noqa: E402
 
@@ -33,9 +42,13 @@ def test_ratios_are_of_one_round():
     theirs = [timing(modify=slow * 4.0) for slow in (1, 10, 3)]
     ratio = rounds.ratio(ours, theirs, "modify")
     assert ratio["values"] == [0.25, 0.25, 0.25]
-    uneven = rounds.ratio([timing(modify=m) for m in (1, 9, 2)], [timing(modify=m) for m in (2, 3, 1)], "modify")
+    uneven = rounds.ratio(
+        [timing(modify=m) for m in (1, 9, 2)], [timing(modify=m) for m in (2, 3, 1)], "modify"
+    )
     assert (uneven["median"], uneven["min"], uneven["max"]) == (2.0, 0.5, 3.0)
-    assert rounds.ratio(ours, theirs[:1], "modify")["values"] == [0.25], "the other has failed after a round"
+    assert rounds.ratio(ours, theirs[:1], "modify")["values"] == [0.25], (
+        "the other has failed after a round"
+    )
     assert rounds.ratio(ours, [], "modify") is None
     difference = rounds.difference(theirs, ours, lambda one: one["modify"])
     assert difference["values"] == [3, 30, 9]
@@ -49,21 +62,35 @@ def test_numbers_leave_warm_up_and_preparations_out():
 
     result = run.Result(None, {}, [log(9, 9, 0), log(9, 9, 0), log(8, 8, 2), log(1e-3, 4e-4, 4), log(2e-3, 8e-4, 4), log(9e-3, 9e-3, 4)], None, {},
                         memory=[10, 20], seconds={"commands": [1, 2, 4], "setups": [0.5, 0.25], "runs": []})  # fmt: skip
-    job = run.Job("", "", ["units lj", "fix 1 all nve", "fix 2 all nve"], [2, 4, 4, 4], None, setups=2)
+    job = run.Job(
+        "", "", ["units lj", "fix 1 all nve", "fix 2 all nve"], [2, 4, 4, 4], None, setups=2
+    )
     found = rounds.numbers(job, result)
     assert found["modify"] == pytest.approx(200) and found["loop"] == pytest.approx(500)
-    assert (found["cpu"], found["define"], found["setups"], found["memory"]) == (94.0, 6, [0.5, 0.25], [10, 20])
+    assert (found["cpu"], found["define"], found["setups"], found["memory"]) == (
+        94.0,
+        6,
+        [0.5, 0.25],
+        [10, 20],
+    )
 
 
 def test_lengths_of_segments():
     """Locks out segments that are too short to re-neighbour in, and hours for a slow scene."""
     fast, slow = rounds.lengths(1e-5, 1.0), rounds.lengths(1.5, 1.0)
     assert (fast.segment, fast.segments, fast.warm_up) == (100000, 3, 1000)
-    assert (slow.segment, slow.segments, slow.warm_up) == (rounds.LEAST, 1, rounds.LEAST // 5) and rounds.LEAST >= 20
+    assert (slow.segment, slow.segments, slow.warm_up) == (
+        rounds.LEAST,
+        1,
+        rounds.LEAST // 5,
+    ) and rounds.LEAST >= 20
 
 
 def point(bodies, ranks, ratios, loops):
-    rows = [{"name": name, "modify_ratio": spread(ratios[name]), "loop_ratio": spread(loops[name])} for name in ratios]
+    rows = [
+        {"name": name, "modify_ratio": spread(ratios[name]), "loop_ratio": spread(loops[name])}
+        for name in ratios
+    ]
     return {"scene": "water", "bodies": bodies, "ranks": ranks, "integrators": rows}
 
 
@@ -73,16 +100,32 @@ def spread(value):
 
 def test_goals_are_judged():
     """Locks out a goal of one size or rank number held against another, and the slowest of LAMMPS's fixes taken for the fastest."""
-    judged = goals.judge([point(1000, 2, {"rigid/nve": 0.19, "rigid/nve/small": 0.16}, {"rigid/nve": 0.9, "rigid/nve/small": 1.01})], [])
+    judged = goals.judge(
+        [
+            point(
+                1000,
+                2,
+                {"rigid/nve": 0.19, "rigid/nve/small": 0.16},
+                {"rigid/nve": 0.9, "rigid/nve/small": 1.01},
+            )
+        ],
+        [],
+    )
 
     def of(where, what):
         (found,) = [one for one in judged if one["where"] == where and what in one["what"]]
         return found
 
-    assert of("water 1,000, 2 ranks", "Modify, ours over rigid/nve/small")["met"] is False  # at most 0.15
+    assert (
+        of("water 1,000, 2 ranks", "Modify, ours over rigid/nve/small")["met"] is False
+    )  # at most 0.15
     (loop,) = [one for one in judged if "loop" in one["what"]]
     assert "rigid/nve/small" in loop["what"] and loop["met"] is False
-    assert [one["met"] for one in judged if one["where"] == "water 1,000, 2 ranks" and one["what"] == "Modify, ours over rigid/nve"] == [True]
+    assert [
+        one["met"]
+        for one in judged
+        if one["where"] == "water 1,000, 2 ranks" and one["what"] == "Modify, ours over rigid/nve"
+    ] == [True]
     assert all(one["met"] is None for one in judged if one["where"] == "water 1,000, 1 rank")
     assert of("water 100,000, 2 ranks", "shake")["limit"] == 0.5
 
@@ -98,7 +141,11 @@ def test_bytes_of_a_step():
 def test_bandwidth():
     """Locks out rates that are off by powers of ten, and a process that measures nothing."""
     found = bandwidth.measure(2, repeats=3, elements=2**20)
-    assert found["processes"] == 2 and 0.05 < found["copy"] < 2000 and found["best"] == max(found["copy"], found["add"])
+    assert (
+        found["processes"] == 2
+        and 0.05 < found["copy"] < 2000
+        and found["best"] == max(found["copy"], found["add"])
+    )
 
 
 # ------------------------------------------------------------- scenes
@@ -116,7 +163,10 @@ def test_scene_runs_alike_with_ours_and_lammps(name, tmp_path):
     """Locks out a scene whose bodies are others for ours than for rigid/nve, or whose start is not that of a warm, stable system,
     and an in.* that does not run, or is another system than the one that is measured."""
     scene = SCENES[name].of_size(SCENES[name].unit)
-    results = [one_step(scene, INTEGRATORS[one], tmp_path / one.replace("/", "-")) for one in ("nosquish", "rigid/nve")]
+    results = [
+        one_step(scene, INTEGRATORS[one], tmp_path / one.replace("/", "-"))
+        for one in ("nosquish", "rigid/nve")
+    ]
     assert [one.error for one in results] == [None, None]
     ours, theirs = results
     moved = np.abs(ours.positions["x"][1] - ours.positions["x"][0]).max()
@@ -200,7 +250,10 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     assert "no/such/fix" in failed["error"] and failed["modify"] is None
     assert ours["error"] is None and theirs["error"] is None
     for row in ours, theirs:
-        assert 0 < row["modify"]["median"] < row["loop"]["median"] and len(row["modify"]["values"]) == 2
+        assert (
+            0 < row["modify"]["median"] < row["loop"]["median"]
+            and len(row["modify"]["values"]) == 2
+        )
         assert row["setup"] and row["memory_in_all"]["median"] > 10
     pairs = [a / b for a, b in zip(ours["modify"]["values"], theirs["modify"]["values"])]
     assert theirs["modify_ratio"]["values"] == pytest.approx(pairs)
@@ -209,7 +262,10 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     bench_report.write(summary, bench_figures.draw(summary, tmp_path), tmp_path)
     table = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert [row["integrator"] for row in table] == ["broken", "fix_nosquish.NVE", "rigid/nve"]
-    assert "no/such/fix" in table[0]["status"] and float(table[1]["Modify median (µs/step)"]) == ours["modify"]["median"]
+    assert (
+        "no/such/fix" in table[0]["status"]
+        and float(table[1]["Modify median (µs/step)"]) == ours["modify"]["median"]
+    )
     assert json.loads((tmp_path / "summary.json").read_text()) == summary
     page = (tmp_path / "report.html").read_text()
     assert "no/such/fix" in page and page.count("data:image/png;base64,") == 2
@@ -218,22 +274,34 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     again, begun = small(integrators=("broken", "nosquish", "rigid/nve"))
     assert len(begun) == 1 and again["points"] == summary["points"]
     others = bench.bench([], tmp_path / "out", False, Silent())
-    assert others["points"] == summary["points"], "a point that an earlier call has measured is not shown"
+    assert others["points"] == summary["points"], (
+        "a point that an earlier call has measured is not shown"
+    )
     monkeypatch.setattr(rounds, "calibrate", lambda make: 1e-5)
     monkeypatch.setattr(bench, "package_hash", lambda: "other code")
-    assert not bench.bench([], tmp_path / "out", False, Silent())["points"], "a point of other code is shown"
+    assert not bench.bench([], tmp_path / "out", False, Silent())["points"], (
+        "a point of other code is shown"
+    )
     monkeypatch.setattr(rounds, "in_turn", lambda jobs, *_: ({name: [] for name in jobs}, {}, True))
     changed, _ = small(integrators=("broken", "nosquish", "rigid/nve"))
-    assert changed["interrupted"] and changed["points"][0]["integrators"][1]["error"] == "interrupted"
+    assert (
+        changed["interrupted"] and changed["points"][0]["integrators"][1]["error"] == "interrupted"
+    )
     incomplete, _ = small(integrators=("broken", "nosquish", "rigid/nve"))
     assert incomplete["interrupted"], "an interrupted point was taken for a complete one"
 
 
 def test_constraints_only_where_they_hold_the_bodies():
     """Locks out shake on bodies that it cannot hold, which would be compared with what is rigid."""
-    can = {name: [one for one in BENCHMARKED if BENCHMARKED[one].can_run(scene)] for name, scene in SCENES.items()}
+    can = {
+        name: [one for one in BENCHMARKED if BENCHMARKED[one].can_run(scene)]
+        for name, scene in SCENES.items()
+    }
     assert "shake" in can["water"] and "rattle" in can["dimer"]
     assert not {"shake", "rattle"} & {*can["peptide"], *can["mixed"], *can["big"]}
     tiny = Scene("tiny", "", ROOT, (), "all", "molecule", None, ghost_cutoff=7.0)
-    small, whole = (run.job(tiny, integrators.rigid(style), "x", [1], dt=1, every=0).commands for style in ("rigid/nve/small", "rigid/nve"))
+    small, whole = (
+        run.job(tiny, integrators.rigid(style), "x", [1], dt=1, every=0).commands
+        for style in ("rigid/nve/small", "rigid/nve")
+    )
     assert "comm_modify cutoff 7.0" in small and not any("comm_modify" in line for line in whole)

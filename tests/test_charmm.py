@@ -19,7 +19,16 @@ STYLES = {  # the words of each body style, and the groups that its fix moves
     "group": ("group 3 ammonium methyls water", "ammonium methyls water"),
     "single": ("single", "methyls"),
 }
-RUNS = [("real", 1), ("real", 2), ("real", 4), ("real", 8), ("metal", 1), ("metal", 2), ("lj", 1), ("lj", 2)]
+RUNS = [
+    ("real", 1),
+    ("real", 2),
+    ("real", 4),
+    ("real", 8),
+    ("metal", 1),
+    ("metal", 2),
+    ("lj", 1),
+    ("lj", 2),
+]
 TERMS = ("E_bond", "E_angle", "E_dihed", "E_impro", "E_vdwl", "E_coul")
 
 
@@ -33,9 +42,15 @@ class Result(NamedTuple):
 
 def groups(scene):
     """The groups of the body style group: one NH3, both CH3 of one butane (one body), one water molecule."""
-    first = {name: scene.number == scene.number[scene.molecule == name][0] for name in charmm.COUNTS}
+    first = {
+        name: scene.number == scene.number[scene.molecule == name][0] for name in charmm.COUNTS
+    }
     ammonium = first["glycine"] & np.isin(scene.type, ("NH3", "HC"))
-    return {"ammonium": ammonium, "methyls": first["butane"] & (scene.body >= 0), "water": first["water"]}
+    return {
+        "ammonium": ammonium,
+        "methyls": first["butane"] & (scene.body >= 0),
+        "water": first["water"],
+    }
 
 
 def molecules(scene, atoms):
@@ -59,8 +74,19 @@ def script(scene, scale, long, fix, styles, atoms, dt, steps):
     ]  # fmt: skip
     for style in styles:
         words, moved = STYLES[style]
-        lines += [f"group body union {moved}", "group rest subtract all body", fix.format(group="body", words=words)]
-        lines += ["fix 2 rest nve", f"run {steps} post no", "unfix 1", "unfix 2", "group body delete", "group rest delete"]
+        lines += [
+            f"group body union {moved}",
+            "group rest subtract all body",
+            fix.format(group="body", words=words),
+        ]
+        lines += [
+            "fix 2 rest nve",
+            f"run {steps} post no",
+            "unfix 1",
+            "unfix 2",
+            "group body delete",
+            "group rest delete",
+        ]
     return "\n".join([*lines, ""])
 
 
@@ -86,14 +112,26 @@ def start(run_lammps, tmp_path, known):
 def simulate(start, run_lammps, tmp_path, known):
     """A function that runs body styles in one process and gives their Results; no run is done twice."""
 
-    def run(fix, *, units="real", ranks=1, long=False, styles=tuple(STYLES), size=(3, 4), dt=DT, steps=STEPS):
+    def run(
+        fix,
+        *,
+        units="real",
+        ranks=1,
+        long=False,
+        styles=tuple(STYLES),
+        size=(3, 4),
+        dt=DT,
+        steps=STEPS,
+    ):
         """Args: long: Whether with PPPM.  size: How many atoms the bodies have (not those of single and group)."""
         scale, atoms = charmm.SCALES[units], np.isin(start.size, size)
         text = script(start, scale, long, fix, styles, atoms, dt, steps)
         if (text, ranks, size) not in known:
             files = {"data.charmm": charmm.data(start, scale, molecules(start, atoms))}
             table = run_lammps(text, files=files, ranks=ranks).thermo
-            frames = (tmp_path / "end").read_text().split("ITEM: TIMESTEP")[2:]  # without the start's
+            frames = (
+                (tmp_path / "end").read_text().split("ITEM: TIMESTEP")[2:]
+            )  # without the start's
             assert len(table) == 2 * len(styles) == 2 * len(frames)
             known[text, ranks, size] = {}
             for k, (style, frame) in enumerate(zip(styles, frames)):
@@ -118,7 +156,10 @@ def test_bonded_bodies_move_as_with_rigid_nve(simulate, style, units, ranks):
     across ranks), constants of one unit style, and a body style that takes other atoms than rigid/nve does: a body
     of number or molecule-ID 0, numbers below 0 or not whole, a body of two parts.  (All ranks in all units take
     minutes; the units' constants know nothing of ranks.)"""
-    theirs, ours = simulate(RIGID, units=units)[style], simulate(LIKE_LAMMPS, units=units, ranks=ranks)[style]
+    theirs, ours = (
+        simulate(RIGID, units=units)[style],
+        simulate(LIKE_LAMMPS, units=units, ranks=ranks)[style],
+    )
     assert_same(ours, theirs, 1e-10)
     for name in "Temp", "TotEng":
         np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=1e-10)
@@ -135,7 +176,10 @@ def test_with_pppm(simulate):
     """Locks out bodies without the mesh's forces on partly rigid molecules, and motion in which the bonded and
     the mesh's forces do not do the work that the energies say."""
     how = dict(long=True, styles=("molecule",))
-    theirs, ours = simulate(RIGID, **how)["molecule"], simulate(LIKE_LAMMPS, ranks=2, **how)["molecule"]
+    theirs, ours = (
+        simulate(RIGID, **how)["molecule"],
+        simulate(LIKE_LAMMPS, ranks=2, **how)["molecule"],
+    )
     assert_same(ours, theirs, 1e-10)
     assert np.abs(np.diff(ours.thermo["E_bond"])) > 3
     assert np.abs(np.diff(ours.thermo["TotEng"])) < 0.1
@@ -158,7 +202,11 @@ def test_what_the_bodies_are_bonded_to(simulate, start):
     angles, dihedrals and impropers to flexible atoms, all terms with forces, and atoms that have moved."""
     flexible, bodies = start.size < 3, start.size >= 3
     for terms in start.terms.values():
-        both = [k for k, (_, atoms) in enumerate(terms) if flexible[list(atoms)].any() and bodies[list(atoms)].any()]
+        both = [
+            k
+            for k, (_, atoms) in enumerate(terms)
+            if flexible[list(atoms)].any() and bodies[list(atoms)].any()
+        ]
         assert len(both) > 3
     assert {"CT3 HA HA HA", "CT2 HA HA", "NH3 HC HC HC", "OT HT HT"} <= {
         " ".join(start.type[start.body == body]) for body in range(start.body.max() + 1)

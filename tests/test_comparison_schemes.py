@@ -15,19 +15,36 @@ from systems import OURS as NVE
 from systems import apart, mixture, water
 from test_nve import hot_rods
 from test_respa import TWO, smooth
-from test_rotor import ASYMMETRIC, S, body_momentum, conjugate, energy, exact, one_atom_bodies, product, space_momentum, tops
+from test_rotor import (
+    ASYMMETRIC,
+    S,
+    body_momentum,
+    conjugate,
+    energy,
+    exact,
+    one_atom_bodies,
+    product,
+    space_momentum,
+    tops,
+)
 
 from fix_nosquish import gear, kernels, matubayasi_nakahara
 
 MN, GEAR = (NVE.replace("NVE", name) for name in ("MatubayasiNakahara", "Gear"))
-DIPOLE, E, G = np.array([0.3, -0.5, 0.7]), np.array([0.2, 1.0, -0.4]), np.array([[0.5, 0.2, 0.0], [-0.3, 0.1, 0.4], [0.2, 0.6, -0.2]])
+DIPOLE, E, G = (
+    np.array([0.3, -0.5, 0.7]),
+    np.array([0.2, 1.0, -0.4]),
+    np.array([[0.5, 0.2, 0.0], [-0.3, 0.1, 0.4], [0.2, 0.6, -0.2]]),
+)
 
 
 # ---- the field, and bodies in it
 
 
 def to_space(q, vector):
-    return product(product(q, np.concatenate([np.zeros_like(vector[:1]), vector])), conjugate(q))[1:]
+    return product(product(q, np.concatenate([np.zeros_like(vector[:1]), vector])), conjugate(q))[
+        1:
+    ]
 
 
 def to_body(q, vector):
@@ -87,7 +104,17 @@ def move_mn(bodies, dt, steps, mrot=1, force=field):
 def move_gear(bodies, dt, steps, force=field, starts=True):
     """Steps of Gear's loops as the class calls them."""
     scratch = np.empty(gear.ALL_SCRATCH)
-    rest = bodies.state, *bodies.atoms, bodies.away, bodies.shift, bodies.aways, np.empty((len(bodies), 3)), dt, 1.0, scratch
+    rest = (
+        bodies.state,
+        *bodies.atoms,
+        bodies.away,
+        bodies.shift,
+        bodies.aways,
+        np.empty((len(bodies), 3)),
+        dt,
+        1.0,
+        scratch,
+    )
     if starts:
         bodies.load[:] = force(bodies.x, bodies.q)
         gear.start(bodies.state, bodies.blocks, dt, 1.0, scratch)
@@ -116,7 +143,16 @@ def paper_mn(x, v, q, w, moments, dt, mrot):
     ix, iy, iz = moments
 
     def part_1(q, w, h):
-        return expm(0.5 * h * sum(w[k] * np.stack([S(e)[:, k + 1] for e in np.eye(4)], axis=1) for k in range(3))) @ q
+        return (
+            expm(
+                0.5
+                * h
+                * sum(
+                    w[k] * np.stack([S(e)[:, k + 1] for e in np.eye(4)], axis=1) for k in range(3)
+                )
+            )
+            @ q
+        )
 
     def part_2(w, h):
         matrix = np.zeros((3, 3))
@@ -163,9 +199,13 @@ class PlainGear:
         for n in range(5):
             w, q = self.y[: n + 1, 3:6], self.y[: n + 1, 6:]
             L = moments * w
-            euler = sum(comb(n, j) * np.cross(L[j], w[n - j]) for j in range(n + 1)) + (torque if n == 0 else 0)
+            euler = sum(comb(n, j) * np.cross(L[j], w[n - j]) for j in range(n + 1)) + (
+                torque if n == 0 else 0
+            )
             self.y[n + 1, 3:6] = euler / moments
-            self.y[n + 1, 6:] = 0.5 * sum(comb(n, j) * S(q[j]) @ [0, *w[n - j]] for j in range(n + 1))
+            self.y[n + 1, 6:] = 0.5 * sum(
+                comb(n, j) * S(q[j]) @ [0, *w[n - j]] for j in range(n + 1)
+            )
 
     def unit(self):
         self.y[0, 6:] /= np.linalg.norm(self.y[0, 6:])
@@ -221,8 +261,12 @@ def test_gear_equals_its_equations(dt, steps):
             plain.step(dt)
         want = plain.y[0, :3], plain.y[1, :3], plain.y[0, 6:], plain.y[0, 3:6]
         for have, right in zip((got.x, got.v, got.q, omega(got)), want):
-            np.testing.assert_allclose(have[:, b], right, rtol=0, atol=1e-11 if steps > 1 else 2e-14)
-        derivatives = got.state[kernels.ROWS :, b].reshape(5, 10) * [[dt**n / factorial(n)] for n in range(1, 6)]
+            np.testing.assert_allclose(
+                have[:, b], right, rtol=0, atol=1e-11 if steps > 1 else 2e-14
+            )
+        derivatives = got.state[kernels.ROWS :, b].reshape(5, 10) * [
+            [dt**n / factorial(n)] for n in range(1, 6)
+        ]
         scaled = plain.y[1:] * [[dt**n / factorial(n)] for n in range(1, 6)]
         np.testing.assert_allclose(derivatives, scaled, rtol=0, atol=1e-11 if steps > 1 else 2e-14)
 
@@ -246,13 +290,21 @@ def test_gears_coefficients():
     for k in range(61):
         if k:
             move_gear(bodies, dt, 1, force, starts=k == 1)
-            errors.append([bodies.x[0, 0] - (k * dt) ** 6, bodies.v[0, 0] - 6 * (k * dt) ** 5, omega(bodies)[2, 0] - (k * dt) ** 6])
+            errors.append(
+                [
+                    bodies.x[0, 0] - (k * dt) ** 6,
+                    bodies.v[0, 0] - 6 * (k * dt) ** 5,
+                    omega(bodies)[2, 0] - (k * dt) ** 6,
+                ]
+            )
     for error, early in zip(np.transpose(errors), errors[14]):
         assert abs(early) > 1e-6, "not even an error"
         np.testing.assert_allclose(error[15:], early, rtol=1e-3)
 
 
-@pytest.mark.parametrize("move, bodies, order", [(move_mn, make, 2), (move_gear, for_gear, 5)], ids=["MN", "Gear"])
+@pytest.mark.parametrize(
+    "move, bodies, order", [(move_mn, make, 2), (move_gear, for_gear, 5)], ids=["MN", "Gear"]
+)
 def test_free_rotor_against_the_exact_one(move, bodies, order):
     """Locks out a scheme of a lower order than it should have: the error at one time falls with this power of dt."""
     q, p = tops(1, ASYMMETRIC, 4)
@@ -287,7 +339,9 @@ def test_reversal():
     first, dt = start(20, 6), 0.05
     there = move_mn(make(*first), dt, 200)
     back = move_mn(make(there.x, -there.v, there.q, -there.p), dt, 200)
-    off = [np.abs(have - want).max() for have, want in zip((back.x, -back.v, back.q, -back.p), first)]
+    off = [
+        np.abs(have - want).max() for have, want in zip((back.x, -back.v, back.q, -back.p), first)
+    ]
     assert np.abs(there.x - first[0]).max() > 0.5
     assert max(off) < 1e-10, off
 
@@ -315,7 +369,9 @@ def test_mn_preserves_volume():
             shifts = h * np.concatenate([np.eye(12), -np.eye(12)], axis=1)
             turned = product(q, np.concatenate([np.ones((1, 24)), 0.5 * shifts[6:9]]))
             turned /= np.linalg.norm(turned, axis=0)
-            momenta = 2 * product(turned, np.concatenate([np.zeros((1, 24)), ASYMMETRIC[:, None] * (w + shifts[9:])]))
+            momenta = 2 * product(
+                turned, np.concatenate([np.zeros((1, 24)), ASYMMETRIC[:, None] * (w + shifts[9:])])
+            )
             after = move(bodies(x + shifts[:3], v + shifts[3:6], turned, momenta), dt, 1)
             middle = move(bodies(x, v, q, p), dt, 1)
             turn = product(conjugate(middle.q), after.q)
@@ -380,7 +436,9 @@ def test_all_kinds_of_bodies(simulate, fix, dimension):
     """Locks out equations of motion other than NVE's for one kind of body, forces that do not reach it or atoms that do not follow:
     the distance between the two trajectories falls with dt^2; in two dimensions nothing leaves the plane."""
     kinds = "solid planar pair row single" if dimension == 3 else "planar pair row single"
-    system = smooth(kinds) if dimension == 3 else mixture(kinds, side=5, dimension=2, temperature=0.3)
+    system = (
+        smooth(kinds) if dimension == 3 else mixture(kinds, side=5, dimension=2, temperature=0.3)
+    )
     off = []
     for n in 50, 100, 200:
         theirs, ours = (simulate(system, one, n, dt=100 / n, every=n) for one in (NVE, fix))
@@ -412,7 +470,9 @@ def test_migration(simulate, fix):
     how = dict(before="neigh_modify every 1 delay 0 check no", every=25, dt=2)
     begin, alone = simulate(system, fix, 0, **how), simulate(system, fix, 25, **how)
     for grid in (2, 1, 1), (2, 2, 1), (8, 1, 1):
-        split = system._replace(setup=system.setup.replace("read_data", "processors {} {} {}\nread_data".format(*grid)))
+        split = system._replace(
+            setup=system.setup.replace("read_data", "processors {} {} {}\nread_data".format(*grid))
+        )
         many = simulate(split, fix, 25, ranks=int(np.prod(grid)), **how)
         cells = [np.floor(run.x / np.diag(system.h) * grid) for run in (begin, many)]
         assert (cells[0] != cells[1]).any(axis=1).sum() > 1, "hardly an atom has changed its rank"
@@ -451,14 +511,20 @@ def test_mn_goes_on_and_waits_like_nve(simulate):
 ])  # fmt: skip
 def test_what_gear_refuses(simulate, words, before, expected, ranks):
     """Locks out words that are taken and do nothing, and forces of levels that Gear would mix up."""
-    run = simulate(smooth(), GEAR, 1, words=words, before=before, ranks=ranks, check=False, timeout=60)
-    assert run.code != 0 and [line for line in run.screen.splitlines() if line.startswith("ERROR") and expected in line]
+    run = simulate(
+        smooth(), GEAR, 1, words=words, before=before, ranks=ranks, check=False, timeout=60
+    )
+    assert run.code != 0 and [
+        line for line in run.screen.splitlines() if line.startswith("ERROR") and expected in line
+    ]
 
 
 def test_the_log_says_which(simulate):
     """Locks out a log that calls all of them NO_SQUISH, or names keywords that Gear does not have."""
     logs = {fix: simulate(mixture("solid"), fix, 0).log for fix in (NVE, MN, GEAR)}
     assert "by NO_SQUISH, fix_nosquish" in logs[NVE] and "NO_SQUISH" not in logs[MN] + logs[GEAR]
-    assert re.search("Matubayasi and Nakahara's scheme, fix_nosquish .*: MatubayasiNakahara", logs[MN])
+    assert re.search(
+        "Matubayasi and Nakahara's scheme, fix_nosquish .*: MatubayasiNakahara", logs[MN]
+    )
     assert re.search("Gear's predictor-corrector, fix_nosquish .*: Gear", logs[GEAR])
     assert "mrot 1" in logs[MN] and "mrot" not in logs[GEAR]

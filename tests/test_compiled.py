@@ -190,9 +190,19 @@ def files(folder):
 
 def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
     """Start a process, or several, that import from the folder; `cache` is the user's folder of caches, in it."""
-    environment = dict(os.environ, PYTHONPATH=str(folder), XDG_CACHE_HOME=str(folder / cache), PYTHONWARNINGS="always")
+    environment = dict(
+        os.environ,
+        PYTHONPATH=str(folder),
+        XDG_CACHE_HOME=str(folder / cache),
+        PYTHONWARNINGS="always",
+    )
     mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks else []
-    return subprocess.Popen([*mpirun, sys.executable, "-c", code, *arguments], env=environment, stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [*mpirun, sys.executable, "-c", code, *arguments],
+        env=environment,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
 
 
 def answer(process):
@@ -232,7 +242,10 @@ def test_cells(loops):
     table[1, 0] += 16
     table[1, 1] = 3
     assert cells["x"].array.tolist() == [2.0, 3.0, 4.0]
-    with pytest.raises(TypeError, match="numbers must be a C-contiguous int64 array of 1 dimensions, not a .*float64"):
+    with pytest.raises(
+        TypeError,
+        match="numbers must be a C-contiguous int64 array of 1 dimensions, not a .*float64",
+    ):
         loops.total.bind(cells["x"], 0)
 
 
@@ -244,7 +257,12 @@ def test_a_loop_computes_what_python_computes(loops):
     assert loops.lengths(x, index, 2.5, compiled_result) == 0
     loops.lengths.__wrapped__(x, index, 2.5, result)
     np.testing.assert_array_equal(compiled_result, result)
-    np.testing.assert_allclose(result, 2.5 * np.hypot(x[index, 0], x[index, 1]) + 0.25 * np.sin(x[index, 2]), rtol=1e-14, atol=1e-15)
+    np.testing.assert_allclose(
+        result,
+        2.5 * np.hypot(x[index, 0], x[index, 1]) + 0.25 * np.sin(x[index, 2]),
+        rtol=1e-14,
+        atol=1e-15,
+    )
     assert loops.total(np.arange(2**40, 2**40 + 10), -7) == 10 * 2**40 + 45 - 7
 
 
@@ -287,7 +305,10 @@ X, INDEX, RESULT = np.ones((4, 3)), np.arange(4, dtype=np.int32), np.ones(4)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((X.astype(np.float32), INDEX, 1.0, RESULT), "loops.lengths: x must be a C-contiguous float64 array .* not a float32 array"),
+        (
+            (X.astype(np.float32), INDEX, 1.0, RESULT),
+            "loops.lengths: x must be a C-contiguous float64 array .* not a float32 array",
+        ),
         ((X.astype(">f8"), INDEX, 1.0, RESULT), "x must be"),
         ((X.T.copy().T, INDEX, 1.0, RESULT), "x must be a C-contiguous .* not contiguous"),
         ((X[:, :2], INDEX, 1.0, RESULT), "x must be"),
@@ -359,7 +380,13 @@ def test_damaged_file(copied, damage):
     (path,) = copied.rglob("__pycache__/*.o")
     content = path.read_bytes()
     middle = len(content) // 2
-    path.write_bytes({"cut": content[:middle], "empty": b"", "changed": content[:middle] + b"no code" + content[middle + 7 :]}[damage])
+    path.write_bytes(
+        {
+            "cut": content[:middle],
+            "empty": b"",
+            "changed": content[:middle] + b"no code" + content[middle + 7 :],
+        }[damage]
+    )
     assert use(copied) == [EXPECTED, True, []]
     assert path.read_bytes() == content
 
@@ -367,20 +394,29 @@ def test_damaged_file(copied, damage):
 def test_folder_that_cannot_be_written(copied):
     """Locks out: an installation that is read-only being compiled at each start, or not working at all."""
     shutil.rmtree(copied / "__pycache__")
-    (copied / "__pycache__").write_text("a file in the place of the folder: not even root can write there")
+    (copied / "__pycache__").write_text(
+        "a file in the place of the folder: not even root can write there"
+    )
     assert use(copied) == [EXPECTED, True, []]
     assert use(copied) == [EXPECTED, False, []]
     (path,) = (copied / "cache").rglob("*.o")
     result, compiled_anew, warned = use(copied, cache="helpers.py")
     assert result == EXPECTED and compiled_anew
-    assert len(warned) == 1 and "loops are compiled at each start" in warned[0] and str(copied / "__pycache__") in warned[0]
+    assert (
+        len(warned) == 1
+        and "loops are compiled at each start" in warned[0]
+        and str(copied / "__pycache__") in warned[0]
+    )
 
 
 def test_two_processes_at_once(tmp_path):
     """Locks out: a process that reads what another has half written, compiles the same again, or leaves something behind."""
     write(tmp_path)
     processes = [start(tmp_path) for _ in range(2)]
-    assert sorted(answer(process) for process in processes) == [[EXPECTED, False, []], [EXPECTED, True, []]]
+    assert sorted(answer(process) for process in processes) == [
+        [EXPECTED, False, []],
+        [EXPECTED, True, []],
+    ]
     assert len(files(tmp_path)) == 1
     assert use(tmp_path) == [EXPECTED, False, []]
 
@@ -410,16 +446,23 @@ print("numba was imported:", "numba" in sys.modules)
 def test_later_runs_do_without_numba(run_lammps):
     """Locks out: anything of the package that imports numba when its loops are there."""
     run_lammps(SCRIPT)
-    assert "numba was imported: False" in run_lammps(SCRIPT, launcher=[sys.executable, "-c", IMPORTED]).screen
+    assert (
+        "numba was imported: False"
+        in run_lammps(SCRIPT, launcher=[sys.executable, "-c", IMPORTED]).screen
+    )
 
 
 @pytest.fixture
 def fresh(tmp_path_factory, monkeypatch):
     """A folder with the installed package, without machine code, that the runs of a test import it from."""
     code = "import fix_nosquish; print(fix_nosquish.__path__[0])"
-    installed = subprocess.run([sys.executable, "-c", code], cwd="/", capture_output=True, text=True, check=True).stdout.strip()
+    installed = subprocess.run(
+        [sys.executable, "-c", code], cwd="/", capture_output=True, text=True, check=True
+    ).stdout.strip()
     folder = tmp_path_factory.mktemp("fresh")
-    shutil.copytree(installed, folder / "fix_nosquish", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(
+        installed, folder / "fix_nosquish", ignore=shutil.ignore_patterns("__pycache__")
+    )
     monkeypatch.setenv("PYTHONPATH", str(folder))
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     return folder
@@ -436,13 +479,28 @@ def test_one_compilation_serves_all(run_lammps, fresh):
     compilation without a word."""
     begins, ends = "fix_nosquish compiles its loops", "fix_nosquish has compiled its loops"
     screen = run_lammps(SCRIPT, timeout=200).screen
-    assert screen.count(begins) == screen.count(ends) == 1 and screen.index(begins) < screen.index(ends)
+    assert screen.count(begins) == screen.count(ends) == 1 and screen.index(begins) < screen.index(
+        ends
+    )
     kept = files(fresh)
     runs = [run_lammps(SCRIPT, ranks=2), run_lammps(SPHERES)]
     if not test_own_fix.obstacle():
         path = f"PYTHONPATH={fresh}:{Path(np.__file__).parents[1]}"
         for ranks in 1, 2:
-            runs.append(run_lammps(SCRIPT, launcher=["env", path, *(word for word in test_own_fix.debian(ranks)[1:] if "PYTHONPATH" not in word)]))
+            runs.append(
+                run_lammps(
+                    SCRIPT,
+                    launcher=[
+                        "env",
+                        path,
+                        *(
+                            word
+                            for word in test_own_fix.debian(ranks)[1:]
+                            if "PYTHONPATH" not in word
+                        ),
+                    ],
+                )
+            )
     assert not [run.screen for run in runs if begins in run.screen]
     assert files(fresh) == kept
 

@@ -31,7 +31,9 @@ def droplet(boundary, *, setup="", margin=0.05, spacing=2.55, seed=1):
     rng, free = np.random.default_rng(seed), np.array([face != "p" for face in boundary.split()])
     edge = np.where(free, 1e3, 3.0 * np.array(spacing))
     bodies = []
-    for kind, site in zip(itertools.cycle(["solid", "planar"]), itertools.product(range(3), repeat=3)):
+    for kind, site in zip(
+        itertools.cycle(["solid", "planar"]), itertools.product(range(3), repeat=3)
+    ):
         bodies.append(turned(kind, np.multiply(spacing, site), bodies, np.diag(edge), rng))
     x = np.concatenate([x for _, x, _ in bodies])
     low = np.where(free, x.min(axis=0) - margin, 0.0)
@@ -42,7 +44,10 @@ def droplet(boundary, *, setup="", margin=0.05, spacing=2.55, seed=1):
 
 def apart_at(speed):
     """Commands that add velocities which drive the atoms away from the middle of the box."""
-    return "\n".join(f"velocity all ramp v{k} -{speed} {speed} {k} $(bound(all,{k}min)) $(bound(all,{k}max)) sum yes units box" for k in "xyz")
+    return "\n".join(
+        f"velocity all ramp v{k} -{speed} {speed} {k} $(bound(all,{k}min)) $(bound(all,{k}max)) sum yes units box"
+        for k in "xyz"
+    )
 
 
 CHARGED = """fix q all property/atom q ghost yes
@@ -55,11 +60,20 @@ kspace_modify slab 3.0"""
 
 BOXES = {
     "tilted": lambda: (mixture("solid planar", tilt=0.9, setup="box tilt large"), ""),
-    "tilted to the left": lambda: (mixture("solid planar", tilt=-1.3, seed=2, setup="box tilt large"), ""),
+    "tilted to the left": lambda: (
+        mixture("solid planar", tilt=-1.3, seed=2, setup="box tilt large"),
+        "",
+    ),
     "plane": lambda: (mixture("planar pair row", side=5, dimension=2), "fix 9 all enforce2d"),
-    "tilted plane": lambda: (mixture("planar pair row", side=5, tilt=0.9, dimension=2, setup="box tilt large"), "fix 9 all enforce2d"),
+    "tilted plane": lambda: (
+        mixture("planar pair row", side=5, tilt=0.9, dimension=2, setup="box tilt large"),
+        "fix 9 all enforce2d",
+    ),
     "fixed faces": lambda: (droplet("f f f", margin=3.0), apart_at(5)),
-    "body as wide as the box": lambda: (droplet("s s s", spacing=(7.0, 2.55, 2.55)), "group ends molecule 1 27\nset group ends mol 28"),
+    "body as wide as the box": lambda: (
+        droplet("s s s", spacing=(7.0, 2.55, 2.55)),
+        "group ends molecule 1 27\nset group ends mol 28",
+    ),
     "one periodic direction": lambda: (droplet("p f s", margin=3.0), ""),
     "slab with charges": lambda: (droplet("p p f", margin=3.0), CHARGED),
 }
@@ -79,7 +93,10 @@ def test_boxes(simulate, box, ranks):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_tilted_box_without_image_flags(simulate, ranks):
     """Locks out the wrong nearest image in a strongly tilted box, where a data file says 0 0 0 of bodies that faces cut."""
-    right, none = (mixture("planar", side=4, tilt=0.6, flags=flags, setup="box tilt large") for flags in (True, False))
+    right, none = (
+        mixture("planar", side=4, tilt=0.6, flags=flags, setup="box tilt large")
+        for flags in (True, False)
+    )
     ours = simulate(none, LIKE_LAMMPS, 30, ranks=ranks)
     assert re.search(r"\b\d\d bodies were cut by a periodic face", ours.log)
     assert_same(ours, simulate(right, RIGID, 30), right)
@@ -128,7 +145,9 @@ def test_domains(simulate, domains):
     theirs = simulate(alone, RIGID, steps, **how)
     ours = simulate(system, LIKE_LAMMPS, steps, ranks=ranks, **how)
     assert_same(ours, theirs, system)
-    assert not moves or len(np.unique(ours.thermo["c_owner"])) > 3, "hardly an atom has changed its rank"
+    assert not moves or len(np.unique(ours.thermo["c_owner"])) > 3, (
+        "hardly an atom has changed its rank"
+    )
 
 
 @pytest.mark.parametrize("first", [True, False])
@@ -164,7 +183,9 @@ def test_no_map(simulate):
     data = system.files["data.bodies"].replace("# molecular", "# atomic")
     atoms = data[data.index("Atoms") : data.index("Velocities")]
     data = data.replace(atoms, re.sub(r"(?m)^(\d+) \d+ ", r"\1 ", atoms))
-    data += "\nMembers\n\n" + "\n".join(f"{k + 1} {m}" for k, m in enumerate(system.molecule)) + "\n"
+    data += (
+        "\nMembers\n\n" + "\n".join(f"{k + 1} {m}" for k, m in enumerate(system.molecule)) + "\n"
+    )
     setup = (
         "units lj\natom_style atomic\nfix body all property/atom i_body ghost yes\nread_data data.bodies fix body NULL Members\n"
         f"pair_style soft 1.5\npair_coeff * * 20\nneighbor 0.2 bin\n{EACH_STEP}\ngroup bodies union all"
@@ -203,7 +224,12 @@ def test_partitions(run_lammps, tmp_path):
     ends = [(tmp_path / f"end.{seed}").read_text() for seed in (4928, 1234)]
     assert ends[0] != ends[1]
     for seed, log, end in zip((4928, 1234), together, ends):
-        alone = run_lammps(WORLDS.format(world="", **text), files=system.files, ranks=2, options=("-var", "seed", str(seed)))
+        alone = run_lammps(
+            WORLDS.format(world="", **text),
+            files=system.files,
+            ranks=2,
+            options=("-var", "seed", str(seed)),
+        )
         assert (tmp_path / f"end.{seed}").read_text() == end
         bodies, thermo = said_of_bodies(log)
         assert len(bodies) == 1 and bodies == said_of_bodies(alone.log)[0]
@@ -227,12 +253,24 @@ def test_error_in_one_world(run_lammps, tmp_path, layout, words, more, message):
     world = "variable seed world 4928 1234\nvariable rate world 0 800"
     setup = f"{system.setup}\ngroup one id 1\nif '${{rate}} == 0' then 'group rare id < 20'"
     fix = LIKE_LAMMPS.format(group="all", words=words)
-    script = WORLDS.format(world=world, setup=setup, fix=f"{fix}\n{more}").replace("run 20", "run 1000000")
+    script = WORLDS.format(world=world, setup=setup, fix=f"{fix}\n{more}").replace(
+        "run 20", "run 1000000"
+    )
     ranks = {"2x1": 2, "2x2": 4}[layout]
-    run = run_lammps(script, files=system.files, ranks=ranks, options=("-partition", layout), check=False, timeout=60)
+    run = run_lammps(
+        script,
+        files=system.files,
+        ranks=ranks,
+        options=("-partition", layout),
+        check=False,
+        timeout=60,
+    )
     text = run.screen + "".join((tmp_path / f"screen.{k}").read_text() for k in (0, 1))
     assert run.code != 0
-    assert len([line for line in text.splitlines() if line.startswith("ERROR") and message in line]) == 1, text
+    assert (
+        len([line for line in text.splitlines() if line.startswith("ERROR") and message in line])
+        == 1
+    ), text
     assert text.count("ERROR") == 1, text
 
 
@@ -248,12 +286,21 @@ def test_more_ranks_than_bodies(simulate, others, grid):
     bodies = [("bent", np.array(body), np.array([1, 2, 3]))]
     for site in itertools.islice(itertools.product((1, 3, 7, 8.5), repeat=3), others):
         bodies.append(turned("single", site, bodies, h, rng))
-    system = assemble(bodies, h, temperature=4.0, setup="processors {} {} {}".format(*grid))._replace(group="bent", singles=others > 0)
+    system = assemble(
+        bodies, h, temperature=4.0, setup="processors {} {} {}".format(*grid)
+    )._replace(group="bent", singles=others > 0)
     alone = system._replace(setup=re.sub("processors .*", "", system.setup))
     pull = "variable pull atom 3*(4.5-x)\nfix 3 all addforce v_pull 0 0"
     theirs = simulate(alone, RIGID, 20, before=pull)
     free = "\nfix 2 single nve" if others else ""
-    ours = simulate(system, LIKE_LAMMPS + free, 20, group="bent", before=f"{pull}\n{EACH_STEP}", ranks=int(np.prod(grid)))
+    ours = simulate(
+        system,
+        LIKE_LAMMPS + free,
+        20,
+        group="bent",
+        before=f"{pull}\n{EACH_STEP}",
+        ranks=int(np.prod(grid)),
+    )
     assert_same(ours, theirs, system)
 
 
@@ -262,7 +309,10 @@ def test_body_over_all_ranks(simulate):
     200 atoms, on eight ranks, with small bodies and free and bonded atoms in and around it."""
     rng, h = np.random.default_rng(3), 13.0 * np.eye(3)
     edge = np.linspace(1.0, 11.0, 18)
-    frame = np.unique([np.roll([t, a, b], k) for t in edge for a in (1, 11) for b in (1, 11) for k in range(3)], axis=0)
+    frame = np.unique(
+        [np.roll([t, a, b], k) for t in edge for a in (1, 11) for b in (1, 11) for k in range(3)],
+        axis=0,
+    )
     bodies = [("frame", frame + 0.3, 1 + np.arange(len(frame)) % 3)]
     kinds = itertools.cycle(["solid", "single", "planar", "pair"])
     for site in itertools.product((0.0, 3.6, 6.2, 8.8), repeat=3):
@@ -270,10 +320,16 @@ def test_body_over_all_ranks(simulate):
     system = assemble(bodies, h, temperature=2.0, setup="processors 2 2 2\nbond_style harmonic")
     room = "read_data data.bodies extra/bond/types 1 extra/bond/per/atom 1 extra/special/per/atom 2"
     bonds = "\nbond_coeff 1 200 1.0\ncreate_bonds many pair pair 1 0.9 1.1\ngroup free union single pair\ngroup rigid subtract all free"
-    system = system._replace(setup=system.setup.replace("read_data data.bodies", room) + bonds, singles=False, group="rigid")
+    system = system._replace(
+        setup=system.setup.replace("read_data data.bodies", room) + bonds,
+        singles=False,
+        group="rigid",
+    )
     alone = system._replace(setup=system.setup.replace("processors 2 2 2", ""))
     theirs = simulate(alone, RIGID + "\nfix 2 free nve", 30)
-    ours = simulate(system, LIKE_LAMMPS + "\nfix 2 free nve", 30, group="rigid", before=EACH_STEP, ranks=8)
+    ours = simulate(
+        system, LIKE_LAMMPS + "\nfix 2 free nve", 30, group="rigid", before=EACH_STEP, ranks=8
+    )
     assert len(frame) > 190 and "33 rigid bodies" in ours.log
     assert_same(ours, theirs, system)
 

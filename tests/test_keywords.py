@@ -28,13 +28,41 @@ CUSTOM = "fix 3 all property/atom i_body\nvariable b atom 70-2*mol\nset group al
     [
         ("molecule force 3 off on off torque 3 on off off", "bodies", "", 1),
         ("molecule force * off off off torque * off on on", "bodies", "", 2),
-        ("molecule force 20* on off on force 21 off on off torque *5 off off off torque 2*3 on off on force * on on on force 6*9 off off on", "bodies", "", 4),
-        ("molecule force 2 off off off torque 3* off off on", "some", "group some molecule 2 7:11", 2),
-        ("group 3 a b c force 2*3 on off off torque 1*2 off off off torque 2 on off on", "all", GROUPS, 1),
-        ("custom i_body torque 2*20 off off on force 27 off off off force *1 off on on", "all", CUSTOM, 2),
+        (
+            "molecule force 20* on off on force 21 off on off torque *5 off off off torque 2*3 on off on force * on on on force 6*9 off off on",
+            "bodies",
+            "",
+            4,
+        ),
+        (
+            "molecule force 2 off off off torque 3* off off on",
+            "some",
+            "group some molecule 2 7:11",
+            2,
+        ),
+        (
+            "group 3 a b c force 2*3 on off off torque 1*2 off off off torque 2 on off on",
+            "all",
+            GROUPS,
+            1,
+        ),
+        (
+            "custom i_body torque 2*20 off off on force 27 off off off force *1 off on on",
+            "all",
+            CUSTOM,
+            2,
+        ),
         ("single force 1 off off on torque * off on off", "one", "group one molecule 5", 1),
     ],
-    ids=["molecule one", "molecule all", "molecule overridden", "molecules with gaps", "group", "custom", "single"],
+    ids=[
+        "molecule one",
+        "molecule all",
+        "molecule overridden",
+        "molecules with gaps",
+        "group",
+        "custom",
+        "single",
+    ],
 )
 def test_force_and_torque(simulate, words, group, before, ranks):
     """Locks out flags on other bodies than those of this number (molecule-IDs have gaps, custom values turn the order,
@@ -43,17 +71,27 @@ def test_force_and_torque(simulate, words, group, before, ranks):
     how = dict(group=group, before=before)
     theirs = simulate(system, RIGID, 50, words=words, **how)
     assert_same(simulate(system, LIKE_LAMMPS, 50, words=words, ranks=ranks, **how), theirs, system)
-    plain = simulate(system, RIGID, 50, words=words.partition(" force")[0].partition(" torque")[0], **how)
+    plain = simulate(
+        system, RIGID, 50, words=words.partition(" force")[0].partition(" torque")[0], **how
+    )
     assert apart(plain, theirs, system.h) > 1e-3, "the words make no difference here"
 
 
-@pytest.mark.parametrize("words", ["force 2*9 off on off torque 5* off off off", "force * on off off force 1 on on off torque * off off off torque *3 off off on"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        "force 2*9 off on off torque 5* off off off",
+        "force * on off off force 1 on on off torque * off off off torque *3 off off on",
+    ],
+)
 def test_force_and_torque_in_the_plane(simulate, words):
     """Locks out that the words that fix rigid demands in two dimensions are refused, or switch other components off."""
     system = mixture("planar", side=5, dimension=2)
     how = dict(before="fix 9 all enforce2d")
     theirs = simulate(system, RIGID, 50, words="molecule " + words, **how)
-    assert_same(simulate(system, LIKE_LAMMPS, 50, words="molecule " + words, ranks=2, **how), theirs, system)
+    assert_same(
+        simulate(system, LIKE_LAMMPS, 50, words="molecule " + words, ranks=2, **how), theirs, system
+    )
     assert apart(simulate(system, RIGID, 50, **how), theirs, system.h) > 1e-3
 
 
@@ -61,7 +99,12 @@ def test_force_off_is_a_straight_line(simulate):
     """Locks out a body that is off and yet gets a kick from its shared forces: without force and torque, the centres
     of pairs and single atoms too go straight and the energy of each body's motion stays (fix rigid takes no single atoms)."""
     system = mixture()
-    start, end = (simulate(system, OURS, n, words="molecule force * off off off torque * off off off", ranks=2) for n in (0, 100))
+    start, end = (
+        simulate(
+            system, OURS, n, words="molecule force * off off off torque * off off off", ranks=2
+        )
+        for n in (0, 100)
+    )
     for body in np.unique(system.molecule):
         mine = system.molecule == body
         mass = system.mass[mine]
@@ -96,7 +139,10 @@ UNREADABLE = {
     "negative number": ("torque -1* on on on", ("'-1*'", "M xflag yflag zflag")),
     "neither on nor off": ("force * on off yes", ("'yes'", "three times on or off")),
     "flag missing": ("force * on off", ("ends where", "M xflag yflag zflag")),
-    "keyword for a flag": ("force * on off torque * on on on", ("'torque'", "three times on or off")),
+    "keyword for a flag": (
+        "force * on off torque * on on on",
+        ("'torque'", "three times on or off"),
+    ),
     "reinit neither yes nor no": ("reinit on", ("'on'", "yes or no")),
     "reinit twice": ("reinit no reinit no", ("reinit", "twice")),
     "no name of the infile": ("infile", ("ends where", "a file", "without a point")),
@@ -112,15 +158,30 @@ def test_unreadable_words(name):
     words, expected = UNREADABLE[name]
     with pytest.raises(RunError) as caught:
         Command.parse("NVE all molecule " + words)
-    assert caught.value.everywhere and not [says for says in (*expected, words) if says not in str(caught.value)]
+    assert caught.value.everywhere and not [
+        says for says in (*expected, words) if says not in str(caught.value)
+    ]
 
 
-@pytest.mark.parametrize("words, said", [("force * on on on", "z is off"), ("torque 1 on off on", "x and y are off")])
+@pytest.mark.parametrize(
+    "words, said", [("force * on on on", "z is off"), ("torque 1 on off on", "x and y are off")]
+)
 def test_bad_words_in_the_plane(simulate, tmp_path, words, said):
     """Locks out silence where a script asks for what two dimensions do not have."""
     system = mixture("planar", side=5, dimension=2)
-    run = simulate(system, OURS, 1, words="molecule " + words, before="fix 9 all enforce2d", ranks=2, check=False, timeout=SECONDS)
-    assert_ended(run, ("keyword " + words.split()[0], said + " in two dimensions", "say off"), tmp_path)
+    run = simulate(
+        system,
+        OURS,
+        1,
+        words="molecule " + words,
+        before="fix 9 all enforce2d",
+        ranks=2,
+        check=False,
+        timeout=SECONDS,
+    )
+    assert_ended(
+        run, ("keyword " + words.split()[0], said + " in two dimensions", "say off"), tmp_path
+    )
 
 
 # ---- reinit
@@ -144,7 +205,13 @@ def test_reinit(simulate, reinit, between, ranks):
     theirs = simulate(system, RIGID, 20, **how)
     assert_same(simulate(system, LIKE_LAMMPS, 20, ranks=ranks, **how), theirs, system)
     if "velocities" in between:
-        kept = simulate(system, RIGID, 20, words="molecule reinit no", after="\n".join(line for line in BETWEEN[between].split("\n") if line[:3] == "run"))
+        kept = simulate(
+            system,
+            RIGID,
+            20,
+            words="molecule reinit no",
+            after="\n".join(line for line in BETWEEN[between].split("\n") if line[:3] == "run"),
+        )
         assert (apart(kept, theirs, system.h) < 1e-9) == (reinit == "no")
 
 
@@ -153,8 +220,19 @@ def test_reinit_no_with_displaced_atoms(simulate, tmp_path):
     move = "group odd molecule 3\ndisplace_atoms odd move 0.1 0.1 0.1 units box\nrun 5"
     system = mixture("solid planar")
     assert len(simulate(system, OURS, 5, after=move).thermo) == 4
-    run = simulate(system, OURS, 5, words="molecule reinit no", after=move, ranks=2, check=False, timeout=SECONDS)
-    assert_ended(run, ("away from where its rigid body has it", "something else moved it"), tmp_path)
+    run = simulate(
+        system,
+        OURS,
+        5,
+        words="molecule reinit no",
+        after=move,
+        ranks=2,
+        check=False,
+        timeout=SECONDS,
+    )
+    assert_ended(
+        run, ("away from where its rigid body has it", "something else moved it"), tmp_path
+    )
 
 
 # ---- infile
@@ -175,7 +253,10 @@ def rows_of(system, start, which=None, ids=None):
         r -= np.rint(r @ inverse) @ system.h.T
         centre = mass @ r / mass.sum()
         r, v = r - centre, mass @ start.v[mine] / mass.sum()
-        inertia = (mass[:, None, None] * ((r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None])).sum(axis=0)
+        inertia = (
+            mass[:, None, None]
+            * ((r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None])
+        ).sum(axis=0)
         centre += start.x[mine][0]
         image = np.floor(centre @ inverse)
         rows.append([body, mass.sum(), *(centre - system.h @ image), *np.diag(inertia), *inertia[[0, 0, 1], [1, 2, 2]],
@@ -186,7 +267,9 @@ def rows_of(system, start, which=None, ids=None):
 def text_of(rows):
     """An infile with these rows, the way users write one: a comment, an empty line."""
     form = "{:.0f} " + "{:.17g} " * 16 + "{:.0f} {:.0f} {:.0f}"
-    return "# of a test\n\n" + f"{len(rows)}\n" + "\n".join(form.format(*row) for row in rows) + "\n"
+    return (
+        "# of a test\n\n" + f"{len(rows)}\n" + "\n".join(form.format(*row) for row in rows) + "\n"
+    )
 
 
 def with_file(system, text, name="bodies"):
@@ -217,7 +300,11 @@ def bodies_of(system, style):
     if style == "single":
         return "group one molecule 5", "one", (system.molecule == 5).astype(int)
     if style.startswith("custom"):
-        return "fix 3 all property/atom i_body\nvariable b atom 28-mol\nset group all i_body v_b", "all", 28 - system.molecule
+        return (
+            "fix 3 all property/atom i_body\nvariable b atom 28-mol\nset group all i_body v_b",
+            "all",
+            28 - system.molecule,
+        )
     for body, molecules in enumerate(([4], [8], [20])):
         which[np.isin(system.molecule, molecules)] = body + 1
     return "group a molecule 4\ngroup b molecule 8\ngroup c molecule 20", "all", which
@@ -244,7 +331,14 @@ def test_infile_with_what_is_there_anyway(simulate):
     system = mixture("solid planar")
     rows = rows_of(system, simulate(system, "", 0))
     system = with_file(system, text_of(rows), "bodies.of.test")
-    ours = simulate(system, OURS, 50, words="molecule infile v_name", before="variable name string bodies.of.test", ranks=2)
+    ours = simulate(
+        system,
+        OURS,
+        50,
+        words="molecule infile v_name",
+        before="variable name string bodies.of.test",
+        ranks=2,
+    )
     assert_same(ours, simulate(system, OURS, 50), system)
 
 
@@ -265,8 +359,14 @@ def test_infile_in_a_later_run(simulate):
     system = mixture("solid planar")
     rows = unlike_its_atoms(rows_of(system, simulate(system, "", 0)))
     system = with_file(system, text_of(rows))
-    how = dict(words="molecule infile bodies", after="velocity all scale 2.0\nrun 20\nrun 10", every=50)
-    assert_same(simulate(system, LIKE_LAMMPS, 20, ranks=2, **how), simulate(system, RIGID, 20, **how), system)
+    how = dict(
+        words="molecule infile bodies", after="velocity all scale 2.0\nrun 20\nrun 10", every=50
+    )
+    assert_same(
+        simulate(system, LIKE_LAMMPS, 20, ranks=2, **how),
+        simulate(system, RIGID, 20, **how),
+        system,
+    )
 
 
 GOOD_ROW = "{} 3 1 1 1 1 1 1 0 0 0 0 0 0 0 0 0 0 0 0"
@@ -274,12 +374,27 @@ WRONG_FILES = {
     "empty": ("", ("first line", "number of bodies")),
     "comments only": ("# 1\n\n", ("first line", "number of bodies")),
     "no number": (GOOD_ROW.format(1), ("first line", "number of bodies")),
-    "too few lines": ("3\n" + GOOD_ROW.format(1) + "\n" + GOOD_ROW.format(2), ("announces 3 bodies", "lines for 2")),
-    "unknown body": ("2\n" + GOOD_ROW.format(1) + "\n" + GOOD_ROW.format(77), ("body 77", "not there")),
+    "too few lines": (
+        "3\n" + GOOD_ROW.format(1) + "\n" + GOOD_ROW.format(2),
+        ("announces 3 bodies", "lines for 2"),
+    ),
+    "unknown body": (
+        "2\n" + GOOD_ROW.format(1) + "\n" + GOOD_ROW.format(77),
+        ("body 77", "not there"),
+    ),
     "body twice": ("2\n" + GOOD_ROW.format(9) + "\n" + GOOD_ROW.format(9), ("body 9", "twice")),
-    "too few columns": ("1\n" + GOOD_ROW.format(9).rpartition(" ")[0], ("body 9", "19 values", "20 are expected")),
-    "too many columns": ("1\n" + GOOD_ROW.format(9) + " 0", ("body 9", "21 values", "20 are expected")),
-    "no numbers": ("1\n" + GOOD_ROW.format(9).replace("3", "three"), ("cannot read the infile", "three")),
+    "too few columns": (
+        "1\n" + GOOD_ROW.format(9).rpartition(" ")[0],
+        ("body 9", "19 values", "20 are expected"),
+    ),
+    "too many columns": (
+        "1\n" + GOOD_ROW.format(9) + " 0",
+        ("body 9", "21 values", "20 are expected"),
+    ),
+    "no numbers": (
+        "1\n" + GOOD_ROW.format(9).replace("3", "three"),
+        ("cannot read the infile", "three"),
+    ),
     "no mass": ("1\n" + GOOD_ROW.format(9).replace("3", "0"), ("body of molecule 9 ", "mass 0")),
     "not finite": ("1\n" + GOOD_ROW.format(9).replace("3", "nan"), ("9",)),
     "negative moment": ("1\n9 3 1 1 1 -1 1 1 0 0 0 0 0 0 0 0 0 0 0 0", ("9",)),
@@ -293,13 +408,22 @@ def test_wrong_infile(run_lammps, tmp_path, name):
     """Locks out a traceback, a message per rank and a silently wrong run, for each wrong file."""
     text, expected = WRONG_FILES[name]
     system = mixture("solid planar")
-    script = system.setup + "\n" + OURS.format(group="all", words="molecule infile bodies") + "\nthermo 1\nrun 1\n"
-    run = run_lammps(script, files={**system.files, "bodies": text}, ranks=2, check=False, timeout=SECONDS)
+    script = (
+        system.setup
+        + "\n"
+        + OURS.format(group="all", words="molecule infile bodies")
+        + "\nthermo 1\nrun 1\n"
+    )
+    run = run_lammps(
+        script, files={**system.files, "bodies": text}, ranks=2, check=False, timeout=SECONDS
+    )
     assert_ended(run, expected, tmp_path)
 
 
 def read_rows(path):
-    lines = [line for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
+    lines = [
+        line for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")
+    ]
     rows = np.array([line.split() for line in lines[1:]], float)
     assert int(lines[0]) == len(rows)
     return rows
@@ -321,7 +445,9 @@ def test_restart(simulate, run_lammps, tmp_path):
     # the centre's image is a matter of taste
     for each in of_rigid, of_ours:
         each[:, 2:5] += each[:, 17:20] @ system.h.T
-    np.testing.assert_allclose(of_ours[:, :17], of_rigid[:, :17], rtol=0, atol=1e-9 * np.abs(of_rigid).max())
+    np.testing.assert_allclose(
+        of_ours[:, :17], of_rigid[:, :17], rtol=0, atol=1e-9 * np.abs(of_rigid).max()
+    )
     words = LIKE_LAMMPS.format(group="all", words="molecule infile v_file")
     run_lammps("\n".join([
         "atom_modify map array", "read_restart state", "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
@@ -345,23 +471,38 @@ def clumps(*, dimension=3, points=True, velocity=1.0, count=3):
     In each: three spheres of different size and mass and, with `points`, an atom of radius 0; in the plane the same, flat."""
     rng = np.random.default_rng(8)
     spacing, rows, speeds = 1.75 if points else 1.45, [], []
-    sites = [np.array(s) * spacing for s in np.ndindex(count, count, count if dimension == 3 else 1)]
+    sites = [
+        np.array(s) * spacing for s in np.ndindex(count, count, count if dimension == 3 else 1)
+    ]
     shape = np.array([[0, 0, 0], [0.55, 0.1, 0.1], [-0.3, 0.5, -0.2], [-0.4, -0.45, 0.3]])
-    sizes = [(1.0, 1.9), (0.7, 2.5), (0.8, 1.2), (0.0, 0.6)]  # diameter, and density or for a point mass
+    sizes = [
+        (1.0, 1.9),
+        (0.7, 2.5),
+        (0.8, 1.2),
+        (0.0, 0.6),
+    ]  # diameter, and density or for a point mass
     side = spacing * count
     for body, site in enumerate(sites):
-        turn = Rotation.from_quat(rng.normal(size=4)) if dimension == 3 else Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)])
+        turn = (
+            Rotation.from_quat(rng.normal(size=4))
+            if dimension == 3
+            else Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)])
+        )
         flat = shape * [1, 1, dimension == 3]
         for r, (diameter, density) in zip(turn.apply(flat) + site, sizes[: 4 if points else 3]):
             image = np.floor(r / side).astype(int) * [1, 1, dimension == 3]
             rows.append([1, *(r - image * side), diameter, density, body + 1, *image])
-            speeds.append(rng.normal(size=6) * velocity * ([1] * 6 if dimension == 3 else [1, 1, 0, 0, 0, 1]))
+            speeds.append(
+                rng.normal(size=6) * velocity * ([1] * 6 if dimension == 3 else [1, 1, 0, 0, 0, 1])
+            )
     half = 0.5 if dimension == 2 else 0
     lines = ["clumps", "", f"{len(rows)} atoms", "1 atom types", "", f"0 {side} xlo xhi", f"0 {side} ylo yhi",
              f"{-half} {side if dimension == 3 else half} zlo zhi", "", "Atoms # hybrid", ""]  # fmt: skip
     form = "{} {} {:.17g} {:.17g} {:.17g} {} {} {} {} {} {}"
     lines += [form.format(k + 1, *row) for k, row in enumerate(rows)]
-    lines += ["", "Velocities", ""] + [f"{k + 1} " + " ".join(f"{c:.17g}" for c in row) for k, row in enumerate(speeds)]
+    lines += ["", "Velocities", ""] + [
+        f"{k + 1} " + " ".join(f"{c:.17g}" for c in row) for k, row in enumerate(speeds)
+    ]
     script = "\n".join([
         "units lj", f"dimension {dimension}", "atom_style hybrid sphere molecular", "atom_modify map array", "comm_modify vel yes",
         "newton off", "read_data data.clumps", "pair_style gran/hooke/history 3000.0 2000.0 0.0 0.0 0.5 0", "pair_coeff * *",
@@ -380,7 +521,11 @@ def run_clumps(run_lammps, tmp_path):
     def run(system, fix, steps=200, ranks=1, every=20, after=""):
         script, data = system
         dump = "write_dump all custom end id xu yu zu vx vy vz omegax omegay omegaz radius tqx tqy tqz modify sort id format float %.17g\n"
-        done = run_lammps("\n".join([script, fix, f"thermo {every}", f"run {steps}", after, dump]), files={"data.clumps": data}, ranks=ranks)
+        done = run_lammps(
+            "\n".join([script, fix, f"thermo {every}", f"run {steps}", after, dump]),
+            files={"data.clumps": data},
+            ranks=ranks,
+        )
         atoms = np.loadtxt(tmp_path / "end", skiprows=9)[:, 1:]
         atoms[atoms[:, 9] == 0, 6:9] = 0  # of a point, LAMMPS's fixes leave it as it was
         assert steps == 0 or np.abs(atoms[:, 10:]).max() > 0.1, "no friction"
@@ -399,7 +544,8 @@ def test_spheres(run_clumps, dimension, points, ranks):
     step, and degrees of freedom of points and spheres that are mixed up."""
     system = clumps(dimension=dimension, points=points, count=3 if dimension == 3 else 5)
     (theirs, table), (ours, ours_table) = (
-        run_clumps(system, fix.format(group="all", words="molecule"), ranks=n) for fix, n in ((RIGID, 1), (LIKE_LAMMPS, ranks))
+        run_clumps(system, fix.format(group="all", words="molecule"), ranks=n)
+        for fix, n in ((RIGID, 1), (LIKE_LAMMPS, ranks))
     )
     assert table["PotEng"].shape == ours_table["PotEng"].shape and np.abs(theirs[:, 6:]).max() > 0.1
     close(ours[:, :3], theirs[:, :3], 1e-9)
@@ -414,7 +560,8 @@ def test_damped_spheres(run_clumps):
     script, data = clumps(points=False)
     system = script.replace("3000.0 2000.0 0.0 0.0", "3000.0 2000.0 50.0 50.0"), data
     theirs, *ours = (
-        run_clumps(system, fix.format(group="all", words="molecule") + "\nrun 0", ranks=n)[0] for fix, n in ((RIGID, 1), (LIKE_LAMMPS, 1), (LIKE_LAMMPS, 2))
+        run_clumps(system, fix.format(group="all", words="molecule") + "\nrun 0", ranks=n)[0]
+        for fix, n in ((RIGID, 1), (LIKE_LAMMPS, 1), (LIKE_LAMMPS, 2))
     )
     for result in ours:
         close(result[:, :3], theirs[:, :3], 1e-9)
@@ -432,7 +579,12 @@ fix 2 grains nve/sphere
 fix 3 rest nve
 """
     fixes = (RIGID, 1), (LIKE_LAMMPS, 1), (LIKE_LAMMPS, 2)
-    theirs, *ours = (run_clumps((script, data), fix.format(group="points", words="group 1 points"), steps=20, ranks=n)[0] for fix, n in fixes)
+    theirs, *ours = (
+        run_clumps(
+            (script, data), fix.format(group="points", words="group 1 points"), steps=20, ranks=n
+        )[0]
+        for fix, n in fixes
+    )
     for result in ours:
         close(result[:, :3], theirs[:, :3], 1e-9)
 
@@ -441,14 +593,25 @@ def test_minimisation_of_grains(run_lammps, tmp_path):
     """Locks out a crash of granular pair styles before a minimisation is refused."""
     script, data = clumps()
     lines = script, LIKE_LAMMPS.format(group="all", words="molecule"), "minimize 0 0 10 10"
-    assert_ended(run_lammps("\n".join(lines), files={"data.clumps": data}, check=False, timeout=SECONDS), ("tear the rigid bodies",), tmp_path)
+    assert_ended(
+        run_lammps("\n".join(lines), files={"data.clumps": data}, check=False, timeout=SECONDS),
+        ("tear the rigid bodies",),
+        tmp_path,
+    )
 
 
 def test_spin_at_the_start(run_clumps):
     """Locks out omegas of the start that do not count in a body's angular momentum."""
     still, spinning = clumps(velocity=0.0), clumps(velocity=0.0)
     fix = "set group all omega 0.3 -0.7 1.1\n" + LIKE_LAMMPS.format(group="all", words="molecule")
-    theirs, _ = run_clumps(spinning, fix.replace(LIKE_LAMMPS.format(group="all", words="molecule"), RIGID.format(group="all", words="molecule")), 0)
+    theirs, _ = run_clumps(
+        spinning,
+        fix.replace(
+            LIKE_LAMMPS.format(group="all", words="molecule"),
+            RIGID.format(group="all", words="molecule"),
+        ),
+        0,
+    )
     ours, _ = run_clumps(spinning, fix, 0, ranks=2)
     close(ours, theirs, 1e-12)
     assert np.abs(ours[:, 6:]).max() > 0.05
@@ -463,7 +626,10 @@ def test_pressure_of_spheres(run_clumps):
         short = (system[0] + f"timestep {0.002 / n:.17g}\n", system[1])
         tables = [run_clumps(short, f.format(group="all", words="molecule"), n, every=n)[1][-1:]
                   for f in (OURS, "fix 1 {group} rigid/nve/small {words}")]  # fmt: skip
-        ours, theirs = (np.array([t[name][0] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")]) for t in tables)
+        ours, theirs = (
+            np.array([t[name][0] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")])
+            for t in tables
+        )
         size.append(np.linalg.norm(ours - theirs) / np.linalg.norm(ours))
     assert size[0] / size[1] == pytest.approx(2.0, rel=0.2)
     assert size[1] < 0.01
@@ -474,10 +640,14 @@ def test_single_spheres(run_clumps, dimension):
     """Locks out a sphere alone that does not turn, or turns as if it were a point: it moves as with fix nve/sphere
     (fix rigid takes no single atoms)."""
     script, data = clumps(dimension=dimension, points=False, count=3 if dimension == 3 else 5)
-    script = script.replace("exclude molecule/intra all", "").replace("3000.0 2000.0", "300.0 200.0")  # overlapping ones push each other away
+    script = script.replace("exclude molecule/intra all", "").replace(
+        "3000.0 2000.0", "300.0 200.0"
+    )  # overlapping ones push each other away
     split = "variable k atom id\n"
     theirs, table = run_clumps((script, data), "fix 1 all nve/sphere")
-    ours, ours_table = run_clumps((script, data), split + OURS.format(group="all", words="custom v_k"), ranks=2)
+    ours, ours_table = run_clumps(
+        (script, data), split + OURS.format(group="all", words="custom v_k"), ranks=2
+    )
     close(ours[:, :3], theirs[:, :3], 1e-9)
     close(ours[:, 3:], theirs[:, 3:], 1e-8)
     for name in "Temp", "Press", "Pxy":
@@ -489,7 +659,10 @@ def test_sphere_in_a_group(run_clumps):
     script, data = clumps(points=False)
     script += "group a id 1\ngroup b molecule 9\ngroup c molecule 12 13\n"
     mine = OURS.format(group="all", words="group 3 a b c order 123")
-    theirs, _ = run_clumps((script, data), "group bodies union b c\nfix 1 bodies rigid/nve group 2 b c\nfix 2 a nve/sphere")
+    theirs, _ = run_clumps(
+        (script, data),
+        "group bodies union b c\nfix 1 bodies rigid/nve group 2 b c\nfix 2 a nve/sphere",
+    )
     ours, _ = run_clumps((script, data), mine, ranks=2)
     close(ours, theirs, 1e-8)
 
@@ -499,7 +672,9 @@ def test_infile_of_some_bodies_and_a_thermostat(simulate):
     of the infile that take its velocities over."""
     system = mixture("solid planar")
     system = with_file(system, text_of(rows_of(system, simulate(system, RIGID, 0))[:1]))
-    how = dict(words="molecule infile bodies", before="fix 5 all temp/rescale 1 30.0 30.0 0.0 1.0", ranks=2)
+    how = dict(
+        words="molecule infile bodies", before="fix 5 all temp/rescale 1 30.0 30.0 0.0 1.0", ranks=2
+    )
     before = simulate(system, LIKE_LAMMPS, 0, **how)
     taken = simulate(system, LIKE_LAMMPS, 1, **how, after="unfix 5\nrun 1 pre no")
     faster = np.linalg.norm(taken.v, axis=1) / np.linalg.norm(before.v, axis=1)
@@ -513,7 +688,11 @@ def test_restart_file_before_any_run(simulate, run_lammps, tmp_path):
     rows = rows_of(system, simulate(system, RIGID, 0))
     rows[0, 1] = 9.0
     fix = LIKE_LAMMPS.format(group="all", words="molecule infile bodies")
-    run_lammps(f"{system.setup}\n{fix}\nwrite_restart early\n", files=with_file(system, text_of(rows[:1])).files, ranks=2)
+    run_lammps(
+        f"{system.setup}\n{fix}\nwrite_restart early\n",
+        files=with_file(system, text_of(rows[:1])).files,
+        ranks=2,
+    )
     written = np.loadtxt(tmp_path / "early.rigid", skiprows=3)
     assert len(written) == system.molecule.max() and written[0, 0] == 1 and written[0, 1] == 9.0
 
@@ -522,9 +701,25 @@ def test_velocities_set_between_runs_that_go_on(run_lammps):
     """Locks out silence where velocities that a script sets have no effect, because the bodies go on, and that they have one where a fix might
     have set them."""
     system = mixture("solid planar")
-    for reinit, how, count in ("no", "", 1), ("yes", "", 0), ("yes", "pre no", 1), ("no", "pre no", 1):
+    for reinit, how, count in (
+        ("no", "", 1),
+        ("yes", "", 0),
+        ("yes", "pre no", 1),
+        ("no", "pre no", 1),
+    ):
         fix = LIKE_LAMMPS.format(group="all", words=f"molecule reinit {reinit}")
         late = "fix late all temp/rescale 5 1.0 1.0 1000.0 1.0"  # which never acts, and is not to be taken for who has set them
-        for between, said, other in ("velocity all scale 3.0", count, ""), ("", 0, ""), ("velocity all scale 3.0", count, late), ("", 0, late):
-            log = run_lammps(f"{system.setup}\n{fix}\n{other}\nrun 5\n{between}\nrun 5 {how}\nrun 5 {how}\n", files=system.files).log
-            assert log.count("without effect, because the bodies go on") == said and "by fix late" not in log
+        for between, said, other in (
+            ("velocity all scale 3.0", count, ""),
+            ("", 0, ""),
+            ("velocity all scale 3.0", count, late),
+            ("", 0, late),
+        ):
+            log = run_lammps(
+                f"{system.setup}\n{fix}\n{other}\nrun 5\n{between}\nrun 5 {how}\nrun 5 {how}\n",
+                files=system.files,
+            ).log
+            assert (
+                log.count("without effect, because the bodies go on") == said
+                and "by fix late" not in log
+            )

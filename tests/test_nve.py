@@ -11,7 +11,20 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, UNITS, System, apart, assemble, mixture, tensor, turned, water
+from systems import (
+    LIKE_LAMMPS,
+    OURS,
+    RIGID,
+    SMALL,
+    UNITS,
+    System,
+    apart,
+    assemble,
+    mixture,
+    tensor,
+    turned,
+    water,
+)
 
 
 # ---- trajectories
@@ -54,7 +67,8 @@ def test_difference_from_rigid_nve_is_of_second_order(simulate, kinds):
     equations: after the same time the distance falls with dt^2.  (LAMMPS splits linear rotors.)"""
     system = mixture(kinds)
     coarse, fine = (
-        apart(simulate(system, OURS, n, dt=20 / n), simulate(system, RIGID, n, dt=20 / n), system.h) for n in (40, 80)
+        apart(simulate(system, OURS, n, dt=20 / n), simulate(system, RIGID, n, dt=20 / n), system.h)
+        for n in (40, 80)
     )
     assert coarse / fine == pytest.approx(4.0, rel=0.1)
     assert fine < 1e-4
@@ -66,7 +80,9 @@ def test_order_of_axes(simulate, order, turns):
     or 1,2,3,2,1 where that is asked for: one free step in plain numpy."""
     system = mixture("solid planar")
     free = "pair_style zero 2.5\npair_coeff * *\n"
-    start, got = (simulate(system, OURS, n, dt=20, before=free, words="molecule " + order) for n in (0, 1))
+    start, got = (
+        simulate(system, OURS, n, dt=20, before=free, words="molecule " + order) for n in (0, 1)
+    )
     x, time, parts = start.x, 20 * system.dt, (0.5, 0.5, 1.0, 0.5, 0.5)
     for body in np.unique(system.molecule):
         mine = system.molecule == body
@@ -81,7 +97,9 @@ def test_order_of_axes(simulate, order, turns):
         frame = axes.copy()
         for k, part in zip(turns, parts):
             about = frame[:, k]
-            frame = Rotation.from_rotvec(L @ about / moments[k] * part * time * about).apply(frame.T).T
+            frame = (
+                Rotation.from_rotvec(L @ about / moments[k] * part * time * about).apply(frame.T).T
+            )
         want = x[mine][0] + centre + velocity * time + r @ axes @ frame.T
         delta = got.x[mine] - want
         delta -= np.rint(delta @ np.linalg.inv(system.h).T) @ system.h.T
@@ -93,7 +111,11 @@ def test_order_of_axes(simulate, order, turns):
     [
         ("single", "one", "group one molecule 5"),
         ("molecule", "some", "group some molecule 2 7:11"),
-        ("custom i_body", "all", "variable b atom mol*2\nfix 3 all property/atom i_body\nset group all i_body v_b"),
+        (
+            "custom i_body",
+            "all",
+            "variable b atom mol*2\nfix 3 all property/atom i_body\nset group all i_body v_b",
+        ),
         ("custom v_b", "all", "variable b atom mol*2+0.25"),
         ("group 3 a b c", "all", "group a molecule 1\ngroup b molecule 8 9\ngroup c molecule 20"),
     ],
@@ -113,7 +135,10 @@ def test_mrot(simulate):
     """Locks out an mrot that is read but not used: free rotors' error falls as 1 / mrot^2."""
     system = mixture("solid")
     free = "pair_style zero 2.5\npair_coeff * *\n"
-    runs = [simulate(system, OURS, 50, dt=20, words=f"molecule mrot {m}", before=free) for m in (1, 2, 4, 64)]
+    runs = [
+        simulate(system, OURS, 50, dt=20, words=f"molecule mrot {m}", before=free)
+        for m in (1, 2, 4, 64)
+    ]
     errors = [apart(run, runs[-1], system.h) for run in runs[:-1]]
     assert errors[0] < 0.1
     np.testing.assert_allclose(np.array(errors[:-1]) / errors[1:], 4.0, rtol=0.1)
@@ -135,7 +160,9 @@ def test_start_velocities(simulate, ranks):
         r -= np.rint(r @ inverse) @ system.h.T
         old, new = before.v[mine], after.v[mine]
         np.testing.assert_allclose(mass @ new, mass @ old, rtol=0, atol=1e-13)
-        np.testing.assert_allclose(mass @ np.cross(r, new), mass @ np.cross(r, old), rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            mass @ np.cross(r, new), mass @ np.cross(r, old), rtol=0, atol=1e-13
+        )
         # rigid: no pair of atoms comes nearer or goes away
         for i, j in itertools.combinations(range(len(mass)), 2):
             assert abs((r[i] - r[j]) @ (new[i] - new[j])) < 1e-13
@@ -167,7 +194,9 @@ def wide(flags):
             bodies.append(turned("pair", 2.5 * np.array(site), bodies, h, rng))
     system = assemble(bodies, h)
     if not flags:
-        system.files["data.bodies"] = re.sub(r"(?m)^(\d+ 1 \d \S+ \S+ \S+) \S+ \S+ \S+$", r"\1 0 0 0", system.files["data.bodies"])
+        system.files["data.bodies"] = re.sub(
+            r"(?m)^(\d+ 1 \d \S+ \S+ \S+) \S+ \S+ \S+$", r"\1 0 0 0", system.files["data.bodies"]
+        )
     return system
 
 
@@ -175,7 +204,9 @@ def wide(flags):
 def test_body_wider_than_half_the_box(simulate, ranks):
     """Locks out the nearest image where the image flags are right and the body is too wide for it."""
     system = wide(True)
-    theirs, ours = (simulate(system, fix, 50, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks)))
+    theirs, ours = (
+        simulate(system, fix, 50, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks))
+    )
     # tiny steps, in which LAMMPS's splitting of the pairs' rotation makes no difference
     assert apart(ours, theirs, system.h) < 1e-7
 
@@ -185,14 +216,26 @@ def test_wide_body_with_wrong_flags(simulate, ranks):
     """Locks out silence where a body's image flags may not fit and it is too wide to guess, and another shape than
     fix rigid/nve has by the same flags."""
     system = wide(False)
-    theirs, ours = (simulate(system, fix, 20, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks)))
+    theirs, ours = (
+        simulate(system, fix, 20, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks))
+    )
     assert apart(ours, theirs, system.h) < 1e-7
     said = [line for line in ours.log.splitlines() if line.startswith("WARNING")]
-    assert len(said) == 1 and said[0].startswith("WARNING: the body of molecule 1 (its first atom is 1) may be cut by a periodic face"), said
-    numbers = [float(x) for x in re.search(r"(\S+) box lengths wide along x, with a gap of (\S+) inside and of (\S+) outside", said[0]).groups()]
+    assert len(said) == 1 and said[0].startswith(
+        "WARNING: the body of molecule 1 (its first atom is 1) may be cut by a periodic face"
+    ), said
+    numbers = [
+        float(x)
+        for x in re.search(
+            r"(\S+) box lengths wide along x, with a gap of (\S+) inside and of (\S+) outside",
+            said[0],
+        ).groups()
+    ]
     # the rod goes from 6.0 to 13.0 in a box of 10, in steps of 7/11
     x = np.sort((6.0 + 7.0 / 11 * np.arange(12)) % 10.0)
-    np.testing.assert_allclose(numbers, [np.ptp(x) / 10, np.diff(x).max() / 10, 1 - np.ptp(x) / 10], atol=0.03)
+    np.testing.assert_allclose(
+        numbers, [np.ptp(x) / 10, np.diff(x).max() / 10, 1 - np.ptp(x) / 10], atol=0.03
+    )
     assert "WARNING" not in simulate(wide(True), OURS, 50, dt=0.05).log
 
 
@@ -220,9 +263,13 @@ neigh_modify every 1 delay 0 check yes exclude group bodies bodies"""
 def test_periodic_wall(simulate, rows, ranks):
     """Locks out the refusal, and any doubt of, a wall that spans the periodic box, whose image flags are all 0, and a shape
     other than fix rigid/nve's."""
-    system = System(WALL.format(rows, rows + 1), {}, np.diag([rows, rows + 1, 20.0]), 0.002, singles=True)
+    system = System(
+        WALL.format(rows, rows + 1), {}, np.diag([rows, rows + 1, 20.0]), 0.002, singles=True
+    )
     theirs = simulate(system, RIGID, 50, words="single")
-    ours = simulate(system, LIKE_LAMMPS + "\nfix 2 single nve", 50, words="single", group="bodies", ranks=ranks)
+    ours = simulate(
+        system, LIKE_LAMMPS + "\nfix 2 single nve", 50, words="single", group="bodies", ranks=ranks
+    )
     assert apart(ours, theirs, system.h) < 1e-9
     assert "WARNING: the body" not in ours.log and "1 rigid bodies" in ours.log
 
@@ -232,12 +279,19 @@ def test_body_of_scattered_molecules(simulate, ranks):
     """Locks out the refusal of a body whose parts lie anywhere in the periodic box, with image flags that are all 0
     (LAMMPS's unit tests of fix rigid have such ones)."""
     system = mixture("solid planar", flags=False)
-    how = dict(words="group 2 some more", before="group some molecule 2 9 14\ngroup more molecule 5 21")
-    how["before"] += "\ngroup rest subtract all some more\nfix 3 rest nve\ngroup bodies clear\ngroup bodies union some more"
+    how = dict(
+        words="group 2 some more", before="group some molecule 2 9 14\ngroup more molecule 5 21"
+    )
+    how["before"] += (
+        "\ngroup rest subtract all some more\nfix 3 rest nve\ngroup bodies clear\ngroup bodies union some more"
+    )
     theirs = simulate(system, RIGID, 20, dt=0.2, **how)
     ours = simulate(system, LIKE_LAMMPS, 20, dt=0.2, group="bodies", ranks=ranks, **how)
     assert apart(ours, theirs, system.h) < 1e-9
-    assert "2 rigid bodies" in ours.log and "WARNING: the body of group more (its first atom is 21) may be cut" in ours.log
+    assert (
+        "2 rigid bodies" in ours.log
+        and "WARNING: the body of group more (its first atom is 21) may be cut" in ours.log
+    )
 
 
 # ---- what LAMMPS reports
@@ -257,7 +311,10 @@ def test_temperature_of_a_mixture(simulate, dimension, ranks):
     before = "group part type 1 3\n" + "\n".join(f"compute {name} {name} temp" for name in names)
     before += "\nfix 9 all enforce2d" * (dimension == 2)
     how = dict(before=before, columns=" ".join(f"c_{name}" for name in names), every=2, dt=1e-4)
-    theirs, ours = simulate(system, RIGID, 10, **how), simulate(system, OURS, 10, ranks=ranks, **how)
+    theirs, ours = (
+        simulate(system, RIGID, 10, **how),
+        simulate(system, OURS, 10, ranks=ranks, **how),
+    )
     for name in ["Temp", *(f"c_{name}" for name in names)]:
         assert (theirs.thermo[name] > 0).all() or name == "c_part"
         np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=1e-10, err_msg=name)
@@ -270,7 +327,9 @@ def test_pressure_in_the_limit_of_small_steps(simulate, kinds):
     system = mixture(kinds)
     size = []
     for n in 40, 80, 160:
-        ours, theirs = (tensor(simulate(system, fix, n, dt=40 / n, every=n))[-1] for fix in (OURS, SMALL))
+        ours, theirs = (
+            tensor(simulate(system, fix, n, dt=40 / n, every=n))[-1] for fix in (OURS, SMALL)
+        )
         size.append(np.linalg.norm(ours - theirs) / np.linalg.norm(ours))
     np.testing.assert_allclose(np.array(size[:-1]) / size[1:], 2.0, rtol=0.15)
     assert size[-1] < 0.02
@@ -287,7 +346,9 @@ def test_pressure_at_step_0(simulate, dimension, ranks):
     ours, theirs = (simulate(system, fix, 4, dt=1e-6, every=1, before=before, ranks=n)
                     for fix, n in ((OURS, ranks), (SMALL, 1)))  # fmt: skip
     scale = np.abs(tensor(ours)).max()
-    np.testing.assert_allclose(tensor(ours)[1:], tensor(ours)[:1].repeat(4, axis=0), rtol=0, atol=1e-6 * scale)
+    np.testing.assert_allclose(
+        tensor(ours)[1:], tensor(ours)[:1].repeat(4, axis=0), rtol=0, atol=1e-6 * scale
+    )
     np.testing.assert_allclose(tensor(ours)[2:], tensor(theirs)[2:], rtol=0, atol=1e-5 * scale)
 
 
@@ -319,20 +380,30 @@ def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, 
     P V = (sum of M V^2 + atomic virial - sum of f (r - R)) / 3, where M, R and V are of a molecule.
     """
     system, found, mvv2p = water(), {}, UNITS["real"].mvv2e * 68568.415
-    for name, fix, dt in ("ours", OURS, 1.0), ("ours", OURS, 0.01), ("theirs", RIGID, 1.0), ("theirs", RIGID, 0.01):
+    for name, fix, dt in (
+        ("ours", OURS, 1.0),
+        ("ours", OURS, 0.01),
+        ("theirs", RIGID, 1.0),
+        ("theirs", RIGID, 0.01),
+    ):
         script = STEP_0.format(fix=fix.format(group="bodies", words="molecule"), dt=dt)
         thermo = run_lammps(f"{system.setup}\n{script}", files=system.files, ranks=ranks).thermo[0]
         _, molecule, mass, *columns = np.loadtxt(tmp_path / "forces", skiprows=9).T
         x, v, f = np.array(columns).reshape(3, 3, -1)
         molecule = molecule.astype(int) - 1
-        of_body, total = np.bincount(molecule, mass), np.array([[np.bincount(molecule, mass * c) for c in of] for of in (x, v)])
+        of_body, total = (
+            np.bincount(molecule, mass),
+            np.array([[np.bincount(molecule, mass * c) for c in of] for of in (x, v)]),
+        )
         centre, velocity = total / of_body
         kinetic = mvv2p * (of_body * velocity**2).sum() / (3 * thermo["Volume"])
         inside = 68568.415 * (f * (x - centre[:, molecule])).sum() / (3 * thermo["Volume"])
         terms = np.array([kinetic, thermo["c_atomic"], -inside])
         found[name, dt] = (thermo["Press"] - terms.sum()) / np.abs(terms).max()
     assert abs(found["ours", 1.0]) < 1e-12 and abs(found["ours", 0.01]) < 1e-12, found
-    assert abs(found["theirs", 0.01]) > 10 * abs(found["theirs", 1.0]) > 0.1, "rigid/nve no longer has the impulse: say so in the README"
+    assert abs(found["theirs", 0.01]) > 10 * abs(found["theirs", 1.0]) > 0.1, (
+        "rigid/nve no longer has the impulse: say so in the README"
+    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -341,16 +412,24 @@ def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
     """Locks out a virial with absolute positions in it, or of an atom in the wrong periodic image."""
     system, rng = mixture(tilt=tilt, flags=False), np.random.default_rng(2)
     offsets = [(0.3, 0, 0), *(system.h @ rng.uniform(-1.5, 1.5, 3) for _ in range(5))]
-    after = "\n".join("displace_atoms all move {:.15g} {:.15g} {:.15g} units box\nrun 0".format(*d) for d in offsets)
+    after = "\n".join(
+        "displace_atoms all move {:.15g} {:.15g} {:.15g} units box\nrun 0".format(*d)
+        for d in offsets
+    )
     table = tensor(simulate(system, OURS, 0, after=after, ranks=ranks))
     assert len(table) == 7
-    np.testing.assert_allclose(table, table[:1].repeat(7, axis=0), rtol=0, atol=1e-9 * np.abs(table).max())
+    np.testing.assert_allclose(
+        table, table[:1].repeat(7, axis=0), rtol=0, atol=1e-9 * np.abs(table).max()
+    )
 
 
 def test_energy_of_water(simulate):
     """Locks out a worse conservation of energy than rigid/nve/small's at 2 fs: in 0.2 ps, in which the two still move alike; after that
     chance makes more of a difference than the bound allows."""
-    sd = [simulate(water(), fix, 100, dt=2, every=2, ranks=2).thermo["TotEng"].std() for fix in (OURS, SMALL)]
+    sd = [
+        simulate(water(), fix, 100, dt=2, every=2, ranks=2).thermo["TotEng"].std()
+        for fix in (OURS, SMALL)
+    ]
     assert sd[0] == pytest.approx(sd[1], rel=0.05)
 
 

@@ -39,13 +39,21 @@ def run_all(run_lammps, tmp_path):
 
 def lines(system, fix, *more, columns="", every=20, group="bodies", words="molecule"):
     """Input with a rigid fix, in place of RIGID, and what follows it."""
-    table, first = COLUMNS.format(columns, every, f"{system.dt:.17g}"), next(k for k, line in enumerate(more) if line.startswith("run"))
-    return "\n".join([*more[:first], table, *more[first:]]).replace("RIGID", fix.format(group=group, words=words))
+    table, first = (
+        COLUMNS.format(columns, every, f"{system.dt:.17g}"),
+        next(k for k, line in enumerate(more) if line.startswith("run")),
+    )
+    return "\n".join([*more[:first], table, *more[first:]]).replace(
+        "RIGID", fix.format(group=group, words=words)
+    )
 
 
 def differ(ours, theirs, h):
     """How far two Results lie apart, in units of the largest coordinate and of the highest velocity."""
-    return max(apart(ours, theirs, h) / np.abs(theirs.x).max(), np.abs(ours.v - theirs.v).max() / np.abs(theirs.v).max())
+    return max(
+        apart(ours, theirs, h) / np.abs(theirs.x).max(),
+        np.abs(ours.v - theirs.v).max() / np.abs(theirs.v).max(),
+    )
 
 
 # ---- forces
@@ -72,9 +80,13 @@ def charged(system):
     for line in system.files["data.bodies"].splitlines():
         words = line.split()
         done = done or line == "Velocities"
-        text.append(" ".join([*words[:3], "0.0", *words[3:]]) if len(words) == 9 and not done else line)
+        text.append(
+            " ".join([*words[:3], "0.0", *words[3:]]) if len(words) == 9 and not done else line
+        )
     files = {"data.bodies": "\n".join(text).replace("# molecular", "# full") + "\n"}
-    return system._replace(setup=system.setup.replace("atom_style molecular", "atom_style full"), files=files)
+    return system._replace(
+        setup=system.setup.replace("atom_style molecular", "atom_style full"), files=files
+    )
 
 
 def test_forces(run_all):
@@ -93,7 +105,9 @@ def test_forces(run_all):
             theirs, ours = (results[name, place, fix] for fix in (RIGID, LIKE_LAMMPS))
             off[name, place] = differ(ours, theirs, system.h)
             idle += [name] if differ(free, theirs, system.h) < 1e-6 else []
-        order = differ(*(results[name, place, LIKE_LAMMPS] for place in ("before", "after")), system.h)
+        order = differ(
+            *(results[name, place, LIKE_LAMMPS] for place in ("before", "after")), system.h
+        )
         assert order > 1e-7 or name == "spring self", name  # which has no force at the start
     assert not idle
     assert max(off.values()) < 1e-9, off
@@ -109,20 +123,35 @@ def half_rigid():
     system = water()
     setup = system.setup.replace("data.water", "data.water extra/bond/types 1 extra/angle/types 1")
     forcefield = system.files["forcefield.water"] + "bond_coeff 2 0.9572\nangle_coeff 2 104.52\n"
-    return system._replace(setup=f"{setup}\n{FLEXIBLE}", files=system.files | {"forcefield.water": forcefield})
+    return system._replace(
+        setup=f"{setup}\n{FLEXIBLE}", files=system.files | {"forcefield.water": forcefield}
+    )
 
 
 @pytest.mark.parametrize("style", ["shake", "rattle"])
-@pytest.mark.parametrize("words, first, ranks", [("molecule", "theirs", 2), ("molecule", "ours", 1), ("group 1 bodies", "theirs", 1)])
+@pytest.mark.parametrize(
+    "words, first, ranks",
+    [("molecule", "theirs", 2), ("molecule", "ours", 1), ("group 1 bodies", "theirs", 1)],
+)
 def test_constraints_on_bodies_are_refused(run_lammps, style, words, first, ranks):
     """Locks out a fix that constrains the bodies' atoms beside ours, with a temperature and a pressure that are wrong."""
-    theirs, ours = f"fix hold bodies {style} 1e-4 100 0 b 1 a 1", OURS.format(group="bodies", words=words)
+    theirs, ours = (
+        f"fix hold bodies {style} 1e-4 100 0 b 1 a 1",
+        OURS.format(group="bodies", words=words),
+    )
     system = water()
     fixes = f"{theirs}\n{ours}" if first == "theirs" else f"{ours}\n{theirs}"
-    run = run_lammps(f"{system.setup}\n{fixes}\nrun 1", files=system.files, ranks=ranks, check=False)
+    run = run_lammps(
+        f"{system.setup}\n{fixes}\nrun 1", files=system.files, ranks=ranks, check=False
+    )
     errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
     assert run.code and len(errors) == 1, run.screen
-    for part in f"fix hold (style {style}) constrains", f'fix 1 ("NVE bodies {words}")', "unfix it", "without the bodies' atoms":
+    for part in (
+        f"fix hold (style {style}) constrains",
+        f'fix 1 ("NVE bodies {words}")',
+        "unfix it",
+        "without the bodies' atoms",
+    ):
         assert part in errors[0], errors[0]
 
 
@@ -166,17 +195,34 @@ def test_velocity_create(run_all, ranks):
     text = "group some molecule 1 2 3 5"
     first = [text, "RIGID", "velocity all create 2.0 99 loop geom", "run 20"]
     theirs, ours = (lines(system, fix, *first) for fix in (RIGID, LIKE_LAMMPS))
-    results = run_all(system, {"theirs": theirs, "ours": ours, "more": lines(system, OURS, text, "RIGID", *CREATE.splitlines())}, ranks=ranks)
+    results = run_all(
+        system,
+        {
+            "theirs": theirs,
+            "ours": ours,
+            "more": lines(system, OURS, text, "RIGID", *CREATE.splitlines()),
+        },
+        ranks=ranks,
+    )
     assert differ(results["ours"], results["theirs"], system.h) < 1e-9
 
     log = results["more"].log
     atoms, some = len(system.mass), np.isin(system.molecule, [1, 2, 3, 5]).sum()
     made = [float(number) for number in re.findall(r"^MADE (\S+)", log, re.M)]
-    np.testing.assert_allclose(made, 3.0 * (np.array([atoms, atoms, atoms, some, atoms, atoms]) - 1), rtol=1e-10)
+    np.testing.assert_allclose(
+        made, 3.0 * (np.array([atoms, atoms, atoms, some, atoms, atoms]) - 1), rtol=1e-10
+    )
 
     starts = [float(line.split()[1]) for line in re.findall(r"^ *Step .*\n(.*)", log, re.M)]
-    said = [tuple(map(float, found)) for found in re.findall(r"temperature (\S+) of the atoms before, (\S+) of the bodies now", log)]
-    assert len(starts) == 7 and len(said) == 6, "a line for each start whose velocities were not rigid motion"
+    said = [
+        tuple(map(float, found))
+        for found in re.findall(
+            r"temperature (\S+) of the atoms before, (\S+) of the bodies now", log
+        )
+    ]
+    assert len(starts) == 7 and len(said) == 6, (
+        "a line for each start whose velocities were not rigid motion"
+    )
     np.testing.assert_allclose([now for _, now in said], starts[:-1], rtol=1e-7)
     np.testing.assert_allclose([before for before, _ in said[:3]], 2.0, rtol=1e-7)
     assert all(0.7 < now / 2.0 < 1.3 for _, now in said), "random to a few percent of 2.0"
@@ -195,17 +241,28 @@ def test_velocities_changed_by_fixes(run_all, ranks):
     system = mixture("solid planar")
     cases = {
         "linear": ("momentum 10 linear 1 1 1", "velocity all zero linear"),
-        "one direction": ("momentum 10 linear 0 1 0", "variable w atom vy-vcm(all,y)\nvelocity all set NULL v_w NULL"),
+        "one direction": (
+            "momentum 10 linear 0 1 0",
+            "variable w atom vy-vcm(all,y)\nvelocity all set NULL v_w NULL",
+        ),
         "angular": ("momentum 10 angular", "velocity all zero angular"),
         "rescale": ("temp/rescale 10 3.0 3.0 0.0 1.0", "velocity all scale 3.0 temp thermo_temp"),
     }
     scripts = {("", "none"): lines(system, RIGID, DRIFTING, "RIGID", "run 15")}
     for name, (fix, command) in cases.items():
-        scripts[name, "ours"] = lines(system, LIKE_LAMMPS, DRIFTING, "RIGID", f"fix 5 all {fix}", "run 15")
-        scripts[name, "theirs"] = lines(system, RIGID, DRIFTING, "RIGID", "run 10", command, "run 5")
-        scripts[name, "ignored"] = lines(system, RIGID, DRIFTING, "RIGID", f"fix 5 all {fix}", "run 15")
+        scripts[name, "ours"] = lines(
+            system, LIKE_LAMMPS, DRIFTING, "RIGID", f"fix 5 all {fix}", "run 15"
+        )
+        scripts[name, "theirs"] = lines(
+            system, RIGID, DRIFTING, "RIGID", "run 10", command, "run 5"
+        )
+        scripts[name, "ignored"] = lines(
+            system, RIGID, DRIFTING, "RIGID", f"fix 5 all {fix}", "run 15"
+        )
     if ranks > 1:
-        scripts = {(name, who): text for (name, who), text in scripts.items() if who in ("ours", "theirs")}
+        scripts = {
+            (name, who): text for (name, who), text in scripts.items() if who in ("ours", "theirs")
+        }
     results = run_all(system, scripts, ranks=ranks)
     for name in cases:
         ours, theirs = (results[name, who] for who in ("ours", "theirs"))
@@ -213,7 +270,9 @@ def test_velocities_changed_by_fixes(run_all, ranks):
         if ranks == 1:
             ignored, none = results[name, "ignored"], results["", "none"]
             assert differ(ignored, theirs, system.h) > 1e-4, name
-            assert differ(ignored, none, system.h) == 0, f"rigid/nve no longer ignores {name}: say so in the README"
+            assert differ(ignored, none, system.h) == 0, (
+                f"rigid/nve no longer ignores {name}: say so in the README"
+            )
 
 
 def test_momentum_stays_removed(run_all):
@@ -226,8 +285,16 @@ def test_momentum_stays_removed(run_all):
     # without forces between bodies angular momentum is conserved, too
     free = "\n".join(["pair_style zero 2.5\npair_coeff * *", spin, *momenta])
     fixes = "fix 5 all momentum 10 linear 1 1 1 angular"
-    results = run_all(system, {fix: lines(system, fix, free, "RIGID", fixes, "run 19", columns=columns, every=1) for fix in (RIGID, OURS)})
-    table = {fix: np.stack([results[fix].thermo[c] for c in columns.split()], axis=1) for fix in results}
+    results = run_all(
+        system,
+        {
+            fix: lines(system, fix, free, "RIGID", fixes, "run 19", columns=columns, every=1)
+            for fix in (RIGID, OURS)
+        },
+    )
+    table = {
+        fix: np.stack([results[fix].thermo[c] for c in columns.split()], axis=1) for fix in results
+    }
     mass = system.mass.sum()
     for fix in table:
         assert (np.abs(table[fix][:10]) > 1e-3 * np.array([1, 1, 1, mass, mass, mass])).all()
@@ -245,14 +312,23 @@ def test_thermostats_at_the_end_of_a_step(run_all, ranks):
         "berendsen": f"temp/berendsen 3.0 3.0 {5 * system.dt}",
         "csvr": f"temp/csvr 3.0 3.0 {5 * system.dt} 4928",
     }
-    scripts = {name: lines(system, OURS, "RIGID", f"fix 5 all {fix}", "run 60", columns="f_1", every=4, group="all") for name, fix in thermostats.items()}
+    scripts = {
+        name: lines(
+            system, OURS, "RIGID", f"fix 5 all {fix}", "run 60", columns="f_1", every=4, group="all"
+        )
+        for name, fix in thermostats.items()
+    }
     scripts["none"] = lines(system, OURS, "RIGID", "run 60", columns="f_1", every=4, group="all")
     results = run_all(system, scripts, ranks=ranks)
     off = []
     for name, result in results.items():
         temp = result.thermo["Temp"]
         late = temp[5:].mean()
-        assert (late < 1.5) if name == "none" else abs(late - 3.0) < {"rescale": 1e-6, "berendsen": 0.1, "csvr": 0.5}[name], name
+        assert (
+            (late < 1.5)
+            if name == "none"
+            else abs(late - 3.0) < {"rescale": 1e-6, "berendsen": 0.1, "csvr": 0.5}[name]
+        ), name
         # the bodies' own temperature does not count the motion of the centre of mass out
         ratio = result.thermo["f_1"] / temp
         off += [name] if np.abs(ratio / ratio[0] - 1).max() > 1e-9 else []
@@ -266,20 +342,33 @@ def test_log_of_changed_velocities(run_all):
     table = "fix 7 all ave/time 2 3 6 c_thermo_temp\nfix 8 all print 4 'now' screen no"
     cases = {
         "momentum": (f"fix drag all momentum 5 linear 1 1 1\n{DRIFTING}", 1),
-        "two": (f"fix drag all momentum 5 linear 1 1 1\nfix heat all temp/rescale 5 3 3 0 1\n{table}", 1),
+        "two": (
+            f"fix drag all momentum 5 linear 1 1 1\nfix heat all temp/rescale 5 3 3 0 1\n{table}",
+            1,
+        ),
         "looking": (table, 0),
         "within the window": ("fix heat all temp/rescale 5 1 1 100 1", 0),
         "others": ("group few molecule 1\nfix drag few momentum 5 linear 1 1 1", 1),
         "none": ("", 0),
     }
-    results = run_all(system, {name: lines(system, OURS, more, "RIGID", "run 20", "run 20") for name, (more, _) in cases.items()})
+    results = run_all(
+        system,
+        {
+            name: lines(system, OURS, more, "RIGID", "run 20", "run 20")
+            for name, (more, _) in cases.items()
+        },
+    )
     for name, (more, count) in cases.items():
         said = [line for line in results[name].log.splitlines() if line.startswith(TOOK)]
         assert len(said) == 2 * count, (name, said)
         for fix in re.findall(r"fix (\w+) ", more) if count else ():
-            assert (fix in re.search(r"by fix (.*?)\)", said[0])[1].split()) == (fix not in ("7", "8")), said
+            assert (fix in re.search(r"by fix (.*?)\)", said[0])[1].split()) == (
+                fix not in ("7", "8")
+            ), said
     for name in "looking", "within the window":
-        assert np.array_equal(results[name].x, results["none"].x) and np.array_equal(results[name].v, results["none"].v), name
+        assert np.array_equal(results[name].x, results["none"].x) and np.array_equal(
+            results[name].v, results["none"].v
+        ), name
 
 
 @pytest.mark.parametrize("how", ["run 10\nrun 10", "run 10\nrun 10 pre no"])
@@ -288,7 +377,9 @@ def test_change_at_the_last_step(run_all, how, words):
     """Locks out a change of the last step of a run that is lost before the next: two runs are one run."""
     system = mixture("solid planar")
     more = [DRIFTING, "RIGID", "fix 5 all momentum 10 linear 1 1 1"]
-    results = run_all(system, {run: lines(system, OURS, *more, run, words=words) for run in ("run 20", how)})
+    results = run_all(
+        system, {run: lines(system, OURS, *more, run, words=words) for run in ("run 20", how)}
+    )
     assert differ(results[how], results["run 20"], system.h) < 1e-9
 
 
@@ -312,27 +403,37 @@ def test_temperature_read_in_mid_step(run_all):
 def test_values_at_the_end_of_a_step_that_was_looked_into(run_all, style):
     """Locks out values of the bodies that something has read in the middle of the step, or before the first forces, and that are told again at its end."""
     system = mixture("solid planar pair row single")
-    fix, columns = OURS.format(group="bodies", words="molecule"), "f_1 f_1[1] f_1[1][4] f_1[1][7] f_1[2][10]"
+    fix, columns = (
+        OURS.format(group="bodies", words="molecule"),
+        "f_1 f_1[1] f_1[1][4] f_1[1][7] f_1[2][10]",
+    )
     reader = "fix 7 all ave/time 1 1 1 v_m\nfix 8 single addforce v_m 0 0\n{}\nfix 2 single addforce v_m 0 0"
     read, plain = run_all(system, {
         name: f"variable m equal {m}\n{reader.format(fix)}\n{style}\n{COLUMNS.format(columns, 3, system.dt)}\nrun 6"
         for name, m in (("read", "0.0*f_1+0.0*f_1[1][7]"), ("plain", "0.0"))
     }).values()  # fmt: skip
     for name in columns.split():
-        np.testing.assert_allclose(read.thermo[name], plain.thermo[name], rtol=1e-12, atol=1e-13, err_msg=name)
+        np.testing.assert_allclose(
+            read.thermo[name], plain.thermo[name], rtol=1e-12, atol=1e-13, err_msg=name
+        )
 
 
 def test_observers_see_the_same(run_all):
     """Locks out a temperature that is read before and after another fix changes velocities, and is then the old one in both, an
     f_ID before the first forces that ends the run, and a thermostat that is said to be a fix that only looks."""
     system = mixture("solid planar pair row single")
-    fix, thermostat = OURS.format(group="all", words="molecule"), "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0"
+    fix, thermostat = (
+        OURS.format(group="all", words="molecule"),
+        "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0",
+    )
     early = "variable t equal f_1\nfix 7 all ave/time 1 1 1 v_t file early"
     runs = run_all(system, {
         "plain": f"{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20",
         "observed": f"{early}\n{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20",
     })  # fmt: skip
-    np.testing.assert_allclose(runs["observed"].thermo["f_1"], runs["plain"].thermo["f_1"], rtol=1e-12)
+    np.testing.assert_allclose(
+        runs["observed"].thermo["f_1"], runs["plain"].thermo["f_1"], rtol=1e-12
+    )
     assert re.search(TOOK + r" \d+ \(by fix 5\)", runs["observed"].log)
 
 

@@ -8,8 +8,40 @@ from endings import SECONDS, assert_ended
 from scipy.spatial.transform import Rotation
 from systems import LIKE_LAMMPS, OURS, RIGID, mixture
 
-GENERAL = ["step", "time", "body", "natoms", "mass", "x", "y", "z", "ix", "iy", "iz", "vx", "vy", "vz", "q0", "q1", "q2", "q3"]
-MOMENTS = ["angmomx", "angmomy", "angmomz", "omegax", "omegay", "omegaz", "fx", "fy", "fz", "tqx", "tqy", "tqz"]
+GENERAL = [
+    "step",
+    "time",
+    "body",
+    "natoms",
+    "mass",
+    "x",
+    "y",
+    "z",
+    "ix",
+    "iy",
+    "iz",
+    "vx",
+    "vy",
+    "vz",
+    "q0",
+    "q1",
+    "q2",
+    "q3",
+]
+MOMENTS = [
+    "angmomx",
+    "angmomy",
+    "angmomz",
+    "omegax",
+    "omegay",
+    "omegaz",
+    "fx",
+    "fy",
+    "fz",
+    "tqx",
+    "tqy",
+    "tqz",
+]
 NAMES = [*GENERAL, *MOMENTS]
 FILE = "variable table string bodies.csv"
 
@@ -48,13 +80,24 @@ def test_values(simulate, tmp_path):
         "compute m all chunk/atom molecule\ncompute omega all omega/chunk m\ncompute inertia all inertia/chunk m\n"
         "compute vcm all vcm/chunk m\nfix 8 all ave/time 20 1 20 c_omega[*] c_vcm[*] c_inertia[*] mode vector file chunks format ' %.17g'"
     )
-    run = simulate(system, OURS, 40, words="molecule output 20 v_table", before="\n".join([FILE, dump, chunks]), ranks=2)
+    run = simulate(
+        system,
+        OURS,
+        40,
+        words="molecule output 20 v_table",
+        before="\n".join([FILE, dump, chunks]),
+        ranks=2,
+    )
     table = read(tmp_path / "bodies.csv")
     bodies = np.unique(system.molecule)
     assert len(table) == 3 * len(bodies)
     # chunks are of all molecules, in the order of the bodies
-    chunk = [line.split() for line in (tmp_path / "chunks").read_text().splitlines() if line[0] != "#"]
-    chunk = np.array([row for row in chunk if len(row) > 2], float).reshape(3, len(bodies), -1)[:, :, 1:]
+    chunk = [
+        line.split() for line in (tmp_path / "chunks").read_text().splitlines() if line[0] != "#"
+    ]
+    chunk = np.array([row for row in chunk if len(row) > 2], float).reshape(3, len(bodies), -1)[
+        :, :, 1:
+    ]
     for k, step in enumerate((0, 20, 40)):
         rows = table[table["step"] == step]
         np.testing.assert_array_equal(rows["body"], bodies)
@@ -70,27 +113,57 @@ def test_values(simulate, tmp_path):
             np.testing.assert_allclose(row["mass"], total, rtol=1e-12)
             # in the box, but for what it has moved since atoms were last put there
             place, image = of(row, "x", "y", "z"), of(row, "ix", "iy", "iz")
-            np.testing.assert_allclose(place + system.h @ image, centre, rtol=0, atol=1e-9 * np.abs(x).max())
-            assert (-0.1 < place / np.diag(system.h)).all() and (place / np.diag(system.h) < 1.1).all()
-            np.testing.assert_allclose(of(row, "vx", "vy", "vz"), velocity, rtol=0, atol=1e-10 * np.abs(v).max())
-            np.testing.assert_allclose(of(row, "vx", "vy", "vz"), vcm_and_inertia[:3], rtol=0, atol=1e-10 * np.abs(v).max())
+            np.testing.assert_allclose(
+                place + system.h @ image, centre, rtol=0, atol=1e-9 * np.abs(x).max()
+            )
+            assert (-0.1 < place / np.diag(system.h)).all() and (
+                place / np.diag(system.h) < 1.1
+            ).all()
+            np.testing.assert_allclose(
+                of(row, "vx", "vy", "vz"), velocity, rtol=0, atol=1e-10 * np.abs(v).max()
+            )
+            np.testing.assert_allclose(
+                of(row, "vx", "vy", "vz"), vcm_and_inertia[:3], rtol=0, atol=1e-10 * np.abs(v).max()
+            )
             momentum = mass @ np.cross(r, v[mine] - velocity)
-            np.testing.assert_allclose(of(row, "angmomx", "angmomy", "angmomz"), momentum, rtol=0, atol=1e-9 * np.abs(mass @ np.abs(v[mine])).max() * 3)
-            np.testing.assert_allclose(of(row, "fx", "fy", "fz"), f[mine].sum(axis=0), rtol=0, atol=1e-10 * np.abs(f).max())
+            np.testing.assert_allclose(
+                of(row, "angmomx", "angmomy", "angmomz"),
+                momentum,
+                rtol=0,
+                atol=1e-9 * np.abs(mass @ np.abs(v[mine])).max() * 3,
+            )
+            np.testing.assert_allclose(
+                of(row, "fx", "fy", "fz"), f[mine].sum(axis=0), rtol=0, atol=1e-10 * np.abs(f).max()
+            )
             torque = np.cross(r, f[mine]).sum(axis=0)
-            np.testing.assert_allclose(of(row, "tqx", "tqy", "tqz"), torque, rtol=0, atol=1e-9 * np.abs(f).max() * 3)
+            np.testing.assert_allclose(
+                of(row, "tqx", "tqy", "tqz"), torque, rtol=0, atol=1e-9 * np.abs(f).max() * 3
+            )
             # every atom goes as v + omega x r
             omega = of(row, "omegax", "omegay", "omegaz")
-            np.testing.assert_allclose(velocity + np.cross(omega, r), v[mine], rtol=0, atol=1e-9 * np.abs(v).max())
-            if mine.sum() > 3:  # LAMMPS solves for that of linear ones, too, which has no one answer
-                np.testing.assert_allclose(omega, [wx, wy, wz], rtol=0, atol=1e-8 * np.abs(omega).max())
+            np.testing.assert_allclose(
+                velocity + np.cross(omega, r), v[mine], rtol=0, atol=1e-9 * np.abs(v).max()
+            )
+            if (
+                mine.sum() > 3
+            ):  # LAMMPS solves for that of linear ones, too, which has no one answer
+                np.testing.assert_allclose(
+                    omega, [wx, wy, wz], rtol=0, atol=1e-8 * np.abs(omega).max()
+                )
             # the principal frame: the tensor of inertia is diagonal there, largest first
-            inertia = (mass[:, None, None] * ((r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None])).sum(axis=0)
+            inertia = (
+                mass[:, None, None]
+                * ((r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None])
+            ).sum(axis=0)
             turn = Rotation.from_quat(of(row, "q1", "q2", "q3", "q0")).as_matrix()
             inside = turn.T @ inertia @ turn
-            np.testing.assert_allclose(inside, np.diag(np.diag(inside)), rtol=0, atol=1e-9 * (np.abs(inertia).max() + 1))
+            np.testing.assert_allclose(
+                inside, np.diag(np.diag(inside)), rtol=0, atol=1e-9 * (np.abs(inertia).max() + 1)
+            )
             assert (np.diff(np.diag(inside)) <= 1e-9 * np.abs(inertia).max()).all()
-            np.testing.assert_allclose(of(row, "q0", "q1", "q2", "q3") @ of(row, "q0", "q1", "q2", "q3"), 1, rtol=1e-12)
+            np.testing.assert_allclose(
+                of(row, "q0", "q1", "q2", "q3") @ of(row, "q0", "q1", "q2", "q3"), 1, rtol=1e-12
+            )
     assert "table of the bodies every 20 steps" in run.log
 
 
@@ -98,7 +171,14 @@ def test_orientation_goes_on(simulate, tmp_path):
     """Locks out a quaternion that belongs to another frame at each step: the turn between two rows takes the atoms along."""
     system = mixture("solid planar")
     dump = "dump 1 all custom 30 dump.* id x y z ix iy iz\ndump_modify 1 sort id format float %.17g"
-    simulate(system, OURS, 30, words="molecule output 30 v_table", before="\n".join([FILE, dump]), ranks=4)
+    simulate(
+        system,
+        OURS,
+        30,
+        words="molecule output 30 v_table",
+        before="\n".join([FILE, dump]),
+        ranks=4,
+    )
     table = read(tmp_path / "bodies.csv")
     places = []
     for step in 0, 30:
@@ -108,7 +188,12 @@ def test_orientation_goes_on(simulate, tmp_path):
         r = atoms[:, 1:4] + atoms[:, 4:7] @ system.h.T - centre
         places.append(Rotation.from_quat(of(rows, "q1", "q2", "q3", "q0")).inv().apply(r))
     np.testing.assert_allclose(places[0], places[1], rtol=0, atol=1e-11)
-    assert np.abs(of(table[-27:], "q0", "q1", "q2", "q3") - of(table[:27], "q0", "q1", "q2", "q3")).max() > 1e-3
+    assert (
+        np.abs(
+            of(table[-27:], "q0", "q1", "q2", "q3") - of(table[:27], "q0", "q1", "q2", "q3")
+        ).max()
+        > 1e-3
+    )
 
 
 @pytest.mark.parametrize("ranks", [2, 4])
@@ -124,10 +209,18 @@ def test_same_on_any_number_of_ranks(simulate, tmp_path, ranks):
     turns = [Rotation.from_quat(of(t, "q1", "q2", "q3", "q0")).as_matrix() for t in tables]
     linear = (one["natoms"] > 1) & (one["natoms"] < 4)
     np.testing.assert_allclose(turns[1][~linear], turns[0][~linear], rtol=0, atol=1e-8)
-    np.testing.assert_allclose(turns[1][linear, :, 2], turns[0][linear, :, 2], rtol=0, atol=1e-8)  # the axis on which the atoms are
+    np.testing.assert_allclose(
+        turns[1][linear, :, 2], turns[0][linear, :, 2], rtol=0, atol=1e-8
+    )  # the axis on which the atoms are
     for names in (["vx", "vy", "vz"], MOMENTS[:3], MOMENTS[3:6], MOMENTS[6:9], MOMENTS[9:]):
         reference = of(one, *names)
-        np.testing.assert_allclose(of(many, *names), reference, rtol=0, atol=1e-8 * np.abs(reference).max(), err_msg=names[0])
+        np.testing.assert_allclose(
+            of(many, *names),
+            reference,
+            rtol=0,
+            atol=1e-8 * np.abs(reference).max(),
+            err_msg=names[0],
+        )
     centre = [of(t, "x", "y", "z") + of(t, "ix", "iy", "iz") @ system.h.T for t in tables]
     np.testing.assert_allclose(*centre, rtol=0, atol=1e-9 * np.abs(centre[0]).max())
 
@@ -149,18 +242,25 @@ def test_steps_of_several_runs(simulate, tmp_path):
     simulate(system, OURS, 20, words="molecule output 8 table", after=after, ranks=2)
     table = read(tmp_path / "table")
     steps = table["step"].reshape(-1, 27)
-    assert (steps == steps[:, :1]).all() and (table["body"].reshape(-1, 27) == np.arange(1, 28)).all()
+    assert (steps == steps[:, :1]).all() and (
+        table["body"].reshape(-1, 27) == np.arange(1, 28)
+    ).all()
     np.testing.assert_array_equal(steps[:, 0], [0, 8, 16, 24, 32, 64])
 
 
 def test_order_of_rows(simulate, tmp_path):
     """Locks out rows in the order of atoms or ranks: they are in that of the bodies' IDs, the custom values, negative ones too."""
     system = mixture("solid planar")
-    before = FILE + "\nfix 3 all property/atom i_body\nvariable b atom 20-3*mol\nset group all i_body v_b"
+    before = (
+        FILE
+        + "\nfix 3 all property/atom i_body\nvariable b atom 20-3*mol\nset group all i_body v_b"
+    )
     simulate(system, OURS, 5, words="custom i_body output 5 v_table", before=before, ranks=4)
     table = read(tmp_path / "bodies.csv")
     np.testing.assert_array_equal(table["body"], np.tile(20 - 3 * np.arange(27, 0, -1), 2))
-    np.testing.assert_array_equal(table["natoms"][:27], [(system.molecule == m).sum() for m in range(27, 0, -1)])
+    np.testing.assert_array_equal(
+        table["natoms"][:27], [(system.molecule == m).sum() for m in range(27, 0, -1)]
+    )
 
 
 def test_pandas(simulate, tmp_path):
@@ -168,7 +268,10 @@ def test_pandas(simulate, tmp_path):
     pandas = pytest.importorskip("pandas")
     simulate(mixture(), OURS, 10, words="molecule output 10 v_table", before=FILE)
     table = pandas.read_csv(tmp_path / "bodies.csv")
-    assert [name.split(" (")[0] for name in table.columns] == NAMES and table.shape == (54, len(NAMES))
+    assert [name.split(" (")[0] for name in table.columns] == NAMES and table.shape == (
+        54,
+        len(NAMES),
+    )
     whole = {name for name, kind in table.dtypes.items() if kind.kind == "i"}
     assert whole == {"step", "body", "natoms", "ix", "iy", "iz"}
     assert all(kind.kind in "if" for kind in table.dtypes) and not table.isna().any().any()
@@ -195,8 +298,14 @@ def test_units_in_the_header(run_lammps, tmp_path, units):
         "create_atoms 1 single 2 1 1\nmass 1 1\npair_style none\n"
         'fix 1 all python/move "fix_nosquish.NVE all single output 1 table"\nrun 0\n'
     )
-    words = dict(zip(("mass", "length", "time", "velocity", "clock", "force", "torque"), UNIT_WORDS[units]))
-    names = dict(name.rstrip(")").split(" (") for name in (tmp_path / "table").read_text().splitlines()[0].split(",") if "(" in name)
+    words = dict(
+        zip(("mass", "length", "time", "velocity", "clock", "force", "torque"), UNIT_WORDS[units])
+    )
+    names = dict(
+        name.rstrip(")").split(" (")
+        for name in (tmp_path / "table").read_text().splitlines()[0].split(",")
+        if "(" in name
+    )
     assert names["time"] == words["time"] and names["mass"] == words["mass"]
     for name, unit in ("z", "length"), ("vx", "velocity"), ("fy", "force"), ("tqz", "torque"):
         assert names[name] == "space frame; " + words[unit]
@@ -209,11 +318,27 @@ def test_units_in_the_header(run_lammps, tmp_path, units):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("name, said", [("nowhere/bodies", "No such file or directory"), ("/dev/full", "No space left on device"), (".", "directory")])
+@pytest.mark.parametrize(
+    "name, said",
+    [
+        ("nowhere/bodies", "No such file or directory"),
+        ("/dev/full", "No space left on device"),
+        (".", "directory"),
+    ],
+)
 def test_file_that_cannot_be_written(simulate, tmp_path, name, said, ranks):
     """Locks out a hang of the ranks that do not write, a message per rank, and a run that goes on without its output."""
     before = f"variable table string {name}"
-    run = simulate(mixture("solid"), OURS, 10, words="molecule output 1 v_table", before=before, ranks=ranks, check=False, timeout=SECONDS)
+    run = simulate(
+        mixture("solid"),
+        OURS,
+        10,
+        words="molecule output 1 v_table",
+        before=before,
+        ranks=ranks,
+        check=False,
+        timeout=SECONDS,
+    )
     assert_ended(run, ("keyword output", name, said), tmp_path)
 
 
@@ -244,7 +369,11 @@ def test_disk_that_fills_up(simulate, tmp_path, ranks):
     assert_ended(run, ("keyword output", "No space left on device"), tmp_path)
     table = read(tmp_path / "bodies.csv")
     last = int(table["step"][-1])
-    assert last >= 2 and len(table) == 27 * (last + 1) and (tmp_path / "bodies.csv").read_text().endswith("\n")
+    assert (
+        last >= 2
+        and len(table) == 27 * (last + 1)
+        and (tmp_path / "bodies.csv").read_text().endswith("\n")
+    )
     assert f"whole up to step {last}" in run.screen
     assert run.thermo["Step"][-1] in (last, last + 1)
 
@@ -260,7 +389,11 @@ def test_limit_of_a_file(simulate, tmp_path, ranks):
     assert_ended(run, ("keyword output", "bodies.csv", "File too large"), tmp_path)
     table = read(tmp_path / "bodies.csv")
     last = int(table["step"][-1])
-    assert last >= 2 and len(table) == 27 * (last + 1) and (tmp_path / "bodies.csv").read_text().endswith("\n")
+    assert (
+        last >= 2
+        and len(table) == 27 * (last + 1)
+        and (tmp_path / "bodies.csv").read_text().endswith("\n")
+    )
     assert f"whole up to step {last}" in run.screen
 
 
@@ -302,26 +435,50 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
     """Locks out fields that are missing, a body on two ranks or on none, another number than in the file, and a table that
     reads the atoms where they were before another command moved them."""
     system = mixture()
-    (tmp_path / "drive.py").write_text(SCRIPT.format(more="from mpi4py import MPI" if ranks > 1 else "", ranks=ranks))
+    (tmp_path / "drive.py").write_text(
+        SCRIPT.format(more="from mpi4py import MPI" if ranks > 1 else "", ranks=ranks)
+    )
     fix = OURS.format(group="all", words="molecule output 20 v_table")
     script = "\n".join([system.setup, FILE, fix, f"timestep {system.dt:.17g}", ""])
-    run = run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "-m", "mpi4py", "drive.py"], timeout=SECONDS)
+    run = run_lammps(
+        script,
+        files=system.files,
+        ranks=ranks,
+        launcher=[sys.executable, "-m", "mpi4py", "drive.py"],
+        timeout=SECONDS,
+    )
     assert "no fix 7" in run.screen and "before the first run" in run.screen
     table = read(tmp_path / "bodies.csv")
     fields = "step time body natoms mass x image v q angmom omega force torque"
     for name in "start", "end", "later":
         rows = np.load(tmp_path / f"{name}.npy")
         assert rows.dtype.names == tuple(fields.split())
-        assert rows["q"].shape == (27, 4) and rows["torque"].shape == (27, 3) and rows["body"].dtype == rows["image"].dtype == np.int64
+        assert (
+            rows["q"].shape == (27, 4)
+            and rows["torque"].shape == (27, 3)
+            and rows["body"].dtype == rows["image"].dtype == np.int64
+        )
         np.testing.assert_array_equal(np.sort(rows["body"]), np.arange(1, 28))
-        rows, same = np.sort(rows, order="body"), table[table["step"] == (0 if name == "start" else 20)]
+        rows, same = (
+            np.sort(rows, order="body"),
+            table[table["step"] == (0 if name == "start" else 20)],
+        )
         plain = np.column_stack([rows[field] for field in fields.split()])
         image = [NAMES.index(c) for c in ("x", "y", "z", "ix", "iy", "iz")]
-        if name == "later":  # write_restart may have put the atoms into the box, and the angle about the axis of a linear body is arbitrary
+        if (
+            name == "later"
+        ):  # write_restart may have put the atoms into the box, and the angle about the axis of a linear body is arbitrary
             image += [NAMES.index(c) for c in ("q0", "q1", "q2", "q3")]
-            for each in rows["x"] + rows["image"] @ system.h.T, :
-                np.testing.assert_allclose(each, of(same, "x", "y", "z") + of(same, "ix", "iy", "iz") @ system.h.T, atol=1e-12)
-            plain, both = np.delete(plain, image, axis=1), np.delete(of(same, *NAMES), image, axis=1)
+            for each in (rows["x"] + rows["image"] @ system.h.T,):
+                np.testing.assert_allclose(
+                    each,
+                    of(same, "x", "y", "z") + of(same, "ix", "iy", "iz") @ system.h.T,
+                    atol=1e-12,
+                )
+            plain, both = (
+                np.delete(plain, image, axis=1),
+                np.delete(of(same, *NAMES), image, axis=1),
+            )
             np.testing.assert_allclose(plain, both, rtol=0, atol=1e-12 * np.abs(both).max())
         else:
             np.testing.assert_array_equal(plain, of(same, *NAMES))
@@ -353,8 +510,15 @@ def test_table_in_a_run(simulate, tmp_path):
     simulate(script, fix, 4, words="molecule output 1 v_table", before=before)
     table, seen = read(tmp_path / "bodies.csv"), np.load(tmp_path / "seen.npy")
     assert seen.shape == (4, 27)
-    for name, parts in (("x", ("x", "y", "z")), ("v", ("vx", "vy", "vz")), ("force", ("fx", "fy", "fz")), ("q", ("q0", "q1", "q2", "q3"))):
-        np.testing.assert_array_equal(seen[name].reshape(108, -1), of(table[27:], *parts), err_msg=name)
+    for name, parts in (
+        ("x", ("x", "y", "z")),
+        ("v", ("vx", "vy", "vz")),
+        ("force", ("fx", "fy", "fz")),
+        ("q", ("q0", "q1", "q2", "q3")),
+    ):
+        np.testing.assert_array_equal(
+            seen[name].reshape(108, -1), of(table[27:], *parts), err_msg=name
+        )
     np.testing.assert_array_equal(seen["step"].ravel(), table["step"][27:])
 
 
@@ -374,14 +538,24 @@ def test_scalar_and_array(simulate, ranks):
     before, and rows that are on another rank left at zero."""
     system = mixture("solid planar")
     how = dict(every=1, columns=columns(*SOME))
-    theirs, ours = simulate(system, RIGID, 20, **how), simulate(system, LIKE_LAMMPS, 20, ranks=ranks, **how)
+    theirs, ours = (
+        simulate(system, RIGID, 20, **how),
+        simulate(system, LIKE_LAMMPS, 20, ranks=ranks, **how),
+    )
     np.testing.assert_allclose(ours.thermo["f_1"], theirs.thermo["f_1"], rtol=1e-9)
     for i, j in SOME:
         a, b = (r.thermo[f"f_1[{i}][{j}]"] for r in (ours, theirs))
         if j <= 3:  # which image is the centre's own is a matter of taste
-            a, b = (c + system.h[j - 1, j - 1] * r.thermo[f"f_1[{i}][{j + 12}]"] if (i, j + 12) in SOME else c for c, r in ((a, ours), (b, theirs)))
+            a, b = (
+                c + system.h[j - 1, j - 1] * r.thermo[f"f_1[{i}][{j + 12}]"]
+                if (i, j + 12) in SOME
+                else c
+                for c, r in ((a, ours), (b, theirs))
+            )
         if j <= 12:
-            np.testing.assert_allclose(a, b, rtol=0, atol=1e-8 * max(1, np.abs(b).max()), err_msg=f"{i} {j}")
+            np.testing.assert_allclose(
+                a, b, rtol=0, atol=1e-8 * max(1, np.abs(b).max()), err_msg=f"{i} {j}"
+            )
 
 
 def test_scalar_with_forces_off(simulate):
@@ -390,7 +564,11 @@ def test_scalar_with_forces_off(simulate):
     system, words = mixture("solid planar"), "molecule force * off on on torque * off off off"
     ours = simulate(system, LIKE_LAMMPS, 20, words=words, every=5, columns="f_1 f_1[1] f_1[2]")
     degrees = 6 * system.molecule.max()
-    np.testing.assert_allclose(ours.thermo["f_1"], 2 * (ours.thermo["f_1[1]"] + ours.thermo["f_1[2]"]) / degrees, rtol=1e-12)
+    np.testing.assert_allclose(
+        ours.thermo["f_1"],
+        2 * (ours.thermo["f_1[1]"] + ours.thermo["f_1[2]"]) / degrees,
+        rtol=1e-12,
+    )
 
 
 def test_vector(simulate):
@@ -403,25 +581,46 @@ def test_vector(simulate):
     theirs = simulate(system, RIGID + "\n" + rigid, 20, columns="c_ke c_rot f_1", **how)
     ours = simulate(system, LIKE_LAMMPS, 20, columns=vector, ranks=2, **how)
     np.testing.assert_allclose(ours.thermo["f_1[1]"], theirs.thermo["c_ke"], rtol=1e-9)
-    np.testing.assert_allclose(ours.thermo["f_1[2]"], theirs.thermo["c_rot"], rtol=1e-7)  # LAMMPS splits the rotation of pairs
-    np.testing.assert_allclose(ours.thermo["f_1"][-3:], theirs.thermo["f_1"][-3:], rtol=1e-7)  # in its first run it knows no linear ones
+    np.testing.assert_allclose(
+        ours.thermo["f_1[2]"], theirs.thermo["c_rot"], rtol=1e-7
+    )  # LAMMPS splits the rotation of pairs
+    np.testing.assert_allclose(
+        ours.thermo["f_1"][-3:], theirs.thermo["f_1"][-3:], rtol=1e-7
+    )  # in its first run it knows no linear ones
     counts = [np.bincount(system.molecule)[1:]]
     linear = (counts[0] == 2).sum()
     boltz = 0.0019872067
     for energy, temperature, degrees in (1, 3, 3 * 27), (2, 4, 3 * 27 - linear):
-        np.testing.assert_allclose(2 * ours.thermo[f"f_1[{energy}]"], degrees * boltz * ours.thermo[f"f_1[{temperature}]"], rtol=1e-6)
+        np.testing.assert_allclose(
+            2 * ours.thermo[f"f_1[{energy}]"],
+            degrees * boltz * ours.thermo[f"f_1[{temperature}]"],
+            rtol=1e-6,
+        )
 
 
 def test_vector_in_the_plane(simulate):
     """Locks out three rotations or translations per body in two dimensions, in f_ID and in its vector."""
     system = mixture("planar pair row", side=5, dimension=2)
     how = dict(before="fix 9 all enforce2d", every=10)
-    t = simulate(system, LIKE_LAMMPS, 20, columns="f_1 " + " ".join(f"f_1[{k}]" for k in range(1, 5)), ranks=2, **how).thermo
-    np.testing.assert_allclose(t["f_1"] * 75, t["Temp"] * 73, rtol=1e-10)  # compute temp takes off two for the momentum
-    np.testing.assert_allclose([2 * t["f_1[1]"], 2 * t["f_1[2]"]], [50 * t["f_1[3]"], 25 * t["f_1[4]"]], rtol=1e-10)
+    t = simulate(
+        system,
+        LIKE_LAMMPS,
+        20,
+        columns="f_1 " + " ".join(f"f_1[{k}]" for k in range(1, 5)),
+        ranks=2,
+        **how,
+    ).thermo
+    np.testing.assert_allclose(
+        t["f_1"] * 75, t["Temp"] * 73, rtol=1e-10
+    )  # compute temp takes off two for the momentum
+    np.testing.assert_allclose(
+        [2 * t["f_1[1]"], 2 * t["f_1[2]"]], [50 * t["f_1[3]"], 25 * t["f_1[4]"]], rtol=1e-10
+    )
     np.testing.assert_allclose(t["f_1"] * 75, 2 * (t["f_1[1]"] + t["f_1[2]"]), rtol=1e-10)
     flat = mixture("planar", side=5, dimension=2)
-    theirs, ours = (simulate(flat, fix, 20, columns="f_1", **how).thermo for fix in (RIGID, LIKE_LAMMPS))
+    theirs, ours = (
+        simulate(flat, fix, 20, columns="f_1", **how).thermo for fix in (RIGID, LIKE_LAMMPS)
+    )
     np.testing.assert_allclose(ours["f_1"], theirs["f_1"], rtol=1e-9)
 
 
@@ -430,15 +629,28 @@ def test_averages_in_time(simulate, tmp_path):
     system = mixture("solid planar")
     before = FILE
     average = "\nfix 8 all ave/time 5 1 5 f_1[*] mode vector file averages format ' %.17g'\nfix 7 all ave/time 5 1 5 f_1 f_1[1] f_1[4] file scalars format ' %.17g'"
-    simulate(system, OURS + average, 20, words="molecule output 5 v_table", before=before, ranks=2, every=20)
+    simulate(
+        system,
+        OURS + average,
+        20,
+        words="molecule output 5 v_table",
+        before=before,
+        ranks=2,
+        every=20,
+    )
     table = read(tmp_path / "bodies.csv")
-    lines = [line.split() for line in (tmp_path / "averages").read_text().splitlines() if line[0] != "#"]
+    lines = [
+        line.split() for line in (tmp_path / "averages").read_text().splitlines() if line[0] != "#"
+    ]
     rows = np.array([line[1:] for line in lines if len(line) == 16], float)
     names = "x", "y", "z", "vx", "vy", "vz", "fx", "fy", "fz", "tqx", "tqy", "tqz", "ix", "iy", "iz"
     np.testing.assert_allclose(rows, of(table, *names), rtol=1e-14)
     scalars = np.loadtxt(tmp_path / "scalars")
     assert len(scalars) == 5
-    energy = [0.5 * (rows["mass"] * (of(rows, "vx", "vy", "vz") ** 2).sum(axis=1)).sum() for rows in np.split(table, 5)]
+    energy = [
+        0.5 * (rows["mass"] * (of(rows, "vx", "vy", "vz") ** 2).sum(axis=1)).sum()
+        for rows in np.split(table, 5)
+    ]
     np.testing.assert_allclose(scalars[:, 2], energy, rtol=1e-12)
 
 
@@ -449,13 +661,23 @@ STRESS = (
     "compute s all stress/atom NULL {parts}\ncompute total all reduce sum c_s[1] c_s[2] c_s[3] c_s[4] c_s[5] c_s[6]\n"
     "compute p all pressure NULL {parts}\nvariable volume equal vol\n"
 )
-PARTS = " ".join(f"c_total[{k}]" for k in range(1, 7)) + " vol " + " ".join(f"c_p[{k}]" for k in range(1, 7))
+PARTS = (
+    " ".join(f"c_total[{k}]" for k in range(1, 7))
+    + " vol "
+    + " ".join(f"c_p[{k}]" for k in range(1, 7))
+)
 
 
 def pressures(result):
     """(steps, 6) pressure by compute stress/atom and by compute pressure."""
     t = result.thermo
-    return [np.stack([sign * t[f"{name}[{k}]"] / (t["Volume"] if sign < 0 else 1) for k in range(1, 7)], axis=1) for name, sign in (("c_total", -1), ("c_p", 1))]
+    return [
+        np.stack(
+            [sign * t[f"{name}[{k}]"] / (t["Volume"] if sign < 0 else 1) for k in range(1, 7)],
+            axis=1,
+        )
+        for name, sign in (("c_total", -1), ("c_p", 1))
+    ]
 
 
 @pytest.mark.parametrize("parts", ["virial", "fix"])
@@ -464,7 +686,12 @@ def test_stress_of_atoms(simulate, ranks, parts):
     """Locks out bodies' virial that is not in compute stress/atom, is there twice, on another atom or of another step: the atoms'
     stresses add up to the pressure, where bodies are on several ranks and atoms change places, too."""
     system = mixture()
-    how = dict(before=STRESS.format(parts=parts) + "neigh_modify every 1 delay 0 check no", columns=PARTS, every=3, ranks=ranks)
+    how = dict(
+        before=STRESS.format(parts=parts) + "neigh_modify every 1 delay 0 check no",
+        columns=PARTS,
+        every=3,
+        ranks=ranks,
+    )
     of_atoms, whole = pressures(simulate(system, OURS, 30, **how))
     np.testing.assert_allclose(of_atoms, whole, rtol=0, atol=1e-10 * np.abs(whole).max())
     assert np.abs(whole).max() > 0.1
@@ -476,14 +703,30 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
     velocities, about the centre of mass.  (fix rigid has it about the origin: its sum is the same.)"""
     system, dt = mixture("solid planar row"), 1e-2
     dump = "\ndump 1 all custom 1 dump.* id x y z vx vy vz fx fy fz ix iy iz c_s[1] c_s[2] c_s[3] c_s[4] c_s[5] c_s[6]\ndump_modify 1 sort id format float %.17g"
-    simulate(system, OURS, 2, dt=dt, every=1, before=STRESS.format(parts="fix") + dump, columns=PARTS, ranks=ranks)
+    simulate(
+        system,
+        OURS,
+        2,
+        dt=dt,
+        every=1,
+        before=STRESS.format(parts="fix") + dump,
+        columns=PARTS,
+        ranks=ranks,
+    )
     early, now, late = (np.loadtxt(tmp_path / f"dump.{k}", skiprows=9)[:, 1:] for k in range(3))
     x = now[:, :3] + now[:, 9:12] @ system.h.T
-    force = system.mass[:, None] * (late[:, 3:6] - early[:, 3:6]) / (2 * dt * system.dt) - now[:, 6:9]
+    force = (
+        system.mass[:, None] * (late[:, 3:6] - early[:, 3:6]) / (2 * dt * system.dt) - now[:, 6:9]
+    )
     totals = np.bincount(system.molecule, system.mass)
-    centre = np.stack([np.bincount(system.molecule, system.mass * c) for c in x.T], axis=1)[1:] / totals[1:, None]
+    centre = (
+        np.stack([np.bincount(system.molecule, system.mass * c) for c in x.T], axis=1)[1:]
+        / totals[1:, None]
+    )
     r = x - centre[system.molecule - 1]
-    virial = np.stack([r[:, a] * force[:, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1)
+    virial = np.stack(
+        [r[:, a] * force[:, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1
+    )
     np.testing.assert_allclose(-now[:, 12:], virial, rtol=0, atol=1e-5 * np.abs(virial).max())
     assert np.abs(virial).max() > 1
 
@@ -491,7 +734,10 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
 def test_two_fixes_and_one_file(run_lammps, tmp_path):
     """Locks out two fixes that write over each other's tables."""
     system = mixture("solid planar")
-    fixes = [OURS.format(group=g, words="molecule output 2 same").replace("fix 1", f"fix {k}") for k, g in enumerate(("one", "two"))]
+    fixes = [
+        OURS.format(group=g, words="molecule output 2 same").replace("fix 1", f"fix {k}")
+        for k, g in enumerate(("one", "two"))
+    ]
     run = run_lammps("\n".join([system.setup, "group one molecule 1:9\ngroup two subtract all one", *fixes, "run 4", ""]), files=system.files,
                      ranks=2, check=False, timeout=SECONDS)  # fmt: skip
     assert_ended(run, ("two fixes write their table", "same", "a file of its own"), tmp_path)
@@ -524,14 +770,38 @@ lmp.close()
 def test_table_in_the_middle_of_a_step(run_lammps, tmp_path, ranks):
     """Locks out force and torque that are those of the last output where something in mid-step asks, when no step calls Python."""
     system = mixture("solid planar pair")
-    (tmp_path / "drive.py").write_text(CALLED.format(more="from mpi4py import MPI" if ranks > 1 else ""))
+    (tmp_path / "drive.py").write_text(
+        CALLED.format(more="from mpi4py import MPI" if ranks > 1 else "")
+    )
     fix = OURS.format(group="all", words="molecule")
     tables = []
     for every in 1, 6:
-        script = "\n".join([system.setup, fix, "fix e all external pf/callback 1 1", f"thermo {every}", f"timestep {system.dt:.17g}", ""])
-        run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "-m", "mpi4py", "drive.py"], timeout=SECONDS)
-        tables.append(np.concatenate([np.load(tmp_path / f"seen.{rank}.npy") for rank in range(ranks)], axis=1))
+        script = "\n".join(
+            [
+                system.setup,
+                fix,
+                "fix e all external pf/callback 1 1",
+                f"thermo {every}",
+                f"timestep {system.dt:.17g}",
+                "",
+            ]
+        )
+        run_lammps(
+            script,
+            files=system.files,
+            ranks=ranks,
+            launcher=[sys.executable, "-m", "mpi4py", "drive.py"],
+            timeout=SECONDS,
+        )
+        tables.append(
+            np.concatenate(
+                [np.load(tmp_path / f"seen.{rank}.npy") for rank in range(ranks)], axis=1
+            )
+        )
     each, last = tables
-    assert each.shape == (6, len(np.unique(system.molecule))) and (each["force"][1:] != each["force"][:-1]).any(axis=(1, 2)).all()
+    assert (
+        each.shape == (6, len(np.unique(system.molecule)))
+        and (each["force"][1:] != each["force"][:-1]).any(axis=(1, 2)).all()
+    )
     for name in "x", "v", "force", "torque":
         np.testing.assert_allclose(last[name], each[name], rtol=1e-12, atol=1e-12, err_msg=name)

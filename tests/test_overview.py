@@ -37,7 +37,12 @@ WHERE = {
 
 def point(integrator, dt, cost, errors, failed=None):
     """A point of a sweep: an error is (value, standard error)."""
-    spread = cost and {"median": 1.1 * cost, "min": cost, "max": 1.3 * cost, "values": [cost, 1.1 * cost, 1.3 * cost]}
+    spread = cost and {
+        "median": 1.1 * cost,
+        "min": cost,
+        "max": 1.3 * cost,
+        "values": [cost, 1.1 * cost, 1.3 * cost],
+    }
     return {
         "integrator": integrator, "label": {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator), "ours": integrator.startswith("nosquish"), "dt": dt,
         "steps": 1000, "ps": 1.0, "starts": 3, "failed": failed, "failures": int(bool(failed)), "cost": spread, 
@@ -52,13 +57,21 @@ def sweep():
     energy = {"title": "sd of energy", "unit": "kcal/mol", "relative_to": "", "log": True}
     position = {"title": "distance", "unit": "Å", "relative_to": "reference", "log": True}
     water = [
-        point("nosquish", 1.0, 2000.0, {"energy_sd": (0.0613, 0.001), "position": (0.0021, 0.0001)}),
+        point(
+            "nosquish", 1.0, 2000.0, {"energy_sd": (0.0613, 0.001), "position": (0.0021, 0.0001)}
+        ),
         point("nosquish", 2.0, 1000.0, {"energy_sd": (0.231, 0.004), "position": (0.0083, 0.0001)}),
-        point("rigid/nve", 1.0, 1234.0, {"energy_sd": (0.0622, 0.001), "position": (0.0022, 0.0001)}),
-        point("rigid/nve", 2.0, 1700.0, {"energy_sd": (0.240, 0.004), "position": (0.0084, 0.0001)}),
+        point(
+            "rigid/nve", 1.0, 1234.0, {"energy_sd": (0.0622, 0.001), "position": (0.0022, 0.0001)}
+        ),
+        point(
+            "rigid/nve", 2.0, 1700.0, {"energy_sd": (0.240, 0.004), "position": (0.0084, 0.0001)}
+        ),
         point("shake", 1.0, 3000.0, {"energy_sd": (0.43, 0.01), "position": (0.05, 0.001)}),
         point("shake", 8.0, None, {}, "lost atoms"),
-        point("nosquish-2", 2.0, 1050.0, {"energy_sd": (0.230, 0.004), "position": (0.0082, 0.0001)}),
+        point(
+            "nosquish-2", 2.0, 1050.0, {"energy_sd": (0.230, 0.004), "position": (0.0082, 0.0001)}
+        ),
         point("rigid", 4.0, 500.0, {"energy_sd": (0.9, 0.01), "position": (0.5, 0.01)}),
     ]
     dimer = [
@@ -97,14 +110,24 @@ def stability():
          "bars": "none: an extreme", "length": 100, "integrators": ["nosquish", "rigid/nve", "rattle"],
          "rows": [row("nosquish", "fail", 4.25), row("rigid/nve", "fail", 8.5), row("rattle", "fail", 2.5)]},
     ]  # fmt: skip
-    told = [{"what": "Ours has no blow-up that any LAMMPS fix survives", "holds": True, "where": []}]
-    return WHERE | {"command": "python -m validation stability", "full": True, "cases": cases, "summary": told}
+    told = [
+        {"what": "Ours has no blow-up that any LAMMPS fix survives", "holds": True, "where": []}
+    ]
+    return WHERE | {
+        "command": "python -m validation stability",
+        "full": True,
+        "cases": cases,
+        "summary": told,
+    }
 
 
 @pytest.fixture
 def results(tmp_path):
     """A folder with results of sweep and stability."""
-    for name, summary, figures in ("sweep", sweep(), ("water", "dimer")), ("stability", stability(), ("matrix",)):
+    for name, summary, figures in (
+        ("sweep", sweep(), ("water", "dimer")),
+        ("stability", stability(), ("matrix",)),
+    ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "summary.json").write_text(json.dumps(summary))
         for figure in figures:
@@ -146,13 +169,20 @@ def test_page_of_all_results(results, capsys):
     assert path.stat().st_size < 5e6 and f"page: {path}" in capsys.readouterr().out
     text = path.read_text()
     page = Page(text)
-    assert len(page.loaded) > 8 and all(source.startswith("data:image/png;base64,") for source in page.loaded)
+    assert len(page.loaded) > 8 and all(
+        source.startswith("data:image/png;base64,") for source in page.loaded
+    )
     assert all(link.startswith("#") and f'id="{link[1:]}"' in text for link in page.links)
     assert all(f'id="{section.name}"' in text for section in overview_report.gather(results))
     assert not re.search(r"@import|url\(|fetch\(|<link|<iframe|src=\"http", text)
     for section in overview_report.gather(results):
         said = " ".join(" ".join(page.text).split())
-        for line in [*section.said.headlines, *section.said.lines, *section.warnings, *section.commands]:
+        for line in [
+            *section.said.headlines,
+            *section.said.lines,
+            *section.warnings,
+            *section.commands,
+        ]:
             assert " ".join(line.split()) in said
 
 
@@ -160,7 +190,9 @@ def advice(results, summary):
     """What a sweep's page advises, scene by scene: a row's text."""
     (results / "sweep" / "summary.json").write_text(json.dumps(summary))
     said = sections(results)["sweep"].said
-    return {row[0]: row[1:] for row in rows(said.best[0])} | {line.split(":")[0]: line for line in said.headlines if "not measured" in line}
+    return {row[0]: row[1:] for row in rows(said.best[0])} | {
+        line.split(":")[0]: line for line in said.headlines if "not measured" in line
+    }
 
 
 def test_what_to_use(results):
@@ -175,19 +207,33 @@ def test_what_to_use(results):
                              "clear, rigid/nve takes 1.23 times as long; 3 starts of 1 ps", "1.00"]  # fmt: skip
     assert told["dimer"][0] == "fix_nosquish.NVE, 0.3 fs" and told["dimer"][2] == "0.0075"
     assert told["dimer"][5] == "a tie with rigid/nve, 0.3 fs; 3 starts of 1 ps"
-    assert told["peptide"] == "peptide: not measured; this adds it: python -m validation sweep peptide."
+    assert (
+        told["peptide"]
+        == "peptide: not measured; this adds it: python -m validation sweep peptide."
+    )
 
 
 def test_the_first_lines_are_what_is_sure(results):
     """Locks out a first line that names a winner where there is a tie, and one that hides that something else is faster."""
     short = sections(results)["sweep"].said.short
-    assert short[0] == "Dimer: a tie. Ours and rigid/nve are accurate enough with the same run time; 0.3 fs is a good step."
+    assert (
+        short[0]
+        == "Dimer: a tie. Ours and rigid/nve are accurate enough with the same run time; 0.3 fs is a good step."
+    )
     assert short[1] == "Water: use fix_nosquish.NVE, 2 fs; rigid/nve takes 1.2 times as long."
     summary = sweep()
     for one in (one for one in summary["scenes"]["water"]["points"] if one["ours"]):
-        one["cost"] = {"median": 9100.0, "min": 9000.0, "max": 9200.0, "values": [9000.0, 9100.0, 9200.0]}
+        one["cost"] = {
+            "median": 9100.0,
+            "min": 9000.0,
+            "max": 9200.0,
+            "values": [9000.0, 9100.0, 9200.0],
+        }
     (results / "sweep" / "summary.json").write_text(json.dumps(summary))
-    assert "Water: use rigid/nve, 1 fs; ours takes 7.3 times as long." in sections(results)["sweep"].said.short
+    assert (
+        "Water: use rigid/nve, 1 fs; ours takes 7.3 times as long."
+        in sections(results)["sweep"].said.short
+    )
 
 
 def test_what_to_use_follows_the_numbers(results):
@@ -195,9 +241,18 @@ def test_what_to_use_follows_the_numbers(results):
     summary = sweep()
     points = summary["scenes"]["water"]["points"]
     for one in (one for one in points if one["ours"]):
-        one["cost"] = {"median": 9100.0, "min": 9000.0, "max": 9200.0, "values": [9000.0, 9100.0, 9200.0]}
+        one["cost"] = {
+            "median": 9100.0,
+            "min": 9000.0,
+            "max": 9200.0,
+            "values": [9000.0, 9100.0, 9200.0],
+        }
     told = advice(results, summary)["water"]
-    assert told[0] == "rigid/nve, 1 fs" and told[5].startswith("clear, fix_nosquish.NVE takes 7.29 times as long") and told[6] == "7.29"
+    assert (
+        told[0] == "rigid/nve, 1 fs"
+        and told[5].startswith("clear, fix_nosquish.NVE takes 7.29 times as long")
+        and told[6] == "7.29"
+    )
     points[2]["errors"]["drift"] = {"value": 0.4, "error": 0.1}
     assert advice(results, summary)["water"][0] == "rigid/nve, 2 fs"
     points[2]["errors"]["drift"] = {"value": 0.4, "error": 0.2}
@@ -207,14 +262,20 @@ def test_what_to_use_follows_the_numbers(results):
     assert advice(results, summary)["water"][3] == "0.040 ± 0.039"
     points[2]["errors"]["energy_sd"]["error"] = 0.4
     told = advice(results, summary)["water"]
-    assert told[0] == "rigid/nve, 2 fs" and "no telling of rigid/nve, 1 fs" not in told[5]  # its own other step is no rival
+    assert (
+        told[0] == "rigid/nve, 2 fs" and "no telling of rigid/nve, 1 fs" not in told[5]
+    )  # its own other step is no rival
     points[4] = point("shake", 1.0, 900.0, {"energy_sd": (0.3, 0.2)})
     assert "; no telling of shake, 1 fs; 3 starts of 1 ps" in advice(results, summary)["water"][5]
     for one in points:
         one["errors"].pop("energy_sd", None)
     told = advice(results, summary)["water"]
     assert told[0] == "cannot tell" and told[5].startswith("No step has for sure ")
-    summary["scenes"]["water"] |= {"points": [], "degrees_of_freedom": None, "error": "no start: lost atoms"}
+    summary["scenes"]["water"] |= {
+        "points": [],
+        "degrees_of_freedom": None,
+        "error": "no start: lost atoms",
+    }
     told = advice(results, summary)["water"]
     assert told[0] == "cannot tell" and told[5] == "No run is complete: no start: lost atoms."
 
@@ -226,7 +287,14 @@ def test_every_way(results):
     """
     every = rows(sections(results)["sweep"].said.tables[0])
     distances = [row for row in every if row[:1] == ["water"] and row[1].startswith("distance")]
-    assert ["water", "distance ≤ 0.01 Å", "fix_nosquish.NVE, 2 fs", "1,000 (1,100)", "1.00", "clear, rigid/nve takes 1.23 times as long"] in distances
+    assert [
+        "water",
+        "distance ≤ 0.01 Å",
+        "fix_nosquish.NVE, 2 fs",
+        "1,000 (1,100)",
+        "1.00",
+        "clear, rigid/nve takes 1.23 times as long",
+    ] in distances
     assert [row[2:5] for row in distances if row[1] == "distance ≤ 0.002 Å"] == [["–", "–", "–"]]
     assert {row[0] for row in every} == {"water", "dimer"}
 
@@ -237,7 +305,11 @@ def test_one_start_is_told(results):
     for point in summary["scenes"]["water"]["points"]:
         point["starts"] = 1
     told = advice(results, summary)
-    assert told["water"][5].startswith("ahead, rigid/nve") and "; 1 start of 1 ps: there is one start, so timings of one process only" in told["water"][5]
+    assert (
+        told["water"][5].startswith("ahead, rigid/nve")
+        and "; 1 start of 1 ps: there is one start, so timings of one process only"
+        in told["water"][5]
+    )
     assert "one process" not in told["dimer"][5]
 
 
@@ -248,12 +320,17 @@ def test_starts_are_those_of_the_points(results):
     for point in points[1:]:
         point["starts"], point["ps"] = 2, 2.0
     assert "; 2 starts of 2 ps" in advice(results, summary)["water"][5]
-    assert "water 1,000 bodies, 2 to 3 starts of 1 to 2 ps" in sections(results)["sweep"].said.extent
+    assert (
+        "water 1,000 bodies, 2 to 3 starts of 1 to 2 ps" in sections(results)["sweep"].said.extent
+    )
 
 
 def test_each_scene_has_its_command(results):
     """Locks out the command of the last scene alone for scenes that were swept one after the other."""
-    assert sections(results)["sweep"].commands == ["python -m validation sweep water", "python -m validation sweep dimer"]
+    assert sections(results)["sweep"].commands == [
+        "python -m validation sweep water",
+        "python -m validation sweep dimer",
+    ]
 
 
 def test_what_breaks(results, monkeypatch):
@@ -263,19 +340,47 @@ def test_what_breaks(results, monkeypatch):
     assert said.headlines == ["Ours has no blow-up that any LAMMPS fix survives: yes."]
     longest, matrix, cases = said.best
     assert longest.columns == ("integrator", "hot (≥ 4)") and matrix.file == "matrix.png"
-    assert rows(longest) == [["fix_nosquish.NVE", "5.75 ± 0.49"], ["rigid/nve", "5.50 ± 0.49"], ["rattle", "blow-up"]]
+    assert rows(longest) == [
+        ["fix_nosquish.NVE", "5.75 ± 0.49"],
+        ["rigid/nve", "5.50 ± 0.49"],
+        ["rattle", "blow-up"],
+    ]
     assert [row[1].style for row in longest.rows] == ["holds", "holds", "does-not-hold"]
     assert rows(cases) == [
-        ["hot", "Water at 1500 K.", "longest stable step ≥ 4 fs", "5.75 ± 0.49 fs", "rattle breaks: lost atoms"],
-        ["needle", "A thin top.", "error of the axis ≤ 0.01 rad", "0.00 ± 0.49 rad", "rigid/nve 37.50 ± 0.49 rad"],
-        ["far", "Far from the origin.", "energy change ≤ 1e-06", "4.25 ± 0.49", "rigid/nve 8.50 ± 0.49; rattle 2.50 ± 0.49"],
+        [
+            "hot",
+            "Water at 1500 K.",
+            "longest stable step ≥ 4 fs",
+            "5.75 ± 0.49 fs",
+            "rattle breaks: lost atoms",
+        ],
+        [
+            "needle",
+            "A thin top.",
+            "error of the axis ≤ 0.01 rad",
+            "0.00 ± 0.49 rad",
+            "rigid/nve 37.50 ± 0.49 rad",
+        ],
+        [
+            "far",
+            "Far from the origin.",
+            "energy change ≤ 1e-06",
+            "4.25 ± 0.49",
+            "rigid/nve 8.50 ± 0.49; rattle 2.50 ± 0.49",
+        ],
     ]
     assert [row[3].style for row in cases.rows] == ["holds", "holds", "does-not-hold"]
     criteria, changes, every = said.tables
-    assert [row[6] for row in rows(every)] == 3 * ["how finely it was tried"] + 6 * ["none: an extreme"]
-    assert {row[9] for row in rows(every)} == {"fix_nosquish 0.1.0 (0123456789ab), LAMMPS 2025.7.22.4.0"}
+    assert [row[6] for row in rows(every)] == 3 * ["how finely it was tried"] + 6 * [
+        "none: an extreme"
+    ]
+    assert {row[9] for row in rows(every)} == {
+        "fix_nosquish 0.1.0 (0123456789ab), LAMMPS 2025.7.22.4.0"
+    }
     assert [row[2] for row in rows(criteria)] == [one.derivation for one in CRITERIA.values()]
-    assert [row[4] for row in rows(changes)] == [change.reason for one in CRITERIA.values() for change in one.changes]
+    assert [row[4] for row in rows(changes)] == [
+        change.reason for one in CRITERIA.values() for change in one.changes
+    ]
     assert said.extent.endswith("those of 0.4 to 0.4 ps")
 
 
@@ -284,7 +389,10 @@ def test_what_was_not_run(results, monkeypatch):
     monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far", "cold"])
     yes = "Ours has no blow-up that any LAMMPS fix survives: "
     summary = stability()
-    assert told(results, summary).headlines == [f"{yes}cannot tell.", "Cases that were not run: cold."]
+    assert told(results, summary).headlines == [
+        f"{yes}cannot tell.",
+        "Cases that were not run: cold.",
+    ]
     summary["summary"] = [{"what": yes[:-2], "holds": False, "where": ["hot"]}]
     assert told(results, summary).headlines[0] == f"{yes}no (hot)."
     monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far"])
@@ -292,8 +400,13 @@ def test_what_was_not_run(results, monkeypatch):
     del summary["cases"][0]["rows"][0]
     summary["cases"][0]["rows"][0]["error"] = 0.0
     said = told(results, summary)
-    assert said.headlines == [f"{yes}cannot tell.", "Not all integrators have had their turn yet in hot (2 of 3)."]
-    assert [row[1] for row in rows(said.best[0])] == ["–", "≥ 5.5", "blow-up"] and rows(said.best[2])[0][3] == "not run"
+    assert said.headlines == [
+        f"{yes}cannot tell.",
+        "Not all integrators have had their turn yet in hot (2 of 3).",
+    ]
+    assert [row[1] for row in rows(said.best[0])] == ["–", "≥ 5.5", "blow-up"] and rows(
+        said.best[2]
+    )[0][3] == "not run"
     assert said.best[2].rows[0][3].style == "cannot-tell"
 
 
@@ -335,20 +448,46 @@ def test_numbers_of_the_committed_results(tmp_path):
     assert len(ours) >= 6 and len(shown) == len(ours)
     for row, (title, modify, *ratios, loop) in zip(ours, shown):
         bodies = int(row["bodies"])
-        assert title.startswith(f"{row['scene']}, {bodies:,} {'body' if bodies == 1 else 'bodies'}, {row['ranks']} rank")
-        assert float(modify.split()[0]) == pytest.approx(float(row["Modify median (µs/step)"]), rel=5e-3)
-        rivals = [one for one in table if all(one[key] == row[key] for key in ("scene", "bodies", "ranks"))]
-        for name, told in zip(("rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"), ratios, strict=True):
-            if name.startswith("shake") and SCENES[row["scene"]].constraints is None:  # it cannot hold these bodies
+        assert title.startswith(
+            f"{row['scene']}, {bodies:,} {'body' if bodies == 1 else 'bodies'}, {row['ranks']} rank"
+        )
+        assert float(modify.split()[0]) == pytest.approx(
+            float(row["Modify median (µs/step)"]), rel=5e-3
+        )
+        rivals = [
+            one
+            for one in table
+            if all(one[key] == row[key] for key in ("scene", "bodies", "ranks"))
+        ]
+        for name, told in zip(
+            ("rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"), ratios, strict=True
+        ):
+            if (
+                name.startswith("shake") and SCENES[row["scene"]].constraints is None
+            ):  # it cannot hold these bodies
                 assert told == "–"
                 continue
-            (ratio,) = (float(one["ours / it median (Modify)"]) for one in rivals if one["integrator"] == name)
+            (ratio,) = (
+                float(one["ours / it median (Modify)"])
+                for one in rivals
+                if one["integrator"] == name
+            )
             assert float(told.split()[0]) == pytest.approx(ratio, rel=6e-3)
-        loops = [float(one["ours / it median (loop)"]) for one in rivals if one["integrator"].startswith("rigid") and one["ours / it median (loop)"]]
+        loops = [
+            float(one["ours / it median (loop)"])
+            for one in rivals
+            if one["integrator"].startswith("rigid") and one["ours / it median (loop)"]
+        ]
         assert float(loop.split()[0]) == pytest.approx(max(loops), rel=6e-3)
     with open(COMMITTED / "bench" / "goals.csv") as file:
         goals = [row["met"] for row in csv.DictReader(file)]
-    assert found["bench"].said.lines[0].startswith(f"Of the goals {goals.count('met')} are met, of {goals.count('met') + goals.count('not met')} ")
+    assert (
+        found["bench"]
+        .said.lines[0]
+        .startswith(
+            f"Of the goals {goals.count('met')} are met, of {goals.count('met') + goals.count('not met')} "
+        )
+    )
 
     with open(COMMITTED / "theory" / "table.csv") as file:
         verdicts = [row["verdict"] for row in csv.DictReader(file) if row["verdict"]]
@@ -358,22 +497,39 @@ def test_numbers_of_the_committed_results(tmp_path):
 
     with open(COMMITTED / "compare-water" / "table.csv") as file:
         for row in csv.DictReader(file):
-            (told,) = re.findall(rf"[:,] {re.escape(row['integrator'])} ([\d.]+) ± ([\d.]+)[,.]", found["compare-water"].said.lines[0])
+            (told,) = re.findall(
+                rf"[:,] {re.escape(row['integrator'])} ([\d.]+) ± ([\d.]+)[,.]",
+                found["compare-water"].said.lines[0],
+            )
             for number, word in zip((number.rstrip(".") for number in told), ("", " margin")):
                 last = 10.0 ** -len(number.partition(".")[2])  # place: that it is rounded to
-                assert float(number) == pytest.approx(float(row[f"sd of energy{word} (kcal/mol)"]), abs=0.501 * last)
+                assert float(number) == pytest.approx(
+                    float(row[f"sd of energy{word} (kcal/mol)"]), abs=0.501 * last
+                )
 
     with open(COMMITTED / "long-run" / "table.csv") as file:
         for row, line in zip(csv.DictReader(file), found["long-run"].said.lines[1:], strict=True):
-            keys = {"kinetic energy": "energy", "angular momentum": "angular_momentum", "momentum": "momentum", "distances between atoms": "shape"}
+            keys = {
+                "kinetic energy": "energy",
+                "angular momentum": "angular_momentum",
+                "momentum": "momentum",
+                "distances between atoms": "shape",
+            }
             for what, key in keys.items():
-                assert float(re.search(rf"[:,] {what} ([\d.e+-]+?)[,.]?(?= |$|,)", line)[1]) == pytest.approx(float(row[key]), rel=0.06)
+                assert float(
+                    re.search(rf"[:,] {what} ([\d.e+-]+?)[,.]?(?= |$|,)", line)[1]
+                ) == pytest.approx(float(row[key]), rel=0.06)
 
 
 def test_nothing_there(tmp_path, monkeypatch):
     """Locks out a page that fails without results, and one that does not say what."""
     monkeypatch.setattr(overview_report, "COMMITTED", tmp_path / "nothing")
-    assert command.main(["report", "--results", str(tmp_path / "none"), "--out", str(tmp_path / "page.html")]) == 0
+    assert (
+        command.main(
+            ["report", "--results", str(tmp_path / "none"), "--out", str(tmp_path / "page.html")]
+        )
+        == 0
+    )
     text = (tmp_path / "page.html").read_text()
     for part in overview.PARTS:
         assert f"No results; this makes them: python -m validation {part.verb}." in text
@@ -381,13 +537,26 @@ def test_nothing_there(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     "broken",
-    ["", "{", "[]", "null", "{}", '"text"', '{"interrupted": true}', '{"cases": 3}', '{"cases": [{"name": 1}], "summary": []}'],
+    [
+        "",
+        "{",
+        "[]",
+        "null",
+        "{}",
+        '"text"',
+        '{"interrupted": true}',
+        '{"cases": 3}',
+        '{"cases": [{"name": 1}], "summary": []}',
+    ],
 )
 def test_broken_results(results, broken):
     """Locks out a crash where a file is cut short or is something else, and other parts that are lost with it."""
     (results / "stability" / "summary.json").write_text(broken)
     found = sections(results)
-    assert f"{results}/stability/summary.json is not what `stability` writes" in found["stability"].warnings[0]
+    assert (
+        f"{results}/stability/summary.json is not what `stability` writes"
+        in found["stability"].warnings[0]
+    )
     assert found["sweep"].said.headlines and not found["stability"].said.headlines
     overview_report.write([found["stability"]], results / "page.html")
     assert "is not what `stability` writes" in (results / "page.html").read_text()
@@ -399,10 +568,17 @@ def test_partial_results(results):
     summary["scenes"]["water"]["points"] = []
     (results / "sweep" / "summary.json").write_text(json.dumps(summary))
     (results / "sweep" / "water.png").unlink()
-    (results / "sweep" / "dimer.png").write_bytes((results / "sweep" / "dimer.png").read_bytes()[:500])
+    (results / "sweep" / "dimer.png").write_bytes(
+        (results / "sweep" / "dimer.png").read_bytes()[:500]
+    )
     section = sections(results)["sweep"]
-    assert section.warnings[0].startswith("Interrupted") and section.warnings[1].startswith("A short run")
-    assert [row[:2] for row in rows(section.said.best[0])] == [["water", "not met"], ["dimer", "fix_nosquish.NVE, 0.3 fs"]]
+    assert section.warnings[0].startswith("Interrupted") and section.warnings[1].startswith(
+        "A short run"
+    )
+    assert [row[:2] for row in rows(section.said.best[0])] == [
+        ["water", "not met"],
+        ["dimer", "fix_nosquish.NVE, 0.3 fs"],
+    ]
     overview_report.write([section], results / "page.html")
     text = (results / "page.html").read_text()
     assert "water.png is not there." in text and "dimer.png cannot be shown" in text
@@ -416,15 +592,38 @@ def test_paper_with_what_it_says(results):
                 "verdict": verdict, "note": "", "source": ""}  # fmt: skip
 
     (results / "paper-short").mkdir()
-    checks = [check("holds", 0.125), check("holds", 0.25), check("does not hold", 7.5), check("cannot tell", 1.0)]
-    rows_of = [{"name": "water-gear", "error": "lost atoms"}, {"name": "water-nosquish", "error": None}]
+    checks = [
+        check("holds", 0.125),
+        check("holds", 0.25),
+        check("does not hold", 7.5),
+        check("cannot tell", 1.0),
+    ]
+    rows_of = [
+        {"name": "water-gear", "error": "lost atoms"},
+        {"name": "water-nosquish", "error": None},
+    ]
     summary = WHERE | {"command": "python -m validation paper", "checks": checks, "rows": rows_of}
     (results / "paper-short" / "summary.json").write_text(json.dumps(summary))
     section = sections(results)["paper"]
-    assert section.said.headlines[0].endswith("2 hold, 1 do not, 1 cannot be told.") and "Of 4 numbers" in section.said.headlines[0]
+    assert (
+        section.said.headlines[0].endswith("2 hold, 1 do not, 1 cannot be told.")
+        and "Of 4 numbers" in section.said.headlines[0]
+    )
     assert rows(section.said.best[0]) == [
-        ["The light water dimer, figure 2a", "NO_SQUISH: drift", "7.5 ± 1.0", "≤ 1.25", "does not hold"],
-        ["The light water dimer, figure 2a", "NO_SQUISH: drift", "1.0 ± 1.0", "≤ 1.25", "cannot tell"],
+        [
+            "The light water dimer, figure 2a",
+            "NO_SQUISH: drift",
+            "7.5 ± 1.0",
+            "≤ 1.25",
+            "does not hold",
+        ],
+        [
+            "The light water dimer, figure 2a",
+            "NO_SQUISH: drift",
+            "1.0 ± 1.0",
+            "≤ 1.25",
+            "cannot tell",
+        ],
     ]
     assert "Not complete: water-gear: lost atoms." in section.said.lines
     assert all(figure.words.startswith("Section III, figure") for figure in section.said.figures)
@@ -435,7 +634,9 @@ def test_published(results):
     (results / "published").mkdir()
     checks = [{"part": "spread", "subject": f"{dt} fs", "what": "sd", "value": value, "error": 0.01, "unit": "kcal/mol", "low": 0.2, "high": 0.25,
                "verdict": verdict, "note": "", "source": ""} for dt, value, verdict in ((2, 0.22, "holds"), (4, 0.5, "does not hold"))]  # fmt: skip
-    (results / "published" / "summary.json").write_text(json.dumps(WHERE | {"command": "python -m validation published", "checks": checks}))
+    (results / "published" / "summary.json").write_text(
+        json.dumps(WHERE | {"command": "python -m validation published", "checks": checks})
+    )
     said = sections(results)["published"].said
     assert said.headlines[0].endswith("1 hold, 1 do not.")
     assert [row[1:] for row in rows(said.best[0])] == [
@@ -445,17 +646,25 @@ def test_published(results):
 
 def test_where_it_was_measured(results):
     """Locks out results of several machines or versions that are told as those of one."""
-    two = [section for section in overview_report.gather(results) if section.name in ("sweep", "stability")]
+    two = [
+        section
+        for section in overview_report.gather(results)
+        if section.name in ("sweep", "stability")
+    ]
     assert overview_report.differing(two) == {}
     table = overview_report.circumstances(two)
     assert table.columns == ("part", "results", "command")
-    assert rows(table)[0][-1] == "python -m validation sweep water; python -m validation sweep dimer"
+    assert (
+        rows(table)[0][-1] == "python -m validation sweep water; python -m validation sweep dimer"
+    )
     assert two[0].measured == "Measured 2026-01-01 with a package that is not told."
     for summary in (section.summary for section in two):
         summary["versions"]["package"] = "abcdefghijkl"
     assert two[0].measured == "Measured 2026-01-01 with fix_nosquish 0.1.0 (abcdefg)."
     shared = overview_report.common(two)
-    assert shared.startswith("cpu Abacus, ") and "load" not in shared and "abcdefg" not in shared, "the package is told once"
+    assert shared.startswith("cpu Abacus, ") and "load" not in shared and "abcdefg" not in shared, (
+        "the package is told once"
+    )
     two[0].summary["machine"]["load_at_start"] = 7.0
     assert overview_report.differing(two) == {}, "the load is not the machine"
     two[0].summary["machine"]["cpu"] = "Slide rule"
@@ -464,10 +673,15 @@ def test_where_it_was_measured(results):
     del two[1].summary["date"]
     assert two[1].measured.startswith("Measured on a day that is not told with")
     two[1].summary["versions"]["lammps"] = "1999"
-    assert "Abacus" not in overview_report.common(two) and "numpy 2.4.6" in overview_report.common(two)
+    assert "Abacus" not in overview_report.common(two) and "numpy 2.4.6" in overview_report.common(
+        two
+    )
     table = overview_report.circumstances(two)
     assert table.columns == ("part", "cpu", "lammps", "results", "command")
-    assert [row[1:3] for row in rows(table)] == [["Slide rule", "2025.7.22.4.0"], ["Abacus", "1999"]]
+    assert [row[1:3] for row in rows(table)] == [
+        ["Slide rule", "2025.7.22.4.0"],
+        ["Abacus", "1999"],
+    ]
     overview_report.write(two, results / "page.html")
     text = (results / "page.html").read_text()
     assert text.count("abcdefg") == 2, "once for each result"
@@ -482,7 +696,10 @@ def test_own_results_before_committed_ones(tmp_path):
     assert sections(tmp_path)["theory"].folder == tmp_path / "theory"
 
 
-@pytest.mark.parametrize("status, expected, ran", [(0, 0, ["sweep", "stability"]), (1, 0, ["sweep", "stability"]), (130, 130, ["sweep"])])
+@pytest.mark.parametrize(
+    "status, expected, ran",
+    [(0, 0, ["sweep", "stability"]), (1, 0, ["sweep", "stability"]), (130, 130, ["sweep"])],
+)
 def test_short(tmp_path, monkeypatch, status, expected, ran):
     """Locks out runs that are not started, and a second one after a Ctrl-C."""
     asked = []
@@ -501,7 +718,17 @@ def test_short(tmp_path, monkeypatch, status, expected, ran):
     monkeypatch.setattr(overview_report, "light", lambda path: "")
     assert command.main(["report", "--short", "--results", str(tmp_path)]) == expected
     assert asked == [
-        [sys.executable, "-m", "validation", verb, "--short", *overview_report.SHORT[verb], "--out", str(tmp_path / f"{verb}-short")] for verb in ran
+        [
+            sys.executable,
+            "-m",
+            "validation",
+            verb,
+            "--short",
+            *overview_report.SHORT[verb],
+            "--out",
+            str(tmp_path / f"{verb}-short"),
+        ]
+        for verb in ran
     ]
     assert (tmp_path / "report.html").exists()
 
@@ -513,12 +740,21 @@ def test_short_takes_what_is_there(results, monkeypatch):
     monkeypatch.setattr(overview_report, "run_short", lambda verb, out: asked.append(verb))
     command.main(["report", "--short", "--results", str(results)])
     assert asked == []
-    (results / "stability" / "summary.json").write_text(json.dumps(stability() | {"interrupted": True}))
+    (results / "stability" / "summary.json").write_text(
+        json.dumps(stability() | {"interrupted": True})
+    )
     command.main(["report", "--short", "--results", str(results)])
     assert asked == ["stability"]
 
 
-BROWSER = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)
+BROWSER = next(
+    (
+        found
+        for name in ("chromium", "chromium-browser", "google-chrome")
+        if (found := shutil.which(name))
+    ),
+    None,
+)
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on PATH")
@@ -541,9 +777,18 @@ def test_tables_sort(results, clicks):
         [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={results / 'profile'}", "--dump-dom", (results / "page.html").as_uri()],
         capture_output=True, text=True, timeout=60, check=True,
     )  # fmt: skip
-    table = next(part for part in done.stdout.split("<table") if "All points" not in part and ">integrator</button></th>" in part)
-    order = re.findall(r'<tr><td[^>]*>\w+</td><td[^>]*>[^<]+</td><td[^>]* data-sort="[\d.]+">[\d.]+</td><td[^>]* data-sort="([\d.]*)">', table)
-    costs = sorted((2000.0, 1000.0, 1234.0, 1700.0, 3000.0, 1050.0, 500.0, 10.0, 10.5), reverse=clicks == 2)
+    table = next(
+        part
+        for part in done.stdout.split("<table")
+        if "All points" not in part and ">integrator</button></th>" in part
+    )
+    order = re.findall(
+        r'<tr><td[^>]*>\w+</td><td[^>]*>[^<]+</td><td[^>]* data-sort="[\d.]+">[\d.]+</td><td[^>]* data-sort="([\d.]*)">',
+        table,
+    )
+    costs = sorted(
+        (2000.0, 1000.0, 1234.0, 1700.0, 3000.0, 1050.0, 500.0, 10.0, 10.5), reverse=clicks == 2
+    )
     assert [float(cost) for cost in order[:-1]] == costs and order[-1] == ""
     assert f'aria-sort="{"ascending" if clicks == 1 else "descending"}"' in table
 
@@ -578,7 +823,9 @@ def spilled(path, width, folder):
         [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900", "--dump-dom",
          shown.as_uri()], capture_output=True, text=True, timeout=120, check=True,
     )  # fmt: skip
-    cells, *found = html.unescape(re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)[1]).splitlines()
+    cells, *found = html.unescape(
+        re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)[1]
+    ).splitlines()
     return int(cells.split()[0]), found
 
 
@@ -587,7 +834,9 @@ def test_no_text_leaves_its_cell(tmp_path, monkeypatch):
     """Locks out a table that prints one column over another, or over the page's edge: of the committed results, with all that can be unfolded."""
     monkeypatch.setattr(overview_report, "light", lambda path: "")
     overview_report.write(overview_report.gather(tmp_path), tmp_path / "page.html")
-    (tmp_path / "bad.html").write_text('<body><table><td style="max-width: 3rem; white-space: nowrap">one column over another</td><td>x</td></table></body>')
+    (tmp_path / "bad.html").write_text(
+        '<body><table><td style="max-width: 3rem; white-space: nowrap">one column over another</td><td>x</td></table></body>'
+    )
     assert spilled(tmp_path / "bad.html", 800, tmp_path)[1], "what is outside is not found"
     for width in 800, 1300, 1900:
         cells, found = spilled(tmp_path / "page.html", width, tmp_path)
@@ -601,31 +850,68 @@ def test_breaks_is_what_the_table_and_the_readme_say():
     with open(COMMITTED / "breaks" / "table.csv") as file:
         table = list(csv.DictReader(file))
     summary = json.loads((COMMITTED / "breaks" / "summary.json").read_text())
-    assert [(row["case"], row["integrator"]) for row in table] == [(name, fix) for name in breaks.CASES for fix in breaks.FIXES]
+    assert [(row["case"], row["integrator"]) for row in table] == [
+        (name, fix) for name in breaks.CASES for fix in breaks.FIXES
+    ]
     for row, kept in zip(table, summary["rows"], strict=True):
-        assert (row["case"], row["integrator"], row["verdict"]) == (kept["case"], kept["integrator"], breaks.verdict(kept["value"], kept["most"]))
-        assert float(row["most"]) == breaks.CASES[row["case"]].most and row["what"] == breaks.CASES[row["case"]].what
-        assert row["value"] == "" if kept["value"] is None else float(row["value"]) == pytest.approx(kept["value"], rel=6e-3)
+        assert (row["case"], row["integrator"], row["verdict"]) == (
+            kept["case"],
+            kept["integrator"],
+            breaks.verdict(kept["value"], kept["most"]),
+        )
+        assert (
+            float(row["most"]) == breaks.CASES[row["case"]].most
+            and row["what"] == breaks.CASES[row["case"]].what
+        )
+        assert (
+            row["value"] == ""
+            if kept["value"] is None
+            else float(row["value"]) == pytest.approx(kept["value"], rel=6e-3)
+        )
     readme = (ROOT / "README.md").read_text().split("## What breaks others")[1].split("\n## ")[0]
-    told = [[cell.strip() for cell in re.split(r"(?<!\\)\|", line)[2:-1]] for line in readme.splitlines() if line.startswith("| ")][1:]
-    page = rows(overview_report._read(next(part for part in overview.PARTS if part.name == "breaks"), "breaks", COMMITTED / "breaks" / "summary.json").said.best[0])
+    told = [
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line)[2:-1]]
+        for line in readme.splitlines()
+        if line.startswith("| ")
+    ][1:]
+    page = rows(
+        overview_report._read(
+            next(part for part in overview.PARTS if part.name == "breaks"),
+            "breaks",
+            COMMITTED / "breaks" / "summary.json",
+        ).said.best[0]
+    )
     assert len(told) == len(page) == len(breaks.CASES)
     for name, in_readme, on_page in zip(breaks.CASES, told, page):
         measured = [row["value"] for row in table if row["case"] == name]
         assert len(in_readme) == len(measured)
         for number, *shown in zip(measured, in_readme, on_page[3:]):
             for word in shown:
-                assert word == "ends" if not number else float(word) == pytest.approx(float(number), rel=0.06), (name, number, shown)
+                assert (
+                    word == "ends"
+                    if not number
+                    else float(word) == pytest.approx(float(number), rel=0.06)
+                ), (name, number, shown)
 
 
 @pytest.mark.parametrize("full", [True, False])
 def test_texts_name_the_lengths_of_the_run(results, full):
     """Locks out results of --full beside which the page names the lengths of --short, or the other way round."""
     summary = stability() | {"full": full}
-    summary["cases"][0]["criterion"] = "from the first to the last fifth of 0.2 ps (--full: 5 ps, or 4,000 steps if that is less)"
-    summary["cases"][1]["physics"] = "A thin top: 1e6 turns with --full (reference 12: a tenth of that)."
+    summary["cases"][0]["criterion"] = (
+        "from the first to the last fifth of 0.2 ps (--full: 5 ps, or 4,000 steps if that is less)"
+    )
+    summary["cases"][1]["physics"] = (
+        "A thin top: 1e6 turns with --full (reference 12: a tenth of that)."
+    )
     (results / "stability" / "summary.json").write_text(json.dumps(summary))
     said = sections(results)["stability"].said
     text = " ".join(cell for row in rows(said.best[2]) for cell in row)
-    assert ("fifth of 5 ps, or 4,000 steps if that is less ≥" in text) == full and ("fifth of 0.2 ps ≥" in text) != full
-    assert ("A thin top: 1e6 turns (Matubayasi-Nakahara" in text) == full and "--full" not in text and "A thin top" in text
+    assert ("fifth of 5 ps, or 4,000 steps if that is less ≥" in text) == full and (
+        "fifth of 0.2 ps ≥" in text
+    ) != full
+    assert (
+        ("A thin top: 1e6 turns (Matubayasi-Nakahara" in text) == full
+        and "--full" not in text
+        and "A thin top" in text
+    )

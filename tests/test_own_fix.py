@@ -66,14 +66,26 @@ def ice(side=5, spacing=3.1):
     turn = np.linalg.qr(rng.normal(size=(n, 3, 3)))[0]
     centres = spacing * (np.stack(np.meshgrid(*[np.arange(side)] * 3), -1).reshape(n, 1, 3) + 0.5)
     place = (centres + np.einsum("nij,aj->nai", turn, molecule)).reshape(-1, 3)
-    lines = ["ice", f"{3 * n} atoms", f"{2 * n} bonds", f"{n} angles", "2 atom types", "1 bond types", "1 angle types"]
+    lines = [
+        "ice",
+        f"{3 * n} atoms",
+        f"{2 * n} bonds",
+        f"{n} angles",
+        "2 atom types",
+        "1 bond types",
+        "1 angle types",
+    ]
     lines += [f"0 {side * spacing} {k}lo {k}hi" for k in "xyz"]
     lines += ["", "Masses", "", "1 15.9994", "2 1.008", "", "Atoms # full", ""]
     for i, r in enumerate(place):
         kind, charge = (2, 0.417) if i % 3 else (1, -0.834)
         lines.append(f"{i + 1} {i // 3 + 1} {kind} {charge} {r[0]:.16g} {r[1]:.16g} {r[2]:.16g}")
-    lines += ["", "Bonds", ""] + [f"{2 * m + h} 1 {3 * m + 1} {3 * m + 1 + h}" for m in range(n) for h in (1, 2)]
-    lines += ["", "Angles", ""] + [f"{m + 1} 1 {3 * m + 2} {3 * m + 1} {3 * m + 3}" for m in range(n)]
+    lines += ["", "Bonds", ""] + [
+        f"{2 * m + h} 1 {3 * m + 1} {3 * m + 1 + h}" for m in range(n) for h in (1, 2)
+    ]
+    lines += ["", "Angles", ""] + [
+        f"{m + 1} 1 {3 * m + 2} {3 * m + 1} {3 * m + 3}" for m in range(n)
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -91,8 +103,12 @@ def run_water(run_lammps, tmp_path):
     """Run a small box of water; return its Run and the positions at its end."""
 
     def run(fix, runs="run 20", *, launcher=None, ranks=1, own_ranks=1):
-        script = SCRIPT.format(fix=fix, runs=runs, forcefield=ROOT / "inputs/water/forcefield.water")
-        result = run_lammps(script, files={"data.ice": ice()}, launcher=launcher or debian(ranks), ranks=own_ranks)
+        script = SCRIPT.format(
+            fix=fix, runs=runs, forcefield=ROOT / "inputs/water/forcefield.water"
+        )
+        result = run_lammps(
+            script, files={"data.ice": ice()}, launcher=launcher or debian(ranks), ranks=own_ranks
+        )
         return result, np.loadtxt(tmp_path / "dump.end", skiprows=9)[:, 1:]
 
     return run
@@ -115,7 +131,10 @@ def test_trajectory(run_water):
 def test_temperature_and_pressure(run_water, ranks):
     """Locks out advice that is wrong, incomplete or not found in the log."""
     lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
-    assert lines == "compute_modify thermo_temp extra/dof 378\nfix nosquish_virial all external pf/callback 1 1"
+    assert (
+        lines
+        == "compute_modify thermo_temp extra/dof 378\nfix nosquish_virial all external pf/callback 1 1"
+    )
     own = run_water(f"{OURS}\n{lines}", ranks=ranks)[0].thermo
     rigid = run_water(RIGID)[0].thermo
     plugin = run_water(OURS, launcher="lmp", own_ranks=2)[0].thermo
@@ -134,7 +153,10 @@ def test_runs_in_a_row(run_water, ranks):
     create = "velocity all create 400 87287\n"
     runs = f"run 20\nrun 10\n{create}run 20"
     lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
-    ours, theirs = run_water(f"{OURS}\n{lines}", runs, ranks=ranks), run_water(RIGID, runs.replace(create, f"unfix 1\n{create}{RIGID}\n"))
+    ours, theirs = (
+        run_water(f"{OURS}\n{lines}", runs, ranks=ranks),
+        run_water(RIGID, runs.replace(create, f"unfix 1\n{create}{RIGID}\n")),
+    )
     np.testing.assert_allclose(ours[1], theirs[1], rtol=0, atol=1e-8)
     np.testing.assert_allclose(ours[0].thermo["Temp"], theirs[0].thermo["Temp"], rtol=1e-10)
 
@@ -145,9 +167,13 @@ def test_bodies_keep_their_shape(run_water, ranks):
     runs = "run 20\nchange_box all x scale 0.98 y scale 0.97 remap\nrun 10"
     plugin = run_water(OURS, runs, launcher="lmp")[1]
     ours = run_water(OURS, runs, ranks=ranks)[1]
-    np.testing.assert_allclose(ours, plugin, rtol=0, atol=1e-6)  # the two versions' PPPM differs in a box that has changed
+    np.testing.assert_allclose(
+        ours, plugin, rtol=0, atol=1e-6
+    )  # the two versions' PPPM differs in a box that has changed
     molecules = ours.reshape(-1, 3, 3)
-    np.testing.assert_allclose(np.linalg.norm(molecules[:, 0] - molecules[:, 1], axis=1), 0.9572, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        np.linalg.norm(molecules[:, 0] - molecules[:, 1], axis=1), 0.9572, rtol=0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -166,12 +192,27 @@ def test_table_of_bodies(simulate, tmp_path):
     under run_style respa."""
     system, tables = mixture("solid planar"), []
     for launcher in "lmp", debian(1):
-        simulate(system, NVE, 4, words="molecule output 2 table", after=f"# {launcher[0]}", launcher=launcher)
+        simulate(
+            system,
+            NVE,
+            4,
+            words="molecule output 2 table",
+            after=f"# {launcher[0]}",
+            launcher=launcher,
+        )
         tables.append(np.loadtxt(tmp_path / "table", delimiter=",", skiprows=1))
     plugin, own = tables
     np.testing.assert_array_equal(np.unique(own[:, 0]), [2, 4])
     np.testing.assert_allclose(own[:, 1:17], plugin[plugin[:, 0] > 0][:, 1:17], rtol=0, atol=1e-9)
-    run = simulate(system, NVE, 4, words="molecule output 2 table", before="run_style respa 2 4 pair 2", launcher=debian(1), check=False)
+    run = simulate(
+        system,
+        NVE,
+        4,
+        words="molecule output 2 table",
+        before="run_style respa 2 4 pair 2",
+        launcher=debian(1),
+        check=False,
+    )
     assert run.code and "needs the plugin's fix python/move" in run.screen
 
 
@@ -185,7 +226,12 @@ def test_fix_redefined(run_water):
 
 
 # the message comes with Python's traceback
-IN_IMPORT = ("value with a point", "integrator that does not exist", "variable in the quotes", *(name for name in CASES if name.endswith("before a point")))
+IN_IMPORT = (
+    "value with a point",
+    "integrator that does not exist",
+    "variable in the quotes",
+    *(name for name in CASES if name.endswith("before a point")),
+)
 # LAMMPS's own fix python/move speaks for itself in these, or its class cannot see them at the start
 OTHER = ("variable that is not atom-style", "fix nve before ours", "fix nve after ours", "minimisation", "run_style respa",
          "integrator without words", "force not finite from the start")  # fmt: skip
@@ -199,7 +245,9 @@ def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
     case = CASES[name]
     run = run_lammps(case.script, files=files, launcher=debian(2), check=False, timeout=SECONDS)
     assert run.code != 0, run.screen
-    said = [line for line in run.screen.splitlines() if all(words in line for words in case.expected)]
+    said = [
+        line for line in run.screen.splitlines() if all(words in line for words in case.expected)
+    ]
     if name in IN_IMPORT:
         assert said, run.screen
     else:

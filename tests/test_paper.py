@@ -24,12 +24,21 @@ from validation.scenes import SCENES  # noqa: E402
 
 
 def trajectory(integrator="nosquish", steps=300, piece=300, **more):
-    usual = {"name": "test", "label": "test", "scene": SCENES["dimer"], "dt": paper.DIMER_DT, "every": 10, "ranks": 1}
+    usual = {
+        "name": "test",
+        "label": "test",
+        "scene": SCENES["dimer"],
+        "dt": paper.DIMER_DT,
+        "every": 10,
+        "ranks": 1,
+    }
     return paper.Trajectory(integrator=PAPER[integrator], steps=steps, piece=piece, **usual | more)
 
 
 @pytest.mark.timeout(120)
-@pytest.mark.parametrize("integrator", ["nosquish", "matubayasi-nakahara", "shake", "rigid/nve/small"])
+@pytest.mark.parametrize(
+    "integrator", ["nosquish", "matubayasi-nakahara", "shake", "rigid/nve/small"]
+)
 def test_pieces_are_one_trajectory(tmp_path, integrator):
     """Locks out a piece that starts from other atoms than the one before has left, samples told twice, and a time that starts anew."""
     whole, _ = paper.do(trajectory(integrator), tmp_path / "whole", 60, Silent())
@@ -58,7 +67,11 @@ def test_a_run_goes_on_after_an_interruption(tmp_path, monkeypatch):
     monkeypatch.setattr(run, "run", limited)
     some, interrupted = paper.do(trajectory(piece=100), tmp_path, 60, Silent())
     assert interrupted and some.error == "interrupted" and len(some.time) == 21
-    monkeypatch.setattr(run, "run", lambda job, on_step=None: done.append(Path(job.directory).name) or original(job, on_step))
+    monkeypatch.setattr(
+        run,
+        "run",
+        lambda job, on_step=None: done.append(Path(job.directory).name) or original(job, on_step),
+    )
     rest, interrupted = paper.do(trajectory(piece=100), tmp_path, 60, Silent())
     assert not interrupted and rest.error is None and len(rest.time) == 31
     assert done == ["piece-0", "piece-100", "piece-200"]
@@ -84,7 +97,10 @@ def test_what_a_run_starts_from_is_part_of_it(tmp_path, monkeypatch):
     monkeypatch.setattr(machine, "versions", lambda: {"lammps": "another"})
     fourth = origin()
     other_files = dataclasses.replace(SCENES["dimer"], folder=SCENES["water"].folder)
-    assert len({first, second, third, fourth, origin(dataclasses.replace(path, scene=other_files))}) == 5
+    assert (
+        len({first, second, third, fourth, origin(dataclasses.replace(path, scene=other_files))})
+        == 5
+    )
     assert origin(trajectory("shake")) != theirs
 
 
@@ -99,17 +115,23 @@ def test_an_interruption_between_runs_keeps_what_there_is(tmp_path, monkeypatch)
         return made(path.name, noise(1.0, 1)), False
 
     monkeypatch.setattr(paper, "do", do)
-    found, circumstances = paper.paper(tmp_path, paper.plan(paper.SHORT, 1, tmp_path), 1, 60, Silent())
+    found, circumstances = paper.paper(
+        tmp_path, paper.plan(paper.SHORT, 1, tmp_path), 1, 60, Silent()
+    )
     assert list(found) == done and circumstances["interrupted"]
 
 
 @pytest.mark.parametrize("failing, status", [(None, 0), ("gear", 0), ("nosquish", 1), ("shake", 1)])
 def test_exit_status(tmp_path, monkeypatch, failing, status):
     """Locks out a run that failed and is not told, and Gear's, which is expected to, told as a failure."""
-    found = {name: made(name, noise(1.0, 1), integrator=name) for name in ("nosquish", "gear", "shake")}
+    found = {
+        name: made(name, noise(1.0, 1), integrator=name) for name in ("nosquish", "gear", "shake")
+    }
     for name, one in found.items():
         one.error = "lost atoms" if name == failing else None
-    monkeypatch.setattr(paper, "paper", lambda *_: (found, machine.circumstances() | {"interrupted": False}))
+    monkeypatch.setattr(
+        paper, "paper", lambda *_: (found, machine.circumstances() | {"interrupted": False})
+    )
     assert command.main(["paper", "--out", str(tmp_path)]) == status
 
 
@@ -125,9 +147,15 @@ def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
     words = ["paper", "--out", str(tmp_path)]
     assert command.main([*words, "dimer", "water-matubayasi"]) == 0
     names = [one.name for one in paper.plan(paper.SHORT, 2, tmp_path)]
-    assert chosen == [name for name in names if "dimer" in name or name == "water-matubayasi-nakahara"] != []
+    assert (
+        chosen
+        == [name for name in names if "dimer" in name or name == "water-matubayasi-nakahara"]
+        != []
+    )
     chosen.clear()
-    assert command.main([*words, "peptide-nosquish"]) == 0 and chosen == ["peptide-nosquish"]  # of all that begin so
+    assert command.main([*words, "peptide-nosquish"]) == 0 and chosen == [
+        "peptide-nosquish"
+    ]  # of all that begin so
     chosen.clear()
     assert command.main(words) == 0 and chosen == names
     with pytest.raises(SystemExit):
@@ -138,10 +166,23 @@ def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
 def made(name, total, scene="dimer", dt=3.0, every=10, integrator="nosquish", **more):
     """A series with this total energy."""
     total = np.asarray(total, float)
-    path = trajectory(integrator, name=name, scene=SCENES[scene], dt=dt, steps=every * (len(total) - 1), every=every)
+    path = trajectory(
+        integrator,
+        name=name,
+        scene=SCENES[scene],
+        dt=dt,
+        steps=every * (len(total) - 1),
+        every=every,
+    )
     time = np.arange(len(total)) * every * dt / 1000
-    usual = {"kinetic": np.full(len(total), 2000.0), "potential": total - 2000.0, "temperature": np.full(len(total), 300.0)}
-    return paper.Series(path, None, time, total, **usual | more, positions=None, pieces=[], seconds=1.0)
+    usual = {
+        "kinetic": np.full(len(total), 2000.0),
+        "potential": total - 2000.0,
+        "temperature": np.full(len(total), 300.0),
+    }
+    return paper.Series(
+        path, None, time, total, **usual | more, positions=None, pieces=[], seconds=1.0
+    )
 
 
 def noise(size, seed, n=4000, level=-10000.0):
@@ -150,7 +191,11 @@ def noise(size, seed, n=4000, level=-10000.0):
 
 def claim(found, *words):
     """The one check that has all these words, of its subject and number."""
-    (one,) = [one for one in paper_claims.judge(found)["checks"] if all(word in f"{one['subject']}, {one['what']}" for word in words)]
+    (one,) = [
+        one
+        for one in paper_claims.judge(found)["checks"]
+        if all(word in f"{one['subject']}, {one['what']}" for word in words)
+    ]
     return one
 
 
@@ -167,14 +212,24 @@ def test_verdicts(value, error, low, high, holds):
     """Locks out a bound that is turned round, chance that decides, and a number that was not measured and passes."""
     check = Check("part", "subject", "what", value, error, low, high)
     assert check.holds is holds
-    assert check.verdict == ("" if low is high is None else {True: "holds", False: "does not hold", None: "cannot tell"}[holds])
+    assert check.verdict == (
+        ""
+        if low is high is None
+        else {True: "holds", False: "does not hold", None: "cannot tell"}[holds]
+    )
 
 
 def test_random_walk_is_told_from_noise():
     """Locks out a rate that is off by the time of a block, an error that is not the estimate's scatter, and noise taken for a walk."""
     t, rng = 0.02 * np.arange(2048), np.random.default_rng(9)
     rates, errors = np.transpose(
-        [measures.random_walk(t, rng.normal(size=len(t)) + np.cumsum(rng.normal(size=len(t))) * np.sqrt(3.0 * 0.02))[:2] for _ in range(100)]
+        [
+            measures.random_walk(
+                t,
+                rng.normal(size=len(t)) + np.cumsum(rng.normal(size=len(t))) * np.sqrt(3.0 * 0.02),
+            )[:2]
+            for _ in range(100)
+        ]
     )
     assert rates.mean() == pytest.approx(3.0, rel=0.15)
     assert errors.mean() == pytest.approx(rates.std(), rel=0.4)
@@ -201,12 +256,16 @@ def test_who_wanders_from_start_to_start(scatter, holds):
     """Locks out the ratio turned round, a verdict within the errors, and the deviation along a trajectory taken for that of the means."""
     found = dimers(scatter)
     one = claim(found, "reference 12 over NO_SQUISH", "scatter of")
-    assert one["value"] == pytest.approx(scatter, abs=4 * one["error"]) and one["error"] == pytest.approx(one["value"] / np.sqrt(15))
+    assert one["value"] == pytest.approx(scatter, abs=4 * one["error"]) and one[
+        "error"
+    ] == pytest.approx(one["value"] / np.sqrt(15))
     assert one["verdict"] == WORD[holds]
     soon = claim(found, "first 0.5 ps")
     assert soon["value"] == pytest.approx(1.0, abs=4 * soon["error"])
     warm = claim(found, "mean temperature")
-    assert warm["value"] == pytest.approx(154.0, abs=5 * warm["error"]) and warm["error"] == pytest.approx(20.0 / np.sqrt(4000), rel=0.5)
+    assert warm["value"] == pytest.approx(154.0, abs=5 * warm["error"]) and warm[
+        "error"
+    ] == pytest.approx(20.0 / np.sqrt(4000), rel=0.5)
 
 
 @pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
@@ -214,10 +273,15 @@ def test_who_is_more_accurate_on_the_dimer(size, holds):
     """Locks out the ratio turned round, other starts' trajectories that are compared, and the scatter of one ratio for the error of the mean."""
     found, own = dimers(1.0), np.random.default_rng(4).lognormal(sigma=1.0, size=16)
     for n, of_both in enumerate(own, 1):
-        for name, part in ("nosquish", 1.0), ("matubayasi-nakahara", size * (1.0 + 0.1 * (-1) ** n)):
+        for name, part in (
+            ("nosquish", 1.0),
+            ("matubayasi-nakahara", size * (1.0 + 0.1 * (-1) ** n)),
+        ):
             found[f"dimer-{name}-{n}"].total = noise(of_both * part, n, level=-9000)
     one = claim(found, "reference 12 over NO_SQUISH", "average measure")
-    assert one["value"] == pytest.approx(size, rel=0.03) and one["error"] == pytest.approx(0.1 * size / np.sqrt(15), rel=0.1)
+    assert one["value"] == pytest.approx(size, rel=0.03) and one["error"] == pytest.approx(
+        0.1 * size / np.sqrt(15), rel=0.1
+    )
     assert one["verdict"] == WORD[holds]
     first = next(check for check in paper_claims.judge(found)["checks"] if check["part"] == "dimer")
     assert first["what"] == one["what"]
@@ -226,7 +290,10 @@ def test_who_is_more_accurate_on_the_dimer(size, holds):
 @pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
 def test_who_is_more_accurate_in_the_liquid(size, holds):
     """Locks out the ratio turned round, a verdict within the errors, and a wander that is left out."""
-    found = {"water-nosquish": made("a", noise(1.0, 1), "water"), "water-matubayasi-nakahara": made("b", noise(size, 2), "water")}
+    found = {
+        "water-nosquish": made("a", noise(1.0, 1), "water"),
+        "water-matubayasi-nakahara": made("b", noise(size, 2), "water"),
+    }
     one = claim(found, "more accurate")
     assert one["value"] == pytest.approx(size, abs=5 * one["error"]) and one["error"] < 0.05
     assert one["verdict"] == WORD[holds]
@@ -234,23 +301,46 @@ def test_who_is_more_accurate_in_the_liquid(size, holds):
     found["water-matubayasi-nakahara"].total += steps
     assert claim(found, "more accurate")["value"] > 1.5 * size
     wander = claim(found, "wander")
-    assert wander["value"] > 10 and wander["error"] == pytest.approx(wander["value"] / np.sqrt(7)) and wander["verdict"] == "holds"
+    assert (
+        wander["value"] > 10
+        and wander["error"] == pytest.approx(wander["value"] / np.sqrt(7))
+        and wander["verdict"] == "holds"
+    )
 
 
 def test_who_drifts():
     """Locks out a drift that passes for stable, chance that passes for a drift, and stable by large errors."""
     t = np.arange(4000) * 0.03
-    steady, drifting = made("a", noise(1.0, 3, 40_000), "peptide", every=1), made("b", noise(1.0, 4) + 0.1 * t, "peptide", integrator="rigid/small")
+    steady, drifting = (
+        made("a", noise(1.0, 3, 40_000), "peptide", every=1),
+        made("b", noise(1.0, 4) + 0.1 * t, "peptide", integrator="rigid/small"),
+    )
     loud = made("c", noise(300.0, 5), "peptide")
 
     def verdict(one, *words, **more):
         return claim({"peptide-nosquish": one} | more, "NO_SQUISH", *words)["verdict"]
 
     beside = {"peptide-rigid/small": drifting}
-    assert verdict(steady, "no drift") == verdict(steady, "stable") == verdict(steady, "stable", **beside) == "holds"
-    assert verdict(drifting, "no drift") == verdict(drifting, "stable") == verdict(drifting, "stable", **beside) == "does not hold"
-    assert verdict(loud, "no drift", **beside) == "holds" and verdict(loud, "stable", **beside) == "cannot tell"
-    assert claim(beside, "drifts")["verdict"] == "holds" and claim({"peptide-rigid/small": steady}, "drifts")["verdict"] == "does not hold"
+    assert (
+        verdict(steady, "no drift")
+        == verdict(steady, "stable")
+        == verdict(steady, "stable", **beside)
+        == "holds"
+    )
+    assert (
+        verdict(drifting, "no drift")
+        == verdict(drifting, "stable")
+        == verdict(drifting, "stable", **beside)
+        == "does not hold"
+    )
+    assert (
+        verdict(loud, "no drift", **beside) == "holds"
+        and verdict(loud, "stable", **beside) == "cannot tell"
+    )
+    assert (
+        claim(beside, "drifts")["verdict"] == "holds"
+        and claim({"peptide-rigid/small": steady}, "drifts")["verdict"] == "does not hold"
+    )
     starts = dimers(1.0)
     assert claim(starts, "reference 12, stable")["verdict"] == "holds"
     for one in starts.values():
@@ -258,20 +348,32 @@ def test_who_drifts():
     assert claim(starts, "reference 12, stable")["verdict"] == "does not hold"
 
 
-@pytest.mark.parametrize("size, equal, within", [(1.0, True, True), (1.085, True, False), (1.3, False, False)])
+@pytest.mark.parametrize(
+    "size, equal, within", [(1.0, True, True), (1.085, True, False), (1.3, False, False)]
+)
 def test_who_is_equal(size, equal, within):
     """Locks out a difference that passes since errors are large, and one that does since it is small."""
-    found = {"peptide-nosquish-123": made("a", noise(size, 1), "peptide"), "peptide-rigid/nve/small": made("b", noise(1.0, 2), "peptide")}
+    found = {
+        "peptide-nosquish-123": made("a", noise(size, 1), "peptide"),
+        "peptide-rigid/nve/small": made("b", noise(1.0, 2), "peptide"),
+    }
     assert claim(found, "equal: sd")["verdict"] == WORD[equal]
     assert claim(found, "equal within")["verdict"] == WORD[within]
     uneven = noise(1.0, 3, level=0.0) * np.repeat(np.linspace(0.4, 1.6, 8), 500) - 10000
     found["peptide-nosquish-123"] = made("a", uneven, "peptide")
-    assert claim(found, "equal: sd")["verdict"] == claim(found, "equal within")["verdict"] == "cannot tell"
+    assert (
+        claim(found, "equal: sd")["verdict"]
+        == claim(found, "equal within")["verdict"]
+        == "cannot tell"
+    )
 
 
 def test_what_is_not_complete_is_not_judged():
     """Locks out a claim from a trajectory that ended early, and a length that the claim does not tell."""
-    found = {"water-nosquish": made("a", noise(1.0, 1), "water"), "water-matubayasi-nakahara": made("b", noise(2.0, 2), "water")}
+    found = {
+        "water-nosquish": made("a", noise(1.0, 1), "water"),
+        "water-matubayasi-nakahara": made("b", noise(2.0, 2), "water"),
+    }
     assert "120 ps" in claim(found, "more accurate")["what"]
     found["water-matubayasi-nakahara"].error = "interrupted"
     assert {one["subject"] for one in paper_claims.judge(found)["checks"]} == {"NO_SQUISH"}
@@ -282,10 +384,17 @@ def test_laws_of_step_and_size_and_average_measure_with_each_zero_of_energy():
     """Locks out the root mean square for the mean, a wrong zero, and laws for size and step that are not those measured."""
     total = np.where(np.arange(400) % 4 < 2, -10000.3, -9999.7)
     found = {"peptide-nosquish": made("a", total, "peptide")}
-    found |= {f"peptide-{name}": made(name, [-1000.0], "peptide", potential=np.array([u])) for name, u in (("alone", -3000.0), ("within", -32000.3))}
-    assert "dt_for_it" not in paper_claims.judge(found)["conventions"][0], "there is no law without runs"
+    found |= {
+        f"peptide-{name}": made(name, [-1000.0], "peptide", potential=np.array([u]))
+        for name, u in (("alone", -3000.0), ("within", -32000.3))
+    }
+    assert "dt_for_it" not in paper_claims.judge(found)["conventions"][0], (
+        "there is no law without runs"
+    )
     for dt, every in (1.5, 20), (2.0, 15), (3.0, 10):
-        found[f"peptide-at-{dt:g}-fs"] = made("x", noise(0.1 * dt**2, 1) + 3e-3 * np.arange(4000), "peptide", dt, every)
+        found[f"peptide-at-{dt:g}-fs"] = made(
+            "x", noise(0.1 * dt**2, 1) + 3e-3 * np.arange(4000), "peptide", dt, every
+        )
     for seed, bodies in enumerate((1000, 2000, 8000)):
         found[f"water-{bodies}"] = made("x", noise(0.01 * bodies**0.5, seed), "water")
         found[f"water-{bodies}"].trajectory = trajectory(scene=SCENES["water"].of_size(bodies))
@@ -293,16 +402,32 @@ def test_laws_of_step_and_size_and_average_measure_with_each_zero_of_energy():
     rows = {row["convention"]: row for row in judged["conventions"]}
     time, size = (claim(found, word) for word in ("Δt to the power", "molecules to the power"))
     for one, law in (time, 2.0), (size, 0.5):
-        assert one["value"] == pytest.approx(law, abs=4 * one["error"]) and one["error"] < 0.05 and one["verdict"] == "holds"
+        assert (
+            one["value"] == pytest.approx(law, abs=4 * one["error"])
+            and one["error"] < 0.05
+            and one["verdict"] == "holds"
+        )
     assert rows["over |total energy|"]["value"] == pytest.approx(3e-5)
     assert rows["over |kinetic energy|"]["value"] == pytest.approx(0.3 / 2000)
     assert rows["over |potential energy|"]["value"] == pytest.approx(0.3 / 12000)
-    assert rows["over |potential energy less that of the molecules apart|"]["value"] == pytest.approx(0.3 / 9000)
-    assert rows["over |total energy with the Coulomb energy of bonded atoms|"]["value"] == pytest.approx(0.3 / 30000)
-    assert rows["over |total energy|"]["size_for_it"] == pytest.approx(3 ** (1 / (1 - size["value"])) * SCENES["peptide"].unit)
+    assert rows["over |potential energy less that of the molecules apart|"][
+        "value"
+    ] == pytest.approx(0.3 / 9000)
+    assert rows["over |total energy with the Coulomb energy of bonded atoms|"][
+        "value"
+    ] == pytest.approx(0.3 / 30000)
+    assert rows["over |total energy|"]["size_for_it"] == pytest.approx(
+        3 ** (1 / (1 - size["value"])) * SCENES["peptide"].unit
+    )
     assert rows["over |total energy|"]["dt_for_it"] == pytest.approx(3 / 3 ** (1 / time["value"]))
-    near = "total energy", "potential energy", "total energy with the Coulomb energy of bonded atoms"
-    expected = {f"over |{what}|" for what in near} | {"E - E(0) in place of E - <E>, over |total energy|"}
+    near = (
+        "total energy",
+        "potential energy",
+        "total energy with the Coulomb energy of bonded atoms",
+    )
+    expected = {f"over |{what}|" for what in near} | {
+        "E - E(0) in place of E - <E>, over |total energy|"
+    }
     assert {name for name, row in rows.items() if row["about"]} == expected
 
 
@@ -312,15 +437,23 @@ def test_force_field_has_its_part_of_the_variance():
 
     def small(size, rate):
         walk = np.cumsum(np.random.default_rng(5).normal(size=4000)) * np.sqrt(rate * 3e-3)
-        return {"peptide-nosquish": usual, "force-field-as it is": made("x", noise(size, 7) + walk, "peptide", 0.5, 6)}
+        return {
+            "peptide-nosquish": usual,
+            "force-field-as it is": made("x", noise(size, 7) + walk, "peptide", 0.5, 6),
+        }
 
     one = claim(small(0.5, 0.0), "does not dominate")
     assert one["value"] == pytest.approx(0.25, rel=0.15) and one["verdict"] == "holds"
     assert claim(small(1.0, 0.0), "does not dominate")["verdict"] == "does not hold"
     one = claim(small(0.1, 0.05), "does not dominate")  # sd 0.3 in 12 ps, but 2.2 in 600
-    assert one["value"] == pytest.approx(0.05 * 600 / 6, abs=4 * one["error"]) and one["verdict"] == "does not hold"
+    assert (
+        one["value"] == pytest.approx(0.05 * 600 / 6, abs=4 * one["error"])
+        and one["verdict"] == "does not hold"
+    )
     found = small(0.5, 0.0)
-    found["force-field-neighbour list each step"] = dataclasses.replace(found["force-field-as it is"])
+    found["force-field-neighbour list each step"] = dataclasses.replace(
+        found["force-field-as it is"]
+    )
     assert claim(found, "neighbour list")["verdict"] == "holds"
     found["force-field-neighbour list each step"].total = noise(0.5, 8)
     assert claim(found, "neighbour list")["verdict"] == "does not hold"
@@ -334,33 +467,56 @@ def test_gear_is_held_against_the_same_starts():
         found[f"water-gear-short-step-{n}"] = made("b", noise(2 * size, 10 + n), "water", dt=1.0)
         found[f"water-gear-short-step-{n}"].total[:3] -= 5000.0  # of 10 steps each
     one = claim(found, "Gear over NO_SQUISH, water", "average measure")
-    assert one["value"] == pytest.approx(2.0, rel=0.03) and one["error"] < 0.1 and one["verdict"] == "holds"
+    assert (
+        one["value"] == pytest.approx(2.0, rel=0.03)
+        and one["error"] < 0.1
+        and one["verdict"] == "holds"
+    )
     assert claim(found, "Gear, water", "drifts")["verdict"] == "does not hold"
     far = claim(found, "NO_SQUISH over Gear, water", "far more accurate")
     assert far["value"] is None and far["verdict"] == "cannot tell", "over a drift that may be none"
     for part, word in (0.0, "holds"), (0.05, "holds"), (0.5, "does not hold"):
         again = {name: dataclasses.replace(one) for name, one in found.items()}
         for name, one in again.items():
-            one.total = one.total + (10.0 if "gear" in name else 10.0 * part) * one.time  # 400 in all
+            one.total = (
+                one.total + (10.0 if "gear" in name else 10.0 * part) * one.time
+            )  # 400 in all
         far = claim(again, "NO_SQUISH over Gear, water", "far more accurate")
         assert far["value"] == pytest.approx(part, abs=0.01) and far["verdict"] == word
     gear = made("b", [-9000, -8000, 1e9], "water", integrator="gear")
     gear.error = "lost atoms"
     one = claim({"water-gear": gear}, "unstable")
     assert one["verdict"] == "holds" and "lost atoms" in one["note"]
-    assert claim({"water-gear": made("b", [-9000, -8999, -9001], "water")}, "unstable")["verdict"] == "does not hold"
+    assert (
+        claim({"water-gear": made("b", [-9000, -8999, -9001], "water")}, "unstable")["verdict"]
+        == "does not hold"
+    )
     dimer = dimers(1.0, 4)
-    dimer |= {f"dimer-gear-{n}": made("c", noise(0.1, 50 + n, level=-9000) + (0.05 + 0.001 * n) * np.arange(4000) * 0.03) for n in range(1, 5)}
+    dimer |= {
+        f"dimer-gear-{n}": made(
+            "c", noise(0.1, 50 + n, level=-9000) + (0.05 + 0.001 * n) * np.arange(4000) * 0.03
+        )
+        for n in range(1, 5)
+    }
     assert claim(dimer, "Gear, dimer", "drifts")["verdict"] == "holds"
     crossing = claim(dimer, "after which time")
-    assert crossing["value"] == pytest.approx(1.0 / 0.0525, rel=0.05) and crossing["verdict"] == "holds"
-    assert "measure is 0.3" in crossing["note"]  # an energy that has gone evenly from 0 to 1 by then: 1/4, over that of the noise of 1: 0.8
+    assert (
+        crossing["value"] == pytest.approx(1.0 / 0.0525, rel=0.05)
+        and crossing["verdict"] == "holds"
+    )
+    assert (
+        "measure is 0.3" in crossing["note"]
+    )  # an energy that has gone evenly from 0 to 1 by then: 1/4, over that of the noise of 1: 0.8
     dimer |= {f"dimer-gear-{n}": made("c", noise(0.1, 50 + n, level=-9000)) for n in range(1, 5)}
     assert claim(dimer, "Gear, dimer", "drifts")["verdict"] == "does not hold"
-    assert not [one for one in paper_claims.judge(dimer)["checks"] if "after which time" in one["what"]]
+    assert not [
+        one for one in paper_claims.judge(dimer)["checks"] if "after which time" in one["what"]
+    ]
     for n in range(1, 5):
         dimer[f"dimer-gear-{n}"].total[0] -= 1000.0  # sampled but once in Gear's first steps
-    assert claim(dimer, "Gear over NO_SQUISH, dimer", "average measure")["value"] == pytest.approx(0.1, rel=0.05)
+    assert claim(dimer, "Gear over NO_SQUISH, dimer", "average measure")["value"] == pytest.approx(
+        0.1, rel=0.05
+    )
 
 
 RATTLE = """
@@ -389,14 +545,40 @@ run 10
 def one_water(shift):
     """LAMMPS data file of one turning molecule, moved along x and wrapped into its periodic box."""
     half = np.radians(104.52 / 2)
-    x = np.array([[0, 0, 0], [np.sin(half), np.cos(half), 0], [-np.sin(half), np.cos(half), 0]]) * 0.9572
+    x = (
+        np.array([[0, 0, 0], [np.sin(half), np.cos(half), 0], [-np.sin(half), np.cos(half), 0]])
+        * 0.9572
+    )
     v = np.cross([0.003, -0.002, 0.02], x)
     x = (x + [10.0 + shift, 10.0, 10.0]) % 20.0
-    lines = ["one molecule", "", "3 atoms", "2 bonds", "1 angles", "2 atom types", "1 bond types", "1 angle types", ""]
-    lines += [f"0 20 {c}lo {c}hi" for c in "xyz"] + ["", "Masses", "", "1 15.9994", "2 1.008", "", "Atoms # full", ""]
-    lines += [f"{i + 1} 1 {1 + (i > 0)} 0 " + " ".join(f"{c:.16g}" for c in x[i]) for i in range(3)] + ["", "Velocities", ""]
+    lines = [
+        "one molecule",
+        "",
+        "3 atoms",
+        "2 bonds",
+        "1 angles",
+        "2 atom types",
+        "1 bond types",
+        "1 angle types",
+        "",
+    ]
+    lines += [f"0 20 {c}lo {c}hi" for c in "xyz"] + [
+        "",
+        "Masses",
+        "",
+        "1 15.9994",
+        "2 1.008",
+        "",
+        "Atoms # full",
+        "",
+    ]
+    lines += [
+        f"{i + 1} 1 {1 + (i > 0)} 0 " + " ".join(f"{c:.16g}" for c in x[i]) for i in range(3)
+    ] + ["", "Velocities", ""]
     lines += [f"{i + 1} " + " ".join(f"{c:.16g}" for c in v[i]) for i in range(3)]
-    return "\n".join([*lines, "", "Bonds", "", "1 1 1 2", "2 1 1 3", "", "Angles", "", "1 1 2 1 3", ""])
+    return "\n".join(
+        [*lines, "", "Bonds", "", "1 1 1 2", "2 1 1 3", "", "Angles", "", "1 1 2 1 3", ""]
+    )
 
 
 def test_why_rattle_is_not_in_figure_3(run_lammps):
@@ -415,7 +597,9 @@ def test_shake_holds_what_the_rigid_groups_hold(tmp_path):
     scene = paper_peptide.scene()
     found, _ = paper.do(trajectory("shake", steps=0, scene=scene, dt=1.0), tmp_path, 100, Silent())
     assert found.error is None
-    sizes = Counter(Counter(found.positions["bodies"][found.positions["bodies"] > 0].tolist()).values())
+    sizes = Counter(
+        Counter(found.positions["bodies"][found.positions["bodies"] > 0].tolist()).values()
+    )
     log = next(tmp_path.rglob("log.lammps")).read_text()
     for words, number in (("size 2", sizes[2]), ("size 4", sizes[4]), ("frozen angles", sizes[3])):
         line = next(line for line in log.splitlines() if words in line)
@@ -441,7 +625,11 @@ def test_helix_is_seen_and_its_loss_too(tmp_path):
         (folder / "helix.dump").write_text(text)
     found = paper_peptide.helix(pieces, 0.5)
     assert found["time"].tolist() == [0.0, 5.0, 10.0]
-    assert found["helical"][0] >= 8 and found["helical"][1] == found["helical"][0] and found["helical"][2] < 4
+    assert (
+        found["helical"][0] >= 8
+        and found["helical"][1] == found["helical"][0]
+        and found["helical"][2] < 4
+    )
     assert found["rmsd"][1] < 0.01 < 1.0 < found["rmsd"][2]
     (tmp_path / "1" / "helix.dump").unlink()
     assert paper_peptide.helix(pieces, 0.5) is None, "a helix without its end"
@@ -450,13 +638,24 @@ def test_helix_is_seen_and_its_loss_too(tmp_path):
 def test_all_files_are_written(tmp_path):
     """Locks out a report that fails where much is missing, and one that asks for other files."""
     found = dimers(8.0)
-    summary = {"interrupted": True, "command": "x", "date": "x", "machine": {}, "versions": {}, "lengths": dataclasses.asdict(paper.SHORT)}
+    summary = {
+        "interrupted": True,
+        "command": "x",
+        "date": "x",
+        "machine": {},
+        "versions": {},
+        "lengths": dataclasses.asdict(paper.SHORT),
+    }
     summary |= paper_claims.judge(found)
     paper_report.write(summary, found, tmp_path)
-    assert (tmp_path / "figure_2a.png").stat().st_size > 10000 and not (tmp_path / "figure_3.png").exists()
+    assert (tmp_path / "figure_2a.png").stat().st_size > 10000 and not (
+        tmp_path / "figure_3.png"
+    ).exists()
     page = (tmp_path / "report.html").read_text()
     assert "data:image/png;base64," in page and 'src="http' not in page
-    assert sum(path.stat().st_size for path in tmp_path.iterdir() if path.suffix != ".html") < 300_000
+    assert (
+        sum(path.stat().st_size for path in tmp_path.iterdir() if path.suffix != ".html") < 300_000
+    )
     assert "holds" in (tmp_path / "claims.csv").read_text()
 
 
@@ -465,5 +664,10 @@ def test_plans_are_what_the_paper_has():
     plan = list(paper.plan(paper.FULL, 2, Path("x")))
     assert len({one.name for one in plan}) == len(plan)
     named = {one.name: one for one in plan}
-    for name, dt, ps in ("dimer-nosquish-1", 0.3, 300), ("peptide-nosquish", 3.0, 300), ("peptide-shake", 3.0, 300), ("water-nosquish", 3.0, 1000):
+    for name, dt, ps in (
+        ("dimer-nosquish-1", 0.3, 300),
+        ("peptide-nosquish", 3.0, 300),
+        ("peptide-shake", 3.0, 300),
+        ("water-nosquish", 3.0, 1000),
+    ):
         assert named[name].dt == dt and named[name].steps * dt / 1000 >= ps

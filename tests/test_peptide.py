@@ -45,9 +45,16 @@ def atoms(data):
     assert [int(row[0]) for row in rows] == list(range(1, len(rows) + 1))
     mass = {kind: float(mass) for kind, mass in data["Masses"]}
     elements = np.array([ELEMENTS[round(mass[row[2]])] for row in rows])
-    box = np.array([float(row[1]) - float(row[0]) for row in data["head"] if row[-1] in ("xhi", "yhi", "zhi")])
+    box = np.array(
+        [float(row[1]) - float(row[0]) for row in data["head"] if row[-1] in ("xhi", "yhi", "zhi")]
+    )
     numbers = np.array([row[4:10] for row in rows], float)
-    return elements, np.array([int(row[1]) for row in rows]), numbers[:, :3] + numbers[:, 3:] * box, box
+    return (
+        elements,
+        np.array([int(row[1]) for row in rows]),
+        numbers[:, :3] + numbers[:, 3:] * box,
+        box,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +70,12 @@ def test_energies_are_gromacs(tmp_path):
     command = [str(BIN / "lmp"), "-in", "in.energies", "-log", str(log)]
     done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stdout
-    ours = {name: float(value) for name, value in re.findall(r"\b([a-z]+(?:14)?) (-?\d+\.\d+)", log.read_text().split("dihedral_style  none")[1])}
+    ours = {
+        name: float(value)
+        for name, value in re.findall(
+            r"\b([a-z]+(?:14)?) (-?\d+\.\d+)", log.read_text().split("dihedral_style  none")[1]
+        )
+    }
     theirs = json.loads((FOLDER / "energies.json").read_text())["kcal/mol"]
     assert len(theirs) == 9
     for name, value in theirs.items():
@@ -74,7 +86,10 @@ def test_energies_are_gromacs(tmp_path):
 def test_mesh_is_as_fine_as_a_scene_says(name):
     """Locks out a scene on another mesh than its input's, and a variant of the mesh that has no effect: the accuracy that LAMMPS
     itself estimates."""
-    scenes = {"1e-5": SCENES[name]} | {one: paper_peptide.force_fields((one,))[f"mesh {one}"](SCENES[name]) for one in ("1e-4", "1e-6")}
+    scenes = {"1e-5": SCENES[name]} | {
+        one: paper_peptide.force_fields((one,))[f"mesh {one}"](SCENES[name])
+        for one in ("1e-4", "1e-6")
+    }
     for wanted, scene in scenes.items():
         done = subprocess.run([str(BIN / "lmp"), "-log", "none"], cwd=scene.folder, input="\n".join([*scene.setup, "run 0", ""]),
                               capture_output=True, text=True, timeout=100)  # fmt: skip
@@ -96,7 +111,9 @@ def test_bodies_are_the_residues_groups(data, atoms, names):
         assert elements[heavy] in "CNO" and (elements[hydrogens] == "H").all() and hydrogens
         assert all(frozenset((heavy, h)) in bonds for h in hydrogens)
         residue = names.atom(heavy).residue if heavy < names.n_atoms else "water"
-        found.setdefault(residue, []).append(f"{elements[heavy]}H{len(hydrogens) if len(hydrogens) > 1 else ''}")
+        found.setdefault(residue, []).append(
+            f"{elements[heavy]}H{len(hydrogens) if len(hydrogens) > 1 else ''}"
+        )
     assert (body[elements == "H"] > 0).all()
 
     water = found.pop("water")
@@ -114,7 +131,11 @@ def test_bodies_have_the_force_fields_geometry(data, atoms):
     """Locks out bodies that are frozen in a strained shape, or that the file's digits leave a little different from each other."""
     elements, body, x, _ = atoms
     length = {kind: float(r0) for kind, _, r0 in data["Bond Coeffs"]}
-    inside = [(length[kind], int(i) - 1, int(j) - 1) for _, kind, i, j in data["Bonds"] if body[int(i) - 1] == body[int(j) - 1] > 0]
+    inside = [
+        (length[kind], int(i) - 1, int(j) - 1)
+        for _, kind, i, j in data["Bonds"]
+        if body[int(i) - 1] == body[int(j) - 1] > 0
+    ]
     assert len(inside) == (elements == "H").sum()
     r0, i, j = (np.array(column) for column in zip(*inside))
     np.testing.assert_allclose(np.linalg.norm(x[i] - x[j], axis=1), r0, rtol=0, atol=1e-10)

@@ -262,7 +262,9 @@ def test_unquoted_words(run_lammps):
 
 def test_class_without_integrator(run_mover):
     """Locks out frozen atoms under a class whose method is misspelt."""
-    more = "class Bad:\n    def __init__(self, ptr): pass\n    def initial_integrate(self, v): pass\n"
+    more = (
+        "class Bad:\n    def __init__(self, ptr): pass\n    def initial_integrate(self, v): pass\n"
+    )
     run = run_mover("Bad", more, check=False)
     assert_stopped(run, "'mover.Bad' has no method final_integrate()")
 
@@ -372,7 +374,9 @@ def test_post_neighbor(run_mover):
 
 def tagged(log, tag):
     """The lines of a log that start with a word, without it."""
-    return [line.removeprefix(tag).strip() for line in log.splitlines() if line.startswith(tag + " ")]
+    return [
+        line.removeprefix(tag).strip() for line in log.splitlines() if line.startswith(tag + " ")
+    ]
 
 
 # Counts the atoms of all ranks: a method that LAMMPS does not call on all of them hangs.
@@ -492,7 +496,9 @@ def test_post_run(run_lammps):
     assert read_thermo(log[: log.index("LAST")])["Step"][-1] == 5
 
 
-VALUES = COUNTING + """
+VALUES = (
+    COUNTING
+    + """
 class Values(Counting):
     vector_extensive = True, False
     array_columns, array_rows = 3, 2
@@ -518,12 +524,15 @@ class Growing(Values):
 class Bounded(Growing):
     array_rows = 3
 """
+)
 
 
 def with_columns(script, columns, before=""):
     """The script with other thermo columns, extensive ones divided by the number of atoms."""
     head, tail = script.split("thermo_style")
-    rest = tail.split("\n", 2)[2].replace("run  ", f"{before}thermo_style custom step {columns}\nthermo_modify norm yes\nrun  ")
+    rest = tail.split("\n", 2)[2].replace(
+        "run  ", f"{before}thermo_style custom step {columns}\nthermo_modify norm yes\nrun  "
+    )
     return head + rest
 
 
@@ -550,8 +559,14 @@ def test_array_that_grows(run_lammps, name, column):
     """Locks out a number of rows that stays what it was, and a class that is asked for rows that it has not."""
     script = with_columns(melt(f"mover.{name}", 20), f"f_1[1][1] f_1[2][3] f_1[3][2] {column}")
     thermo = run_lammps(script, files={"mover.py": MOVER + VALUES}, ranks=2).thermo
-    assert [tuple(row)[:4] for row in thermo] == [(0, 256, 0, 0), (10, 1256, 1268, 0), (20, 2256, 2268, 2277)]
-    np.testing.assert_array_equal(thermo[column], 0 if name == "Growing" else thermo["f_1[1][1]"] + 1)
+    assert [tuple(row)[:4] for row in thermo] == [
+        (0, 256, 0, 0),
+        (10, 1256, 1268, 0),
+        (20, 2256, 2268, 2277),
+    ]
+    np.testing.assert_array_equal(
+        thermo[column], 0 if name == "Growing" else thermo["f_1[1][1]"] + 1
+    )
 
 
 @pytest.mark.parametrize(
@@ -569,7 +584,9 @@ def test_values_that_are_not_there(run_lammps, name, columns, text):
     )
     script = with_columns(melt(f"mover.{name}", 0), columns)
     ranks = 2 if name == "Bad" else 1
-    run = run_lammps(script, files={"mover.py": MOVER + VALUES + more}, ranks=ranks, check=False, timeout=60)
+    run = run_lammps(
+        script, files={"mover.py": MOVER + VALUES + more}, ranks=ranks, check=False, timeout=60
+    )
     assert_stopped(run, text)
 
 
@@ -584,7 +601,10 @@ def test_restart_file(run_lammps):
         "        self.host.log(f'FILE {self.step} {name} {self.count()} {os.path.exists(name)}\\n')\n"
         "class Silent(Writer):\n    restart_file = False\n"
     )
-    script = melt("mover.Writer", 20).replace("run  ", "restart 10 a.*\nrun  ") + "write_restart b.*.end\n"
+    script = (
+        melt("mover.Writer", 20).replace("run  ", "restart 10 a.*\nrun  ")
+        + "write_restart b.*.end\n"
+    )
     log = run_lammps(script, files={"mover.py": MOVER + more}, ranks=2).log
     assert tagged(log, "FILE") == ["10 a.10 256 True", "20 a.20 256 True", "20 b.20.end 256 True"]
     assert not tagged(run_lammps(script.replace("Writer", "Silent"), ranks=2).log, "FILE")
@@ -642,12 +662,16 @@ def test_virial_of_each_atom(run_lammps, ranks, length):
         "        assert self.virial_per_atom is None, 'too early'\n        super().initial_integrate(vflag)\n"
         "    def final_integrate(self):\n        super().final_integrate()\n        self.fill()\n"
     )
-    thermo = run_lammps(FLIGHT.replace("LENGTH", str(length)), files={"mover.py": MOVER + more}, ranks=ranks).thermo
+    thermo = run_lammps(
+        FLIGHT.replace("LENGTH", str(length)), files={"mover.py": MOVER + more}, ranks=ranks
+    ).thermo
     assert len(thermo) == 31
     np.testing.assert_allclose(thermo["c_wrong"], 0.0, atol=1e-9)
     for k in range(1, 7):
         np.testing.assert_allclose(thermo[f"c_sum[{k}]"], -k * 64 * 65 / 2, rtol=1e-12)
-        np.testing.assert_allclose(thermo[f"c_p[{k}]"] * thermo["Volume"], -thermo[f"c_sum[{k}]"], rtol=1e-9)
+        np.testing.assert_allclose(
+            thermo[f"c_p[{k}]"] * thermo["Volume"], -thermo[f"c_sum[{k}]"], rtol=1e-9
+        )
 
 
 # ---- signals
@@ -659,7 +683,9 @@ def parents(folder):
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if Path(os.readlink(process / "cwd")) == folder:
-                found[int(process.name)] = int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+                found[int(process.name)] = int(
+                    (process / "stat").read_text().rsplit(")", 1)[1].split()[1]
+                )
         except OSError:
             pass  # ended meanwhile, or another user's
     return found
@@ -693,7 +719,7 @@ def test_signal_ends_all(tmp_path, launcher, ranks, target, number):
     mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
     command = subprocess.Popen(
         [*mpirun, *LAUNCHERS[launcher], "in.test"], cwd=tmp_path, start_new_session=True,
-        env=dict(os.environ, OMP_NUM_THREADS="1"), stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )  # fmt: skip
     try:
@@ -703,7 +729,10 @@ def test_signal_ends_all(tmp_path, launcher, ranks, target, number):
         if target == "all":
             os.killpg(command.pid, number)
         else:
-            os.kill({"command": command.pid, "rank": rank, "parent of a rank": tree[rank]}[target], number)
+            os.kill(
+                {"command": command.pid, "rank": rank, "parent of a rank": tree[rank]}[target],
+                number,
+            )
         assert command.wait(10) != 0
         wait_for(lambda: not left_behind(tmp_path), 10)
         assert list(read_thermo((tmp_path / "log.lammps").read_text())["Step"]) == [0, 5, 10]

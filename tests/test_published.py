@@ -17,17 +17,31 @@ def result(sd, error=None, slope=0.0):
     """A complete run whose energy has this standard deviation about a line with this slope, kcal/mol/ps."""
     time = np.arange(4000) * 10.0
     energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0 + slope * time / 1000
-    return run.Result(error=error, thermo={"Time": time, "TotEng": energy}, timings=[], positions=None, versions={})
+    return run.Result(
+        error=error,
+        thermo={"Time": time, "TotEng": energy},
+        timings=[],
+        positions=None,
+        versions={},
+    )
 
 
 def test_published_numbers_have_errors_too():
     """Locks out verdicts that take published numbers as exact, and variances held against standard deviations."""
     of = {2.0: 1.0, 3.0: 1.07, 4.0: 1.3}
-    made = {one.subject: one for one in published.checks({dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()})}
+    made = {
+        one.subject: one
+        for one in published.checks(
+            {dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()}
+        )
+    }
     assert [made[f"{dt:g} fs"].holds for dt in of] == [True, None, False]
     for dt, x in of.items():
         value, error = made[f"{dt:g} fs"].value, made[f"{dt:g} fs"].error
-        assert value == pytest.approx(x, abs=5 * x / np.sqrt(2 * 4000)) and 0.027 * x < error < 0.035 * x
+        assert (
+            value == pytest.approx(x, abs=5 * x / np.sqrt(2 * 4000))
+            and 0.027 * x < error < 0.035 * x
+        )
     assert made["1 fs"].value is None and "not begun" in made["1 fs"].note
     assert published.ALL not in made
 
@@ -35,17 +49,27 @@ def test_published_numbers_have_errors_too():
 def test_all_steps_together():
     """Locks out a mean whose error is that of one number, and one that counts all alike: by hand, weights 1/x² and the error of one over 2."""
     of = {1.0: 1.0, 2.0: 1.02, 3.0: 0.98, 4.0: 1.2}
-    *each, together = published.checks({dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()})
+    *each, together = published.checks(
+        {dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()}
+    )
     weights = np.array(list(of.values())) ** -2.0
     assert together.subject == published.ALL
-    assert together.value == pytest.approx(weights @ [one.value for one in each] / weights.sum(), abs=1e-3)
+    assert together.value == pytest.approx(
+        weights @ [one.value for one in each] / weights.sum(), abs=1e-3
+    )
     assert together.error == pytest.approx(0.0296 / np.sqrt(weights.sum()), rel=0.05)
 
 
 def test_the_start_is_what_is_said_to_be_matched():
     """Locks out other water: charges, number, density, molecules that building the file has bent, and the temperature."""
-    sections = re.split(r"\n\n(?:Atoms # full|Velocities|Bonds)\n\n", (published.scene().folder / "data.smooth").read_text())
-    header, atoms = sections[0], np.array([line.split() for line in sections[1].splitlines()], float)
+    sections = re.split(
+        r"\n\n(?:Atoms # full|Velocities|Bonds)\n\n",
+        (published.scene().folder / "data.smooth").read_text(),
+    )
+    header, atoms = (
+        sections[0],
+        np.array([line.split() for line in sections[1].splitlines()], float),
+    )
     atoms = atoms[np.argsort(atoms[:, 0])]
     side = float(re.search(r"0 (\S+) xlo xhi", header)[1])
     x = (atoms[:, 4:7] + side * atoms[:, 7:10]).reshape(-1, 3, 3)
@@ -55,13 +79,22 @@ def test_the_start_is_what_is_said_to_be_matched():
     first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
     lengths = np.linalg.norm([first, second], axis=2)
     np.testing.assert_allclose(lengths, 0.9572, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(np.degrees(np.arccos(np.sum(first * second, axis=1) / lengths.prod(axis=0))), 104.52, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(
+        np.degrees(np.arccos(np.sum(first * second, axis=1) / lengths.prod(axis=0))),
+        104.52,
+        rtol=0,
+        atol=1e-7,
+    )
     assert published.TEMPERATURE == pytest.approx(306.1, abs=0.1)
 
 
 def test_failed_runs_are_no_numbers():
     """Locks out the spread of what a run left before it failed."""
-    (made,) = [one for one in published.checks({3.0: result(0.487, error="Lost atoms")}) if one.subject == "3 fs"]
+    (made,) = [
+        one
+        for one in published.checks({3.0: result(0.487, error="Lost atoms")})
+        if one.subject == "3 fs"
+    ]
     assert made.value is None and "Lost atoms" in made.note and made.verdict == "cannot tell"
 
 
@@ -84,8 +117,14 @@ def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
     done = subprocess.run([str(BIN / "lmp"), "-in", "in.smooth", "-log", str(log), "-var", "nsteps", "1"],
                           cwd=published.scene().folder, capture_output=True, text=True, timeout=100)  # fmt: skip
     assert done.returncode == 0, done.stdout
-    alone = run.run(run.job(published.scene(), INTEGRATORS["nosquish"], tmp_path / "scene", [0], dt=2.0, every=1))
-    assert read_thermo(log.read_text())["PotEng"][0] == pytest.approx(alone.thermo["PotEng"][0], rel=1e-6)
+    alone = run.run(
+        run.job(
+            published.scene(), INTEGRATORS["nosquish"], tmp_path / "scene", [0], dt=2.0, every=1
+        )
+    )
+    assert read_thermo(log.read_text())["PotEng"][0] == pytest.approx(
+        alone.thermo["PotEng"][0], rel=1e-6
+    )
 
 
 SHIFTED = """
@@ -119,7 +158,9 @@ def test_command_line_writes_all_files(tmp_path, monkeypatch):
     found = {dt: result(sd) for dt, sd in published.PUBLISHED.items()}
     monkeypatch.setattr(published, "published", lambda *arguments: (found, False))
     assert __main__.main(["published", "--out", str(tmp_path)]) == 0
-    assert {"summary.json", "table.csv", "report.html", "spread.png"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"summary.json", "table.csv", "report.html", "spread.png"} <= {
+        path.name for path in tmp_path.iterdir()
+    }
     assert json.loads((tmp_path / "summary.json").read_text())["checks"][0]["verdict"] == "holds"
     found.pop(2.0)
     assert __main__.main(["published", "--out", str(tmp_path)]) == 1
@@ -127,17 +168,41 @@ def test_command_line_writes_all_files(tmp_path, monkeypatch):
 
 def test_a_spread_that_is_a_drift_says_so():
     """Locks out a drift that passes for a spread: its number and the spread about the line stand beside it."""
-    still, drifting = (published.checks({2.0: result(0.22, slope=slope)})[1].note for slope in (0.0, 0.5))
-    assert "drifts" not in still and re.search(r"about its line 0\.2\d* ± \S+, drifts by 0\.(49|5)\d* ± \S+ kcal/mol/ps\)", drifting)
+    still, drifting = (
+        published.checks({2.0: result(0.22, slope=slope)})[1].note for slope in (0.0, 0.5)
+    )
+    assert "drifts" not in still and re.search(
+        r"about its line 0\.2\d* ± \S+, drifts by 0\.(49|5)\d* ± \S+ kcal/mol/ps\)", drifting
+    )
 
 
 def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
     """Locks out numbers that are called printed ones: each and its error are worked out here, from a file of the authors, which table, page and README name."""
-    monkeypatch.setattr(published, "published", lambda *arguments: ({dt: result(sd) for dt, sd in published.PUBLISHED.items()}, False))
+    monkeypatch.setattr(
+        published,
+        "published",
+        lambda *arguments: ({dt: result(sd) for dt, sd in published.PUBLISHED.items()}, False),
+    )
     __main__.main(["published", "--out", str(tmp_path)])
-    for one, dt in zip(json.loads((tmp_path / "summary.json").read_text())["checks"], published.PUBLISHED):
-        assert f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}" in one["source"]
-    page, readme = ((tmp_path / "report.html").read_text(), (published.INPUTS.parent / "README.md").read_text())
+    for one, dt in zip(
+        json.loads((tmp_path / "summary.json").read_text())["checks"], published.PUBLISHED
+    ):
+        assert (
+            f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}"
+            in one["source"]
+        )
+    page, readme = (
+        (tmp_path / "report.html").read_text(),
+        (published.INPUTS.parent / "README.md").read_text(),
+    )
     for text in page, readme:
-        assert "NVE_1fs.csv" in text and "S1.csv" in text and "github.com/craabreu/rigid_nvt" in text and published.SERIES in text
-    assert published.THEIR_ERROR == pytest.approx(1 / np.sqrt(2 * 667)) and f"{published.ENERGIES} energies" in readme
+        assert (
+            "NVE_1fs.csv" in text
+            and "S1.csv" in text
+            and "github.com/craabreu/rigid_nvt" in text
+            and published.SERIES in text
+        )
+    assert (
+        published.THEIR_ERROR == pytest.approx(1 / np.sqrt(2 * 667))
+        and f"{published.ENERGIES} energies" in readme
+    )

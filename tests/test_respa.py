@@ -15,7 +15,9 @@ THREE = "run_style respa 3 2 2 inner 1 1.2 1.5 middle 2 1.8 2.2 outer 3"
 def smooth(kinds="solid planar pair row single"):
     """A mixture with a potential that is nearly smooth at the cutoff, so that errors fall with dt^2."""
     system = mixture(kinds, temperature=0.5)
-    return system._replace(setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes")
+    return system._replace(
+        setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
+    )
 
 
 def chains():
@@ -23,15 +25,30 @@ def chains():
     system = smooth("solid planar row pair")
     rows = [f"create_bonds single/bond 1 {a} {a + 1} special no" for a in atoms_of_rows(system)]
     more = "read_data data.bodies extra/bond/types 1 extra/bond/per/atom 2 extra/special/per/atom 4"
-    bonds = ["bond_style harmonic", "bond_coeff 1 300 0.7", *rows, "group rigid subtract all row", "fix 3 row nve"]
-    return system._replace(setup="\n".join([system.setup.replace("read_data data.bodies", more), *bonds]))
+    bonds = [
+        "bond_style harmonic",
+        "bond_coeff 1 300 0.7",
+        *rows,
+        "group rigid subtract all row",
+        "fix 3 row nve",
+    ]
+    return system._replace(
+        setup="\n".join([system.setup.replace("read_data data.bodies", more), *bonds])
+    )
 
 
 def atoms_of_rows(system):
     """The IDs of the first two atoms of each row."""
-    molecule = int(next(line for line in system.setup.splitlines() if line.startswith("group row")).split()[3])
+    molecule = int(
+        next(line for line in system.setup.splitlines() if line.startswith("group row")).split()[3]
+    )
     first = np.flatnonzero(system.molecule == molecule)[0] + 1
-    count = len(next(line for line in system.setup.splitlines() if line.startswith("group row")).split()) - 3
+    count = (
+        len(
+            next(line for line in system.setup.splitlines() if line.startswith("group row")).split()
+        )
+        - 3
+    )
     return [first + 3 * k + j for k in range(count) for j in (0, 1)]
 
 
@@ -42,7 +59,12 @@ def alike(ours, theirs, h, tolerance=1e-9):
 
 
 @pytest.mark.parametrize(
-    "style, ranks", [("run_style respa 1", 1), (THREE.replace("3 2 2", "3 1 1"), 1), (THREE.replace("3 2 2", "3 1 1"), 4)],
+    "style, ranks",
+    [
+        ("run_style respa 1", 1),
+        (THREE.replace("3 2 2", "3 1 1"), 1),
+        (THREE.replace("3 2 2", "3 1 1"), 4),
+    ],
     ids=["one level", "factors 1", "factors 1 on 4 ranks"],
 )
 def test_equal_steps_are_verlet(simulate, style, ranks):
@@ -54,7 +76,9 @@ def test_equal_steps_are_verlet(simulate, style, ranks):
     alike(ours, verlet, system.h)
     for name in "Temp", "PotEng", "TotEng":
         np.testing.assert_allclose(ours.thermo[name], verlet.thermo[name], rtol=1e-9)
-    np.testing.assert_allclose(tensor(ours), tensor(verlet), rtol=0, atol=1e-8 * np.abs(tensor(verlet)).max())
+    np.testing.assert_allclose(
+        tensor(ours), tensor(verlet), rtol=0, atol=1e-8 * np.abs(tensor(verlet)).max()
+    )
 
 
 @pytest.mark.parametrize("style", ["run_style respa 2 4 pair 2", "run_style respa 3 2 2 pair 3"])
@@ -102,7 +126,9 @@ def test_time_reversal(simulate, style):
     bodies go back to where they came from."""
     system = smooth()
     start = simulate(system, OURS, 0)
-    back = "\n".join([*(f"variable u{c} atom -v{c}" for c in "xyz"), "velocity all set v_ux v_uy v_uz", "run 40"])
+    back = "\n".join(
+        [*(f"variable u{c} atom -v{c}" for c in "xyz"), "velocity all set v_ux v_uy v_uz", "run 40"]
+    )
     end = simulate(system, OURS, 40, dt=4, before=style, after=back)
     assert apart(simulate(system, OURS, 40, dt=4, before=style), start, system.h) > 0.1
     assert apart(end, start, system.h) < 1e-9
@@ -116,13 +142,17 @@ def test_four_ranks(simulate):
     one = simulate(system, OURS, 60, **hot)
     ours = simulate(system, OURS, 60, ranks=4, **hot)
     alike(ours, one, system.h, 1e-7)
-    np.testing.assert_allclose(tensor(ours), tensor(one), rtol=0, atol=1e-6 * np.abs(tensor(one)).max())
+    np.testing.assert_allclose(
+        tensor(ours), tensor(one), rtol=0, atol=1e-6 * np.abs(tensor(one)).max()
+    )
 
 
 LIFT = "fix lift type1 addforce 1.0 0.5 -0.7\nfix_modify lift respa 1 virial yes"
 
 
-@pytest.mark.parametrize("fixes, ranks", [("", 2), (LIFT, 1)], ids=["pairs only", "with fix addforce"])
+@pytest.mark.parametrize(
+    "fixes, ranks", [("", 2), (LIFT, 1)], ids=["pairs only", "with fix addforce"]
+)
 def test_pressure(simulate, fixes, ranks):
     """Locks out a constraint virial of one level's forces only, at step 0 or later: in the limit of small steps
     pressure and energy are Verlet's. (Not at step 0 after a fix that has a level of its own: it leaves that level's
@@ -133,19 +163,41 @@ def test_pressure(simulate, fixes, ranks):
     verlet = simulate(system, OURS, 3, before=fixes.replace("respa 1 ", ""), **how)
     ours = simulate(system, OURS, 3, before=f"{TWO}\n{fixes}", ranks=ranks, **how)
     first = 1 if fixes else 0
-    np.testing.assert_allclose(tensor(ours)[first:], tensor(verlet)[first:], rtol=0, atol=1e-6 * np.abs(tensor(verlet)).max())
+    np.testing.assert_allclose(
+        tensor(ours)[first:],
+        tensor(verlet)[first:],
+        rtol=0,
+        atol=1e-6 * np.abs(tensor(verlet)).max(),
+    )
     np.testing.assert_allclose(ours.thermo["Temp"], verlet.thermo["Temp"], rtol=1e-9)
 
 
 def test_fix_on_inner_level(simulate):
     """Locks out the force of a fix on one level that acts on another, or on none: with equal steps it is Verlet."""
     system = smooth()
-    fixes = "group type1 type 1\n" + LIFT + "\nfix hold type1 spring/self 5.0\nfix_modify hold respa 2"
-    verlet = simulate(system, OURS, 20, before=fixes.replace("respa 1 ", "").replace("\nfix_modify hold respa 2", ""))
+    fixes = (
+        "group type1 type 1\n" + LIFT + "\nfix hold type1 spring/self 5.0\nfix_modify hold respa 2"
+    )
+    verlet = simulate(
+        system,
+        OURS,
+        20,
+        before=fixes.replace("respa 1 ", "").replace("\nfix_modify hold respa 2", ""),
+    )
     ours = simulate(system, OURS, 20, before=f"{TWO.replace('2 4', '2 1', 1)}\n{fixes}")
     alike(ours, verlet, system.h)
-    exact = simulate(system, OURS, 400, dt=0.2, every=400, before=fixes.replace("respa 1 ", "").replace("\nfix_modify hold respa 2", ""))
-    error = [apart(simulate(system, OURS, n, dt=80 / n, before=f"{TWO}\n{fixes}"), exact, system.h) for n in (10, 40)]
+    exact = simulate(
+        system,
+        OURS,
+        400,
+        dt=0.2,
+        every=400,
+        before=fixes.replace("respa 1 ", "").replace("\nfix_modify hold respa 2", ""),
+    )
+    error = [
+        apart(simulate(system, OURS, n, dt=80 / n, before=f"{TWO}\n{fixes}"), exact, system.h)
+        for n in (10, 40)
+    ]
     assert error[0] / error[1] == pytest.approx(16, rel=0.3) and error[1] < 1e-5
 
 
@@ -172,7 +224,9 @@ def test_water(simulate):
     system = water()
     exact = simulate(system, OURS, 32, dt=0.25, every=32)
     style = "run_style respa 2 2 inner 1 4.0 5.0 outer 2 kspace 2"
-    error = [apart(simulate(system, OURS, n, dt=8 / n, before=style), exact, system.h) for n in (2, 4)]
+    error = [
+        apart(simulate(system, OURS, n, dt=8 / n, before=style), exact, system.h) for n in (2, 4)
+    ]
     assert error[0] / error[1] == pytest.approx(4, rel=0.2) and error[1] < 3e-3
 
 

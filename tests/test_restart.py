@@ -8,9 +8,15 @@ from systems import OURS, Result, apart, mixture
 # tops whose principal axes the inertia leaves open, of one type of atom
 TOPS = {
     "tetrahedron": (np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 0.35, [1] * 4),
-    "cube": (np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 0.35, [2] * 8),
+    "cube": (
+        np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 0.35,
+        [2] * 8,
+    ),
     "triangle": ([[0.6, 0, 0], [-0.3, 0.3 * 3**0.5, 0], [-0.3, -0.3 * 3**0.5, 0]], [1] * 3),
-    "pyramid": ([[0.6, 0, 0], [-0.3, 0.3 * 3**0.5, 0], [-0.3, -0.3 * 3**0.5, 0], [0, 0, 0.7]], [1, 1, 1, 3]),
+    "pyramid": (
+        [[0.6, 0, 0], [-0.3, 0.3 * 3**0.5, 0], [-0.3, -0.3 * 3**0.5, 0], [0, 0, 0.7]],
+        [1, 1, 1, 3],
+    ),
     "bent": ([[0, 0, 0], [0.6, 0.4, 0], [-0.6, 0.4, 0]], [2, 3, 3]),
 }
 EXACT = "modify sort id format float %.17g"
@@ -32,7 +38,9 @@ def run_on(run_lammps, tmp_path):
     def run(script, *names, ranks=1, files=None, columns="x y z vx vy vz"):
         for name in names:
             assert script.count(f"DUMP {name}\n") == 1
-            script = script.replace(f"DUMP {name}\n", f"write_dump all custom {name} id {columns} {EXACT}\n")
+            script = script.replace(
+                f"DUMP {name}\n", f"write_dump all custom {name} id {columns} {EXACT}\n"
+            )
         run_lammps(script, ranks=ranks, files=files)
         atoms = [np.loadtxt(tmp_path / name, skiprows=9)[:, 1:] for name in names]
         return [Result(a[:, :3], a[:, 3:], None, "") for a in atoms]
@@ -49,7 +57,11 @@ ALL = "tetrahedron cube triangle pyramid bent solid row pair single"
 SYSTEMS = {
     "cube": (lambda tops: tops(ALL, spacing=2.9), 1, 2),
     "triclinic": (lambda tops: tops(ALL, spacing=2.9, tilt=0.3), 4, 2),
-    "plane": (lambda tops: tops("triangle bent pair row single", side=5, spacing=2.9, dimension=2), 2, 1),
+    "plane": (
+        lambda tops: tops("triangle bent pair row single", side=5, spacing=2.9, dimension=2),
+        2,
+        1,
+    ),
 }
 
 
@@ -59,7 +71,9 @@ def test_continued(run_on, tops, name):
     principal axes where the inertia leaves them open, velocities of another time, on other numbers of ranks."""
     make, before, after = SYSTEMS[name]
     system = make(tops)
-    fixes = OURS.format(group="all", words="molecule") + ("\nfix 9 all enforce2d" if name == "plane" else "")
+    fixes = OURS.format(group="all", words="molecule") + (
+        "\nfix 9 all enforce2d" if name == "plane" else ""
+    )
     step = f"timestep {system.dt:.17g}\n"
     first = (
         f"{system.setup}\n{step}{fixes}\nrun 50\nwrite_restart middle.restart\nwrite_data middle.data nocoeff\n"
@@ -76,7 +90,10 @@ def test_continued(run_on, tops, name):
     )
     results = run_on(second, "restarted", "from_data", "periodic", ranks=after)
     errors = {"whole": off(whole, continued, system.h)}
-    errors |= {kind: off(result, continued, system.h) for kind, result in zip(("restarted", "from_data", "periodic"), results)}
+    errors |= {
+        kind: off(result, continued, system.h)
+        for kind, result in zip(("restarted", "from_data", "periodic"), results)
+    }
     assert max(errors.values()) < 1e-10, errors
 
 
@@ -108,12 +125,16 @@ def spheres(sizes):
     for m, site in enumerate(sites):
         for k, place in enumerate((np.array(site) * 7 / 3 + shape[: sizes[m % len(sizes)]]) % 7):
             number += 1
-            atoms.append(f"create_atoms {1 + k % 2} single {place[0]:.15g} {place[1]:.15g} {place[2]:.15g} units box")
+            atoms.append(
+                f"create_atoms {1 + k % 2} single {place[0]:.15g} {place[1]:.15g} {place[2]:.15g} units box"
+            )
             molecules.append(f"set atom {number} mol {m + 1}")
     return SPHERES.format(atoms="\n".join(atoms), molecules="\n".join(molecules))
 
 
-@pytest.mark.parametrize("sizes, bound", [((1, 3, 4), 1e-10), ((2,), 1e-5)], ids=["1, 3 or 4 spheres", "dumbbells"])
+@pytest.mark.parametrize(
+    "sizes, bound", [((1, 3, 4), 1e-10), ((2,), 1e-5)], ids=["1, 3 or 4 spheres", "dumbbells"]
+)
 def test_continued_spheres(run_on, sizes, bound):
     """Locks out spins of spheres that a restart loses, or that the bodies are made anew without, and principal axes
     that are others when they are made anew. (A dumbbell has three moments, two of them equal, and no atom beside its axis
@@ -129,7 +150,9 @@ def test_continued_spheres(run_on, sizes, bound):
         f"{fix}\nrun 100\nDUMP restarted\n"
     )
     continued, whole = run_on(first, "continued", "whole", columns=columns)
-    (restarted,) = run_on("read_restart middle.restart\n" + second, "restarted", ranks=2, columns=columns)
+    (restarted,) = run_on(
+        "read_restart middle.restart\n" + second, "restarted", ranks=2, columns=columns
+    )
     errors = [off(result, continued, 7 * np.eye(3)) for result in (whole, restarted)]
     assert np.abs(continued.v[:, 3:]).max() > 0.1 and np.ptp(continued.v[:, 3:]) > 0.1
     assert errors[0] < bound and errors[1] < 1e-10
@@ -148,7 +171,12 @@ def test_runs_in_parts(run_on, tops, ranks):
         "every without setup": "run 100 every 20 NULL",
         "thermo": "thermo 7\nrun 30\nrun 0\nthermo 3\nrun 70",
     }
-    script = "clear\n".join(f"{system.setup}\n{fix}\n{text}\nDUMP {name.replace(' ', '-')}\n" for name, text in parts.items())
-    results = run_on(script, *(name.replace(" ", "-") for name in parts), ranks=ranks, files=system.files)
+    script = "clear\n".join(
+        f"{system.setup}\n{fix}\n{text}\nDUMP {name.replace(' ', '-')}\n"
+        for name, text in parts.items()
+    )
+    results = run_on(
+        script, *(name.replace(" ", "-") for name in parts), ranks=ranks, files=system.files
+    )
     errors = {name: off(result, results[0], system.h) for name, result in zip(parts, results)}
     assert max(errors.values()) < 1e-11, errors

@@ -68,7 +68,12 @@ def one_atom_bodies(q, p, moments, more_rows=0):
     """Bodies of mass 1 and one atom each, at rest at the origin, with q and p (4, n); moments: (3,) or (3, n)."""
     n = q.shape[1]
     state = np.zeros((kernels.ROWS + more_rows, n))
-    state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = 1.0, np.reshape(moments, (3, -1)), q, p
+    state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = (
+        1.0,
+        np.reshape(moments, (3, -1)),
+        q,
+        p,
+    )
     state[kernels.ID] = number = np.arange(n)
     return Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), False, False)
 
@@ -96,9 +101,13 @@ def rotate_once(axis: I, q: F2, p: F2, moment: F1, dt: F, small: I):
         else:
             permuted = rotor.permute_3(qb), rotor.permute_3(pb)
         if small:
-            qb, pb = rotor.rotation(qb, pb, permuted[0], permuted[1], 1.0 / (4.0 * moment[b]), dt, True)
+            qb, pb = rotor.rotation(
+                qb, pb, permuted[0], permuted[1], 1.0 / (4.0 * moment[b]), dt, True
+            )
         else:
-            qb, pb = rotor.rotation(qb, pb, permuted[0], permuted[1], 1.0 / (4.0 * moment[b]), dt, False)
+            qb, pb = rotor.rotation(
+                qb, pb, permuted[0], permuted[1], 1.0 / (4.0 * moment[b]), dt, False
+            )
         for k in range(4):
             q[k, b], p[k, b] = qb[k], pb[k]
 
@@ -142,7 +151,9 @@ def test_equals_the_paper(dt, mrot):
     inner steps of the wrong length."""
     q, p = tops(50, ASYMMETRIC, 1)
     got = advance(q, p, ASYMMETRIC, dt, mrot=mrot)
-    wanted = np.array([paper(*pair, ASYMMETRIC, dt, mrot) for pair in zip(q.T, p.T)]).transpose(1, 2, 0)
+    wanted = np.array([paper(*pair, ASYMMETRIC, dt, mrot) for pair in zip(q.T, p.T)]).transpose(
+        1, 2, 0
+    )
     for have, want in zip(got, wanted):
         error = np.abs(have - want).max(axis=0) / np.linalg.norm(want, axis=0)
         assert error.max() < 12 * mrot * np.finfo(float).eps  # the paper's formulas round too
@@ -167,7 +178,11 @@ def test_each_rotation_to_four_ulp(axis, small):
     rotate_once(axis, turned, kicked, moment, dt, small)
 
     permuted = P[axis] @ q
-    zeta = dt * (1 / (4 * moment) * (p[0] * permuted[0] + p[1] * permuted[1] + p[2] * permuted[2] + p[3] * permuted[3]))
+    zeta = dt * (
+        1
+        / (4 * moment)
+        * (p[0] * permuted[0] + p[1] * permuted[1] + p[2] * permuted[2] + p[3] * permuted[3])
+    )
     wide = np.longdouble
     c, s = np.cos(zeta.astype(wide)), np.sin(zeta.astype(wide))
     size = np.abs(L[axis]).astype(wide) * 2
@@ -188,10 +203,14 @@ def test_fast_bodies_among_slow_ones():
     for moments in ASYMMETRIC, ASYMMETRIC[::-1]:
         alone = advance(q, p, moments, 0.3)
         got = advance(q, quick, moments, 0.3)
-        want = np.array([paper(*pair, moments, 0.3, 1) for pair in zip(q.T, quick.T)]).transpose(1, 2, 0)
+        want = np.array([paper(*pair, moments, 0.3, 1) for pair in zip(q.T, quick.T)]).transpose(
+            1, 2, 0
+        )
         for slow, have, right in zip(alone, got, want):
             size = np.linalg.norm(right, axis=0)
-            assert (np.abs(have - right).max(axis=0) / size).max() < 4e-14  # round-off of angles up to 30
+            assert (
+                np.abs(have - right).max(axis=0) / size
+            ).max() < 4e-14  # round-off of angles up to 30
             assert (np.abs(have - slow).max(axis=0) / size)[~fast].max() < 20 * np.finfo(float).eps
 
 
@@ -294,7 +313,9 @@ def test_a_million_steps():
     np.testing.assert_allclose(space_momentum(q, p), L, rtol=0, atol=1e-10 * size.max())
     energies = np.array(energies)
     assert 1e-6 < np.abs(energies).max() < 0.02  # bounded, by the error of a step of this length
-    halves = energies.reshape(2, 10, bunches // 20, n).mean(axis=2)  # ten nearly independent blocks each
+    halves = energies.reshape(2, 10, bunches // 20, n).mean(
+        axis=2
+    )  # ten nearly independent blocks each
     shift = halves[1].mean(axis=0) - halves[0].mean(axis=0)
     error = np.sqrt(halves.var(axis=1, ddof=1).sum(axis=0) / 10)
     assert (np.abs(shift) < 5 * error + 1e-11).all(), (shift, error)

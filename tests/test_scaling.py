@@ -22,13 +22,27 @@ STEPS, EVERY = 12, 4  # and between re-neighbourings
 def water(ranks):
     """A data file of molecules like water, turned at random: a row of cubes, one for each rank, each with a layer on its faces."""
     rng = np.random.default_rng(5)
-    cells = np.stack(np.meshgrid(np.arange(ranks * SIDE), np.arange(SIDE), np.arange(SIDE)), -1).reshape(-1, 1, 3)
+    cells = np.stack(
+        np.meshgrid(np.arange(ranks * SIDE), np.arange(SIDE), np.arange(SIDE)), -1
+    ).reshape(-1, 1, 3)
     shape = np.array([[0, 0, 0], [0.59, 0.76, 0], [0.59, -0.76, 0]])
     turn = np.linalg.qr(rng.normal(size=(len(cells), 3, 3)))[0]
     place = (SPACING * cells + np.einsum("nij,aj->nai", turn, shape)).reshape(-1, 3)
     lines = ["water", f"{len(place)} atoms", "2 atom types", f"0 {ranks * SIDE * SPACING} xlo xhi"]
-    lines += [f"0 {SIDE * SPACING} {k}lo {k}hi" for k in "yz"] + ["", "Masses", "", "1 16", "2 1", "", "Atoms # molecular", ""]
-    lines += [f"{i + 1} {i // 3 + 1} {1 if i % 3 == 0 else 2} {x:.9g} {y:.9g} {z:.9g}" for i, (x, y, z) in enumerate(place)]
+    lines += [f"0 {SIDE * SPACING} {k}lo {k}hi" for k in "yz"] + [
+        "",
+        "Masses",
+        "",
+        "1 16",
+        "2 1",
+        "",
+        "Atoms # molecular",
+        "",
+    ]
+    lines += [
+        f"{i + 1} {i // 3 + 1} {1 if i % 3 == 0 else 2} {x:.9g} {y:.9g} {z:.9g}"
+        for i, (x, y, z) in enumerate(place)
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -96,7 +110,7 @@ def start(ranks, folder, program):
 
     from validation import counting
 
-    environment = os.environ | counting.environment(folder / "counts") | {"OMP_NUM_THREADS": "1"}
+    environment = os.environ | counting.environment(folder / "counts")
     done = subprocess.run([str(BIN / "mpirun"), "-np", str(ranks), sys.executable, *program], cwd=folder, env=environment, text=True,
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120)  # fmt: skip
     assert done.returncode == 0, done.stdout
@@ -126,7 +140,9 @@ def test_counts(counts):
     assert four["messages"] > 2 and four["bytes"] > 1000  # there is an exchange to count
     for ranks in (8, 16):
         for key, value in counts[ranks][0].items():
-            assert value < 1.15 * four[key], f"{key} per step and rank: {value} on {ranks} ranks, {four[key]} on 4"
+            assert value < 1.15 * four[key], (
+                f"{key} per step and rank: {value} on {ranks} ranks, {four[key]} on 4"
+            )
 
 
 def test_arrays(counts):

@@ -63,16 +63,24 @@ INSIDE = "displace_atoms all move 1.4 1.4 1.4 units box"  # no body crosses a fa
 HALVES = "unfix 1\ngroup a molecule <= 13\ngroup b subtract bodies a\nfix 1 a FIX(a)\n"
 CASES = {
     # atoms come and go, so that LAMMPS moves its arrays: views of the old ones are dead
-    "arrays moved": Case("lattice sc 80.0\ncreate_atoms 1 box\ngroup extra subtract all bodies\ndelete_atoms group extra compress no"),
+    "arrays moved": Case(
+        "lattice sc 80.0\ncreate_atoms 1 box\ngroup extra subtract all bodies\ndelete_atoms group extra compress no"
+    ),
     # a temperature outside of a run counts degrees of freedom
-    "dof between runs": Case('print "$(c_other)"', "pre no", "compute other all temp\ncompute_modify other dynamic/dof yes"),
+    "dof between runs": Case(
+        'print "$(c_other)"',
+        "pre no",
+        "compute other all temp\ncompute_modify other dynamic/dof yes",
+    ),
     # LAMMPS's last group has the sign bit of the atoms' mask
     "32 groups": Case(groups="\n".join(f"group g{k} empty" for k in range(30))),
     # of a new fix: LAMMPS's rigid fixes count degrees of freedom that they must not after a first run (test_other_fixes.py)
     "new velocities": Case("unfix 1\nfix 1 bodies FIX(bodies)\nvelocity all create 2.0 87287"),
     "velocity set": Case("variable w atom 0.3*sin(x)\nvelocity bodies set 0.1 v_w NULL"),
     "velocity scale": Case("velocity all scale 2.0 temp thermo_temp"),
-    "velocity zero": Case("velocity all set 0.4 0 0 sum yes\nrun 2\nvelocity all zero linear\nrun 2\nvelocity all zero angular"),
+    "velocity zero": Case(
+        "velocity all set 0.4 0 0 sum yes\nrun 2\nvelocity all zero linear\nrun 2\nvelocity all zero angular"
+    ),
     "velocity ramp": Case("velocity all ramp vx 0 1 y 0 8 sum yes units box"),
     "new time step": Case("timestep 0.002"),
     "reset_timestep": Case("reset_timestep 1000"),
@@ -81,49 +89,90 @@ CASES = {
     "post no": Case("run 3 post no\nrun 0 post no", "pre no post no"),
     "run every": Case("", 'every 3 "variable a equal step" "print $a"'),
     "run every with commands": Case("", 'every 5 "velocity all scale 1.5 temp thermo_temp"'),
-    "run start stop": Case("variable r equal ramp(0,3)\nfix 0 bodies addforce v_r 0 0\nunfix 1\nfix 1 bodies FIX(bodies)", "start 0 stop 100"),
+    "run start stop": Case(
+        "variable r equal ramp(0,3)\nfix 0 bodies addforce v_r 0 0\nunfix 1\nfix 1 bodies FIX(bodies)",
+        "start 0 stop 100",
+    ),
     "run upto": Case("", "upto\n"),
-    "loop": Case("variable i loop 3\nlabel again{end}\nrun 3\ndisplace_atoms all move 0.1 0 0\nnext i\njump SELF again{end}"),
+    "loop": Case(
+        "variable i loop 3\nlabel again{end}\nrun 3\ndisplace_atoms all move 0.1 0 0\nnext i\njump SELF again{end}"
+    ),
     "write_data": Case("write_data data.out"),
     "write_restart": Case("write_restart restart.out"),
     "info": Case("info system fixes groups computes"),
     "balance": Case("balance 0.9 shift xyz 5 1.01"),
     "displaced": Case("displace_atoms all move 3.3 0.2 -5.1"),
     "displace one": Case("group one molecule 14\ndisplace_atoms one move 0.1 -0.2 0.1 units box"),
-    "rotate one": Case("group one molecule 14\ndisplace_atoms one rotate 4 4 4 1 2 -1 25 units box"),
+    "rotate one": Case(
+        "group one molecule 14\ndisplace_atoms one rotate 4 4 4 1 2 -1 25 units box"
+    ),
     "delete bodies": Case("group some molecule 3 7 20\ndelete_atoms group some", anew=True),
-    "delete an atom": Case("delete_atoms group corner", groups="group corner id 40", anew=True, tolerance=1e-6),
-    "create bodies": Case("create_atoms 0 single 0.5 0.5 0.5 mol bent 77\ncreate_atoms 0 single 1.5 1.5 0.5 mol bent 78\ngroup bodies type 1", anew=True),
+    "delete an atom": Case(
+        "delete_atoms group corner", groups="group corner id 40", anew=True, tolerance=1e-6
+    ),
+    "create bodies": Case(
+        "create_atoms 0 single 0.5 0.5 0.5 mol bent 77\ncreate_atoms 0 single 1.5 1.5 0.5 mol bent 78\ngroup bodies type 1",
+        anew=True,
+    ),
     # deformed bodies keep their shape (test_shapes), unless the fix is defined again
     "scaled box": Case("change_box all x scale 1.05 y scale 0.97 remap", reshaped=True),
     "wider box": Case(f"{INSIDE}\nchange_box all z delta -1 2 units box"),
     "boundary": Case(f"{INSIDE}\nchange_box all boundary p f p"),
     "triclinic box": Case("change_box all triclinic"),
-    "tilted box": Case("change_box all triclinic xy delta 0.5 yz delta -0.3 remap units box", reshaped=True),
+    "tilted box": Case(
+        "change_box all triclinic xy delta 0.5 yz delta -0.3 remap units box", reshaped=True
+    ),
     "group changed": Case("group bodies clear\ngroup bodies molecule 1:20", anew=True),
-    "minimised without the fix": Case("unfix 1\nmin_style cg\nminimize 0 0 4 8\nfix 1 bodies FIX(bodies)"),
+    "minimised without the fix": Case(
+        "unfix 1\nmin_style cg\nminimize 0 0 4 8\nfix 1 bodies FIX(bodies)"
+    ),
     "new fix": Case("unfix 1\nrun 5\nfix other bodies FIX(bodies)"),
     # a variable that tells bodies apart is read once: atoms stay in their bodies wherever they go
-    "variable changed": Case("variable k equal 1\nwrite_data data.out\nbalance 0.9 shift xyz 5 1.01\nrun 5\nwrite_restart state",
-                             groups="variable k equal 0\nvariable b atom mol*(v_k<1)", words="custom v_b"),
-    "variable of new atoms": Case("create_atoms 0 single 0.5 0.5 0.5 mol bent 77\ngroup bodies type 1", groups="variable b atom mol", words="custom v_b",
-                                  anew=True),
+    "variable changed": Case(
+        "variable k equal 1\nwrite_data data.out\nbalance 0.9 shift xyz 5 1.01\nrun 5\nwrite_restart state",
+        groups="variable k equal 0\nvariable b atom mol*(v_k<1)",
+        words="custom v_b",
+    ),
+    "variable of new atoms": Case(
+        "create_atoms 0 single 0.5 0.5 0.5 mol bent 77\ngroup bodies type 1",
+        groups="variable b atom mol",
+        words="custom v_b",
+        anew=True,
+    ),
     "same fix again": Case("fix 1 bodies FIX(bodies)"),
     "two fixes": Case(HALVES + "fix 2 b FIX(b)"),
     "beside rigid/nve": Case(HALVES + "fix 2 b rigid/nve molecule"),
     "beside fix nve": Case(HALVES + "fix 2 b nve"),
-    "read_data add": Case(f"{INSIDE}\nrun 1\nwrite_data data.more\nread_data data.more add append shift 8.8 0 0\ngroup bodies type 1", anew=True),
+    "read_data add": Case(
+        f"{INSIDE}\nrun 1\nwrite_data data.more\nread_data data.more add append shift 8.8 0 0\ngroup bodies type 1",
+        anew=True,
+    ),
 }
 
 
 def script(name, case, fix, number):
     """The input of a case with one of the two fixes."""
-    between = case.between + ("\nunfix 1\nfix 1 bodies FIX(bodies)" if (case.anew if fix == THEIRS else case.reshaped) else "")
+    between = case.between + (
+        "\nunfix 1\nfix 1 bodies FIX(bodies)"
+        if (case.anew if fix == THEIRS else case.reshaped)
+        else ""
+    )
     end = f"end.{number}.{'theirs' if fix == THEIRS else 'ours'}"
-    text = SCRIPT.format(name=end, end=end, groups=case.groups + "\ngroup bodies type 1", fix="FIX(bodies)", how=case.how, between=between.replace("{end}", end))
+    text = SCRIPT.format(
+        name=end,
+        end=end,
+        groups=case.groups + "\ngroup bodies type 1",
+        fix="FIX(bodies)",
+        how=case.how,
+        between=between.replace("{end}", end),
+    )
     if case.how == "upto\n":
         text = text.replace("run           10 upto", "run 20 upto")
-    return re.sub(r"FIX\((\w+)\)", lambda match: fix.replace("molecule", case.words).replace("GROUP", match[1]), text)
+    return re.sub(
+        r"FIX\((\w+)\)",
+        lambda match: fix.replace("molecule", case.words).replace("GROUP", match[1]),
+        text,
+    )
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +186,11 @@ def known():
 def test_between_runs(run_lammps, tmp_path, known, ranks, name):
     """Locks out state of an earlier run, or of an earlier system, that is used after the script has changed the system."""
     if ranks not in known:
-        parts = [script(other, case, fix, k) for k, (other, case) in enumerate(CASES.items()) for fix in (OURS, THEIRS)]
+        parts = [
+            script(other, case, fix, k)
+            for k, (other, case) in enumerate(CASES.items())
+            for fix in (OURS, THEIRS)
+        ]
         run = run_lammps("".join(parts), files={"mol.bent": BENT}, ranks=ranks, check=False)
         words = re.split(r"^PART (.*)\n", run.log, flags=re.M)[1:]
         known[ranks] = run, dict(zip(words[::2], words[1::2])), tmp_path
@@ -152,10 +205,14 @@ def test_between_runs(run_lammps, tmp_path, known, ranks, name):
     assert ours["Step"].tolist() == theirs["Step"].tolist() and len(ours) >= 3
     rtol = CASES[name].tolerance
     for column in "Temp", "PotEng", "TotEng":
-        np.testing.assert_allclose(ours[column], theirs[column], rtol=rtol, atol=0.01 * rtol, err_msg=column)
+        np.testing.assert_allclose(
+            ours[column], theirs[column], rtol=rtol, atol=0.01 * rtol, err_msg=column
+        )
     ours, theirs = ends
     assert ours.shape == theirs.shape
-    np.testing.assert_allclose(ours[:, 4:], theirs[:, 4:], rtol=0, atol=rtol * np.abs(theirs[:, 4:]).max())
+    np.testing.assert_allclose(
+        ours[:, 4:], theirs[:, 4:], rtol=0, atol=rtol * np.abs(theirs[:, 4:]).max()
+    )
     np.testing.assert_allclose(ours[:, 1:4], theirs[:, 1:4], rtol=0, atol=rtol * 10)
 
 
@@ -178,12 +235,17 @@ def test_rerun(run_lammps, ranks):
     whose temperature and energy are others than in the run."""
     setup = SCRIPT.split("{groups}")[0].replace("{name}", "rerun") + "thermo 5\ngroup bodies type 1"
     tables = {}
-    for name, before in ("without", "compute_modify thermo_temp dynamic/dof no"), ("with", "fix 1 bodies {fix}"):
+    for name, before in (
+        ("without", "compute_modify thermo_temp dynamic/dof no"),
+        ("with", "fix 1 bodies {fix}"),
+    ):
         fix = OURS.replace("GROUP", "bodies")
         text = RERUN.format(setup=setup, fix=fix, before=before.format(fix=fix))
         tables[name] = run_lammps(text, files={"mol.bent": BENT}, ranks=ranks).thermo
         assert tables[name]["Step"].tolist() == 2 * [0, 5, 10, 15, 20]
-        np.testing.assert_allclose(tables[name]["PotEng"][5:], tables[name]["PotEng"][:5], rtol=1e-12)
+        np.testing.assert_allclose(
+            tables[name]["PotEng"][5:], tables[name]["PotEng"][:5], rtol=1e-12
+        )
     table = tables["with"]
     for column in "Temp", "TotEng":
         np.testing.assert_allclose(table[column][5:], table[column][:5], rtol=1e-9)

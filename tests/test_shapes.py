@@ -15,14 +15,29 @@ SAID = r"Bodies that were deformed between the runs: (\d+); the body of molecule
 
 # what deforms bodies, in boxes of three vectors, and where bodies turn with it
 DEFORMED = {
-    "scaled": (lambda: mixture(ALL), "change_box all x final 0 7.4 y final 0 8.1 z scale 1.0 remap units box"),
+    "scaled": (
+        lambda: mixture(ALL),
+        "change_box all x final 0 7.4 y final 0 8.1 z scale 1.0 remap units box",
+    ),
     "twice as wide": (lambda: mixture(ALL), "change_box all x final 0 15.3 remap units box"),
-    "sheared": (lambda: mixture(ALL, tilt=0.3), "change_box all xy delta 0.9 yz delta -0.4 remap units box"),
-    "plane": (lambda: mixture("planar pair row single", side=5, dimension=2), "change_box all x final 0 11 remap units box"),
-    "moved at random": (lambda: mixture(ALL), "displace_atoms all random 0.1 0.1 0.1 4928 units box"),
+    "sheared": (
+        lambda: mixture(ALL, tilt=0.3),
+        "change_box all xy delta 0.9 yz delta -0.4 remap units box",
+    ),
+    "plane": (
+        lambda: mixture("planar pair row single", side=5, dimension=2),
+        "change_box all x final 0 11 remap units box",
+    ),
+    "moved at random": (
+        lambda: mixture(ALL),
+        "displace_atoms all random 0.1 0.1 0.1 4928 units box",
+    ),
     "ramp": (lambda: mixture(ALL), "displace_atoms all ramp y 0.0 0.5 x 0.0 7.65 units box"),
     "one atom": (lambda: mixture(ALL), "variable x atom x+0.2\nset atom 12 x v_x"),
-    "scaled in large steps": (lambda: mixture(ALL), "change_box all x final 0 7.5 remap x final 0 7.8 set y final 0 7.7 remap units box"),
+    "scaled in large steps": (
+        lambda: mixture(ALL),
+        "change_box all x final 0 7.5 remap x final 0 7.8 set y final 0 7.7 remap units box",
+    ),
 }
 
 
@@ -32,9 +47,17 @@ def run_dumps(run_lammps, tmp_path):
 
     def run(script, files, ranks=1, **how):
         names = re.findall(r"DUMP (\w+)", script)
-        script = re.sub(r"DUMP (\w+)", rf"write_dump all custom \1 id xu yu zu vx vy vz ix iy iz {EXACT}", script)
+        script = re.sub(
+            r"DUMP (\w+)",
+            rf"write_dump all custom \1 id xu yu zu vx vy vz ix iy iz {EXACT}",
+            script,
+        )
         done = run_lammps(script, files=files, ranks=ranks, **how)
-        return done, {name: np.loadtxt(tmp_path / name, skiprows=9)[:, 1:] for name in names if (tmp_path / name).exists()}
+        return done, {
+            name: np.loadtxt(tmp_path / name, skiprows=9)[:, 1:]
+            for name in names
+            if (tmp_path / name).exists()
+        }
 
     return run
 
@@ -47,7 +70,11 @@ def placed(before, after, system):
         mass, x, shape = system.mass[mine], after[mine], before[mine]
         centre = mass @ x / mass.sum()
         shape = shape - mass @ shape / mass.sum()
-        turn = Rotation.align_vectors(x - centre, shape, weights=mass)[0] if len(mass) > 1 else Rotation.identity()
+        turn = (
+            Rotation.align_vectors(x - centre, shape, weights=mass)[0]
+            if len(mass) > 1
+            else Rotation.identity()
+        )
         result[mine] = centre + turn.apply(shape)
         size = np.linalg.norm(shape, axis=1).max()
         far.append(np.linalg.norm(x - result[mine], axis=1).max() / size if size > 1e-9 else 0.0)
@@ -59,17 +86,27 @@ def with_atoms(system, x, v, log):
     lo, hi, tilt = np.array(re.search(r"(?m)^BOX (.*)", log)[1].split(), float).reshape(3, 3)
     text = system.files["data.bodies"]
     masses = text[text.index("Masses") : text.index("Atoms")]
-    rows = [line.split()[:3] for line in text[text.index("Atoms") : text.index("Velocities")].splitlines()[2:] if line]
+    rows = [
+        line.split()[:3]
+        for line in text[text.index("Atoms") : text.index("Velocities")].splitlines()[2:]
+        if line
+    ]
     lines = ["bodies", "", f"{len(x)} atoms", f"{len(SHAPES['row'][0])} atom types", ""]
     lines += [f"{a:.17g} {b:.17g} {k}lo {k}hi" for a, b, k in zip(lo, hi, "xyz")]
     lines += ["{:.17g} {:.17g} {:.17g} xy xz yz".format(*tilt)] if tilt.any() else []
     lines += ["", masses, "Atoms # molecular", ""]
     lines += [" ".join([*row, *(f"{c:.17g}" for c in place)]) for row, place in zip(rows, x)]
-    lines += ["", "Velocities", ""] + [f"{k + 1} " + " ".join(f"{c:.17g}" for c in speed) for k, speed in enumerate(v)]
+    lines += ["", "Velocities", ""] + [
+        f"{k + 1} " + " ".join(f"{c:.17g}" for c in speed) for k, speed in enumerate(v)
+    ]
     return {"data.bodies": "\n".join(lines) + "\n"}
 
 
-BOX = "print 'BOX " + " ".join(f"$({k}:%.17g)" for k in "xlo ylo zlo xhi yhi zhi xy xz yz".split()) + "'"
+BOX = (
+    "print 'BOX "
+    + " ".join(f"$({k}:%.17g)" for k in "xlo ylo zlo xhi yhi zhi xy xz yz".split())
+    + "'"
+)
 
 
 def script(system, then, words="molecule"):
@@ -79,25 +116,40 @@ def script(system, then, words="molecule"):
 
 
 @pytest.mark.filterwarnings("ignore:Optimal rotation is not uniquely")
-@pytest.mark.parametrize("name, ranks", [("scaled", 1), ("scaled", 4), *((name, 2) for name in DEFORMED)])
+@pytest.mark.parametrize(
+    "name, ranks", [("scaled", 1), ("scaled", 4), *((name, 2) for name in DEFORMED)]
+)
 def test_bodies_keep_their_shape(run_dumps, name, ranks):
     """Locks out bodies that shrink, silently, when a script scales the box between two runs or displaces their atoms: each is
     where scipy's least squares put it, its distances stay, and it moves on as in a fresh script."""
     make, deform = DEFORMED[name]
     system = make()
-    then = f"run 20\nDUMP before\n{deform}\nDUMP deformed\n{BOX}\nrun 0\nDUMP placed\nrun 30\nDUMP end"
+    then = (
+        f"run 20\nDUMP before\n{deform}\nDUMP deformed\n{BOX}\nrun 0\nDUMP placed\nrun 30\nDUMP end"
+    )
     run, atoms = run_dumps(script(system, then), system.files, ranks)
     x, v = (np.split(atoms["deformed"], [3, 6], axis=1))[:2]
     expected, far = placed(atoms["before"][:, :3], x, system)
     np.testing.assert_allclose(atoms["placed"][:, :3], expected, rtol=0, atol=1e-12)
     for body in np.unique(system.molecule):
-        pairs = np.array([*itertools.combinations(np.flatnonzero(system.molecule == body), 2)], int).reshape(-1, 2).T
-        old, new = (np.linalg.norm(a[pairs[0], :3] - a[pairs[1], :3], axis=1) for a in (atoms["before"], atoms["placed"]))
+        pairs = (
+            np.array([*itertools.combinations(np.flatnonzero(system.molecule == body), 2)], int)
+            .reshape(-1, 2)
+            .T
+        )
+        old, new = (
+            np.linalg.norm(a[pairs[0], :3] - a[pairs[1], :3], axis=1)
+            for a in (atoms["before"], atoms["placed"])
+        )
         np.testing.assert_allclose(new, old, rtol=0, atol=1e-12)
     said = re.findall(SAID, run.log)
     assert len(said) == 1 and int(said[0][0]) == (far > 1e-8).sum()
-    assert int(said[0][1]) == far.argmax() + 1 and float(said[0][3]) == pytest.approx(far.max(), rel=0.05)
-    _, other = run_dumps(script(system, "run 30\nDUMP end"), with_atoms(system, expected, v, run.log))
+    assert int(said[0][1]) == far.argmax() + 1 and float(said[0][3]) == pytest.approx(
+        far.max(), rel=0.05
+    )
+    _, other = run_dumps(
+        script(system, "run 30\nDUMP end"), with_atoms(system, expected, v, run.log)
+    )
     distance = atoms["end"] - other["end"]
     assert np.abs(distance[:, :6]).max() < 1e-9
 
@@ -109,7 +161,8 @@ WHOLE = {  # what leaves every body its shape, if it leaves the body at all
     "read again": "read_dump same 20 x y z ix iy iz vx vy vz",
     "other members": "group part id 3 17\ndelete_atoms group part",
     "other molecule-IDs": "variable m atom mol+100\nset group all mol v_m",
-    "defined again": "change_box all x scale 0.97 remap\nunfix 1\n" + OURS.format(group="all", words="molecule"),
+    "defined again": "change_box all x scale 0.97 remap\nunfix 1\n"
+    + OURS.format(group="all", words="molecule"),
 }
 
 
@@ -118,7 +171,9 @@ def test_bodies_with_the_shape_of_their_atoms(run_lammps, name):
     """Locks out a message, and atoms that are moved, where nothing has deformed a body, it is of other atoms now, or the fix is new."""
     system = mixture("solid planar")
     dump = f"write_dump all custom same id type x y z ix iy iz vx vy vz {EXACT}"
-    run = run_lammps(script(system, f"run 20\n{dump}\n{WHOLE[name]}\nrun 20"), files=system.files, ranks=2)
+    run = run_lammps(
+        script(system, f"run 20\n{dump}\n{WHOLE[name]}\nrun 20"), files=system.files, ranks=2
+    )
     assert "deformed" not in run.log and run.log.count("Loop time") == 2
 
 
@@ -136,9 +191,17 @@ def test_what_cannot_keep_its_shape_is_refused(run_lammps, name, ranks):
     """Locks out atoms that silently jump back, and bodies in the middle of nowhere, where bodies go on as they are or are torn."""
     words, then, expected = REFUSED[name]
     system = mixture(ALL)
-    run = run_lammps(script(system, f"run 5\n{then}", words), files=system.files, ranks=ranks, check=False, timeout=60)
+    run = run_lammps(
+        script(system, f"run 5\n{then}", words),
+        files=system.files,
+        ranks=ranks,
+        check=False,
+        timeout=60,
+    )
     errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
-    assert run.code != 0 and len(errors) == 1 and all(words in errors[0] for words in expected), run.screen
+    assert run.code != 0 and len(errors) == 1 and all(words in errors[0] for words in expected), (
+        run.screen
+    )
 
 
 def test_ranks_without_bodies(run_lammps):
@@ -165,9 +228,15 @@ def test_what_is_refused_is_refused_again(run_lammps):
     """Locks out a driver in Python that tries again and gets the torn shapes as the bodies' own."""
     system = mixture(ALL)
     text = script(system, "run 5\nchange_box all boundary p p f")
-    run = run_lammps(text, files=system.files, launcher=[sys.executable, "-c", AGAIN], check=False, timeout=60)
+    run = run_lammps(
+        text, files=system.files, launcher=[sys.executable, "-c", AGAIN], check=False, timeout=60
+    )
     refused = [line for line in run.screen.splitlines() if line.startswith("REFUSED")]
-    assert len(refused) == 2 and "torn apart" in refused[0] and "unfix this fix and define it again" in refused[1], run.screen
+    assert (
+        len(refused) == 2
+        and "torn apart" in refused[0]
+        and "unfix this fix and define it again" in refused[1]
+    ), run.screen
 
 
 # ---- bodies of one kind
@@ -176,7 +245,10 @@ def test_what_is_refused_is_refused_again(run_lammps):
 def bent(angle):
     """A carbon dioxide of three unit steps, bent by so many degrees."""
     half = np.radians(angle) / 2
-    return np.array([[0, 0, 0], [np.cos(half), np.sin(half), 0], [-np.cos(half), np.sin(half), 0]]) * 0.7
+    return (
+        np.array([[0, 0, 0], [np.cos(half), np.sin(half), 0], [-np.cos(half), np.sin(half), 0]])
+        * 0.7
+    )
 
 
 CHIRAL = np.array([[0, 0, 0], [0.9, 0, 0], [0, 0.7, 0], [0.1, 0.2, 0.5]])
@@ -188,7 +260,10 @@ SPECIES = {  # shapes of 27 bodies, and whether that calls for a warning
     "stretched": ([TRIANGLE * (1 + 0.002 * (k == 13)) for k in range(27)], True),
     "digits of a data file": ([np.round(TRIANGLE, 3) for k in range(27)], False),
     "mirrored": ([CHIRAL * [1, 1, (-1) ** k] for k in range(27)], False),
-    "other order of types": ([TRIANGLE[:: (-1) ** k] if k < 2 else TRIANGLE for k in range(27)], False),
+    "other order of types": (
+        [TRIANGLE[:: (-1) ** k] if k < 2 else TRIANGLE for k in range(27)],
+        False,
+    ),
 }
 
 
@@ -201,13 +276,24 @@ def herd(name, seed=3):
         if name == "digits of a data file":
             x = np.round(x, 4)
         types = np.array([1, 2, 3, 1])[: len(shape)]
-        bodies.append(("molecule", x, types[::-1] if name == "other order of types" and k == 1 else types))
+        bodies.append(
+            ("molecule", x, types[::-1] if name == "other order of types" and k == 1 else types)
+        )
     return assemble(bodies, 7.65 * np.eye(3))
 
 
 def differences(system):
     """How far each body is from the first one, at the most, of its size: by scipy."""
-    x = np.array([line.split()[3:] for line in system.files["data.bodies"].split("Atoms # molecular\n\n")[1].split("\n\n")[0].splitlines()], float)
+    x = np.array(
+        [
+            line.split()[3:]
+            for line in system.files["data.bodies"]
+            .split("Atoms # molecular\n\n")[1]
+            .split("\n\n")[0]
+            .splitlines()
+        ],
+        float,
+    )
     x = (x[:, :3] + x[:, 3:] @ system.h.T).reshape(27, -1, 3)
     mass = system.mass.reshape(27, -1)
     x = x - (mass[..., None] * x).sum(axis=1, keepdims=True) / mass.sum(axis=1)[:, None, None]
@@ -216,25 +302,39 @@ def differences(system):
 
 
 @pytest.mark.filterwarnings("ignore:Optimal rotation is not uniquely")
-@pytest.mark.parametrize("name, ranks", [("bent", 1), ("bent", 4), ("one is bent", 2), *((name, 2) for name in list(SPECIES)[2:])])
+@pytest.mark.parametrize(
+    "name, ranks",
+    [("bent", 1), ("bent", 4), ("one is bent", 2), *((name, 2) for name in list(SPECIES)[2:])],
+)
 def test_molecules_of_one_kind_with_other_shapes(run_lammps, name, ranks):
     """Locks out silence where molecules of one species differ in shape, as after a minimisation without bonds, on any number
     of ranks, and a warning where only digits differ, the mirror image, or the order of the types."""
     system, warned = herd(name), SPECIES[name][1]
     run = run_lammps(script(system, "run 5\nrun 5"), files=system.files, ranks=ranks)
-    said = [line for line in run.log.splitlines() if line.startswith("WARNING: the 27 bodies of 3 atoms")]
+    said = [
+        line
+        for line in run.log.splitlines()
+        if line.startswith("WARNING: the 27 bodies of 3 atoms")
+    ]
     assert len(said) == warned and ("have not one shape" in run.log) == warned, run.log
     if not warned:
         return
     assert "same atom types as the body of molecule 1, in the same order" in said[0]
     far = differences(system)
-    differ = re.search(r": (\d+) differ from it by more than 0.001 of its size, the body of molecule (\d+) the most, by (\S+?)[.;] ", said[0])
+    differ = re.search(
+        r": (\d+) differ from it by more than 0.001 of its size, the body of molecule (\d+) the most, by (\S+?)[.;] ",
+        said[0],
+    )
     assert bool(differ) == (far > 1e-3).any()
     if differ:
-        assert int(differ[1]) == (far > 1e-3).sum() and float(differ[3]) == pytest.approx(far.max(), rel=0.05)
+        assert int(differ[1]) == (far > 1e-3).sum() and float(differ[3]) == pytest.approx(
+            far.max(), rel=0.05
+        )
         assert far[int(differ[2]) - 1] == pytest.approx(far.max(), rel=1e-6)
     straight = {"bent": 1, "one is bent": 26, "planar ones among linear ones": 22}.get(name)
-    assert (f"{27 - (straight or 0)} are planar and {straight} are linear" in said[0]) == bool(straight)
+    assert (f"{27 - (straight or 0)} are planar and {straight} are linear" in said[0]) == bool(
+        straight
+    )
 
 
 @pytest.mark.parametrize("far_apart", [False, True])
@@ -246,6 +346,12 @@ def test_kinds_of_molecules_whose_IDs_do_not_follow_one_another(run_lammps, far_
     # first all first atoms, then all second ones
     lines = [line.split() for line in atoms.splitlines()]
     lines = [" ".join([str(1 + k // 3 + 27 * (k % 3)), *line[1:]]) for k, line in enumerate(lines)]
-    files = {"data.bodies": head + "Atoms # molecular\n\n" + "\n".join(lines if far_apart else atoms.splitlines()) + "\n\n" + velocities}
+    files = {
+        "data.bodies": head
+        + "Atoms # molecular\n\n"
+        + "\n".join(lines if far_apart else atoms.splitlines())
+        + "\n\n"
+        + velocities
+    }
     run = run_lammps(script(system, "run 0"), files=files)
     assert "WARNING: the 27 bodies of 3 atoms" in run.log and " 1 differ from it" in run.log

@@ -20,7 +20,12 @@ def scenes(size):
         bodies = int(rng.choice([1, 5, 60]))
         holds = rng.random((bodies, size)) < rng.choice([0.1, 0.5, 1.0])
         ids = rng.choice(10**6, bodies, replace=False)
-        yield rng, ids, holds, rng.normal(size=(size, 3, bodies)) * 10.0 ** rng.integers(-8, 8, (size, 1, bodies))
+        yield (
+            rng,
+            ids,
+            holds,
+            rng.normal(size=(size, 3, bodies)) * 10.0 ** rng.integers(-8, 8, (size, 1, bodies)),
+        )
 
 
 def check_combine(world):
@@ -38,14 +43,21 @@ def check_combine(world):
         assert np.array_equal(np.sort(sharers.bodies), shared)
         assert np.array_equal(sharers.home, holds[mine].argmax(axis=1))
         assert np.array_equal(sharers.owned, sharers.home == world.rank)
-        for operation, none in (np.add, 0.0), (np.maximum, -np.inf), (np.minimum, np.inf), (np.add, 0.0):
+        for operation, none in (
+            (np.add, 0.0),
+            (np.maximum, -np.inf),
+            (np.minimum, np.inf),
+            (np.add, 0.0),
+        ):
             want = np.full(parts.shape[1:], none)
             for r in range(world.size):
                 want = operation(want, np.where(holds[:, r], parts[r], none))
             got = parts[world.rank][:, mine].copy()
             sharers.combine(got, operation)
             assert got.tobytes() == np.ascontiguousarray(want[:, mine]).tobytes()  # to the last bit
-            copies = world.comm.allgather(dict(zip(ids[mine].tolist(), (c.tobytes() for c in got.T))))
+            copies = world.comm.allgather(
+                dict(zip(ids[mine].tolist(), (c.tobytes() for c in got.T)))
+            )
             for body, k in zip(ids, range(len(ids))):
                 assert len({copy[body] for copy in copies if body in copy}) == holds[k].any()
 
@@ -71,13 +83,19 @@ def check_deliver(world):
     """World.deliver brings every array to its rank, when ranks are at different rounds of it, too."""
     for k, (rng, *_) in enumerate(scenes(world.size)):
         size = rng.choice([0, 0, 1, 300, 30000], (world.size, world.size))  # from, to
-        parts = {r: np.arange(n) + 0.1 * world.rank + 0.01 * r for r, n in enumerate(size[world.rank]) if n}
+        parts = {
+            r: np.arange(n) + 0.1 * world.rank + 0.01 * r
+            for r, n in enumerate(size[world.rank])
+            if n
+        }
         if k % world.size == world.rank:
             time.sleep(0.002)  # the others are ahead
         got = world.deliver(parts, float)
         assert list(got) == np.flatnonzero(size[:, world.rank]).tolist()
         for r, part in got.items():
-            assert np.array_equal(part, np.arange(size[r, world.rank]) + 0.1 * r + 0.01 * world.rank)
+            assert np.array_equal(
+                part, np.arange(size[r, world.rank]) + 0.1 * r + 0.01 * world.rank
+            )
 
 
 def check_look_up(world):
@@ -86,9 +104,13 @@ def check_look_up(world):
         n = int(rng.choice([0, 3, 300]))
         keys, values = rng.choice(10**9, n, replace=False), rng.integers(0, 10**6, n)
         mine = rng.integers(0, world.size, n) == world.rank
-        ask = np.random.default_rng(world.rank).permutation(np.concatenate([keys, 10**9 + np.arange(5)]))
+        ask = np.random.default_rng(world.rank).permutation(
+            np.concatenate([keys, 10**9 + np.arange(5)])
+        )
         known = dict(zip(keys.tolist(), values.tolist()))
-        assert world.look_up(keys[mine], values[mine], ask).tolist() == [known.get(key, -1) for key in ask.tolist()]
+        assert world.look_up(keys[mine], values[mine], ask).tolist() == [
+            known.get(key, -1) for key in ask.tolist()
+        ]
 
 
 def check_fetch(world):
@@ -104,7 +126,9 @@ def check_fetch(world):
         rows = rng.normal(size=(n, 4))
         there = rows[old == world.rank][np.argsort(place[old == world.rank])]
         lost = place[(old == world.rank) & (new != world.rank)]
-        gained = np.random.default_rng(world.rank).permutation(np.flatnonzero((new == world.rank) & (old != world.rank)))
+        gained = np.random.default_rng(world.rank).permutation(
+            np.flatnonzero((new == world.rank) & (old != world.rank))
+        )
         origins = np.array([origin(r, p) for r, p in zip(old[gained], place[gained])], np.int64)
         assert np.array_equal(world.fetch(origins, lambda places: there[places]), rows[gained])
         assert not len(world.gone(lost, origins))
@@ -130,7 +154,9 @@ def check_one_communicator(world):
     first, second = World(lammps.py2f()), World(lammps.py2f())
     assert first.comm == second.comm and first.comm != lammps
     lammps.Free()
-    assert first.comm == MPI.COMM_NULL  # else a library that makes and ends many LAMMPS runs out of communicators
+    assert (
+        first.comm == MPI.COMM_NULL
+    )  # else a library that makes and ends many LAMMPS runs out of communicators
     theirs = MPI.COMM_WORLD.isend("LAMMPS's", (world.rank + 1) % world.size)
     assert not world.deliver({}, float)
     assert MPI.COMM_WORLD.recv() == "LAMMPS's"
@@ -147,7 +173,10 @@ def check_agree(world):
         raise AssertionError("no error")
     except RunError as error:
         assert str(error) == "problem of rank 1" and error.everywhere
-    assert world.total(np.array([1.0, world.rank])).tolist() == [world.size, world.size * (world.size - 1) / 2]
+    assert world.total(np.array([1.0, world.rank])).tolist() == [
+        world.size,
+        world.size * (world.size - 1) / 2,
+    ]
     assert world.any(world.rank == world.size - 1) is True and world.any(False) is False
 
 

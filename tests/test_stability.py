@@ -19,7 +19,17 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import __main__ as command  # noqa: E402
-from validation import console, measures, overview_stability, run, stability, stability_bodies, stability_molecules, stability_report, stability_tops  # noqa: E402
+from validation import (
+    console,
+    measures,
+    overview_stability,
+    run,
+    stability,
+    stability_bodies,
+    stability_molecules,
+    stability_report,
+    stability_tops,
+)  # noqa: E402
 from validation.criteria import CRITERIA, ENOUGH_STARTS, Criterion  # noqa: E402
 from validation.stability import BlowUp, CannotRun, Case, Number  # noqa: E402
 from validation.stability_cases import CASES  # noqa: E402
@@ -31,7 +41,14 @@ def criterion(bound=1.0, side="≤", unit="", **more):
 
 
 def case(measure, name="test", side="≤", **more):
-    usual = {"physics": "None.", "criterion": "a number", "bars": "none", "short": 1, "full": 2, "criteria": {"test": criterion(side=side)}}
+    usual = {
+        "physics": "None.",
+        "criterion": "a number",
+        "bars": "none",
+        "short": 1,
+        "full": 2,
+        "criteria": {"test": criterion(side=side)},
+    }
     return Case(name=name, measure=measure, **usual | more)
 
 
@@ -39,7 +56,9 @@ def row(found, integrator="nosquish", folder=Path("unused"), length=None, starts
     """The row of a case with an integrator; of another length, if one is given."""
     if length is not None:
         found = dataclasses.replace(found, short=length)
-    *_, last = stability._rows(found, integrator, folder / "none", folder, False, 60.0, Silent(), starts)
+    *_, last = stability._rows(
+        found, integrator, folder / "none", folder, False, 60.0, Silent(), starts
+    )
     return stability.judged(found, last)
 
 
@@ -82,7 +101,10 @@ def rows(**verdicts):
     return {
         "name": "test",
         "integrators": list(verdicts),
-        "rows": [{"integrator": name, "kind": kinds[name], "verdict": verdict} for name, verdict in verdicts.items()],
+        "rows": [
+            {"integrator": name, "kind": kinds[name], "verdict": verdict}
+            for name, verdict in verdicts.items()
+        ],
     }
 
 
@@ -101,7 +123,10 @@ def test_drift_of_what_blew_up(size):
     [
         ({"nosquish": "blow-up", "rigid": "fail"}, (False, True, True, True)),
         ({"nosquish": "blow-up", "shake": "pass"}, (False, False, True, True)),
-        ({"nosquish": "cannot run", "rigid": "blow-up", "shake": "cannot tell"}, (False, True, True, True)),
+        (
+            {"nosquish": "cannot run", "rigid": "blow-up", "shake": "cannot tell"},
+            (False, True, True, True),
+        ),
         ({"nosquish": "blow-up", "rigid": "blow-up", "gear": "pass"}, (True, True, True, True)),
         ({"nosquish": "fail", "rigid": "pass"}, (True, False, True, True)),
         ({"nosquish": "pass", "rigid": "pass", "shake": "cannot run"}, (True, True, False, False)),
@@ -117,12 +142,16 @@ def test_what_all_rows_say(verdicts, holds):
     told = stability.told([rows(**verdicts)])
     assert tuple(line["holds"] for line in told) == holds
     assert [line["where"] for line in told] == [[] if line["holds"] else ["test"] for line in told]
-    assert ["cannot tell" in stability_report.verdict(line) for line in told] == [one is None for one in holds]
+    assert ["cannot tell" in stability_report.verdict(line) for line in told] == [
+        one is None for one in holds
+    ]
 
 
 def test_a_blow_up_is_told_before_all_rows_are_there():
     """Locks out one of ours that hides behind a case that ours has not run."""
-    line = stability.told([rows(nosquish="blow-up", rigid="pass"), rows(rigid="pass") | {"name": "other"}])[0]
+    line = stability.told(
+        [rows(nosquish="blow-up", rigid="pass"), rows(rigid="pass") | {"name": "other"}]
+    )[0]
     assert line["holds"] is False and line["where"] == ["test"]
 
 
@@ -144,11 +173,15 @@ def test_rows_are_kept(tmp_path, monkeypatch):
         return Number(0.5)
 
     cases = {name: case(measure, name) for name in ("one", "two")}
-    run_them = lambda names, full=False: stability.stability(cases, names, tmp_path, full, 60.0, Silent(), ["nosquish", "rigid"])  # noqa: E731
+    run_them = lambda names, full=False: stability.stability(
+        cases, names, tmp_path, full, 60.0, Silent(), ["nosquish", "rigid"]
+    )  # noqa: E731
     summary = run_them(["one"])
     assert summary["interrupted"] and [len(found["rows"]) for found in summary["cases"]] == [1]
     summary = run_them(["one"])
-    assert not summary["interrupted"] and [found["integrator"] for found in summary["cases"][0]["rows"]] == ["nosquish", "rigid"]
+    assert not summary["interrupted"] and [
+        found["integrator"] for found in summary["cases"][0]["rows"]
+    ] == ["nosquish", "rigid"]
     assert [name for _, name, _ in done] == ["nosquish", "rigid", "rigid"]
     summary = run_them(["two"])
     assert [found["name"] for found in summary["cases"]] == ["one", "two"]
@@ -161,13 +194,17 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     summary = run_them(["two"])
     assert [found["name"] for found in summary["cases"]] == ["two"] and len(done) == 9
     monkeypatch.undo()
-    assert [found["name"] for found in run_them(["two"])["cases"]] == ["one", "two"] and len(done) == 9
+    assert [found["name"] for found in run_them(["two"])["cases"]] == ["one", "two"] and len(
+        done
+    ) == 9
 
 
 def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     """Locks out rows that stay though a module that made them, or a scene, is another; and rows that are lost by what only shows."""
     copy = tmp_path / "validation"
-    shutil.copytree(ROOT / "validation", copy, ignore=shutil.ignore_patterns("results", "__pycache__"))
+    shutil.copytree(
+        ROOT / "validation", copy, ignore=shutil.ignore_patterns("results", "__pycache__")
+    )
     monkeypatch.setattr(stability, "__file__", str(copy / "stability.py"))
 
     def code():
@@ -179,7 +216,19 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
         (copy / f"{shows}.py").write_text("")
     assert code() == before
     found = {before}
-    for follows in "measures", "motion", "starts", "theory_top", "integrators", "paper_peptide", "scenes", "run", "worker", "check", "stability_tops":
+    for follows in (
+        "measures",
+        "motion",
+        "starts",
+        "theory_top",
+        "integrators",
+        "paper_peptide",
+        "scenes",
+        "run",
+        "worker",
+        "check",
+        "stability_tops",
+    ):
         (copy / f"{follows}.py").write_text("")
         found.add(code())
     monkeypatch.setattr(stability.machine, "contents", lambda folder: "another")
@@ -197,8 +246,12 @@ def test_a_length_of_some_is_a_tenth(tmp_path):
         return Number(0.5)
 
     found = case(measure, full=1000, tenth=stability.SLOW)
-    summary = stability.stability({"test": found}, ["test"], tmp_path, True, 60.0, Silent(), ["nosquish", "gear"])
-    assert done == {"nosquish": 1000, "gear": 100} and [one["length"] for one in summary["cases"][0]["rows"]] == [1000, 100]
+    summary = stability.stability(
+        {"test": found}, ["test"], tmp_path, True, 60.0, Silent(), ["nosquish", "gear"]
+    )
+    assert done == {"nosquish": 1000, "gear": 100} and [
+        one["length"] for one in summary["cases"][0]["rows"]
+    ] == [1000, 100]
     assert found.length(False, "gear") == 1
 
 
@@ -215,7 +268,9 @@ def test_error_bars_are_told(tmp_path, error, told):
 
 
 def tile(value, error, verdict="pass", **bounds):
-    return stability_report._tile({"low": None, "high": None} | bounds, {"value": value, "error": error, "verdict": verdict})
+    return stability_report._tile(
+        {"low": None, "high": None} | bounds, {"value": value, "error": error, "verdict": verdict}
+    )
 
 
 @pytest.mark.parametrize(
@@ -275,7 +330,10 @@ def test_a_case_is_one_process_alone(tmp_path):
     (tmp_path / "runs" / "one").mkdir(parents=True)
     with open(tmp_path / "runs" / "one" / "lock", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        run_them = threading.Thread(target=stability.stability, args=(cases, ["one", "two"], tmp_path, False, 60.0, Silent(), ["nosquish"]))
+        run_them = threading.Thread(
+            target=stability.stability,
+            args=(cases, ["one", "two"], tmp_path, False, 60.0, Silent(), ["nosquish"]),
+        )
         run_them.start()
         run_them.join(1.0)
         assert run_them.is_alive() and done == ["two"]
@@ -283,7 +341,9 @@ def test_a_case_is_one_process_alone(tmp_path):
     assert done == ["two", "one"]
 
 
-@pytest.mark.parametrize("moment", [(1, 1, 1), (1, 1, 1e-12), (1, 1, 2), (1 + 1e-6, 1 + 1e-6, 2), (0.7, 0.9, 1.3)])
+@pytest.mark.parametrize(
+    "moment", [(1, 1, 1), (1, 1, 1e-12), (1, 1, 2), (1 + 1e-6, 1 + 1e-6, 2), (0.7, 0.9, 1.3)]
+)
 def test_bodies_have_the_moments_that_they_are_named_after(moment):
     """Locks out needles and disks of other moments."""
     x, mass = stability_bodies.three_rods(np.array(moment, float))
@@ -298,7 +358,9 @@ def test_time_between_turns_over(tilt):
     start = moments * stability_tops.MIDDLE * np.array([tilt, 1.0, tilt])
     exact = stability_tops.exact_interval(tilt)
     times = np.linspace(0.0, 3.2 * exact, 2000)
-    along = np.array([free_top(np.array([1.0, 0, 0, 0]), start, moments, time)[1][1] for time in times])
+    along = np.array(
+        [free_top(np.array([1.0, 0, 0, 0]), start, moments, time)[1][1] for time in times]
+    )
     between = np.diff(stability_tops._turns_over(times, along))
     assert len(between) >= 2
     np.testing.assert_allclose(between, exact, rtol=1e-5)
@@ -310,11 +372,17 @@ def test_exact_symmetric_top(moment):
     moment, spin, turn = np.array(moment), np.array([0.6, -0.5, 0.7]), stability_bodies.turned(1)
     h = 1e-4
     for time in 0.0, 1.0, 30.0:
-        before, now, after = (stability_bodies.symmetric_top(turn, spin, moment, time + step) for step in (-h, 0.0, h))
-        omega = (now.inv() * after * (now.inv() * before).inv()).as_rotvec() / (2 * h)  # in the top's frame
+        before, now, after = (
+            stability_bodies.symmetric_top(turn, spin, moment, time + step) for step in (-h, 0.0, h)
+        )
+        omega = (now.inv() * after * (now.inv() * before).inv()).as_rotvec() / (
+            2 * h
+        )  # in the top's frame
         np.testing.assert_allclose(now.apply(moment * omega), turn.apply(moment * spin), atol=1e-6)
         np.testing.assert_allclose(moment @ omega**2, moment @ spin**2, rtol=1e-6)
-    np.testing.assert_allclose(stability_bodies.symmetric_top(turn, spin, moment, 0.0).as_matrix(), turn.as_matrix())
+    np.testing.assert_allclose(
+        stability_bodies.symmetric_top(turn, spin, moment, 0.0).as_matrix(), turn.as_matrix()
+    )
 
 
 @pytest.mark.parametrize("pace, sure", [(1.0, True), (1.0 + 1e-3, True), (None, False)])
@@ -344,22 +412,38 @@ def test_every_case_has_criteria():
 def test_changed_bounds_are_dated():
     """Locks out a bound that is changed without a dated entry that says so, and one whose cases have none."""
     for name, one in CRITERIA.items():
-        assert one.changes[-1].bound == one.bound, f"{name}: add a Change with the new bound, its date and reason"
-        assert all(change.date and change.reason and change.old and change.new for change in one.changes), name
-        assert [change.date for change in one.changes] == sorted(change.date for change in one.changes), name
-        assert {case for change in one.changes if change.bound == one.bound for case in change.cases} == set(one.cases), name
+        assert one.changes[-1].bound == one.bound, (
+            f"{name}: add a Change with the new bound, its date and reason"
+        )
+        assert all(
+            change.date and change.reason and change.old and change.new for change in one.changes
+        ), name
+        assert [change.date for change in one.changes] == sorted(
+            change.date for change in one.changes
+        ), name
+        assert {
+            case for change in one.changes if change.bound == one.bound for case in change.cases
+        } == set(one.cases), name
 
 
 def test_committed_rows_are_judged_by_the_bounds_of_today():
     """Locks out a bound that is changed in the table alone, and results that other bounds have judged."""
-    summary = json.loads((ROOT / "validation" / "results" / "stability" / "summary.json").read_text())
+    summary = json.loads(
+        (ROOT / "validation" / "results" / "stability" / "summary.json").read_text()
+    )
     for told in summary["cases"]:
         found = CASES[told["name"]]
         assert [told["low"], told["high"]] == [found.low, found.high], found.name
-        assert [one["text"] for one in told["criteria"]] == [one.text() for one in found.criteria.values()], found.name
+        assert [one["text"] for one in told["criteria"]] == [
+            one.text() for one in found.criteria.values()
+        ], found.name
         for line in told["rows"]:
             again = stability.judged(found, line)
-            assert (again["verdict"], again["value"], again["note"]) == (line["verdict"], line["value"], line["note"]), (found.name, line["label"])
+            assert (again["verdict"], again["value"], again["note"]) == (
+                line["verdict"],
+                line["value"],
+                line["note"],
+            ), (found.name, line["label"])
 
 
 def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
@@ -371,46 +455,71 @@ def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
         return Number([0.2, 1.4, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2][stand.start])
 
     found = case(measure, starts=(4, 19), together=stability.mean_of_starts)
-    run_it = lambda starts=None: stability.stability({"test": found}, ["test"], tmp_path, False, 60.0, Silent(), ["nosquish"], starts)  # noqa: E731
+    run_it = lambda starts=None: stability.stability(
+        {"test": found}, ["test"], tmp_path, False, 60.0, Silent(), ["nosquish"], starts
+    )  # noqa: E731
     (line,) = run_it()["cases"][0]["rows"]
     assert done == list(range(8)) and line["verdict"] == "pass" and len(line["numbers"]) == 8
     run_it()
     assert len(done) == 8
     (line,) = run_it(9)["cases"][0]["rows"]
-    assert done == list(range(9)) and [one["value"] for one in line["numbers"]] == [0.2, 1.4] + 7 * [0.2]
+    assert done == list(range(9)) and [one["value"] for one in line["numbers"]] == [
+        0.2,
+        1.4,
+    ] + 7 * [0.2]
 
 
 def test_all_starts_have_to_hold(tmp_path):
     """Locks out a mean of limits that lie in groups, a pass of a few starts, and starts that go on after one has failed."""
 
     def of(values):
-        found = case(lambda stand, length: Number(values[stand.start]), side="≥", starts=(4, 19), together=stability.lowest_of_starts, every=True)
+        found = case(
+            lambda stand, length: Number(values[stand.start]),
+            side="≥",
+            starts=(4, 19),
+            together=stability.lowest_of_starts,
+            every=True,
+        )
         line = row(found, folder=tmp_path)
         return line["value"], line["verdict"], len(line["numbers"])
 
     assert of([2.0, 2.0, 2.0, 0.9] + 15 * [2.0]) == (0.9, "fail", 4)
     assert of([2.0, 2.0, 1.1] + 16 * [2.0]) == (1.1, "pass", ENOUGH_STARTS)
-    with_some = case(None, side="≥", starts=(4, 19), together=stability.lowest_of_starts, every=True)
+    with_some = case(
+        None, side="≥", starts=(4, 19), together=stability.lowest_of_starts, every=True
+    )
     assert with_some.verdict([Number(2.0)] * (ENOUGH_STARTS - 1)) == "cannot tell"
 
 
 def test_drifts_of_starts_have_a_sign():
     """Locks out a mean of absolute values, which chance alone keeps from zero."""
-    found = stability.drift_of_starts([Number(0.3, 0.1, freedom=62.0), Number(-0.1, 0.1, freedom=62.0)])
-    np.testing.assert_allclose([found.value, found.error, found.freedom], [0.1, 0.1 / np.sqrt(2), 62.0])
+    found = stability.drift_of_starts(
+        [Number(0.3, 0.1, freedom=62.0), Number(-0.1, 0.1, freedom=62.0)]
+    )
+    np.testing.assert_allclose(
+        [found.value, found.error, found.freedom], [0.1, 0.1 / np.sqrt(2), 62.0]
+    )
 
 
 def test_rows_of_another_atlas_are_judged_again(tmp_path):
     """Locks out rows that are run again for a new bound, old verdicts that stay, and rows that other inner bounds made."""
     measured = case(lambda stand, length: Number(0.5))
-    stability.stability({"test": measured}, ["test"], tmp_path / "old", False, 60.0, Silent(), ["nosquish"])
+    stability.stability(
+        {"test": measured}, ["test"], tmp_path / "old", False, 60.0, Silent(), ["nosquish"]
+    )
     take = lambda found, out: stability.stability({"test": found}, ["test"], tmp_path / out, False, 60.0, Silent(), ["nosquish"],  # noqa: E731
                                                   take=tmp_path / "old")["cases"][0]["rows"][0]  # fmt: skip
     ran = []
-    stricter = dataclasses.replace(measured, criteria={"test": criterion(0.1)}, measure=lambda stand, length: ran.append(1) or Number(0.7))
+    stricter = dataclasses.replace(
+        measured,
+        criteria={"test": criterion(0.1)},
+        measure=lambda stand, length: ran.append(1) or Number(0.7),
+    )
     line = take(stricter, "new")
     assert (line["value"], line["verdict"], ran) == (0.5, "fail", [])
-    inner = dataclasses.replace(stricter, criteria=stricter.criteria | {"inner": criterion(0.3, inner=True)})
+    inner = dataclasses.replace(
+        stricter, criteria=stricter.criteria | {"inner": criterion(0.3, inner=True)}
+    )
     line = take(inner, "other")
     assert (line["value"], line["verdict"], ran) == (0.7, "fail", [1])
 
@@ -444,7 +553,9 @@ APART = [
 def test_cases_tell_integrators_apart(tmp_path, name, length, passes, does_not):
     """Locks out a bound that nobody can fail, and one that nobody can keep."""
     first = row(CASES[name], passes, tmp_path / "runs", length, starts=CASES[name].starts[0])
-    assert first["verdict"] in ("pass", "cannot tell" if CASES[name].every else "pass"), first  # some starts of those that all have to hold
+    assert first["verdict"] in ("pass", "cannot tell" if CASES[name].every else "pass"), (
+        first
+    )  # some starts of those that all have to hold
     found = row(CASES[name], does_not, tmp_path / "runs", length, starts=CASES[name].starts[0])
     assert found["verdict"] in ("fail", "blow-up"), found
 
@@ -509,10 +620,15 @@ def test_limit_of_steps_that_are_bad_below_good_ones(monkeypatch):
 def test_limit_is_a_mean_over_starts(monkeypatch):
     """Locks out an error bar without what another start gives, or one for which four starts were as good as many."""
     changing(monkeypatch, lambda dt, scene: dt < scene)
-    starts = [stability_molecules.limit(Stand0, one, np.arange(1.0, 12.0), 1.0) for one in (4.1, 5.1, 6.1, 7.1)]
+    starts = [
+        stability_molecules.limit(Stand0, one, np.arange(1.0, 12.0), 1.0)
+        for one in (4.1, 5.1, 6.1, 7.1)
+    ]
     found = stability.mean_of_starts(starts)
     assert found.value == 6.0
-    expected = np.hypot(stats.t.ppf(0.975, 3) * np.std([4, 5, 6, 7], ddof=1) / 2, stats.norm.ppf(0.975) * 0.25)
+    expected = np.hypot(
+        stats.t.ppf(0.975, 3) * np.std([4, 5, 6, 7], ddof=1) / 2, stats.norm.ppf(0.975) * 0.25
+    )
     np.testing.assert_allclose(measures.margin(found.error, found.freedom), expected)
 
 
@@ -520,10 +636,14 @@ def test_limit_of_a_run_that_breaks_at_once(tmp_path):
     """Locks out a crash of the atlas, and a limit, where not even the first step is borne."""
 
     def measure(stand, length):
-        return stability_molecules.limit(stand, stability_molecules.dimer_of(0.1), [50.0, 60.0], length)
+        return stability_molecules.limit(
+            stand, stability_molecules.dimer_of(0.1), [50.0, 60.0], length
+        )
 
     found = row(case(measure, side="≥"), folder=tmp_path, length=5000.0)
-    assert (found["verdict"], found["value"]) == ("fail", 0.0) and found["note"].startswith("not even at 50 fs"), found
+    assert (found["verdict"], found["value"]) == ("fail", 0.0) and found["note"].startswith(
+        "not even at 50 fs"
+    ), found
 
 
 def test_dimer_of_other_masses_has_the_same_energy(tmp_path):
@@ -533,7 +653,9 @@ def test_dimer_of_other_masses_has_the_same_energy(tmp_path):
         measured = []
 
         def measure(stand, length, mass=mass, measured=measured):
-            result, _ = stand.run(stability_molecules.dimer_of(mass), f"{mass}", [length], dt=0.01, every=1)
+            result, _ = stand.run(
+                stability_molecules.dimer_of(mass), f"{mass}", [length], dt=0.01, every=1
+            )
             measured.append(result.thermo["KinEng"][0])
             return Number(0.0)
 
@@ -558,16 +680,37 @@ def test_command(tmp_path, monkeypatch, capsys):
     """Locks out files that are missing or hold less than was run, a page with links to other files, and unknown names that are taken."""
     monkeypatch.setattr(run, "run", lambda *_: pytest.fail("nothing is to be run"))
     out = str(tmp_path)
-    assert command.main(["stability", "needles", "disks", "--only", "shake 1e-8", "rattle 1e-8", "--out", out]) == 0
+    assert (
+        command.main(
+            ["stability", "needles", "disks", "--only", "shake 1e-8", "rattle 1e-8", "--out", out]
+        )
+        == 0
+    )
     with open(tmp_path / "table.csv") as file:
         table = list(csv.DictReader(file))
-    assert [(line["case"], line["integrator"]) for line in table] == [(a, b) for a in ("needles", "disks") for b in ("shake 1e-8", "rattle 1e-8")]
+    assert [(line["case"], line["integrator"]) for line in table] == [
+        (a, b) for a in ("needles", "disks") for b in ("shake 1e-8", "rattle 1e-8")
+    ]
     page = (tmp_path / "report.html").read_text()
-    assert all(word in page for word in ("needles", "cannot run", "data:image/png;base64", CASES["disks"].criterion, CRITERIA["orientation"].derivation))
-    assert [line["error is"] for line in table] == 2 * [CASES["needles"].bars] + 2 * [CASES["disks"].bars]
+    assert all(
+        word in page
+        for word in (
+            "needles",
+            "cannot run",
+            "data:image/png;base64",
+            CASES["disks"].criterion,
+            CRITERIA["orientation"].derivation,
+        )
+    )
+    assert [line["error is"] for line in table] == 2 * [CASES["needles"].bars] + 2 * [
+        CASES["disks"].bars
+    ]
     assert 'src="http' not in page and 'href="http' not in page
     shown = capsys.readouterr().out
-    assert "Ours has no blow-up that any LAMMPS fix survives: cannot tell, ours has no row yet (needles, disks)" in shown
+    assert (
+        "Ours has no blow-up that any LAMMPS fix survives: cannot tell, ours has no row yet (needles, disks)"
+        in shown
+    )
     for words in ["nonsense"], ["needles", "--only", "nonsense"]:
         with pytest.raises(SystemExit):
             command.main(["stability", *words, "--out", out])
@@ -586,6 +729,10 @@ def test_list_names_all_cases(capsys):
 
 def test_readme_claims_what_the_table_gives():
     """Locks out a README that claims another verdict than the committed rows, as these are judged by the bounds of today."""
-    summary = json.loads((ROOT / "validation" / "results" / "stability" / "summary.json").read_text())
+    summary = json.loads(
+        (ROOT / "validation" / "results" / "stability" / "summary.json").read_text()
+    )
     told = overview_stability.standing(summary)
-    assert told in (ROOT / "README.md").read_text(), f"its section 'What breaks where' is to have\n{told}"
+    assert told in (ROOT / "README.md").read_text(), (
+        f"its section 'What breaks where' is to have\n{told}"
+    )

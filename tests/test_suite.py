@@ -62,7 +62,9 @@ def run(checkout, *words, how="module", **tests):
     """Run pytest on these tests in the copy of the checkout."""
     for name, text in tests.items():
         (checkout / "tests" / f"test_{name}.py").write_text(text)
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")}
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")
+    }
     return subprocess.run([*COMMANDS[how], *words], cwd=checkout, env=environment, text=True, timeout=60,
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
 
@@ -81,7 +83,9 @@ def test_refuses_another_package(checkout):
     """Locks out a suite that silently tests another package than the checkout's."""
     (checkout / "fix_nosquish" / "nve.py").open("a").write("# changed\n")
     done = run(checkout, where="def test_nothing():\n    pass\n")
-    assert done.returncode == pytest.ExitCode.USAGE_ERROR and "passed" not in done.stdout, done.stdout
+    assert done.returncode == pytest.ExitCode.USAGE_ERROR and "passed" not in done.stdout, (
+        done.stdout
+    )
     assert "not the same: nve.py. Install it first: pip install ." in done.stdout
 
 
@@ -98,7 +102,12 @@ def test_differences(tmp_path):
     (other / "plugin" / "code.cpp").write_text("changed")
     (other / "new.py").write_text("")
     (package / "old.py").write_text("")
-    assert installed.differences(package, other) == ["new.py", "old.py", "plugin/code.cpp", "text.py"]
+    assert installed.differences(package, other) == [
+        "new.py",
+        "old.py",
+        "plugin/code.cpp",
+        "text.py",
+    ]
 
 
 def test_editable_install_is_compiled(tmp_path):
@@ -116,10 +125,14 @@ def test_editable_install_is_compiled(tmp_path):
 @pytest.mark.parametrize("options", [[], ["--nothing-missing"], ["--nothing-missing", "-n", "1"]])
 def test_nothing_missing(checkout, options):
     """Locks out tests and modules that are skipped without notice where all parts are to be there."""
-    done = run(checkout, *options, "-rA", "--continue-on-collection-errors", parts=PARTS, module=MODULE)
+    done = run(
+        checkout, *options, "-rA", "--continue-on-collection-errors", parts=PARTS, module=MODULE
+    )
     told = re.findall(r"^(SKIPPED|FAILED|ERROR|XFAIL)", done.stdout, re.MULTILINE)
     expected = ["ERROR", "ERROR", "XFAIL"] if options else ["SKIPPED", "SKIPPED", "XFAIL"]
-    assert sorted(told) == expected and "no engine" in done.stdout and "no_such_module" in done.stdout, done.stdout
+    assert (
+        sorted(told) == expected and "no engine" in done.stdout and "no_such_module" in done.stdout
+    ), done.stdout
 
 
 def test_quick_tests_are_there(request):
@@ -128,5 +141,7 @@ def test_quick_tests_are_there(request):
         return  # not all tests of a file were looked for
     there = {path.name for path in request.config.files_there}
     gone = {name for name in request.config.not_there if name.partition("::")[0] in there}
-    gone |= {name for name in quick.NAMES if not (ROOT / "tests" / name.partition("::")[0]).exists()}
+    gone |= {
+        name for name in quick.NAMES if not (ROOT / "tests" / name.partition("::")[0]).exists()
+    }
     assert not gone

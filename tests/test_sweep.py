@@ -36,19 +36,33 @@ def placed(seed):
     before, after, bodies, masses, distances, angles = [], [], [], [], [], []
     for body, shape in enumerate([*SHAPES.values()] * 3, 1):
         mass = random.uniform(1.0, 16.0, len(shape))
-        turn, centre = Rotation.random(random_state=random), random.uniform(0.0, 20.0, 3) * (body % 2)  # each other one is cut
+        turn, centre = (
+            Rotation.random(random_state=random),
+            random.uniform(0.0, 20.0, 3) * (body % 2),
+        )  # each other one is cut
         r = turn.apply(shape - mass @ shape / mass.sum())
         angle, shift = 10 ** random.uniform(-6, -0.5), random.normal(0.0, 0.01, 3)
         axis = random.normal(size=3)
-        if len(shape) in (2, 3) and np.linalg.matrix_rank(r, tol=1e-9) == 1:  # its own axis turns by the angle only about one across it
+        if (
+            len(shape) in (2, 3) and np.linalg.matrix_rank(r, tol=1e-9) == 1
+        ):  # its own axis turns by the angle only about one across it
             axis = np.cross(axis, r[0])
         before.append(centre + r)
-        after.append(centre + shift + Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).apply(r))
+        after.append(
+            centre + shift + Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).apply(r)
+        )
         bodies += [body] * len(shape)
         masses += list(mass)
         distances.append(np.linalg.norm(shift))
         angles += [angle] if len(shape) > 1 else []
-    return np.concatenate(before), np.concatenate(after), np.array(bodies), np.array(masses), np.array(distances), np.array(angles)
+    return (
+        np.concatenate(before),
+        np.concatenate(after),
+        np.array(bodies),
+        np.array(masses),
+        np.array(distances),
+        np.array(angles),
+    )
 
 
 def motion(x, bodies, mass, v=None, bonds=(), angles=()):
@@ -66,14 +80,18 @@ def test_distance_and_angle_from_a_reference(seed):
     before, after, bodies, mass, distances, angles = placed(seed)
     found = motion([before, after], bodies, mass)
     exact = before % np.diag(CELL)
-    assert any(np.ptp(exact[bodies == body], axis=0).max() > 10 for body in bodies), "no body is cut: nothing is checked"
+    assert any(np.ptp(exact[bodies == body], axis=0).max() > 10 for body in bodies), (
+        "no body is cut: nothing is checked"
+    )
     assert found.distance(1, exact)[0] == pytest.approx(np.sqrt(np.mean(distances**2)), rel=1e-9)
     assert found.angle(1, exact)[0] == pytest.approx(np.sqrt(np.mean(angles**2)), rel=1e-7)
     for body in np.unique(bodies):  # each alone, so that the smallest angles count
         chosen = bodies == body
         if chosen.sum() > 1:
             alone = motion([before[chosen], after[chosen]], bodies[chosen], mass[chosen])
-            expected = angles[np.sum([np.sum(bodies == other) > 1 for other in range(1, body)], dtype=int)]
+            expected = angles[
+                np.sum([np.sum(bodies == other) > 1 for other in range(1, body)], dtype=int)
+            ]
             assert alone.angle(1, exact[chosen])[0] == pytest.approx(expected, rel=1e-5, abs=1e-14)
 
 
@@ -86,9 +104,17 @@ def test_bond_and_angle_errors_are_the_largest():
     x[1, 1, 0] += 0.03  # a bond 0.03 longer
     x[2, 2] = [np.sin(0.02), np.cos(0.02), 0.0]  # an angle 0.02 smaller
     across = np.cross(four[1] - four[0], [0.0, 0.0, 1.0])
-    x[2, 4] += 0.05 * across / np.linalg.norm(across)  # an angle of a body of four: it does not count
+    x[2, 4] += (
+        0.05 * across / np.linalg.norm(across)
+    )  # an angle of a body of four: it does not count
     x[2, 3:] += 3.0  # all of a body
-    found = motion(x, np.array([1, 1, 1, 2, 2, 2, 2]), np.ones(7), bonds=[[0, 1], [0, 2], [0, 3], [3, 4]], angles=[[1, 0, 2], [4, 3, 5]])
+    found = motion(
+        x,
+        np.array([1, 1, 1, 2, 2, 2, 2]),
+        np.ones(7),
+        bonds=[[0, 1], [0, 2], [0, 3], [3, 4]],
+        angles=[[1, 0, 2], [4, 3, 5]],
+    )
     assert found.bond_error() == pytest.approx(0.03, rel=1e-9)
     assert found.angle_error() == pytest.approx(0.02, rel=1e-9)
 
@@ -99,7 +125,13 @@ def test_kinetic_energies_of_bodies_are_in_kcal():
     v = np.random.default_rng(2).normal(0.0, 0.01, (1, len(x), 3))
     mass = np.arange(1.0, len(x) + 1)
     found = motion([x], np.repeat([1, 2, 3], [3, 4, 3]), mass, v).kinetic(slice(None))
-    joule = 0.5 * mass[:3] @ (v[0, :3] ** 2).sum(axis=1) * constants.atomic_mass * (constants.angstrom / constants.femto) ** 2
+    joule = (
+        0.5
+        * mass[:3]
+        @ (v[0, :3] ** 2).sum(axis=1)
+        * constants.atomic_mass
+        * (constants.angstrom / constants.femto) ** 2
+    )
     assert found == pytest.approx(np.array([[joule * constants.N_A / 4184]]), rel=1e-6)
 
 
@@ -120,7 +152,18 @@ def result(energy=None, error=None, kinetic=10.0, step=None):
     step = np.arange(len(energy)) if step is None else step
     freedom = 30
     temperature = np.full(len(energy), 2 * kinetic / (freedom * sweep_errors.BOLTZMANN))
-    return run.Result(error, {"Step": step, "TotEng": energy, "KinEng": np.full(len(energy), kinetic), "Temp": temperature}, [], None, {})
+    return run.Result(
+        error,
+        {
+            "Step": step,
+            "TotEng": energy,
+            "KinEng": np.full(len(energy), kinetic),
+            "Temp": temperature,
+        },
+        [],
+        None,
+        {},
+    )
 
 
 def test_what_a_failure_is():
@@ -135,10 +178,14 @@ def test_what_a_failure_is():
 
 def test_a_point_has_the_larger_error():
     """Locks out errors of short runs that do not see what differs from start to start, and scatter of few starts that is small by chance."""
-    assert sweep_errors.pooled([Estimate(1.0, 0.3), Estimate(1.0, 0.4)])[:2] == pytest.approx((1.0, 0.25))
+    assert sweep_errors.pooled([Estimate(1.0, 0.3), Estimate(1.0, 0.4)])[:2] == pytest.approx(
+        (1.0, 0.25)
+    )
     assert sweep_errors.pooled([Estimate(2.0, 0.1)])[:2] == pytest.approx((2.0, 0.1))
     apart = sweep_errors.pooled([Estimate(1.0, 0.3), Estimate(2.0, 0.4)])
-    assert apart == pytest.approx((1.5, 0.5, 1)) and apart.margin == pytest.approx(0.5 * 12.706, rel=1e-3)  # by a table of Student's t
+    assert apart == pytest.approx((1.5, 0.5, 1)) and apart.margin == pytest.approx(
+        0.5 * 12.706, rel=1e-3
+    )  # by a table of Student's t
 
 
 @pytest.mark.parametrize("starts", [2, 4])
@@ -158,11 +205,23 @@ def averages(limit, seed, chance=0.0):
     swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("potential",))
     shared = random.normal(0.0, chance, STARTS)
     found = {}
-    for name, slope in ("nosquish", 0.02), ("rigid/nve", 0.05), ("matubayasi-nakahara", 3.0), ("rigid", -2.0):
+    for name, slope in (
+        ("nosquish", 0.02),
+        ("rigid/nve", 0.05),
+        ("matubayasi-nakahara", 3.0),
+        ("rigid", -2.0),
+    ):
         for dt in (1.0, 2.0, 3.0, 4.0, 8.0):
-            value = limit + slope * dt**2 + (5.0 if dt > 4 else 0.0) + (1.0 if abs(slope) > 1 else 0.0)  # no law at long steps, or of what drifts
+            value = (
+                limit + slope * dt**2 + (5.0 if dt > 4 else 0.0) + (1.0 if abs(slope) > 1 else 0.0)
+            )  # no law at long steps, or of what drifts
             found[sweep.Point("water", SWEPT[name], dt)] = [
-                {"potential": Estimate(value + shared[start] + random.normal(0.0, 0.01), np.hypot(0.01, chance))} for start in range(STARTS)
+                {
+                    "potential": Estimate(
+                        value + shared[start] + random.normal(0.0, 0.01), np.hypot(0.01, chance)
+                    )
+                }
+                for start in range(STARTS)
             ]
     return swept, found
 
@@ -187,22 +246,39 @@ def test_another_model_is_held_against_nothing_of_ours():
     odd = [{"potential": Estimate(5.0, 0.001)} for _ in range(STARTS)]
     shake = {sweep.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
     peptide = dataclasses.replace(swept, differs="CH3 bends")
-    assert sweep_errors.limits(found | shake, peptide) == sweep_errors.limits(found, swept) != sweep_errors.limits(found | shake, swept)
+    assert (
+        sweep_errors.limits(found | shake, peptide)
+        == sweep_errors.limits(found, swept)
+        != sweep_errors.limits(found | shake, swept)
+    )
     errors = sweep_errors.of_points(found | shake, sweep_errors.limits(found, swept), peptide)
-    assert all(errors[point] == ({}, {}) for point in shake) and all("potential" in errors[point][0] for point in found)
-    assert sweep.SWEEPS["peptide"].measures_of(SWEPT["nosquish"]) == list(sweep.SWEEPS["peptide"].measures)
-    assert not {"position", "orientation", "potential"} & set(sweep.SWEEPS["peptide"].measures_of(SWEPT["shake-1e-8"]))
+    assert all(errors[point] == ({}, {}) for point in shake) and all(
+        "potential" in errors[point][0] for point in found
+    )
+    assert sweep.SWEEPS["peptide"].measures_of(SWEPT["nosquish"]) == list(
+        sweep.SWEEPS["peptide"].measures
+    )
+    assert not {"position", "orientation", "potential"} & set(
+        sweep.SWEEPS["peptide"].measures_of(SWEPT["shake-1e-8"])
+    )
     assert {"position", "potential"} < set(sweep.SWEEPS["water"].measures_of(SWEPT["shake-1e-8"]))
 
 
 def test_what_starts_share_is_no_error():
     """Locks out a point held against the limit of other starts, and each start's chance taken for the integrator's error."""
     swept, found = averages(-9.7, 5, chance=3.0)
-    errors, signed = sweep_errors.of_points(found, sweep_errors.limits(found, swept), swept)[sweep.Point("water", SWEPT["rigid"], 4.0)]
-    assert signed["potential"]["value"] == pytest.approx(-31.0, abs=0.1) and errors["potential"]["value"] == -signed["potential"]["value"]
+    errors, signed = sweep_errors.of_points(found, sweep_errors.limits(found, swept), swept)[
+        sweep.Point("water", SWEPT["rigid"], 4.0)
+    ]
+    assert (
+        signed["potential"]["value"] == pytest.approx(-31.0, abs=0.1)
+        and errors["potential"]["value"] == -signed["potential"]["value"]
+    )
     assert 0.001 < errors["potential"]["error"] < 0.1
     two = {point: numbers[:2] for point, numbers in found.items()}
-    errors, _ = sweep_errors.of_points(two, sweep_errors.limits(two, swept), swept)[sweep.Point("water", SWEPT["rigid"], 4.0)]
+    errors, _ = sweep_errors.of_points(two, sweep_errors.limits(two, swept), swept)[
+        sweep.Point("water", SWEPT["rigid"], 4.0)
+    ]
     assert errors["potential"]["error"] > 2, "two starts scatter little by chance"
 
 
@@ -212,11 +288,17 @@ def test_noise_is_no_difference_of_g(difference, starts):
     """Locks out a distance between two g(r) that is their noise or what their starts share, one that is lost with it, and an error bar that is wrong."""
     random, bins, off = np.random.default_rng(3), 60, []
     swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("g_oo",))
-    first, second, third = (sweep.Point("water", SWEPT[name], dt) for name, dt in (("nosquish", 1.0), ("rigid/nve", 0.5), ("shake-1e-4", 2.0)))
+    first, second, third = (
+        sweep.Point("water", SWEPT[name], dt)
+        for name, dt in (("nosquish", 1.0), ("rigid/nve", 0.5), ("shake-1e-4", 2.0))
+    )
     for _ in range(100):
         shared = random.normal(0.0, 0.3, (starts, 1, bins))  # of all runs from a start
         found = {
-            point: [{"g_oo": 1.0 + chance + added + random.normal(0.0, 0.05, (5, bins))} for chance in shared]
+            point: [
+                {"g_oo": 1.0 + chance + added + random.normal(0.0, 0.05, (5, bins))}
+                for chance in shared
+            ]
             for point, added in ((first, 0.0), (second, 0.0), (third, difference))
         }
         errors = sweep_errors.of_points(found, {}, swept)
@@ -227,7 +309,9 @@ def test_noise_is_no_difference_of_g(difference, starts):
         assert abs(np.mean(off)) < 0.4 and 0.4 < np.std(off) < 1.5
     else:
         assert np.mean(off) < 0.08
-    assert sweep_errors.of_points({first: found[first], third: []}, {}, swept)[first] == ({}, {}), "held against itself"
+    assert sweep_errors.of_points({first: found[first], third: []}, {}, swept)[first] == ({}, {}), (
+        "held against itself"
+    )
 
 
 @pytest.mark.parametrize("starts", [1, 4])
@@ -244,7 +328,14 @@ def test_equipartition_of_correlated_samples(starts):
             for k in range(1, number):
                 noise[:, k] += 0.9 * noise[:, k - 1]
             energies = 750 * kt * (1 + 0.02 * noise + off * np.array([[1.0], [-1.0]]))
-            each.append({"pv_equipartition": energies, "moving": 1500, "turning": 1500, "temperature": 300 * energies.mean() / (750 * kt)})
+            each.append(
+                {
+                    "pv_equipartition": energies,
+                    "moving": 1500,
+                    "turning": 1500,
+                    "temperature": 300 * energies.mean() / (750 * kt),
+                }
+            )
         return sweep_errors._equipartition(point, {point: each})[0]
 
     assert np.mean([found(0.0) > 3 for _ in range(60)]) < 0.05
@@ -257,7 +348,12 @@ def test_physical_validation_tells_right_from_wrong():
     energies = random.gamma(3.0, kt, 20000)
     assert sweep_structure.distribution(energies, 300.0) < 4
     assert sweep_structure.distribution(energies, 310.0) > 6
-    assert sweep_structure.distribution(np.full(20000, 3 * kt) + random.normal(0.0, 0.1 * kt, 20000), 300.0) > 20, "the mean only"
+    assert (
+        sweep_structure.distribution(
+            np.full(20000, 3 * kt) + random.normal(0.0, 0.1 * kt, 20000), 300.0
+        )
+        > 20
+    ), "the mean only"
     translation, rotation = (random.normal(150 * kt, 3 * kt, 500) for _ in range(2))
     assert sweep_structure.equipartition(translation, rotation, 300, 300, 300.0) < 5
     assert sweep_structure.equipartition(1.02 * translation, 0.98 * rotation, 300, 300, 300.0) > 10
@@ -277,7 +373,9 @@ def test_budget(short, times):
         swept, points = sweep.SWEEPS[name], sweep.points([name], short)
         assert sweep.lengths([name], short, float(f"{one.budget:.10g}"))[name] == one
         assert one.time >= (0.1 if short else swept.least)
-        steps = swept.apart * 1000 / swept.scene.dt + 16 * swept.horizon / min(point.dt for point in points)
+        steps = swept.apart * 1000 / swept.scene.dt + 16 * swept.horizon / min(
+            point.dt for point in points
+        )
         for point in points:
             parts = sweep_plan.parts(swept, point.dt, one.time)
             sampled = (parts.end - parts.begin) * point.dt
@@ -318,8 +416,14 @@ LIMITS = {"potential", "equipartition"}
 def small(tmp_path_factory):
     """The dimer with few steps: what was run, and the summary, of the first call and of a second one, which asks for one point."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(sweep.SWEEPS, "dimer", dataclasses.replace(sweep.SWEEPS["dimer"], apart=0.3, seconds=1e-4))
-        refused = dataclasses.replace(SWEPT["rigid"], lines=(*SWEPT["rigid"].lines, 'if "$(dt>0.3)" then "no_such_command"'))
+        patch.setitem(
+            sweep.SWEEPS,
+            "dimer",
+            dataclasses.replace(sweep.SWEEPS["dimer"], apart=0.3, seconds=1e-4),
+        )
+        refused = dataclasses.replace(
+            SWEPT["rigid"], lines=(*SWEPT["rigid"].lines, 'if "$(dt>0.3)" then "no_such_command"')
+        )
         patch.setitem(SWEPT, "rigid", refused)
         out, original, done = tmp_path_factory.mktemp("sweep"), run.run, []
         patch.setattr(run, "run", lambda job, on_step=None: done.append(job) or original(job))
@@ -332,7 +436,11 @@ def small(tmp_path_factory):
 
 
 def row(summary, name, dt):
-    return next(one for one in summary["scenes"]["dimer"]["points"] if (one["integrator"], one["dt"]) == (name, dt))
+    return next(
+        one
+        for one in summary["scenes"]["dimer"]["points"]
+        if (one["integrator"], one["dt"]) == (name, dt)
+    )
 
 
 @pytest.mark.timeout(180)
@@ -340,10 +448,20 @@ def test_a_failure_ends_the_longer_steps(small):
     """Locks out longer steps after a blow-up, a failed point taken as measured, and a failure that is run again from the next start."""
     _, done, again, summary, _ = small
     failed = row(summary, "rigid", 0.4)
-    assert failed["failed"] and failed["failures"] == 1 and failed["errors"] == {} and failed["cost"] is None
+    assert (
+        failed["failed"]
+        and failed["failures"] == 1
+        and failed["errors"] == {}
+        and failed["cost"] is None
+    )
     longer = row(summary, "rigid", 0.6)
-    assert longer["failed"] == "fails with 0.4 fs" and (longer["failures"], longer["starts"]) == (0, 0)
-    assert row(summary, "rigid", 0.2)["starts"] == 2 and row(summary, "rigid", 0.2)["failed"] is None
+    assert longer["failed"] == "fails with 0.4 fs" and (longer["failures"], longer["starts"]) == (
+        0,
+        0,
+    )
+    assert (
+        row(summary, "rigid", 0.2)["starts"] == 2 and row(summary, "rigid", 0.2)["failed"] is None
+    )
     assert sum("/rigid/0.4-fs" in job.directory for job in done) == 1
     assert row(summary, "nosquish", 0.6)["failed"] is None
     assert again == [], "what was complete, or had failed, was run again"
@@ -352,33 +470,64 @@ def test_a_failure_ends_the_longer_steps(small):
 def test_what_is_there_is_measured_too(small):
     """Locks out one point's sweep that forgets the others, or that has no limits and g(r) to be held against."""
     *_, first, second = small
-    assert second["scenes"]["dimer"]["begun"] == first["scenes"]["dimer"]["begun"] and set(second["scenes"]["dimer"]["limits"]) == LIMITS
+    assert (
+        second["scenes"]["dimer"]["begun"] == first["scenes"]["dimer"]["begun"]
+        and set(second["scenes"]["dimer"]["limits"]) == LIMITS
+    )
     kept, found = (
-        [one | {"errors": set(one["errors"]), "signed": None} for one in summary["scenes"]["dimer"]["points"] if one["starts"]] for summary in (first, second)
+        [
+            one | {"errors": set(one["errors"]), "signed": None}
+            for one in summary["scenes"]["dimer"]["points"]
+            if one["starts"]
+        ]
+        for summary in (first, second)
     )
     assert found == [one for one in kept if one["dt"] != 0.6], "all but those of an unusual step"
 
 
 def test_a_hang_is_kept(tmp_path, monkeypatch):
     """Locks out a hang that is waited for again each time, and one that is taken for a hang where more time is allowed now."""
-    scene, original, done = dataclasses.replace(SCENES["dimer"], setup=(*SCENES["dimer"].setup, "shell sleep 60")), run.run, []
+    scene, original, done = (
+        dataclasses.replace(SCENES["dimer"], setup=(*SCENES["dimer"].setup, "shell sleep 60")),
+        run.run,
+        [],
+    )
     monkeypatch.setattr(run, "run", lambda job, on_step=None: done.append(job) or original(job))
 
     def runs(silence, failures):
-        found = run.once(run.job(scene, SWEPT["rigid"], tmp_path / "job", [1], dt=0.1, every=0, silence=silence), failures=failures)
+        found = run.once(
+            run.job(scene, SWEPT["rigid"], tmp_path / "job", [1], dt=0.1, every=0, silence=silence),
+            failures=failures,
+        )
         assert "no sign of life" in found.error
         return len(done)
 
-    assert [runs(1.0, True), runs(1.0, True), runs(0.9, True), runs(1.1, True), runs(1.1, False)] == [1, 1, 1, 2, 3]
+    assert [
+        runs(1.0, True),
+        runs(1.0, True),
+        runs(0.9, True),
+        runs(1.1, True),
+        runs(1.1, False),
+    ] == [1, 1, 1, 2, 3]
 
 
 def test_starts_take_turns(small):
     """Locks out repeats of a point that follow each other, and points of other starts than their names tell."""
     _, done, *_ = small
-    names = [Path(job.directory).relative_to(Path(job.directory).parents[2]).as_posix() for job in done if "-fs/" in job.directory]
+    names = [
+        Path(job.directory).relative_to(Path(job.directory).parents[2]).as_posix()
+        for job in done
+        if "-fs/" in job.directory
+    ]
     assert [name.rpartition("/")[2] for name in names] == ["1"] * 8 + ["2"] * 7
     assert names[:3] == [f"{name}/0.2-fs/1" for name in ("nosquish", "rigid", "shake-1e-8")]
-    read = {line for job in done if job.directory.endswith("-fs/2") for line in job.commands if line.startswith("read_dump")}
+    read = {
+        line
+        for job in done
+        if job.directory.endswith("-fs/2")
+        for line in job.commands
+        if line.startswith("read_dump")
+    }
     assert len(read) == 1 and "starts/piece-1000/" in read.pop()
 
 
@@ -393,7 +542,9 @@ def test_samples_and_segments(small):
     assert (samples[-1] - samples[0]) * 0.2e-3 >= SMALL["time"]
     cost = row(summary, "nosquish", 0.2)["cost"]
     assert len(cost["values"]) == 2 * 2
-    assert cost["values"][:2] == pytest.approx([kept.timings[n]["loop"] / parts.timed / 0.2 * 1e6 for n in (1, -1)])
+    assert cost["values"][:2] == pytest.approx(
+        [kept.timings[n]["loop"] / parts.timed / 0.2 * 1e6 for n in (1, -1)]
+    )
     assert kept.timings[1]["steps"] == kept.timings[-1]["steps"] == parts.timed
     first, last = parts.frames.indices(len(kept.positions["x"]))[:2]
     assert np.cumsum([0, *parts.runs])[[first, last - 1]].tolist() == [parts.begin, parts.end]
@@ -423,7 +574,12 @@ def test_errors_fall_with_the_square_of_the_step(small):
         for measure in "position", "orientation":
             short, long = (row(summary, name, dt)["errors"][measure]["value"] for dt in STEPS)
             assert long / short == pytest.approx(4.0, rel=0.05)
-    assert row(summary, "nosquish", 0.2)["errors"]["bond"]["value"] < 1e-11 < row(summary, "shake-1e-8", 0.2)["errors"]["bond"]["value"] < 1e-8
+    assert (
+        row(summary, "nosquish", 0.2)["errors"]["bond"]["value"]
+        < 1e-11
+        < row(summary, "shake-1e-8", 0.2)["errors"]["bond"]["value"]
+        < 1e-8
+    )
     scene = summary["scenes"]["dimer"]
     assert scene["degrees_of_freedom"] == 9 and scene["bodies"] == 2
     assert set(row(summary, "nosquish", 0.4)["errors"]) == set(sweep.SWEEPS["dimer"].measures)
@@ -436,13 +592,30 @@ def test_command_of_a_point(small):
     words = shlex.split(row(summary, "shake-1e-8", 0.4)["command"])
     assert words[:4] == ["python", "-m", "validation", "sweep"] and "--short" in words
     given = dict(zip(words, words[1:]))
-    assert (words[4], given["--only"], given["--steps"], given["--budget"]) == ("dimer", "shake-1e-8", "0.4", "2")
+    assert (words[4], given["--only"], given["--steps"], given["--budget"]) == (
+        "dimer",
+        "shake-1e-8",
+        "0.4",
+        "2",
+    )
 
 
 def test_an_interruption_keeps_what_is_measured(tmp_path, monkeypatch):
     """Locks out a traceback in place of a summary, and points after the interruption."""
-    monkeypatch.setattr(run, "once", lambda job, on_step=None, failures=False: run.Result("interrupted", {}, [], None, {}, interrupted=True))
+    monkeypatch.setattr(
+        run,
+        "once",
+        lambda job, on_step=None, failures=False: run.Result(
+            "interrupted", {}, [], None, {}, interrupted=True
+        ),
+    )
     points = sweep.points(["dimer", "water"], True)
     monkeypatch.setattr(sweep.starts, "of_size", lambda scene, bodies, folder: scene)
-    summary = sweep.sweep(points, sweep.lengths(["dimer", "water"], True), tmp_path, Silent(), short=True)
-    assert summary["interrupted"] and list(summary["scenes"]) == ["dimer"] and summary["scenes"]["dimer"]["points"] == []
+    summary = sweep.sweep(
+        points, sweep.lengths(["dimer", "water"], True), tmp_path, Silent(), short=True
+    )
+    assert (
+        summary["interrupted"]
+        and list(summary["scenes"]) == ["dimer"]
+        and summary["scenes"]["dimer"]["points"] == []
+    )

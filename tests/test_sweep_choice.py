@@ -16,9 +16,24 @@ from validation.scenes import SCENES  # noqa: E402
 
 MEASURES = {
     "energy_sd": {"title": "sd of energy", "unit": "kcal/mol", "relative_to": "zero", "log": True},
-    "drift": {"title": "drift of energy", "unit": "kT/ns per degree of freedom", "relative_to": "zero", "log": True},
-    "position": {"title": "position", "unit": "Å", "relative_to": "a reference at 1/16 of the step", "log": True},
-    "potential": {"title": "potential energy", "unit": "kcal/mol per body", "relative_to": "the limit of zero step", "log": True},
+    "drift": {
+        "title": "drift of energy",
+        "unit": "kT/ns per degree of freedom",
+        "relative_to": "zero",
+        "log": True,
+    },
+    "position": {
+        "title": "position",
+        "unit": "Å",
+        "relative_to": "a reference at 1/16 of the step",
+        "log": True,
+    },
+    "potential": {
+        "title": "potential energy",
+        "unit": "kcal/mol per body",
+        "relative_to": "the limit of zero step",
+        "log": True,
+    },
     "bond": {"title": "bond length", "unit": "Å", "relative_to": "the rigid body", "log": True},
 }
 INTEGRATED = [
@@ -33,13 +48,23 @@ INTEGRATED = [
 ]
 STEPS = 0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0
 # at 1 fs, and the floor
-SIZES = {"energy_sd": (0.055, 0.02), "drift": (2e-4, 1e-5), "position": (3e-4, 1e-9), "potential": (2e-4, 1e-4), "bond": (1e-6, 1e-13)}
+SIZES = {
+    "energy_sd": (0.055, 0.02),
+    "drift": (2e-4, 1e-5),
+    "position": (3e-4, 1e-9),
+    "potential": (2e-4, 1e-4),
+    "bond": (1e-6, 1e-13),
+}
 
 
 def point(integrator="a", dt=1.0, cost=(1.0,), failed=None, ours=False, **errors):
     """A point with errors (value, standard error)."""
     values = sorted(cost or ())
-    spread = {"median": float(np.median(values)), "min": values[0], "max": values[-1], "values": values} if values else None
+    spread = (
+        {"median": float(np.median(values)), "min": values[0], "max": values[-1], "values": values}
+        if values
+        else None
+    )
     return {
         "integrator": integrator, "label": integrator, "dt": dt, "steps": 1000, "ps": 10.0, "starts": 3, "failures": 3 * bool(failed), "failed": failed,
         "ours": ours, "cost": spread, "cpu": spread, "signed": {}, "lines": [f"fix 1 all {integrator}"], "command": f"sweep --only {integrator}",
@@ -59,11 +84,22 @@ def synthetic(name="water"):
                 errors = {}
                 for measure, (size, floor) in SIZES.items():
                     error = 0.05 * (size * dt**2 + floor)
-                    errors[measure] = abs(factor * size * dt**2 + floor + error * rng.normal()), error
+                    errors[measure] = (
+                        abs(factor * size * dt**2 + floor + error * rng.normal()),
+                        error,
+                    )
                 times = list(400 * step / dt * (1 + np.abs(rng.normal(0, 0.03, 3))))
                 one = point(dt=dt, cost=times, **errors)
             ours = integrator.name.startswith("nosquish")
-            points.append(one | {"integrator": integrator.name, "label": integrator.label, "ours": ours, "lines": integrator.commands(scene)})
+            points.append(
+                one
+                | {
+                    "integrator": integrator.name,
+                    "label": integrator.label,
+                    "ours": ours,
+                    "lines": integrator.commands(scene),
+                }
+            )
     return {
         "command": "python -m validation sweep water", "date": "2026-01-01", "machine": {"cpu": "a processor"}, "versions": {"lammps": "2025"},
         "interrupted": False, "ranks": 2, "lengths": {name: {"starts": 3, "time": 10.0, "minutes": 100.0, "budget": 300.0}}, "measures": MEASURES, "code": ["package", "harness"],
@@ -92,17 +128,28 @@ def by_hand(points, targets):
             never |= found["value"] - NORMAL * found["error"] > target
         verdicts.append((sure, never))
     good = [n for n, (sure, _) in enumerate(verdicts) if sure and points[n]["cost"]]
-    first = [n for n in good if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in good)]
+    first = [
+        n for n in good if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in good)
+    ]
     usual = points[first[0]]["cost"]["median"] if first else np.inf
     tied = [n for n in good if points[n]["cost"]["min"] <= usual]
-    words = {n: 0 if points[n]["integrator"] == "nosquish" else sum(len(line.split()) for line in points[n]["lines"]) for n in tied}
+    words = {
+        n: 0
+        if points[n]["integrator"] == "nosquish"
+        else sum(len(line.split()) for line in points[n]["lines"])
+        for n in tied
+    }
     best = [n for n in tied if words[n] == min(words.values())]
-    best = [n for n in best if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in best)]
+    best = [
+        n for n in best if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in best)
+    ]
     perhaps = [
         n for n, (sure, never) in enumerate(verdicts)
         if not never and n not in good and (points[n]["cost"] is None or points[n]["cost"]["min"] <= usual)
     ]  # fmt: skip
-    for n in perhaps if best and points[best[0]]["integrator"] == "nosquish-2" else ():  # its keyword is seen to help, or not
+    for n in (
+        perhaps if best and points[best[0]]["integrator"] == "nosquish-2" else ()
+    ):  # its keyword is seen to help, or not
         with_it, without = points[best[0]], points[n]
         if without["integrator"] == "nosquish" and without["dt"] == with_it["dt"] and without["cost"] and all(
             name in without["errors"] and without["errors"][name]["error"] is not None
@@ -118,10 +165,28 @@ def some_points(rng, count=12, names="abc"):
     found = []
     for n in range(count):
         errors = {
-            name: (10 ** rng.uniform(-2, 1), 10 ** rng.uniform(-3, 0) if rng.random() < 0.85 else None) for name in ("x", "y") if rng.random() < 0.9
+            name: (
+                10 ** rng.uniform(-2, 1),
+                10 ** rng.uniform(-3, 0) if rng.random() < 0.85 else None,
+            )
+            for name in ("x", "y")
+            if rng.random() < 0.9
         }
-        cost = list(10 ** rng.uniform(0, 1) * (1 + rng.uniform(0, 0.5, rng.integers(1, 4)))) if rng.random() < 0.9 else ()
-        found.append(point(names[n % 3], 0.5 * (n // 2 + 1), cost, "exploded" if rng.random() < 0.2 else None, ours=n % 3 == 0, **errors))
+        cost = (
+            list(10 ** rng.uniform(0, 1) * (1 + rng.uniform(0, 0.5, rng.integers(1, 4))))
+            if rng.random() < 0.9
+            else ()
+        )
+        found.append(
+            point(
+                names[n % 3],
+                0.5 * (n // 2 + 1),
+                cost,
+                "exploded" if rng.random() < 0.2 else None,
+                ours=n % 3 == 0,
+                **errors,
+            )
+        )
     return found
 
 
@@ -134,14 +199,19 @@ def disagreements(cases=300):
     for case in range(cases):
         points = some_points(rng, names=NAMES)
         for one in points:
-            one["lines"] = [f"fix 1 all {one['integrator']} molecule" + " mrot 2" * (one["integrator"] == "nosquish-2")]
+            one["lines"] = [
+                f"fix 1 all {one['integrator']} molecule"
+                + " mrot 2" * (one["integrator"] == "nosquish-2")
+            ]
             one["ours"] = one["integrator"] != "rigid"
         targets = {name: 10 ** rng.uniform(-2, 1.3) for name in ("x", "y")[: rng.integers(1, 3)]}
         choice = sweep_choice.choose(points, targets)
         best, ties, perhaps = by_hand(points, targets)
         places = [[n for n, one in enumerate(points) if any(one is other for other in chosen)]
                   for chosen in ([choice.best] if choice.best else [], choice.ties, choice.perhaps)]  # fmt: skip
-        if places != [best, ties, perhaps] or choice.verdict != ("met" if best else "cannot tell" if perhaps else "not met"):
+        if places != [best, ties, perhaps] or choice.verdict != (
+            "met" if best else "cannot tell" if perhaps else "not met"
+        ):
             found.append(f"case {case}: {places}, not {[best, ties, perhaps]}")
     return found
 
@@ -152,21 +222,37 @@ def test_choice_is_that_of_a_search():
 
 
 WRONG = {
-    "an error bar counts for nothing": lambda patch: patch.setattr("validation.measures.margin", lambda error, freedom=None: 0.0),
+    "an error bar counts for nothing": lambda patch: patch.setattr(
+        "validation.measures.margin", lambda error, freedom=None: 0.0
+    ),
     "a failed point may be chosen": lambda patch: patch.setattr(
-        sweep_choice, "meets", lambda one, targets, right=sweep_choice.meets: right(one | {"failed": None}, targets)
+        sweep_choice,
+        "meets",
+        lambda one, targets, right=sweep_choice.meets: right(one | {"failed": None}, targets),
     ),
     "no telling is good enough": lambda patch: patch.setattr(
-        sweep_choice, "meets", lambda one, targets, right=sweep_choice.meets: right(one, targets) is not False
+        sweep_choice,
+        "meets",
+        lambda one, targets, right=sweep_choice.meets: right(one, targets) is not False,
     ),
     "an unknown error bar is none": lambda patch: patch.setattr(
-        sweep_choice, "_within", lambda found, target, right=sweep_choice._within: right(found and found | {"error": found["error"] or 0.0}, target)
+        sweep_choice,
+        "_within",
+        lambda found, target, right=sweep_choice._within: right(
+            found and found | {"error": found["error"] or 0.0}, target
+        ),
     ),
     "a measure that was not taken is good": lambda patch: patch.setattr(
-        sweep_choice, "_within", lambda found, target, right=sweep_choice._within: found is None or right(found, target)
+        sweep_choice,
+        "_within",
+        lambda found, target, right=sweep_choice._within: found is None or right(found, target),
     ),
-    "a tie goes to the fastest": lambda patch: patch.setattr(sweep_choice, "_by_words", sweep_choice._by_cost),
-    "the longest step is the fastest": lambda patch: patch.setattr(sweep_choice, "_by_cost", lambda one: -one["dt"]),
+    "a tie goes to the fastest": lambda patch: patch.setattr(
+        sweep_choice, "_by_words", sweep_choice._by_cost
+    ),
+    "the longest step is the fastest": lambda patch: patch.setattr(
+        sweep_choice, "_by_cost", lambda one: -one["dt"]
+    ),
 }
 
 
@@ -188,7 +274,10 @@ def test_worse_and_failed_points_change_nothing(seed):
         after = sweep_choice.choose([failed, *points], targets)
         assert (after.best, after.ties, after.perhaps) == (before.best, before.ties, before.perhaps)
         if one["cost"] and not one["failed"]:
-            errors = {name: (3 * found["value"], found["error"] and 3 * found["error"]) for name, found in one["errors"].items()}
+            errors = {
+                name: (3 * found["value"], found["error"] and 3 * found["error"])
+                for name, found in one["errors"].items()
+            }
             worse = point("d", one["dt"], [1.01 * time for time in one["cost"]["values"]], **errors)
             assert sweep_choice.choose([worse, *points], targets).best == before.best
 
@@ -197,25 +286,46 @@ def test_worse_and_failed_points_change_nothing(seed):
 def test_front_is_what_is_chosen(seed):
     """Locks out a front with a beaten point or without a chosen one, and a ladder that misses a choice or starts where something is met."""
     points = some_points(np.random.default_rng(100 + seed))
-    chosen = [sweep_choice.choose(points, {"x": target}).best for target in np.geomspace(1e-3, 1e3, 400)]
+    chosen = [
+        sweep_choice.choose(points, {"x": target}).best for target in np.geomspace(1e-3, 1e3, 400)
+    ]
     front = sweep_choice.front(points, "x")
     assert [one for one, _ in itertools.groupby(chosen[::-1]) if one] == front
     for slow, fast in itertools.combinations(front[::-1], 2):
-        assert slow["cost"]["min"] > fast["cost"]["min"] and sweep_choice.bound(slow, "x") < sweep_choice.bound(fast, "x")
+        assert slow["cost"]["min"] > fast["cost"]["min"] and sweep_choice.bound(
+            slow, "x"
+        ) < sweep_choice.bound(fast, "x")
     rungs = sweep_choice._rungs(points, "x")
-    assert rungs == sorted(set(rungs)) and all(f"{rung:e}"[0] in "125" and rung == float(f"{rung:.0e}") for rung in rungs)
+    assert rungs == sorted(set(rungs)) and all(
+        f"{rung:e}"[0] in "125" and rung == float(f"{rung:.0e}") for rung in rungs
+    )
     if front:
-        assert sweep_choice.choose(points, {"x": rungs[0]}).best is None and sweep_choice.choose(points, {"x": rungs[1]}).best is not None
+        assert (
+            sweep_choice.choose(points, {"x": rungs[0]}).best is None
+            and sweep_choice.choose(points, {"x": rungs[1]}).best is not None
+        )
         assert sweep_choice.choose(points, {"x": rungs[-1]}).best is front[0]
-    known = [one["errors"]["x"] for one in points if "x" in one["errors"] and not one["failed"] and one["errors"]["x"]["error"] is not None]
-    noise = sorted(one["value"] + NORMAL * one["error"] for one in known if one["value"] < NORMAL * one["error"])
+    known = [
+        one["errors"]["x"]
+        for one in points
+        if "x" in one["errors"] and not one["failed"] and one["errors"]["x"]["error"] is not None
+    ]
+    noise = sorted(
+        one["value"] + NORMAL * one["error"]
+        for one in known
+        if one["value"] < NORMAL * one["error"]
+    )
     good = [rung for rung in rungs if not noise or rung >= np.median(noise)]
     ways = sweep_choice.fastest(points, ("x", "convergence"))
     below = len(good) < len(rungs)
     assert [target for _, target, *_ in ways][below:] == sweep_choice.ladder(points, "x") == good
     if below:  # one row for all targets that are met by chance only
         _, target, choice, own = ways[0]
-        assert target == rungs[len(rungs) - len(good) - 1] and choice.best is own.best is None and "not resolved" in choice.verdict
+        assert (
+            target == rungs[len(rungs) - len(good) - 1]
+            and choice.best is own.best is None
+            and "not resolved" in choice.verdict
+        )
 
 
 def test_a_bar_across_the_target_is_not_met():
@@ -223,27 +333,53 @@ def test_a_bar_across_the_target_is_not_met():
     fast, slow = point("a", cost=[1.0], x=(0.9, 0.06)), point("b", cost=[5.0], x=(0.5, 0.06))
     choice = sweep_choice.choose([fast, slow], {"x": 1.0})
     assert choice.best is slow and choice.perhaps == (fast,)
-    assert sweep_choice.choose([fast], {"x": 1.0}).verdict == sweep_choice.choose([fast], {"x": 0.8}).verdict == "cannot tell"
-    assert sweep_choice.choose([fast], {"x": 1.03}).verdict == "met" and sweep_choice.choose([fast], {"x": 0.7}).verdict == "not met"
+    assert (
+        sweep_choice.choose([fast], {"x": 1.0}).verdict
+        == sweep_choice.choose([fast], {"x": 0.8}).verdict
+        == "cannot tell"
+    )
+    assert (
+        sweep_choice.choose([fast], {"x": 1.03}).verdict == "met"
+        and sweep_choice.choose([fast], {"x": 0.7}).verdict == "not met"
+    )
     other = [fast, slow, point("c", cost=[1.0], y=(1.0, 0.1)) | {"without": ["x"]}]
-    assert sweep_choice.choose(other, {"x": 1.0}) == choice, "what does not apply may be good enough"
+    assert sweep_choice.choose(other, {"x": 1.0}) == choice, (
+        "what does not apply may be good enough"
+    )
     assert sweep_choice.nearest([fast, slow], {"x": 0.1}) == (slow, pytest.approx(5 + 0.6 * NORMAL))
 
 
 def test_a_tie_goes_to_the_default():
     """Locks out a keyword (mrot 2), or a fix with more words, that is recommended for 1 % of noise in time or in error."""
-    plain = point("nosquish", 2.0, [1.01, 1.1], ours=True, x=(0.90, 0.02)) | {"lines": ["fix 1 all python/move 'fix_nosquish.NVE all molecule'"]}
-    mrot = point("nosquish-2", 2.0, [1.0, 1.08], ours=True, x=(0.89, 0.02)) | {"lines": ["fix 1 all python/move 'fix_nosquish.NVE all molecule mrot 2'"]}
-    rigid = point("rigid/nve", 2.0, [1.02, 1.1], x=(0.90, 0.02)) | {"lines": ["fix 1 all rigid/nve molecule"]}
-    shake = point("shake", 2.0, [1.0, 1.1], x=(0.80, 0.02)) | {"lines": ["fix 1 all nve", "fix 2 all shake 1e-4 200 0 t 1 2"]}
+    plain = point("nosquish", 2.0, [1.01, 1.1], ours=True, x=(0.90, 0.02)) | {
+        "lines": ["fix 1 all python/move 'fix_nosquish.NVE all molecule'"]
+    }
+    mrot = point("nosquish-2", 2.0, [1.0, 1.08], ours=True, x=(0.89, 0.02)) | {
+        "lines": ["fix 1 all python/move 'fix_nosquish.NVE all molecule mrot 2'"]
+    }
+    rigid = point("rigid/nve", 2.0, [1.02, 1.1], x=(0.90, 0.02)) | {
+        "lines": ["fix 1 all rigid/nve molecule"]
+    }
+    shake = point("shake", 2.0, [1.0, 1.1], x=(0.80, 0.02)) | {
+        "lines": ["fix 1 all nve", "fix 2 all shake 1e-4 200 0 t 1 2"]
+    }
     choice = sweep_choice.choose([mrot, rigid, shake, plain], {"x": 1.0})
     assert choice.best is plain and choice.fastest is mrot and choice.ties == (mrot, shake, rigid)
-    assert sweep_choice.choose([mrot, shake, rigid], {"x": 1.0}).best is rigid, "the simplest where the default is not there"
+    assert sweep_choice.choose([mrot, shake, rigid], {"x": 1.0}).best is rigid, (
+        "the simplest where the default is not there"
+    )
     late = plain | {"cost": point(cost=[1.5, 1.6])["cost"]}
     assert sweep_choice.choose([mrot, late], {"x": 1.0}).best is mrot, "slower for sure is no tie"
-    wide = point("nosquish", 2.0, [1.01, 1.1], ours=True, x=(0.87, 0.08)) | {"lines": plain["lines"]}
+    wide = point("nosquish", 2.0, [1.01, 1.1], ours=True, x=(0.87, 0.08)) | {
+        "lines": plain["lines"]
+    }
     choice = sweep_choice.choose([mrot, wide], {"x": 1.0})
-    assert choice.best is wide and choice.fastest is mrot and choice.perhaps == () and choice.verdict == "met"
+    assert (
+        choice.best is wide
+        and choice.fastest is mrot
+        and choice.perhaps == ()
+        and choice.verdict == "met"
+    )
     worse = point("nosquish", 2.0, [1.01, 1.1], ours=True, x=(0.98, 0.08))
     assert sweep_choice.choose([mrot, worse], {"x": 1.0}).best is mrot, "a keyword that helps"
 
@@ -273,13 +409,26 @@ def test_advice_is_the_choice(capsys, folder):
     """Locks out advice that is not the choice, input lines of another integrator or step, and targets of which only one is looked at."""
     points = synthetic()["scenes"]["water"]["points"]
     seen = set()
-    for targets in {"energy_sd": 0.3}, {"energy_sd": 0.3, "position": 1e-4}, {"energy_sd": 5.0, "drift": 3e-5}, {"drift": 0.002}, {"drift": 2.2e-5}:
-        status, text = advise(capsys, folder, *(f"{name}={value}" for name, value in targets.items()))
+    for targets in (
+        {"energy_sd": 0.3},
+        {"energy_sd": 0.3, "position": 1e-4},
+        {"energy_sd": 5.0, "drift": 3e-5},
+        {"drift": 0.002},
+        {"drift": 2.2e-5},
+    ):
+        status, text = advise(
+            capsys, folder, *(f"{name}={value}" for name, value in targets.items())
+        )
         best, ties, _ = by_hand(points, targets)
         best = points[best[0]]
         assert status == 0 and f"{best['label']} with a time step of {best['dt']:g} fs" in text
-        assert text.count("    timestep ") == 1 and f"    timestep {best['dt']:g}\n    " + "\n    ".join(best["lines"]) in text
-        assert all(sweep_report.named(points[n]) in text for n in ties) and bool(ties) == ("A tie:" in text)
+        assert (
+            text.count("    timestep ") == 1
+            and f"    timestep {best['dt']:g}\n    " + "\n    ".join(best["lines"]) in text
+        )
+        assert all(sweep_report.named(points[n]) in text for n in ties) and bool(ties) == (
+            "A tie:" in text
+        )
         assert ("This is ours." if best["ours"] else "Ours: ") in text
         seen.add(best["integrator"])
     assert len(seen) == 3  # not always the first one
@@ -290,11 +439,22 @@ def test_advice_where_nothing_is_good_enough(capsys, folder):
     points = synthetic()["scenes"]["water"]["points"]
     status, text = advise(capsys, folder, "energy_sd=0.001")
     point, factor = min(
-        ((one, (one["errors"]["energy_sd"]["value"] + NORMAL * one["errors"]["energy_sd"]["error"]) / 0.001) for one in points if not one["failed"]),
+        (
+            (
+                one,
+                (one["errors"]["energy_sd"]["value"] + NORMAL * one["errors"]["energy_sd"]["error"])
+                / 0.001,
+            )
+            for one in points
+            if not one["failed"]
+        ),
         key=lambda pair: pair[1],
     )
     assert status == 1 and "No point of the sweep reaches this." in text and "timestep" not in text
-    assert f"The nearest one: {sweep_report.named(point)}, with its 95 % margin {factor:.3g} times the target" in text
+    assert (
+        f"The nearest one: {sweep_report.named(point)}, with its 95 % margin {factor:.3g} times the target"
+        in text
+    )
     value, error = (point["errors"]["energy_sd"][part] for part in ("value", "error"))
     status, text = advise(capsys, folder, f"energy_sd={value + error}")
     assert status == 1 and "Cannot tell" in text and "--budget 1200 " in text
@@ -306,7 +466,11 @@ def test_advice_where_nothing_is_good_enough(capsys, folder):
         ("water", "energi=1", ["no measure energi", *MEASURES, "kcal/mol"]),
         ("butter", "energy_sd=1", ["no scene butter", "dimer, water, peptide"]),
         ("mixed", "energy_sd=1", ["no scene mixed", "dimer, water, peptide"]),
-        ("dimer", "energy_sd=1", ["dimer is not in the sweep", "python -m validation sweep dimer --budget 300 --out "]),
+        (
+            "dimer",
+            "energy_sd=1",
+            ["dimer is not in the sweep", "python -m validation sweep dimer --budget 300 --out "],
+        ),
         ("water", "energy_sd", ["MEASURE=VALUE"]),
         ("water", "energy_sd=-1", ["positive number"]),
         ("water", "energy_sd=low", ["invalid"]),
@@ -337,18 +501,33 @@ def test_tables_hold_every_point(folder):
     ]
     for row, one in zip(rows, points):
         assert row["command"] == one["command"]
-        assert row["energy_sd (kcal/mol)"] == ("" if one["failed"] else str(one["errors"]["energy_sd"]["value"]))
+        assert row["energy_sd (kcal/mol)"] == (
+            "" if one["failed"] else str(one["errors"]["energy_sd"]["value"])
+        )
     with open(folder / "fastest.csv") as file:
         rows = list(csv.DictReader(file))
     assert {row["measure"] for row in rows} == set(SIZES)
     for row in rows:
-        best = by_hand(points, {row["measure"]: float(row["target"])})[0] if "resolved" not in row["verdict"] else []
-        assert row["use"] == (points[best[0]]["label"] if best else "") and (row["verdict"] == "met") == bool(best)
+        best = (
+            by_hand(points, {row["measure"]: float(row["target"])})[0]
+            if "resolved" not in row["verdict"]
+            else []
+        )
+        assert row["use"] == (points[best[0]]["label"] if best else "") and (
+            row["verdict"] == "met"
+        ) == bool(best)
     page = (folder / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 6 and 'src="http' not in page and "<link" not in page
+    assert (
+        page.count("data:image/png;base64,") == 6
+        and 'src="http' not in page
+        and "<link" not in page
+    )
     assert all(page.count(f"<td>{one['label']}</td>") >= len(STEPS) for one in points)
     kept, given = json.loads((folder / "summary.json").read_text()), synthetic()
-    assert kept["scenes"]["water"].items() >= given["scenes"]["water"].items() and kept["measures"] == given["measures"]
+    assert (
+        kept["scenes"]["water"].items() >= given["scenes"]["water"].items()
+        and kept["measures"] == given["measures"]
+    )
 
 
 def test_a_folder_gathers_scenes(tmp_path):
@@ -365,10 +544,18 @@ def test_a_folder_gathers_scenes(tmp_path):
     assert sweep("dimer", "Monday") == {"dimer": "Monday"}
     assert sweep("water", "Tuesday") == {"dimer": "Monday", "water": "Tuesday"}
     assert sweep("dimer", "Wednesday") == {"dimer": "Wednesday", "water": "Tuesday"}
-    assert sweep("water", "Thursday", points=5) == {"dimer": "Wednesday", "water": "Tuesday"}, "a Ctrl-C after five points replaced all of them"
-    assert sweep("water", "Friday", points=5, begun="other starts") == {"dimer": "Wednesday", "water": "Friday"}
+    assert sweep("water", "Thursday", points=5) == {"dimer": "Wednesday", "water": "Tuesday"}, (
+        "a Ctrl-C after five points replaced all of them"
+    )
+    assert sweep("water", "Friday", points=5, begun="other starts") == {
+        "dimer": "Wednesday",
+        "water": "Friday",
+    }
     assert sweep("water", "Saturday") == {"dimer": "Wednesday", "water": "Saturday"}
-    assert sweep("dimer", "Sunday", points=0, begun=None) == {"dimer": "Wednesday", "water": "Saturday"}
+    assert sweep("dimer", "Sunday", points=0, begun=None) == {
+        "dimer": "Wednesday",
+        "water": "Saturday",
+    }
     assert sweep("water", "Monday", code="other") == {"water": "Monday"}
 
 
@@ -377,7 +564,10 @@ def nothing(points):
 
 
 def all_failed(points):
-    return [one | {"failed": "exploded", "failures": 3, "cost": None, "cpu": None, "errors": {}} for one in points]
+    return [
+        one | {"failed": "exploded", "failures": 3, "cost": None, "cpu": None, "errors": {}}
+        for one in points
+    ]
 
 
 @pytest.mark.parametrize("spoil", [nothing, all_failed])
@@ -385,13 +575,22 @@ def test_pages_of_nothing(tmp_path, capsys, spoil):
     """Locks out a crash at the end of a sweep that was interrupted at once or in which everything fails: of an empty maximum, axis or row."""
     summary = synthetic()
     scene = summary["scenes"]["water"]
-    scene |= {"points": spoil(scene["points"]), "degrees_of_freedom": None, "limits": {}, "error": "no start"}
+    scene |= {
+        "points": spoil(scene["points"]),
+        "degrees_of_freedom": None,
+        "limits": {},
+        "error": "no start",
+    }
     summary = sweep_report.gathered(summary, tmp_path)
     sweep_report.write(summary, tmp_path)
     sweep_report.show(console.console(), summary, tmp_path)
     assert "no start" in (tmp_path / "report.html").read_text()
     status, text = advise(capsys, tmp_path, "energy_sd=1")
-    assert status == 1 and "No point" in text and ("failed" in text.split("In the input")[0]) == (spoil is all_failed)
+    assert (
+        status == 1
+        and "No point" in text
+        and ("failed" in text.split("In the input")[0]) == (spoil is all_failed)
+    )
 
 
 def test_figures_mark_failures_and_doubts():
@@ -402,18 +601,35 @@ def test_figures_mark_failures_and_doubts():
     scene["points"][1]["errors"]["energy_sd"]["error"] = None
     scene["points"][2]["failed"] = "exploded from one start of three"
     looks = sweep_figures.styles(scene["points"])
-    assert len({(look["color"], look["marker"], str(look["ls"])) for look in looks.values()}) == len(looks)
+    assert len(
+        {(look["color"], look["marker"], str(look["ls"])) for look in looks.values()}
+    ) == len(looks)
     figure, caption = sweep_figures._main("water", scene, "energy_sd", MEASURES, looks)
     top, axis = figure.axes
     shown = [one for one in scene["points"] if one["integrator"] in sweep_figures.SHOWN]
     first = {one["integrator"]: one["dt"] for one in reversed(shown) if one["failed"]}
-    assert sorted(x for line in top.lines if line.get_marker() == "x" for x in line.get_xdata()) == sorted(first.values()) and "fails" in caption
-    assert sorted(x for line in top.lines if line.get_marker() == "|" for x in line.get_xdata()) == sorted(one["dt"] for one in shown if not one["failed"])
-    drawn = {place for container in axis.containers for place in zip(*(container.lines[0].get_xdata(), container.lines[0].get_ydata()))}
+    assert (
+        sorted(x for line in top.lines if line.get_marker() == "x" for x in line.get_xdata())
+        == sorted(first.values())
+        and "fails" in caption
+    )
+    assert sorted(
+        x for line in top.lines if line.get_marker() == "|" for x in line.get_xdata()
+    ) == sorted(one["dt"] for one in shown if not one["failed"])
+    drawn = {
+        place
+        for container in axis.containers
+        for place in zip(*(container.lines[0].get_xdata(), container.lines[0].get_ydata()))
+    }
     good = [one for one in shown if not one["failed"]]
-    heights = [1e-9 + 0.01 * NORMAL if n == 0 else one["errors"]["energy_sd"]["value"] for n, one in enumerate(good)]
+    heights = [
+        1e-9 + 0.01 * NORMAL if n == 0 else one["errors"]["energy_sd"]["value"]
+        for n, one in enumerate(good)
+    ]
     for one, height in zip(good, heights):
-        assert any(np.allclose(place, (one["cost"]["min"], height), rtol=1e-6) for place in drawn), one
+        assert any(
+            np.allclose(place, (one["cost"]["min"], height), rtol=1e-6) for place in drawn
+        ), one
     assert len(drawn) == len(good)
     low, high = axis.get_ylim()
     assert low < min(heights) and max(heights) < high
@@ -426,42 +642,72 @@ def test_a_panel_of_noise_is_left_out():
     for n, one in enumerate(good):
         one["errors"]["drift"] = {"value": 1.0 if n % 5 == 0 else 0.1, "error": 0.1}
     looks = sweep_figures.styles(scene["points"])
-    drawn = {function.__name__: function() for function in sweep_figures._of_scene("water", scene, MEASURES, looks)}
+    drawn = {
+        function.__name__: function()
+        for function in sweep_figures._of_scene("water", scene, MEASURES, looks)
+    }
     assert "water-energy" not in drawn, "energy_sd alone is the main figure"
     for one in good[::3]:
         one["errors"]["drift"]["value"] = 1.0
-    drawn = {function.__name__: function() for function in sweep_figures._of_scene("water", scene, MEASURES, looks)}
+    drawn = {
+        function.__name__: function()
+        for function in sweep_figures._of_scene("water", scene, MEASURES, looks)
+    }
     assert len(drawn["water-energy"][0].axes) == 2 and "Not drawn" not in drawn["water-energy"][1]
-    labels = {name: set(figure.axes[-1].get_legend_handles_labels()[1]) for name, (figure, _) in drawn.items()}
-    assert "NO_SQUISH mrot 2" in labels["water-parameters"] - labels["water"] and "rigid" in labels["water"] - labels["water-parameters"]
+    labels = {
+        name: set(figure.axes[-1].get_legend_handles_labels()[1])
+        for name, (figure, _) in drawn.items()
+    }
+    assert (
+        "NO_SQUISH mrot 2" in labels["water-parameters"] - labels["water"]
+        and "rigid" in labels["water"] - labels["water-parameters"]
+    )
 
 
 def broken(points):
     """The points with all of ``rigid`` failed."""
-    return [one | ({"failed": "exploded", "failures": 3} if one["integrator"] == "rigid" else {}) for one in points]
+    return [
+        one | ({"failed": "exploded", "failures": 3} if one["integrator"] == "rigid" else {})
+        for one in points
+    ]
 
 
-@pytest.mark.parametrize(("interrupted", "spoil", "status"), [(False, list, 0), (False, broken, 1), (True, broken, 130)])
+@pytest.mark.parametrize(
+    ("interrupted", "spoil", "status"), [(False, list, 0), (False, broken, 1), (True, broken, 130)]
+)
 def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil, status):
     """Locks out an exit status that hides an integrator without a result or a Ctrl-C, files that are not written then, and words that are lost."""
-    sweep = pytest.importorskip("validation.sweep", reason="the extra 'validation' is not installed")
+    sweep = pytest.importorskip(
+        "validation.sweep", reason="the extra 'validation' is not installed"
+    )
     summary, asked = synthetic() | {"interrupted": interrupted}, {}
     scene = summary["scenes"]["water"]
     scene["points"] = spoil(scene["points"])
 
     def done(points, lengths, out, meter, ranks, silence, short):
-        asked.update(points=points, lengths=lengths, out=out, ranks=ranks, silence=silence, short=short)
+        asked.update(
+            points=points, lengths=lengths, out=out, ranks=ranks, silence=silence, short=short
+        )
         return summary
 
     monkeypatch.setattr(sweep, "sweep", done)
     monkeypatch.setattr(sweep_report, "draw", lambda summary, out: {"water": []})  # takes its time
     words = f"sweep water --only nosquish rigid --steps 1,2 --ranks 2 --budget 300 --silence 7 --out {tmp_path / 'there'}"
     assert __main__.main(words.split()) == status
-    assert {path.name for path in (tmp_path / "there").glob("*.*")} >= {"summary.json", "points.csv", "fastest.csv", "report.html"}
+    assert {path.name for path in (tmp_path / "there").glob("*.*")} >= {
+        "summary.json",
+        "points.csv",
+        "fastest.csv",
+        "report.html",
+    }
     assert [(one.scene, one.integrator.name, one.dt) for one in asked["points"]] == [
         ("water", name, dt) for dt in (1, 2) for name in ("nosquish", "rigid")
     ]
-    assert asked["lengths"] == sweep.lengths(["water"], False, 300.0) and (asked["ranks"], asked["silence"], asked["short"]) == (2, 7.0, False)
+    assert asked["lengths"] == sweep.lengths(["water"], False, 300.0) and (
+        asked["ranks"],
+        asked["silence"],
+        asked["short"],
+    ) == (2, 7.0, False)
     text = capsys.readouterr().out
     assert ("Interrupted" in text) == interrupted and "fastest way" in text
 
@@ -469,7 +715,13 @@ def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil
 def test_sweep_refuses(capsys):
     """Locks out a traceback, or a night's work, where something is misspelt."""
     pytest.importorskip("validation.sweep", reason="the extra 'validation' is not installed")
-    for words, answer in ("butter", "no scene butter"), ("water --steps 1,-2", "positive"), ("water --only rigit", "rigit"), ("water --budget 30", "are needed"), ("water --steps 1,8", "divide"):
+    for words, answer in (
+        ("butter", "no scene butter"),
+        ("water --steps 1,-2", "positive"),
+        ("water --only rigit", "rigit"),
+        ("water --budget 30", "are needed"),
+        ("water --steps 1,8", "divide"),
+    ):
         with pytest.raises(SystemExit) as end:
             __main__.main(["sweep", *words.split()])
         assert end.value.code == 2 and answer in capsys.readouterr().err

@@ -57,12 +57,17 @@ def test_exact_top_obeys_the_equations_of_motion(seed):
         return Rotation.from_quat(q_then, scalar_first=True).as_matrix(), L_then
 
     turn, spin = at(0.0)
-    np.testing.assert_allclose(turn, Rotation.from_quat(q, scalar_first=True).as_matrix(), atol=1e-14)
+    np.testing.assert_allclose(
+        turn, Rotation.from_quat(q, scalar_first=True).as_matrix(), atol=1e-14
+    )
     np.testing.assert_allclose(spin, L, atol=1e-14)
     h = 1e-3
     for time in (-31.0, 0.0, 0.4, 5.0, 200.0):
         turn, spin = at(time)
-        slopes = [sum(c * at(time + k * h)[i] for k, c in ((-2, 1), (-1, -8), (1, 8), (2, -1))) / (12 * h) for i in (0, 1)]
+        slopes = [
+            sum(c * at(time + k * h)[i] for k, c in ((-2, 1), (-1, -8), (1, 8), (2, -1))) / (12 * h)
+            for i in (0, 1)
+        ]
         w = spin / moments
         cross = np.cross(np.eye(3), w)  # [w] times a vector is w x that vector
         np.testing.assert_allclose(slopes[0], turn @ cross, atol=1e-9)
@@ -73,18 +78,24 @@ def test_kick_is_the_gradient(dimer):
     """Locks out forces and torques that are not those of the potential energy, or miss a factor of (2.60)."""
     gradient = calculus.jacobian(lambda x: dimer.potential(x)[None], dimer.start)[0]
     kick = dimer.kick(dimer.start, 1.0) - dimer.start
-    np.testing.assert_allclose(kick, np.concatenate([-gradient[14:], np.zeros(14)]), atol=1e-12 * np.abs(kick).max())
+    np.testing.assert_allclose(
+        kick, np.concatenate([-gradient[14:], np.zeros(14)]), atol=1e-12 * np.abs(kick).max()
+    )
 
 
 def test_rotor_parts_are_the_packages_step(dimer):
     """Locks out an H^(2) of another splitting than the package's, and a Hamiltonian whose motion (2.56) is not."""
     dt = 4 * SCENE.dt * FS
-    apart = calculus.strang(dimer.rotor_parts())(dimer.start, dt) - dimer.rotate_freely(dimer.start, dt)
+    apart = calculus.strang(dimer.rotor_parts())(dimer.start, dt) - dimer.rotate_freely(
+        dimer.start, dt
+    )
     assert np.abs(apart).max() < 1e-14
     for energy, motion in dimer.rotor_parts():
         gradient = calculus.jacobian(lambda x: energy(x)[None], dimer.start)[0]  # noqa: B023
         slope = calculus.taylor(lambda s: motion(dimer.start[:, None], s), 1, dt).real  # noqa: B023
-        np.testing.assert_allclose(slope, gradient @ calculus.metric(14), atol=1e-12 * np.abs(slope).max())
+        np.testing.assert_allclose(
+            slope, gradient @ calculus.metric(14), atol=1e-12 * np.abs(slope).max()
+        )
 
 
 def test_leading_term_of_an_oscillator():
@@ -94,7 +105,9 @@ def test_leading_term_of_an_oscillator():
     want = p2 * oscillator.stiffness / (12 * 1.3**2) - force2 / (24 * 1.3)
     np.testing.assert_allclose(calculus.leading_term(oscillator.parts(), 0.1)(x), want, rtol=1e-11)
     want = -p2 * oscillator.stiffness / (24 * 1.3**2) + force2 / (12 * 1.3)
-    np.testing.assert_allclose(calculus.leading_term(oscillator.parts()[::-1], 0.1)(x), want, rtol=1e-11)
+    np.testing.assert_allclose(
+        calculus.leading_term(oscillator.parts()[::-1], 0.1)(x), want, rtol=1e-11
+    )
 
 
 def test_leading_term_of_the_rotor(dimer):
@@ -106,7 +119,9 @@ def test_leading_term_of_the_rotor(dimer):
         L = 0.5 * np.array([q[:, b] @ matrix.T @ p[:, b] for matrix in P])
         h = {k: np.eye(3)[k] * L[k] / i[k] for k in range(3)}  # derivatives by L
         product = np.array([L[1] * L[2], L[0] * L[2], L[0] * L[1]])  # of L_1 L_2 L_3
-        outer = (1 / i[0] - 1 / i[1]) / i[2]  # {h_3, h_1 + h_2} = outer L_1 L_2 L_3, by L . (e_3 x e_1) = L_2, L . (e_3 x e_2) = -L_1
+        outer = (1 / i[0] - 1 / i[1]) / i[
+            2
+        ]  # {h_3, h_1 + h_2} = outer L_1 L_2 L_3, by L . (e_3 x e_1) = L_2, L . (e_3 x e_2) = -L_1
         inner = -1 / (i[0] * i[1])  # {h_2, h_1} = inner L_1 L_2 L_3
         want -= outer * L @ np.cross(h[2] + 2 * h[0] + 2 * h[1], product) / 24
         want -= inner * L @ np.cross(h[1] + 2 * h[0], product) / 24
@@ -153,10 +168,19 @@ def test_shake_rattle_keeps_lengths(dimer):
     assert np.abs(dimer.atoms.constraints(dimer.atoms.shake_rattle(x, dt, 1e-14))).max() < 1e-12
     far = []
     for n in (10, 20):
-        shaken = calculus.repeated(partial(dimer.atoms.shake_rattle, tolerance=1e-13), n)(x, 10 * dt)
-        far.append(np.abs(shaken[18:] - dimer.positions(calculus.repeated(dimer.nosquish, n)(y, 10 * dt)).ravel()).max())
+        shaken = calculus.repeated(partial(dimer.atoms.shake_rattle, tolerance=1e-13), n)(
+            x, 10 * dt
+        )
+        far.append(
+            np.abs(
+                shaken[18:]
+                - dimer.positions(calculus.repeated(dimer.nosquish, n)(y, 10 * dt)).ravel()
+            ).max()
+        )
     assert far[0] < 1e-3
-    assert far[0] / far[1] == pytest.approx(4, rel=0.05)  # both are of second order, for the same motion
+    assert far[0] / far[1] == pytest.approx(
+        4, rel=0.05
+    )  # both are of second order, for the same motion
 
 
 # ---- broken schemes
@@ -181,7 +205,13 @@ def test_another_order_of_axes_is_found(monkeypatch):
     """Locks out an H^(2) that any splitting of the rotor conserves."""
 
     def other(q, p, moment_1, moment_2, moment_3, dt, small):
-        for k, moment, time in ((1, moment_1, dt / 2), (2, moment_2, dt / 2), (3, moment_3, dt), (2, moment_2, dt / 2), (1, moment_1, dt / 2)):
+        for k, moment, time in (
+            (1, moment_1, dt / 2),
+            (2, moment_2, dt / 2),
+            (3, moment_3, dt),
+            (2, moment_2, dt / 2),
+            (1, moment_1, dt / 2),
+        ):
             permute = (rotor.permute_1, rotor.permute_2, rotor.permute_3)[k - 1]
             q, p = rotor.rotation(q, p, permute(q), permute(p), 0.25 / moment, time, small)
         return q, p
@@ -210,7 +240,9 @@ def test_forces_without_a_potential_are_found(monkeypatch, kind):
     pair = theory_loops.Scene(kind, 2, rng)
     start, right = pair.random(rng), pair.forces
     assert pair.defects(start, 0.2)[0] < theory.DIFFERENCES
-    monkeypatch.setattr(pair, "forces", lambda r: right(r) + 1e-4 * np.roll(r, 1, axis=1) * [1, -1, 1])
+    monkeypatch.setattr(
+        pair, "forces", lambda r: right(r) + 1e-4 * np.roll(r, 1, axis=1) * [1, -1, 1]
+    )
     assert pair.defects(start, 0.2)[0] > 100 * theory.DIFFERENCES
 
 
@@ -230,18 +262,31 @@ def test_other_equations_are_found(kind, scheme):
 def test_reversal(monkeypatch, tmp_path):
     """Locks out a reversal that does not come back, or does where it must not (shake and rattle before convergence, Gear), one that
     has not gone anywhere, and equations in Python that are not the fixes'."""
-    free, tolerances = ("NVE", "MatubayasiNakahara", "Gear", "rigid/nve", "rigid"), ("1e-4", "1e-12")
-    some = [(one, tolerance) for one, tolerance in theory_reversal.INTEGRATORS if one.name in free or tolerance in map(float, tolerances)]
+    free, tolerances = (
+        ("NVE", "MatubayasiNakahara", "Gear", "rigid/nve", "rigid"),
+        ("1e-4", "1e-12"),
+    )
+    some = [
+        (one, tolerance)
+        for one, tolerance in theory_reversal.INTEGRATORS
+        if one.name in free or tolerance in map(float, tolerances)
+    ]
     monkeypatch.setattr(theory_reversal, "INTEGRATORS", some)
     monkeypatch.setattr(theory_reversal, "TOLERANCES", tolerances)
     monkeypatch.setattr(theory_reversal, "STEPS", (theory_reversal.COMPARED, theory.REVERSED))
     checks, data, _ = theory.theory(["reversal"], tmp_path, Silent())
     assert [check for check in checks if not check.holds] == []
-    assert len(checks) == len(free) + 2 * 3 + 2  # three of shake and rattle each, and the equations of two schemes
-    left = {(row["name"], row["tolerance"]): row["distance"][-1] for row in data["reversal"]["runs"]}
+    assert (
+        len(checks) == len(free) + 2 * 3 + 2
+    )  # three of shake and rattle each, and the equations of two schemes
+    left = {
+        (row["name"], row["tolerance"]): row["distance"][-1] for row in data["reversal"]["runs"]
+    }
     for key in ("Gear", None), ("rigid", None), ("shake", 1e-4), ("rattle", 1e-4):
         assert left.pop(key) > 1e-8, f"{key} is reversible"
-    assert set(left) == {(name, None) for name in ("NVE", "MatubayasiNakahara", "rigid/nve")} | {(style, 1e-12) for style in ("shake", "rattle")}
+    assert set(left) == {(name, None) for name in ("NVE", "MatubayasiNakahara", "rigid/nve")} | {
+        (style, 1e-12) for style in ("shake", "rattle")
+    }
     assert max(left.values()) < 1e-10
     for row in data["reversal"]["runs"]:
         assert min(row["moved"]) > 0.1, "the dimer was not moved"
@@ -249,16 +294,33 @@ def test_reversal(monkeypatch, tmp_path):
 
 def test_command(tmp_path):
     """Locks out a verb that loses a number on the way to its files, a page that needs others, and a wrong exit status."""
-    command = [sys.executable, "-m", "validation", "theory", "mrot", "symplectic", "--out", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "validation",
+        "theory",
+        "mrot",
+        "symplectic",
+        "--out",
+        str(tmp_path),
+    ]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stdout + done.stderr
     checks = json.loads((tmp_path / "summary.json").read_text())["checks"]
     rows = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert {check["part"] for check in checks} == {"mrot", "symplectic"}
     assert [float(row["value"]) for row in rows] == [check["value"] for check in checks]
-    assert [row["margin"] and float(row["margin"]) for row in rows] == [measures.margin(check["error"], check["freedom"]) or "" for check in checks]
+    assert [row["margin"] and float(row["margin"]) for row in rows] == [
+        measures.margin(check["error"], check["freedom"]) or "" for check in checks
+    ]
     page = (tmp_path / "report.html").read_text()
-    assert page.count("data:image/png;base64,") == 2 and 'src="http' not in page and "href=" not in page
+    assert (
+        page.count("data:image/png;base64,") == 2
+        and 'src="http' not in page
+        and "href=" not in page
+    )
     assert page.count('class="holds"') == len(checks)
-    wrong = subprocess.run([*command[:4], "nothing"], cwd=ROOT, capture_output=True, text=True, timeout=100)
+    wrong = subprocess.run(
+        [*command[:4], "nothing"], cwd=ROOT, capture_output=True, text=True, timeout=100
+    )
     assert wrong.returncode == 2 and "nothing" in wrong.stderr

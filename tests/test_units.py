@@ -42,14 +42,22 @@ def test_motion_is_that_of_lj_units(simulate, scaled, style):
     style: trajectory, temperature, energy and pressure tensor of all kinds of bodies are those of LJ units."""
     plain, (units, joule) = mixture(), STYLES[style]
     want, run = simulate(plain, OURS, 50), simulate(scaled(style), OURS, 50)
-    assert_same(run._replace(x=run.x / units.length, v=run.v * (units.time / units.length)), want, plain.h)
+    assert_same(
+        run._replace(x=run.x / units.length, v=run.v * (units.time / units.length)), want, plain.h
+    )
     # electron's mass v^2 / energy, for energies, is 5e-9 off what it moves atoms with
-    np.testing.assert_allclose(run.thermo["TotEng"] / units.energy, want.thermo["TotEng"], rtol=1e-8)
+    np.testing.assert_allclose(
+        run.thermo["TotEng"] / units.energy, want.thermo["TotEng"], rtol=1e-8
+    )
     temperature = run.thermo["Temp"] * BOLTZMANN / (units.energy * joule)
-    np.testing.assert_allclose(temperature, want.thermo["Temp"], rtol=2e-6)  # the digits of LAMMPS's constants
+    np.testing.assert_allclose(
+        temperature, want.thermo["Temp"], rtol=2e-6
+    )  # the digits of LAMMPS's constants
     # pressure is energy by volume, times a constant of the unit style
     ratio = np.linalg.norm(tensor(run)) / np.linalg.norm(tensor(want))
-    np.testing.assert_allclose(tensor(run) / ratio, tensor(want), rtol=0, atol=1e-7 * np.abs(tensor(want)).max())
+    np.testing.assert_allclose(
+        tensor(run) / ratio, tensor(want), rtol=0, atol=1e-7 * np.abs(tensor(want)).max()
+    )
 
 
 @pytest.mark.parametrize("style", ["lj", *STYLES])

@@ -48,7 +48,18 @@ def random_walk(n, seed):
     return np.cumsum(np.random.default_rng(seed).normal(size=n))
 
 
-STEPS = 0.0, 0.003, 0.01, 0.02, 0.04, 0.1, 0.3, 1.0, 10.0, None  # of a walk over a 64th of a series; a walk alone
+STEPS = (
+    0.0,
+    0.003,
+    0.01,
+    0.02,
+    0.04,
+    0.1,
+    0.3,
+    1.0,
+    10.0,
+    None,
+)  # of a walk over a 64th of a series; a walk alone
 
 
 def noise_of(rng, series, n, time, step):
@@ -77,8 +88,12 @@ def test_drift_error_covers(n, time):
         assert 0.93 < np.mean(off < 2 * found.error) < 0.96, step
         assert 0.94 < np.mean(off < found.margin) < 0.97, step
         if step is None and not time:
-            least = 64 / n / (0.1 * np.sqrt(n))  # no slope of a walk scatters less than that of its ends
-            assert np.std(found.value) < 1.4 * least, "an error so large that the checks above cannot fail"
+            least = (
+                64 / n / (0.1 * np.sqrt(n))
+            )  # no slope of a walk scatters less than that of its ends
+            assert np.std(found.value) < 1.4 * least, (
+                "an error so large that the checks above cannot fail"
+            )
 
 
 def test_deviation_about_the_line():
@@ -93,7 +108,10 @@ def test_deviation_about_the_line():
 def test_a_deviation_that_is_a_drift_says_so(slope, said):
     """Locks out a standard deviation that hides that the energy drifts."""
     column = next(one for one in report.COLUMNS if one.key == "energy_sd")
-    row = {"energy_sd": {"value": 2.0, "error": 0.1}, "drift": {"value": slope, "error": 0.02, "freedom": 12.0}}
+    row = {
+        "energy_sd": {"value": 2.0, "error": 0.1},
+        "drift": {"value": slope, "error": 0.02, "freedom": 12.0},
+    }
     assert report.cell(row, column) == f"2.00 ± 0.20{said}"
 
 
@@ -106,14 +124,21 @@ def test_drift_of_several_series_and_of_none():
         assert measures.drift(t, row)[:2] == pytest.approx((value, error))
     assert measures.drift(t, np.full(500, 7.0))[:2] == pytest.approx((0.0, 0.0), abs=1e-14)
     assert measures.drift(t, 3 * t)[:2] == pytest.approx((3.0, 0.0), abs=1e-12)
-    assert all(np.isfinite(measures.drift(t[:n], x[0, :n])).all() for n in (4, 5, 8, 13, 23, 24, 47))
+    assert all(
+        np.isfinite(measures.drift(t[:n], x[0, :n])).all() for n in (4, 5, 8, 13, 23, 24, 47)
+    )
     assert measures.drift(t[:3], x[0, :3]).error == np.inf, "three values tell no error"
 
 
 def test_ratio_of_pairs():
     """Locks out the ratio turned round, and the scatter of the single ratios given as the error of their mean."""
     rng = np.random.default_rng(6)
-    found = np.array([measures.ratio(*np.exp(rng.normal(size=(2, 50)) * 0.1 + [[0.0], [0.3]])) for _ in range(200)])
+    found = np.array(
+        [
+            measures.ratio(*np.exp(rng.normal(size=(2, 50)) * 0.1 + [[0.0], [0.3]]))
+            for _ in range(200)
+        ]
+    )
     assert found[:, 0].mean() == pytest.approx(np.exp(0.3), rel=0.01)
     assert found[:, 1].mean() == pytest.approx(found[:, 0].std(), rel=0.2)
 
@@ -123,7 +148,9 @@ def test_error_of_mean_with_correlation(phi):
     """Locks out sd/sqrt(n): for AR(1) noise the error is sqrt((1+phi)/(1-phi)/n)."""
     n = 20000
     errors = [measures.mean(ar1(n, phi, seed))[1] for seed in range(10)]
-    assert np.mean(errors) == pytest.approx(np.sqrt((1 + phi) / (1 - phi) / n), rel=0.2)  # the larger of two is 8 % too large
+    assert np.mean(errors) == pytest.approx(
+        np.sqrt((1 + phi) / (1 - phi) / n), rel=0.2
+    )  # the larger of two is 8 % too large
 
 
 SLOW = 500  # samples of correlation time
@@ -131,7 +158,9 @@ SLOW = 500  # samples of correlation time
 
 def two_times(n, seed):
     """White noise with unit variance, of which 6 % is slow."""
-    return np.sqrt(0.94) * ar1(n, 0.0, seed) + np.sqrt(0.06) * ar1(n, np.exp(-1 / SLOW), 1000 + seed)
+    return np.sqrt(0.94) * ar1(n, 0.0, seed) + np.sqrt(0.06) * ar1(
+        n, np.exp(-1 / SLOW), 1000 + seed
+    )
 
 
 def test_errors_with_two_times():
@@ -143,8 +172,12 @@ def test_errors_with_two_times():
     noise = [two_times(n, seed) for seed in range(10)]
     expected = np.sqrt((0.94 + 0.06 * 2 * SLOW) / n)
     assert np.mean([measures.mean(x)[1] for x in noise]) == pytest.approx(expected, rel=0.25)
-    turned = [np.sqrt(1 + 0.1 * x) * rng.choice([-1, 1], n) for x in noise]  # (turned - 0)^2 is 1 + 0.1 x
-    assert np.mean([measures.standard_deviation(x)[1] for x in turned]) == pytest.approx(0.1 * expected / 2, rel=0.25)
+    turned = [
+        np.sqrt(1 + 0.1 * x) * rng.choice([-1, 1], n) for x in noise
+    ]  # (turned - 0)^2 is 1 + 0.1 x
+    assert np.mean([measures.standard_deviation(x)[1] for x in turned]) == pytest.approx(
+        0.1 * expected / 2, rel=0.25
+    )
 
 
 @pytest.mark.parametrize("n", [4, 13, 23])
@@ -171,27 +204,38 @@ def test_margin_of_few_is_students(number, table):
     assert measures.margin(1.0) == pytest.approx(1.960, abs=1e-3)
 
 
-@pytest.mark.parametrize("sizes, second", [((4, 4), 1.0), ((2, 32), 0.2), ((3, 5), 3.0), ((4, 200), 3.0)])
+@pytest.mark.parametrize(
+    "sizes, second", [((4, 4), 1.0), ((2, 32), 0.2), ((3, 5), 3.0), ((4, 200), 3.0)]
+)
 def test_sum_of_numbers_with_few_values_each(sizes, second):
     """Locks out the larger number of degrees of freedom, or Welch's where a part has one: the interval of a sum of two means then covers too seldom."""
     rng, covered = np.random.default_rng(5), []
     for _ in range(3000):
-        one, other = (measures.of_few(size * rng.normal(size=number)) for number, size in zip(sizes, (1.0, second)))
+        one, other = (
+            measures.of_few(size * rng.normal(size=number))
+            for number, size in zip(sizes, (1.0, second))
+        )
         error, freedom = measures.combined(one[1:], other[1:])
         covered.append(abs(one.value + other.value) < measures.margin(error, freedom))
     assert 0.94 < np.mean(covered) < 0.99
-    assert measures.combined((3.0, None), (4.0, None)) == (5.0, None) and measures.combined((0.0, 3), (0.0, None)) == (0.0, None)
+    assert measures.combined((3.0, None), (4.0, None)) == (5.0, None) and measures.combined(
+        (0.0, 3), (0.0, None)
+    ) == (0.0, None)
 
 
 def test_quotient_and_power_have_the_freedom_of_their_parts():
     """Locks out a quotient whose error counts as sure, and a law through points that few values tell."""
     few, many = measures.Estimate(2.0, 0.2, 3), measures.Estimate(-4.0, 0.4)
     assert measures.quotient(few, many)[:2] == pytest.approx((-0.5, 0.05 * np.sqrt(2)), rel=1e-9)
-    assert measures.quotient(few, many).margin == pytest.approx(np.hypot(0.05 * 3.182, 0.05 * 1.960), rel=1e-3)
+    assert measures.quotient(few, many).margin == pytest.approx(
+        np.hypot(0.05 * 3.182, 0.05 * 1.960), rel=1e-3
+    )
     assert measures.quotient(many, many).freedom is None
     x = np.array([1.0, 2.0, 4.0])
     law = measures.power(x, [measures.Estimate(3 * one**2, 0.3 * one**2, 5) for one in x])
-    assert law[:2] == pytest.approx((2.0, 0.1 / (np.sqrt(2) * np.log(2)))) and law.freedom == pytest.approx(5.0)
+    assert law[:2] == pytest.approx(
+        (2.0, 0.1 / (np.sqrt(2) * np.log(2)))
+    ) and law.freedom == pytest.approx(5.0)
 
 
 CUBE = np.diag([10.0, 10.0, 10.0])
@@ -364,7 +408,9 @@ def test_a_run_that_was_stopped_is_not_hung(tmp_path, monkeypatch):
     """Locks out a run given up because it and the harness were stopped for longer than a hung run may be silent."""
     process = subprocess.Popen(["sleep", "1.5"])
     sleep = time.sleep
-    monkeypatch.setattr(run.time, "sleep", lambda seconds: sleep(seconds + 0.5))  # as if stopped between two looks
+    monkeypatch.setattr(
+        run.time, "sleep", lambda seconds: sleep(seconds + 0.5)
+    )  # as if stopped between two looks
     assert not run._watch(process, tmp_path / "log", 1.0, print)
 
 
@@ -396,7 +442,18 @@ def test_help_is_instant():
 def test_long_run(tmp_path):
     """Locks out a run that is done again although it is complete, and a measure that calls a changed body unchanged:
     in the dump one velocity is multiplied by 1 + 1e-9."""
-    command = [sys.executable, "-m", "validation", "long", "--steps", "3000", "--only", "nosquish", "--out", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "validation",
+        "long",
+        "--steps",
+        "3000",
+        "--only",
+        "nosquish",
+        "--out",
+        str(tmp_path),
+    ]
     first = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=200)
     assert first.returncode == 0, first.stdout + first.stderr
     rows = json.loads((tmp_path / "summary.json").read_text())["runs"]

@@ -10,7 +10,10 @@ from systems import OURS, apart, mixture
 STEPS = 60
 
 
-@pytest.mark.parametrize(("kinds", "ranks"), [("solid planar pair row single", 1), ("solid planar pair row single", 4), ("row", 2)])
+@pytest.mark.parametrize(
+    ("kinds", "ranks"),
+    [("solid planar pair row single", 1), ("solid planar pair row single", 4), ("row", 2)],
+)
 def test_output_changes_nothing(simulate, kinds, ranks):
     """Locks out a half step that is done twice, left out, or done with other forces, where the end of a step waits: a run
     that is looked at in each step and one that is looked at in none agree to the last bit."""
@@ -28,7 +31,8 @@ def test_output_changes_nothing_for_bodies_of_many_atoms(run_lammps, tmp_path):
     files = {name: (folder / name).read_text() for name in ("data.mixed", "forcefield.mixed")}
     atoms = []
     for every in 1, 30:
-        run_lammps(f"""units lj
+        run_lammps(
+            f"""units lj
 atom_style bond
 read_data data.mixed
 include forcefield.mixed
@@ -37,13 +41,22 @@ fix 2 chains nve
 thermo {every}
 timestep 0.004
 run 30
-write_dump all custom end id x y z vx vy vz modify sort id format float %.17g""", files=files)
+write_dump all custom end id x y z vx vy vz modify sort id format float %.17g""",
+            files=files,
+        )
         atoms.append((tmp_path / "end").read_text())
     assert atoms[0] == atoms[1]
 
 
 @pytest.mark.parametrize(
-    "more", ["comm_modify vel yes", "fix 7 all momentum 1000 linear 1 1 1", "fix 7 all momentum 7 linear 1 1 1", "fix 7 all external pf/array 1", "fix 7 all dt/reset 7 1 1 100"],
+    "more",
+    [
+        "comm_modify vel yes",
+        "fix 7 all momentum 1000 linear 1 1 1",
+        "fix 7 all momentum 7 linear 1 1 1",
+        "fix 7 all external pf/array 1",
+        "fix 7 all dt/reset 7 1 1 100",
+    ],
     ids=["half step", "late", "late often", "between", "reset"],
 )
 def test_what_needs_more_changes_nothing(simulate, more):
@@ -75,8 +88,13 @@ thermo_style custom step c_ke
 """
     files = {}
     for every in 1, 60:
-        run = run_lammps(f"{lines}thermo {every}\nrun 60\nvariable end equal c_ke\nprint 'end $(v_end:%.15g)'", files=system.files)
-        files[every] = [(tmp_path / name).read_text() for name in ("print.txt", "ave.txt", "dump.txt")] + [run.screen.splitlines()[-2]]
+        run = run_lammps(
+            f"{lines}thermo {every}\nrun 60\nvariable end equal c_ke\nprint 'end $(v_end:%.15g)'",
+            files=system.files,
+        )
+        files[every] = [
+            (tmp_path / name).read_text() for name in ("print.txt", "ave.txt", "dump.txt")
+        ] + [run.screen.splitlines()[-2]]
     assert files[1] == files[60]
     assert len(files[1][2].splitlines()) > 100
 
@@ -147,4 +165,6 @@ def test_following_without_python(simulate, known, run_lammps, tmp_path, ranks):
         np.testing.assert_array_equal(getattr(results[0], name), getattr(results[1], name))
         np.testing.assert_array_equal(getattr(results[0], name), getattr(results[2], name))
     (busy, builds), (lazy, _), (tight, _) = counts
-    assert builds > 0.45 * steps and busy > builds and lazy < 15 and (ranks == 1 or tight > steps / 10), counts
+    assert (
+        builds > 0.45 * steps and busy > builds and lazy < 15 and (ranks == 1 or tight > steps / 10)
+    ), counts

@@ -23,7 +23,9 @@ timestep      0.3
 run           {steps}
 """
 # by atom: charge, and TIP3P's epsilon (kcal/mol) and Rmin/2 (Angstrom) as CHARMM22 has them
-CHARGE, EPSILON, RADIUS = np.array([(-0.834, 0.1521, 1.7682), (0.417, 0.046, 0.2245), (0.417, 0.046, 0.2245)]).T
+CHARGE, EPSILON, RADIUS = np.array(
+    [(-0.834, 0.1521, 1.7682), (0.417, 0.046, 0.2245), (0.417, 0.046, 0.2245)]
+).T
 
 
 MASS = np.array([15.9994, 0.1, 0.1])
@@ -39,7 +41,10 @@ def potential(x):
     """Potential energy (n,) in kcal/mol at positions (n, 6, 3)."""
     r = distances(x)
     ratio = ((RADIUS[:, None] + RADIUS) / r) ** 6
-    energy = np.sqrt(np.outer(EPSILON, EPSILON)) * (ratio**2 - 2 * ratio) + 332.06371 * np.outer(CHARGE, CHARGE) / r
+    energy = (
+        np.sqrt(np.outer(EPSILON, EPSILON)) * (ratio**2 - 2 * ratio)
+        + 332.06371 * np.outer(CHARGE, CHARGE) / r
+    )
     return energy.sum(axis=(1, 2))
 
 
@@ -61,7 +66,9 @@ def microcanonical_temperature(x, energy, momentum, chains=400, sweeps=500, seed
         inertia = -np.einsum("a,nak,nal->nkl", mass, d, d)
         inertia -= np.trace(inertia, axis1=1, axis2=2)[:, None, None] * np.eye(3)
         kinetic = energy - potential(x)
-        free = kinetic - MVV2E / 2 * np.einsum("k,nkl,l->n", momentum, np.linalg.inv(inertia), momentum)
+        free = kinetic - MVV2E / 2 * np.einsum(
+            "k,nkl,l->n", momentum, np.linalg.inv(inertia), momentum
+        )
         free[distances(x).min(axis=(1, 2)) < 1] = 0  # where atoms run into each other
         with np.errstate(divide="ignore"):
             return 2 * np.log(np.maximum(free, 0)) - np.linalg.slogdet(inertia)[1] / 2, kinetic
@@ -80,7 +87,12 @@ def microcanonical_temperature(x, energy, momentum, chains=400, sweeps=500, seed
         return x
 
     first, second, both = slice(0, 3), slice(3, 6), slice(0, 6)
-    moves = (shifted, lambda x: turned(x, first, 0.5), lambda x: turned(x, second, 0.5), lambda x: turned(x, both, 0.5))
+    moves = (
+        shifted,
+        lambda x: turned(x, first, 0.5),
+        lambda x: turned(x, second, 0.5),
+        lambda x: turned(x, both, 0.5),
+    )
     x = np.tile(x, (chains, 1, 1))
     now, kinetic = weight(x)
     means = []
@@ -101,7 +113,9 @@ def test_mean_temperature():
     """
     words = [line.split() for line in FILES["data.dimer"].splitlines()]
     x = np.array([row[4:] for row in words if len(row) == 7], float)
-    v = np.array([row[1:] for row in words[words.index(["Velocities"]) :] if len(row) == 4], float)[:6]
+    v = np.array([row[1:] for row in words[words.index(["Velocities"]) :] if len(row) == 4], float)[
+        :6
+    ]
     mass = np.tile(MASS, 2)
     assert np.abs(mass @ v).max() < 1e-12
     energy = potential(x[None])[0] + MVV2E / 2 * (mass[:, None] * v**2).sum()

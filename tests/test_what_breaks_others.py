@@ -16,7 +16,18 @@ from systems import (
 from test_bad_input import Case
 
 from validation import breaks
-from validation.breaks import FREE, SMOOTH, bent, columns, moved_images, momenta, restarted, sums, vector
+from validation.breaks import (
+    FREE,
+    SMOOTH,
+    bent,
+    columns,
+    moved_images,
+    momenta,
+    restarted,
+    sums,
+    vector,
+)
+
 
 def together(system, result):
     """Positions, with each body's atoms in the images nearest to its first atom."""
@@ -30,7 +41,13 @@ def together(system, result):
 
 def distances(x, molecule):
     """All distances within bodies."""
-    return np.array([np.linalg.norm(x[i] - x[j]) for i, j in itertools.combinations(range(len(x)), 2) if molecule[i] == molecule[j]])
+    return np.array(
+        [
+            np.linalg.norm(x[i] - x[j])
+            for i, j in itertools.combinations(range(len(x)), 2)
+            if molecule[i] == molecule[j]
+        ]
+    )
 
 
 # ---- small moments of inertia
@@ -43,10 +60,16 @@ def test_tiny_moments_of_inertia_turn(simulate, monkeypatch, size, mass):
     (rigid/nve and rigid/nve/small pass today: 2e-13 apart.)"""
     monkeypatch.setitem(UNITS, "si", Units(size, mass, 1e-21, 1.0))
     plain, scaled = mixture("solid planar"), mixture("solid planar", units="si")
-    reference, ours, theirs = simulate(plain, LIKE_LAMMPS, 50), simulate(scaled, LIKE_LAMMPS, 50), simulate(scaled, RIGID, 50)
+    reference, ours, theirs = (
+        simulate(plain, LIKE_LAMMPS, 50),
+        simulate(scaled, LIKE_LAMMPS, 50),
+        simulate(scaled, RIGID, 50),
+    )
     assert apart(Result(ours.x / size, None, None, ""), reference, plain.h) < 1e-9
     assert apart(ours, theirs, scaled.h) < 1e-9 * size
-    np.testing.assert_allclose(ours.v * UNITS["si"].time / size, reference.v, rtol=0, atol=1e-9 * np.abs(reference.v).max())
+    np.testing.assert_allclose(
+        ours.v * UNITS["si"].time / size, reference.v, rtol=0, atol=1e-9 * np.abs(reference.v).max()
+    )
 
 
 # ---- linear and nearly linear bodies
@@ -74,7 +97,9 @@ def test_nearly_linear_bodies_conserve_energy(simulate, triatomics, angle):
     as that of straight ones. (rigid/nve: 0.0097 and 0.0097 in 1,000 steps; from 2e-3 on, where bodies count as
     three-dimensional and the spin turns far in one step, all fixes need shorter steps.)"""
     ours, straight = (simulate(triatomics(a), OURS, 400, before=SMOOTH, dt=2) for a in (angle, 0.0))
-    assert np.ptp(ours.thermo["TotEng"]) == pytest.approx(np.ptp(straight.thermo["TotEng"]), rel=0.02 + 100 * angle)
+    assert np.ptp(ours.thermo["TotEng"]) == pytest.approx(
+        np.ptp(straight.thermo["TotEng"]), rel=0.02 + 100 * angle
+    )
     assert np.abs(ours.v).max() < 2 * np.abs(straight.v).max()
 
 
@@ -89,7 +114,10 @@ def test_bodies_just_not_linear(simulate, triatomics):
     for angle, step, told in (3e-3, 1, 1), (3e-3, 0.05, 0), (1e-3, 1, 0):
         log = simulate(triatomics(angle), OURS, 0, before=SMOOTH, dt=step).log
         assert log.count("rad in a step") == told, f"bent by {angle}, {step} steps"
-    spread = [np.ptp(simulate(system, fix, 400, before=SMOOTH, dt=0.05).thermo["TotEng"]) for fix in (OURS, SMALL)]
+    spread = [
+        np.ptp(simulate(system, fix, 400, before=SMOOTH, dt=0.05).thermo["TotEng"])
+        for fix in (OURS, SMALL)
+    ]
     assert spread[0] < 2 * spread[1]
 
 
@@ -97,7 +125,12 @@ def test_nearly_linear_bodies_in_a_heat_bath(simulate, triatomics):
     """Locks out a spin about the axis that random forces drive up where the moment about it is next to nothing:
     bodies that count as linear have none at all, the others a thermal one, and all keep their shape."""
     system = triatomics(*ANGLES)
-    start, end = (simulate(system, OURS, n, before=SMOOTH + "fix 7 all langevin 1.0 1.0 0.5 9371\n", every=100) for n in (0, 1000))
+    start, end = (
+        simulate(
+            system, OURS, n, before=SMOOTH + "fix 7 all langevin 1.0 1.0 0.5 9371\n", every=100
+        )
+        for n in (0, 1000)
+    )
     assert 0.6 < end.thermo["Temp"][5:].mean() < 1.5
     x, angle = together(system, end).reshape(-1, 3, 3), np.resize(ANGLES, 27)
     v = end.v.reshape(-1, 3, 3)
@@ -211,13 +244,20 @@ def test_image_flags_far_from_zero(simulate, count):
     near = mixture("solid planar")
     far = moved_images(near, count)
     how = dict(before=DRIFT, after="run 50")
-    ours, reference, theirs = (simulate(s, f, 50, **how) for s, f in ((far, LIKE_LAMMPS), (near, LIKE_LAMMPS), (near, RIGID)))
+    ours, reference, theirs = (
+        simulate(s, f, 50, **how)
+        for s, f in ((far, LIKE_LAMMPS), (near, LIKE_LAMMPS), (near, RIGID))
+    )
     assert apart(ours, reference, near.h) < 1e-10
     assert apart(ours, theirs, near.h) < 1e-9
-    np.testing.assert_allclose(tensor(ours), tensor(reference), rtol=0, atol=1e-9 * np.abs(tensor(reference)).max())
+    np.testing.assert_allclose(
+        tensor(ours), tensor(reference), rtol=0, atol=1e-9 * np.abs(tensor(reference)).max()
+    )
 
 
-@pytest.mark.parametrize("count, ranks", [((0, 0, 0), 1), ((512, -512, 512), 1), ((512, -512, 512), 2)], ids=str)
+@pytest.mark.parametrize(
+    "count, ranks", [((0, 0, 0), 1), ((512, -512, 512), 1), ((512, -512, 512), 2)], ids=str
+)
 def test_restart_with_image_flags_far_from_zero(simulate, count, ranks):
     """Locks out a restart that does not continue the trajectory, because of image flags or anything else: run 50,
     write_restart, read_restart, run 50 is run 100. (rigid/nve: 2e-7 apart with
@@ -242,15 +282,20 @@ def test_ten_thousand_crossings(simulate, tmp_path):
     h[0, 1] = 0.4
     for kind in ("solid", "row"):
         name, x, types = turned(kind, rng.uniform(0, 3, 3), [], h, rng)
-        bodies.append((name, x, np.ones(len(x), int)))  # equal masses on equal springs: none turns the body as it swings
+        bodies.append(
+            (name, x, np.ones(len(x), int))
+        )  # equal masses on equal springs: none turns the body as it swings
     system = assemble(bodies, h, temperature=0.05)
     period, amplitude = 32, np.array([12.0, -12.0, 12.0])  # up to 2.4 of a box of 3 in a step
     steps = 500 * period
     theta = 2 * np.pi / period
-    stiffness = 2 * (1 - np.cos(theta)) / system.dt**2  # so that velocity Verlet has this very period
+    stiffness = (
+        2 * (1 - np.cos(theta)) / system.dt**2
+    )  # so that velocity Verlet has this very period
     speed = amplitude * np.sin(theta) / system.dt
     before = (
-        FREE + "neigh_modify every 1 delay 0 check no\n"
+        FREE
+        + "neigh_modify every 1 delay 0 check no\n"
         f"fix 7 all spring/self {stiffness:.17g}\nfix_modify 7 energy yes\n"
         "velocity all set {:.17g} {:.17g} {:.17g} sum yes\n".format(*speed)
         + "compute u all property/atom xu yu zu\ncompute far all reduce max c_u[*]\n"
@@ -259,7 +304,9 @@ def test_ten_thousand_crossings(simulate, tmp_path):
     result = simulate(system, OURS, steps, before=before, columns="c_far[*]", every=8)
     lines = (tmp_path / "path").read_text().splitlines()
     n = len(system.mass)
-    start, end = (np.array([line.split() for line in lines[k : k + n]], float)[:, 1:] for k in (9, 2 * 9 + n))
+    start, end = (
+        np.array([line.split() for line in lines[k : k + n]], float)[:, 1:] for k in (9, 2 * 9 + n)
+    )
     far = columns(result, *(f"c_far[{k}]" for k in (1, 2, 3)))
     assert (np.ptp(far, axis=0) > 2 * np.abs(amplitude) - 1).all()
     assert (far < np.abs(amplitude) + 5).all()
@@ -267,10 +314,19 @@ def test_ten_thousand_crossings(simulate, tmp_path):
         mine = system.molecule == body
         centre = [frame[mine].mean(axis=0) for frame in (start, end)]
         np.testing.assert_allclose(centre[1][:3], centre[0][:3], rtol=0, atol=1e-8)
-        np.testing.assert_allclose(centre[1][3:], centre[0][3:], rtol=0, atol=1e-8 * np.abs(speed).max())
-    np.testing.assert_allclose(distances(end[:, :3], system.molecule), distances(start[:, :3], system.molecule), rtol=0, atol=1e-10)
+        np.testing.assert_allclose(
+            centre[1][3:], centre[0][3:], rtol=0, atol=1e-8 * np.abs(speed).max()
+        )
+    np.testing.assert_allclose(
+        distances(end[:, :3], system.molecule),
+        distances(start[:, :3], system.molecule),
+        rtol=0,
+        atol=1e-10,
+    )
     swing = result.thermo["TotEng"][:: period // 8]  # at one phase of the oscillation
-    np.testing.assert_allclose(swing, swing[0], rtol=1e-12)  # next to the swing, turning is a small part
+    np.testing.assert_allclose(
+        swing, swing[0], rtol=1e-12
+    )  # next to the swing, turning is a small part
 
 
 # ---- momentum
@@ -316,7 +372,9 @@ for name in ("init", "setup", "initial_integrate", "post_neighbor", "dof"):
 def test_exception_on_one_rank(run_lammps, tmp_path, method):
     """Locks out a hang, or more than one message, where one method breaks on one rank while the others go on."""
     case = Case("", module=f"spoil.Breaks_{method}", before="neigh_modify every 1 delay 0 check no")
-    run = run_lammps(case.script, files={"mol.bent": BENT, "spoil.py": BREAKS}, ranks=4, check=False, timeout=60)
+    run = run_lammps(
+        case.script, files={"mol.bent": BENT, "spoil.py": BREAKS}, ranks=4, check=False, timeout=60
+    )
     assert_ended(run, (f"ValueError: no such luck in {method}",), tmp_path)
 
 

@@ -16,7 +16,9 @@ SHORT = "nosquish", "rigid/nve", "rigid/nve/small", "shake"
 def main(words=None):
     """Parse the command line and run its verb; the exit status."""
     arguments = parser().parse_args(words)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the verb's children as Ctrl-C does
+    signal.signal(
+        signal.SIGTERM, signal.default_int_handler
+    )  # ends the verb's children as Ctrl-C does
     return arguments.function(arguments)
 
 
@@ -47,7 +49,9 @@ def _one_of(kind, known):
 
     def word(text):
         if text not in (names := known()):
-            raise argparse.ArgumentTypeError(f"there is no {kind} {text}: choose from {', '.join(names)}")
+            raise argparse.ArgumentTypeError(
+                f"there is no {kind} {text}: choose from {', '.join(names)}"
+            )
         return text
 
     return word
@@ -89,20 +93,49 @@ def _add_compare(verbs):
         "130 after Ctrl-C.",
     )
     parser.add_argument("scene", choices=COMPARED, help="what is simulated: %(choices)s")
-    parser.add_argument("--ranks", type=_whole, default=2, metavar="N",
-                        help="MPI ranks of each run (default %(default)s)")
-    parser.add_argument("--steps", type=_whole, default=1500, metavar="N",
-                        help="length of each trajectory (default %(default)s)")
-    parser.add_argument("--dt", type=_positive, metavar="FS", help="time step in fs (default: the scene's)")
-    parser.add_argument("--only", nargs="+", choices=INTEGRATORS, metavar="NAME",
-                        default=list(INTEGRATORS), help="integrators, of: %(choices)s")
-    parser.add_argument("--rounds", type=_whole, default=3, metavar="N",
-                        help="timed segments of each integrator (default %(default)s)")
-    parser.add_argument("--segment", type=_whole, default=200, metavar="N",
-                        help="steps of a timed segment (default %(default)s)")
+    parser.add_argument(
+        "--ranks",
+        type=_whole,
+        default=2,
+        metavar="N",
+        help="MPI ranks of each run (default %(default)s)",
+    )
+    parser.add_argument(
+        "--steps",
+        type=_whole,
+        default=1500,
+        metavar="N",
+        help="length of each trajectory (default %(default)s)",
+    )
+    parser.add_argument(
+        "--dt", type=_positive, metavar="FS", help="time step in fs (default: the scene's)"
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=INTEGRATORS,
+        metavar="NAME",
+        default=list(INTEGRATORS),
+        help="integrators, of: %(choices)s",
+    )
+    parser.add_argument(
+        "--rounds",
+        type=_whole,
+        default=3,
+        metavar="N",
+        help="timed segments of each integrator (default %(default)s)",
+    )
+    parser.add_argument(
+        "--segment",
+        type=_whole,
+        default=200,
+        metavar="N",
+        help="steps of a timed segment (default %(default)s)",
+    )
     _add_silence(parser, 120.0)
-    parser.add_argument("--out", type=Path, metavar="DIR",
-                        help="output folder (default results/compare-SCENE)")
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="output folder (default results/compare-SCENE)"
+    )
     parser.set_defaults(function=_compare)
 
 
@@ -110,16 +143,25 @@ def _compare(arguments):
     from validation import compare, console, figures, report  # heavy: not for --help
 
     scene = SCENES[arguments.scene]
-    integrators = [one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)]
+    integrators = [
+        one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)
+    ]
     out = arguments.out or Path("results") / f"compare-{scene.name}"
     out.mkdir(parents=True, exist_ok=True)
     screen = console.console()
     each = arguments.steps + arguments.rounds * (compare.WARM_UP + arguments.segment)
     with console.Meter(screen, len(integrators) * each) as meter:
         summary, series = compare.compare(
-            scene, integrators, out, ranks=arguments.ranks, steps=arguments.steps,
-            dt=arguments.dt or scene.dt, rounds=arguments.rounds, segment=arguments.segment,
-            silence=arguments.silence, meter=meter,
+            scene,
+            integrators,
+            out,
+            ranks=arguments.ranks,
+            steps=arguments.steps,
+            dt=arguments.dt or scene.dt,
+            rounds=arguments.rounds,
+            segment=arguments.segment,
+            silence=arguments.silence,
+            meter=meter,
         )
     report.write(summary, series, figures.draw(summary, series, out), out)
     console.show(screen, summary, out)
@@ -136,11 +178,29 @@ def _add_long(verbs):
         "and at a practical time step, and draw what becomes of energy, momenta and shape. A run that is complete "
         "in the output folder is not done again.",
     )
-    parser.add_argument("--steps", type=_whole, default=10_000_000, metavar="N", help="of each run (default %(default)s)")
-    parser.add_argument("--only", nargs="+", choices=("nosquish", "rigid/nve", "rigid"), metavar="NAME",
-                        default=["nosquish", "rigid/nve", "rigid"], help="integrators, of: %(choices)s")
+    parser.add_argument(
+        "--steps",
+        type=_whole,
+        default=10_000_000,
+        metavar="N",
+        help="of each run (default %(default)s)",
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=("nosquish", "rigid/nve", "rigid"),
+        metavar="NAME",
+        default=["nosquish", "rigid/nve", "rigid"],
+        help="integrators, of: %(choices)s",
+    )
     _add_silence(parser, 120.0)
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/long-run"), help="output folder (default %(default)s)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        default=Path("results/long-run"),
+        help="output folder (default %(default)s)",
+    )
     parser.set_defaults(function=_long)
 
 
@@ -150,10 +210,16 @@ def _long(arguments):
     screen = console.console()
     arguments.out.mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, 2 * len(arguments.only) * arguments.steps) as meter:
-        rows, series = longrun.long_run(arguments.out, arguments.steps, arguments.only, meter, arguments.silence)
+        rows, series = longrun.long_run(
+            arguments.out, arguments.steps, arguments.only, meter, arguments.silence
+        )
     longrun.show(screen, rows)
     screen.print(f"figure: {longrun.draw(rows, series, arguments.out)}")
-    return 130 if any(row["error"] == "interrupted" for row in rows) else int(any(row["error"] for row in rows))
+    return (
+        130
+        if any(row["error"] == "interrupted" for row in rows)
+        else int(any(row["error"] for row in rows))
+    )
 
 
 def _add_bench(verbs):
@@ -166,19 +232,56 @@ def _add_bench(verbs):
         "parts, the output folder gathers them: all scenes of the same code and input are shown.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), 130 after Ctrl-C.",
     )
-    parser.add_argument("parts", nargs="*", type=_one_of("part", lambda: PARTS), metavar="PART",
-                        help=f"what to measure, of: {', '.join(PARTS)} (default: all)")
-    parser.add_argument("--ranks", type=_wholes, default=(1, 2), metavar="N,N", help="numbers of MPI ranks (default 1,2)")
-    parser.add_argument("--sizes", type=_wholes, metavar="N,N",
-                        help=f"numbers of molecules of the water (default {','.join(map(str, SCENES['water'].sizes))}; --short: the first)")
-    parser.add_argument("--only", nargs="+", choices=BENCHMARKED, metavar="NAME",
-                        help=f"integrators, of: %(choices)s (default all; --short: {' '.join(SHORT)})")
-    parser.add_argument("--rounds", type=_whole, metavar="N", help="turns of each integrator (default 5; --short: 2)")
-    parser.add_argument("--seconds", type=_positive, metavar="S", help="length of a timed segment (default 1; --short: 0.2)")
-    parser.add_argument("--short", action="store_true", help="some minutes in all, for a first look")
+    parser.add_argument(
+        "parts",
+        nargs="*",
+        type=_one_of("part", lambda: PARTS),
+        metavar="PART",
+        help=f"what to measure, of: {', '.join(PARTS)} (default: all)",
+    )
+    parser.add_argument(
+        "--ranks",
+        type=_wholes,
+        default=(1, 2),
+        metavar="N,N",
+        help="numbers of MPI ranks (default 1,2)",
+    )
+    parser.add_argument(
+        "--sizes",
+        type=_wholes,
+        metavar="N,N",
+        help=f"numbers of molecules of the water (default {','.join(map(str, SCENES['water'].sizes))}; --short: the first)",
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=BENCHMARKED,
+        metavar="NAME",
+        help=f"integrators, of: %(choices)s (default all; --short: {' '.join(SHORT)})",
+    )
+    parser.add_argument(
+        "--rounds",
+        type=_whole,
+        metavar="N",
+        help="turns of each integrator (default 5; --short: 2)",
+    )
+    parser.add_argument(
+        "--seconds",
+        type=_positive,
+        metavar="S",
+        help="length of a timed segment (default 1; --short: 0.2)",
+    )
+    parser.add_argument(
+        "--short", action="store_true", help="some minutes in all, for a first look"
+    )
     parser.add_argument("--again", action="store_true", help="measure anew what is there already")
     _add_silence(parser, 300.0)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/bench; --short: results/bench-short)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="output folder (default results/bench; --short: results/bench-short)",
+    )
     parser.set_defaults(function=_bench)
 
 
@@ -204,7 +307,11 @@ def _bench(arguments):
     bench_report.show(screen, summary, out)
     if summary["interrupted"]:
         return 130
-    rows = [*(row for point in summary["points"] for row in point["integrators"]), *summary["passes"], *summary["starts"]]
+    rows = [
+        *(row for point in summary["points"] for row in point["integrators"]),
+        *summary["passes"],
+        *summary["starts"],
+    ]
     return int(any(row["error"] for row in rows))
 
 
@@ -215,8 +322,20 @@ def _add_scaling(verbs):
         description="Count what the fixes hand to MPI in a step of water with 1,000 molecules on each rank, and what that would cost on up to "
         "100,000 ranks, by a model. Writes counts.csv, model.csv, summary.json, a figure and a self-contained report.html. Needs a C compiler.",
     )
-    parser.add_argument("--ranks", type=_wholes, default=(1, 2, 4, 8, 16), metavar="N,N", help="numbers of MPI ranks (default 1,2,4,8,16)")
-    parser.add_argument("--out", type=Path, default=Path("results/scaling"), metavar="DIR", help="output folder (default %(default)s)")
+    parser.add_argument(
+        "--ranks",
+        type=_wholes,
+        default=(1, 2, 4, 8, 16),
+        metavar="N,N",
+        help="numbers of MPI ranks (default 1,2,4,8,16)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/scaling"),
+        metavar="DIR",
+        help="output folder (default %(default)s)",
+    )
     parser.set_defaults(function=_scaling)
 
 
@@ -248,10 +367,21 @@ def _add_theory(verbs):
         "and summary.json, table.csv, figures and a self-contained report.html to the output folder.",
         epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C, which keeps the parts that are complete.",
     )
-    parser.add_argument("parts", nargs="*", type=_one_of("part", _theorems), metavar="PART",
-                        help="what to measure, of: reversal (in LAMMPS), symplectic, conserved, mrot, recursion (default: all)")
+    parser.add_argument(
+        "parts",
+        nargs="*",
+        type=_one_of("part", _theorems),
+        metavar="PART",
+        help="what to measure, of: reversal (in LAMMPS), symplectic, conserved, mrot, recursion (default: all)",
+    )
     _add_silence(parser, 120.0)
-    parser.add_argument("--out", type=Path, default=Path("results/theory"), metavar="DIR", help="output folder (default %(default)s)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/theory"),
+        metavar="DIR",
+        help="output folder (default %(default)s)",
+    )
     parser.set_defaults(function=_theory)
 
 
@@ -263,7 +393,11 @@ def _theory(arguments):
     out.mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, sum(theory.PARTS[part][1] for part in parts), "pieces") as meter:
         checks, data, interrupted = theory.theory(parts, out, meter, arguments.silence)
-    summary = machine.circumstances() | {"interrupted": interrupted, "checks": [check.plain() for check in checks], "data": data}
+    summary = machine.circumstances() | {
+        "interrupted": interrupted,
+        "checks": [check.plain() for check in checks],
+        "data": data,
+    }
     theory_report.write(summary, out)
     theory_report.show(screen, summary, out)
     return 130 if interrupted else int(not all(check.holds for check in checks))
@@ -280,16 +414,39 @@ def _add_paper(verbs):
         epilog="Exit status: 0 if all trajectories but Gear's are complete, 1 if one is not, 130 after Ctrl-C. Also 0 where statements do not hold: what is "
         "judged is the paper's statements, not the code.",
     )
-    parser.add_argument("parts", nargs="*", metavar="PART",
-                        help="only the trajectory of this name, or those whose names begin so: dimer, water, peptide, force-field, "
-                        "water-nosquish ... (default: all)")
+    parser.add_argument(
+        "parts",
+        nargs="*",
+        metavar="PART",
+        help="only the trajectory of this name, or those whose names begin so: dimer, water, peptide, force-field, "
+        "water-nosquish ... (default: all)",
+    )
     length = parser.add_mutually_exclusive_group()
-    length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
-    length.add_argument("--full", action="store_true", help="the paper's lengths, but half of its 6,000 ps of liquid: a night")
-    parser.add_argument("--liquid", type=_positive, metavar="PS", help="length of the liquid's trajectories")
-    parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of what is larger than the dimer (default %(default)s)")
+    length.add_argument(
+        "--short", action="store_true", help="some minutes in all, for a first look (the default)"
+    )
+    length.add_argument(
+        "--full",
+        action="store_true",
+        help="the paper's lengths, but half of its 6,000 ps of liquid: a night",
+    )
+    parser.add_argument(
+        "--liquid", type=_positive, metavar="PS", help="length of the liquid's trajectories"
+    )
+    parser.add_argument(
+        "--ranks",
+        type=_whole,
+        default=2,
+        metavar="N",
+        help="MPI ranks of what is larger than the dimer (default %(default)s)",
+    )
     _add_silence(parser, 300.0)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/paper; --short: results/paper-short)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="output folder (default results/paper; --short: results/paper-short)",
+    )
     parser.set_defaults(function=_paper, parser=parser)
 
 
@@ -301,7 +458,10 @@ def _paper(arguments):
     lengths = paper.FULL if arguments.full else paper.SHORT
     if arguments.liquid:
         lengths = replace(lengths, liquid=arguments.liquid)
-    out, screen = arguments.out or Path("results") / ("paper" if arguments.full else "paper-short"), console.console()
+    out, screen = (
+        arguments.out or Path("results") / ("paper" if arguments.full else "paper-short"),
+        console.console(),
+    )
     plan = list(paper.plan(lengths, arguments.ranks, out / "runs"))
     names, wanted = {one.name for one in plan}, set()
     for part in arguments.parts or ("",):
@@ -312,7 +472,9 @@ def _paper(arguments):
     chosen = [one for one in plan if one.name in wanted]
     (out / "runs").mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, sum(one.steps for one in chosen)) as meter:
-        found, circumstances = paper.paper(out / "runs", chosen, arguments.ranks, arguments.silence, meter)
+        found, circumstances = paper.paper(
+            out / "runs", chosen, arguments.ranks, arguments.silence, meter
+        )
     summary = circumstances | {"lengths": asdict(lengths)} | paper_claims.judge(found)
     paper_report.write(summary, found, out)
     paper_report.show(screen, summary, out)
@@ -330,10 +492,28 @@ def _add_published(verbs):
         "keeps what is computed, and the same command goes on from there.",
         epilog="Exit status: 0 if no number is outside of its bounds by its 95 % margin, 1 if one is or is missing, 130 after Ctrl-C.",
     )
-    parser.add_argument("--time", type=_positive, default=48.0, metavar="PS", help="length of each trajectory (default %(default)g)")
-    parser.add_argument("--ranks", type=_whole, default=2, metavar="N", help="MPI ranks of each run (default %(default)s)")
+    parser.add_argument(
+        "--time",
+        type=_positive,
+        default=48.0,
+        metavar="PS",
+        help="length of each trajectory (default %(default)g)",
+    )
+    parser.add_argument(
+        "--ranks",
+        type=_whole,
+        default=2,
+        metavar="N",
+        help="MPI ranks of each run (default %(default)s)",
+    )
     _add_silence(parser, 120.0)
-    parser.add_argument("--out", type=Path, default=Path("results/published"), metavar="DIR", help="output folder (default %(default)s)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        default=Path("results/published"),
+        metavar="DIR",
+        help="output folder (default %(default)s)",
+    )
     parser.set_defaults(function=_published)
 
 
@@ -343,9 +523,15 @@ def _published(arguments):
     out, screen = arguments.out, console.console()
     out.mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, published.total(arguments.time)) as meter:
-        found, interrupted = published.published(out / "runs", arguments.time, arguments.ranks, arguments.silence, meter)
+        found, interrupted = published.published(
+            out / "runs", arguments.time, arguments.ranks, arguments.silence, meter
+        )
     made = published.checks(found)
-    summary = machine.circumstances() | {"interrupted": interrupted, "time": arguments.time, "checks": [one.plain() for one in made]}
+    summary = machine.circumstances() | {
+        "interrupted": interrupted,
+        "time": arguments.time,
+        "checks": [one.plain() for one in made],
+    }
     published.write(summary, made, out)
     check.show(screen, summary["checks"], published.TITLES)
     screen.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
@@ -360,17 +546,32 @@ def _add_report(verbs):
         "what is best for which scene, what breaks where, what it costs. Results that are not in the folder are taken from those committed in validation/results.",
         epilog="Exit status: 0 if the page is written, 130 after a Ctrl-C in the runs of --short, which writes the page of what there is.",
     )
-    parser.add_argument("--results", type=Path, default=Path("results"), metavar="DIR", help="folder of the results' folders (default %(default)s)")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="the page (default DIR/report.html)")
-    parser.add_argument("--short", action="store_true",
-                        help="first run sweep --short and stability --short, where DIR has no results of these verbs: a quarter of an hour")
+    parser.add_argument(
+        "--results",
+        type=Path,
+        default=Path("results"),
+        metavar="DIR",
+        help="folder of the results' folders (default %(default)s)",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="the page (default DIR/report.html)"
+    )
+    parser.add_argument(
+        "--short",
+        action="store_true",
+        help="first run sweep --short and stability --short, where DIR has no results of these verbs: a quarter of an hour",
+    )
     parser.set_defaults(function=_report)
 
 
 def _report(arguments):
     from validation import console, overview_report  # heavy: not for --help
 
-    screen, out, interrupted = console.console(), arguments.out or arguments.results / "report.html", False
+    screen, out, interrupted = (
+        console.console(),
+        arguments.out or arguments.results / "report.html",
+        False,
+    )
     for verb in overview_report.SHORT if arguments.short else ():
         if not interrupted and not overview_report.has(arguments.results, verb):
             interrupted = overview_report.run_short(verb, arguments.results / f"{verb}-short")
@@ -397,17 +598,54 @@ def _add_sweep(verbs):
         epilog="A step that is too long fails; that is a result. Exit status: 0 if each integrator has a step that does not fail, 1 if one has none, "
         "130 after Ctrl-C.",
     )
-    parser.add_argument("scenes", nargs="*", type=_one_of("scene", _swept), metavar="SCENE", help="what to simulate (default: all; --short: the small ones)")
-    parser.add_argument("--ranks", type=_whole, default=1, metavar="N", help="MPI ranks of what is larger than the dimer (default %(default)s)")
-    parser.add_argument("--budget", type=_positive, metavar="MINUTES",
-                        help="how long all scenes may take on one core, by what a step nominally costs; of scenes that are named each has its part of "
-                        "it (default: five hours; --short: some minutes)")
-    parser.add_argument("--short", action="store_true", help="fewer time steps, some minutes in all, for a first look")
-    parser.add_argument("--only", nargs="+", choices=SWEPT, metavar="NAME", help="integrators, of: %(choices)s (default all)")
-    parser.add_argument("--steps", type=_positives, metavar="FS,FS", help="time steps in fs (default: the scene's)")
-    parser.add_argument("--silence", type=_positive, metavar="S",
-                        help="give a run up that wrote nothing for S seconds, as fixes do that hang when they blow up (default 120; --short: 30)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/sweep; --short: results/sweep-short)")
+    parser.add_argument(
+        "scenes",
+        nargs="*",
+        type=_one_of("scene", _swept),
+        metavar="SCENE",
+        help="what to simulate (default: all; --short: the small ones)",
+    )
+    parser.add_argument(
+        "--ranks",
+        type=_whole,
+        default=1,
+        metavar="N",
+        help="MPI ranks of what is larger than the dimer (default %(default)s)",
+    )
+    parser.add_argument(
+        "--budget",
+        type=_positive,
+        metavar="MINUTES",
+        help="how long all scenes may take on one core, by what a step nominally costs; of scenes that are named each has its part of "
+        "it (default: five hours; --short: some minutes)",
+    )
+    parser.add_argument(
+        "--short",
+        action="store_true",
+        help="fewer time steps, some minutes in all, for a first look",
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        choices=SWEPT,
+        metavar="NAME",
+        help="integrators, of: %(choices)s (default all)",
+    )
+    parser.add_argument(
+        "--steps", type=_positives, metavar="FS,FS", help="time steps in fs (default: the scene's)"
+    )
+    parser.add_argument(
+        "--silence",
+        type=_positive,
+        metavar="S",
+        help="give a run up that wrote nothing for S seconds, as fixes do that hang when they blow up (default 120; --short: 30)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="output folder (default results/sweep; --short: results/sweep-short)",
+    )
     parser.set_defaults(function=_sweep, parser=parser)
 
 
@@ -415,17 +653,34 @@ def _sweep(arguments):
     from validation import console, sweep, sweep_report  # heavy: not for --help
 
     short = arguments.short
-    names = [name for name in sweep.SCENES if name in (arguments.scenes or (sweep.SHORT_SCENES if short else sweep.SCENES))]
+    names = [
+        name
+        for name in sweep.SCENES
+        if name in (arguments.scenes or (sweep.SHORT_SCENES if short else sweep.SCENES))
+    ]
     try:
         lengths = sweep.lengths(names, short, arguments.budget)
         points = sweep.points(names, short, arguments.only, arguments.steps)
     except ValueError as error:
         arguments.parser.error(str(error))
-    out, screen = arguments.out or Path("results") / ("sweep-short" if short else "sweep"), console.console()
+    out, screen = (
+        arguments.out or Path("results") / ("sweep-short" if short else "sweep"),
+        console.console(),
+    )
     out.mkdir(parents=True, exist_ok=True)
     with console.Meter(screen, sweep.total(points, lengths), "runs") as meter:
-        summary = sweep.sweep(points, lengths, out, meter, arguments.ranks, arguments.silence or (30.0 if short else 120.0), short)
-    swept = [(name, point) for name, scene in summary["scenes"].items() for point in scene["points"]]
+        summary = sweep.sweep(
+            points,
+            lengths,
+            out,
+            meter,
+            arguments.ranks,
+            arguments.silence or (30.0 if short else 120.0),
+            short,
+        )
+    swept = [
+        (name, point) for name, scene in summary["scenes"].items() for point in scene["points"]
+    ]
     summary = sweep_report.gathered(summary, out)
     sweep_report.write(summary, out)
     sweep_report.show(screen, summary, out)
@@ -444,11 +699,24 @@ def _add_advise(verbs):
         epilog="Exit status: 0 if some point meets the targets with its 95 % margins, 1 if none does, 2 if there is no sweep, no such scene or "
         "measure.",
     )
-    parser.add_argument("scene", type=_one_of("scene", _swept), metavar="SCENE", help="a scene of the sweep")
-    parser.add_argument("--target", nargs="+", type=_target, required=True, metavar="MEASURE=VALUE",
-                        help="largest errors, in the measures' units, as in energy_sd=0.5 drift=0.01; an unknown measure lists all")
-    parser.add_argument("--from", type=Path, dest="folder", metavar="DIR",
-                        help="folder of the sweep (default results/sweep, else the one that comes with this checkout)")
+    parser.add_argument(
+        "scene", type=_one_of("scene", _swept), metavar="SCENE", help="a scene of the sweep"
+    )
+    parser.add_argument(
+        "--target",
+        nargs="+",
+        type=_target,
+        required=True,
+        metavar="MEASURE=VALUE",
+        help="largest errors, in the measures' units, as in energy_sd=0.5 drift=0.01; an unknown measure lists all",
+    )
+    parser.add_argument(
+        "--from",
+        type=Path,
+        dest="folder",
+        metavar="DIR",
+        help="folder of the sweep (default results/sweep, else the one that comes with this checkout)",
+    )
     parser.set_defaults(function=_advise, parser=parser)
 
 
@@ -456,7 +724,12 @@ def _advise(arguments):
     from validation import advise, console  # heavy: not for --help
 
     try:
-        met = advise.advise(console.console(), *advise.load(arguments.folder), arguments.scene, dict(arguments.target))
+        met = advise.advise(
+            console.console(),
+            *advise.load(arguments.folder),
+            arguments.scene,
+            dict(arguments.target),
+        )
     except LookupError as error:
         arguments.parser.exit(2, f"{error}\n")
     return int(not met)
@@ -483,18 +756,53 @@ def _add_stability(verbs):
         "are kept and not shown. The same command in several processes at once shares the cases among them.",
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, 130 after Ctrl-C.",
     )
-    parser.add_argument("cases", nargs="*", type=_one_of("case", _cases), metavar="CASE", help="which (default: all); --list names them")
-    parser.add_argument("--list", action="store_true", help="name all cases, with their physics, and end")
+    parser.add_argument(
+        "cases",
+        nargs="*",
+        type=_one_of("case", _cases),
+        metavar="CASE",
+        help="which (default: all); --list names them",
+    )
+    parser.add_argument(
+        "--list", action="store_true", help="name all cases, with their physics, and end"
+    )
     length = parser.add_mutually_exclusive_group()
-    length.add_argument("--short", action="store_true", help="some minutes in all, for a first look (the default)")
-    length.add_argument("--full", action="store_true", help="one and a half to three hours of one core; start it once for each core to share the cases")
-    parser.add_argument("--only", nargs="+", type=_one_of("integrator", _compared), metavar="NAME", help="integrators, as the table of --list names them (default: all that a case is run with)")
-    parser.add_argument("--starts", type=int, metavar="N", help="at least N starts where a case has several (default: until the verdict is sure, "
-                        "or there are as many as the case may have)")
-    parser.add_argument("--take", type=Path, metavar="DIR", help="rows of the atlas in DIR stand in for those that are not in the output folder: "
-                        "they are judged by the bounds of today and not run again")
+    length.add_argument(
+        "--short", action="store_true", help="some minutes in all, for a first look (the default)"
+    )
+    length.add_argument(
+        "--full",
+        action="store_true",
+        help="one and a half to three hours of one core; start it once for each core to share the cases",
+    )
+    parser.add_argument(
+        "--only",
+        nargs="+",
+        type=_one_of("integrator", _compared),
+        metavar="NAME",
+        help="integrators, as the table of --list names them (default: all that a case is run with)",
+    )
+    parser.add_argument(
+        "--starts",
+        type=int,
+        metavar="N",
+        help="at least N starts where a case has several (default: until the verdict is sure, "
+        "or there are as many as the case may have)",
+    )
+    parser.add_argument(
+        "--take",
+        type=Path,
+        metavar="DIR",
+        help="rows of the atlas in DIR stand in for those that are not in the output folder: "
+        "they are judged by the bounds of today and not run again",
+    )
     _add_silence(parser, 300.0)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="output folder (default results/stability; --short: results/stability-short)")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="output folder (default results/stability; --short: results/stability-short)",
+    )
     parser.set_defaults(function=_stability)
 
 
@@ -509,7 +817,9 @@ def _stability(arguments):
     names, full = [name for name in CASES if name in (arguments.cases or CASES)], arguments.full
     out = arguments.out or Path("results") / ("stability" if full else "stability-short")
     out.mkdir(parents=True, exist_ok=True)
-    with console.Meter(screen, len(stability.plan(CASES, names, full, arguments.only)), "rows") as meter:
+    with console.Meter(
+        screen, len(stability.plan(CASES, names, full, arguments.only)), "rows"
+    ) as meter:
         summary = stability.stability(CASES, names, out, full, arguments.silence, meter, arguments.only,
                                       arguments.starts, arguments.take)  # fmt: skip
     stability_report.write(summary, out)
@@ -527,8 +837,20 @@ def _add_breaks(verbs):
         "well. Writes a table to the terminal and summary.json, table.csv and a self-contained report.html, in some minutes of one core.",
         epilog="Exit status: 0 if ours passes all, 1 if it does not, 130 after Ctrl-C, which keeps the cases that are complete.",
     )
-    parser.add_argument("cases", nargs="*", type=_one_of("case", _defects), metavar="CASE", help="which (default: all)")
-    parser.add_argument("--out", type=Path, metavar="DIR", default=Path("results/breaks"), help="output folder (default %(default)s)")
+    parser.add_argument(
+        "cases",
+        nargs="*",
+        type=_one_of("case", _defects),
+        metavar="CASE",
+        help="which (default: all)",
+    )
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        default=Path("results/breaks"),
+        help="output folder (default %(default)s)",
+    )
     parser.set_defaults(function=_breaks)
 
 
@@ -545,18 +867,35 @@ def _breaks(arguments):
 
     out, screen = arguments.out, console.console()
     out.mkdir(parents=True, exist_ok=True)
-    names, summary = [name for name in breaks.CASES if name in (arguments.cases or breaks.CASES)], machine.circumstances()
-    with console.Meter(screen, len(names) * len(breaks.FIXES), "cases") as meter, tempfile.TemporaryDirectory() as folder:
+    names, summary = (
+        [name for name in breaks.CASES if name in (arguments.cases or breaks.CASES)],
+        machine.circumstances(),
+    )
+    with (
+        console.Meter(screen, len(names) * len(breaks.FIXES), "cases") as meter,
+        tempfile.TemporaryDirectory() as folder,
+    ):
         rows, interrupted = breaks.breaks(names, Path(folder), meter)
     summary |= {"interrupted": interrupted, "rows": rows}
     breaks_report.write(summary, out)
     breaks_report.show(screen, summary, out)
-    return 130 if interrupted else int(any(row["verdict"] != "pass" for row in rows if row["integrator"] == breaks.OUR_LABEL))
+    return (
+        130
+        if interrupted
+        else int(
+            any(row["verdict"] != "pass" for row in rows if row["integrator"] == breaks.OUR_LABEL)
+        )
+    )
 
 
 def _add_silence(parser, default):
-    parser.add_argument("--silence", type=_positive, default=default, metavar="S",
-                        help="give a run up that wrote nothing for S seconds (default %(default)g)")
+    parser.add_argument(
+        "--silence",
+        type=_positive,
+        default=default,
+        metavar="S",
+        help="give a run up that wrote nothing for S seconds (default %(default)g)",
+    )
 
 
 def _wholes(words):

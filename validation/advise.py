@@ -11,7 +11,10 @@ from validation.check import SURE
 from validation.sweep_choice import choose, each, meets, nearest, ours, resolution
 from validation.sweep_report import ONE_START, error_of, named, names, over, seconds
 
-FOLDERS = Path("results/sweep"), Path(__file__).parent / "results" / "sweep"  # looked into in this order
+FOLDERS = (
+    Path("results/sweep"),
+    Path(__file__).parent / "results" / "sweep",
+)  # looked into in this order
 LONGER = 4  # times as long halves an error
 UNSURE = "the error bar reaches across the target, or is not known, or the run time is not"
 
@@ -28,15 +31,28 @@ def load(folder=None):
     try:
         return json.loads((found / "summary.json").read_text()), found
     except OSError as error:
-        raise LookupError(f"no sweep in {found}; this makes one, in some hours (with --short in some minutes): {command}") from error
+        raise LookupError(
+            f"no sweep in {found}; this makes one, in some hours (with --short in some minutes): {command}"
+        ) from error
     except json.JSONDecodeError as error:
-        raise LookupError(f"{found / 'summary.json'} is not complete ({error}); this writes it anew: {command}") from error
+        raise LookupError(
+            f"{found / 'summary.json'} is not complete ({error}); this writes it anew: {command}"
+        ) from error
 
 
 def again(summary, folder, name, times=1):
     """The command that sweeps a scene into that folder, as the rest of it was swept; ``times`` as long, into a folder of its own."""
-    known = summary["scenes"].get(name) or next(iter(summary["scenes"].values()), {"swept": {"command": ""}})
-    words = ["python", "-m", "validation", "sweep", name, *["--short"] * ("--short" in known["swept"]["command"])]
+    known = summary["scenes"].get(name) or next(
+        iter(summary["scenes"].values()), {"swept": {"command": ""}}
+    )
+    words = [
+        "python",
+        "-m",
+        "validation",
+        "sweep",
+        name,
+        *["--short"] * ("--short" in known["swept"]["command"]),
+    ]
     budget = next((one["budget"] for one in summary["lengths"].values()), None)
     words += ["--budget", f"{times * budget:.10g}"] * (budget is not None)
     return shlex.join([*words, "--out", str(folder) if times == 1 else f"{folder}-{times}-times"])
@@ -49,8 +65,13 @@ def scene_of(summary, folder, name, targets):
         LookupError: it is not in the sweep, or one of the targets' measures is not among its own.
     """
     if name not in summary["scenes"]:
-        there, place = ", ".join(summary["scenes"]) or "none", FOLDERS[0] if folder == FOLDERS[-1] else folder
-        raise LookupError(f"scene {name} is not in the sweep in {folder} (there: {there}); this measures it: {again(summary, place, name)}")
+        there, place = (
+            ", ".join(summary["scenes"]) or "none",
+            FOLDERS[0] if folder == FOLDERS[-1] else folder,
+        )
+        raise LookupError(
+            f"scene {name} is not in the sweep in {folder} (there: {there}); this measures it: {again(summary, place, name)}"
+        )
     scene = summary["scenes"][name]
     for measure in targets:
         if measure not in scene["measures"]:
@@ -86,7 +107,9 @@ def advise(console, summary, folder, name, targets):
         "repeats, and their median in brackets.")  # fmt: skip
     sampled = [point["starts"] * point["ps"] for point in points if not point["failed"]]
     if sampled:
-        say(f"Errors and averages are of {min(sampled):.3g} to {max(sampled):.3g} ps a point: what lasts longer is not known from here.")
+        say(
+            f"Errors and averages are of {min(sampled):.3g} to {max(sampled):.3g} ps a point: what lasts longer is not known from here."
+        )
     if scene["swept"]["interrupted"]:
         say("The sweep was interrupted: points may be missing.")
     for measure, most in targets.items():
@@ -99,7 +122,13 @@ def advise(console, summary, folder, name, targets):
         _say_best(say, choice, targets)
         say(_of_ours(own, choice, points, targets))
     else:
-        _say_none(say, choice, points, targets, again(summary, FOLDERS[0] if folder == FOLDERS[-1] else folder, name, LONGER))
+        _say_none(
+            say,
+            choice,
+            points,
+            targets,
+            again(summary, FOLDERS[0] if folder == FOLDERS[-1] else folder, name, LONGER),
+        )
     console.print(_table(points, targets))
     if choice.best:
         say("In the input script:")
@@ -115,7 +144,9 @@ def _say_best(say, choice, targets):
     for measure, most in targets.items():
         say(f"    {measure} {error_of(best, measure)}, wanted {most:g}")
     if not meets(best, targets):
-        say(f"Its own error bar reaches across a target; but no error of it is above the error bar of {named(choice.fastest)}, which is below for sure.")
+        say(
+            f"Its own error bar reaches across a target; but no error of it is above the error bar of {named(choice.fastest)}, which is below for sure."
+        )
     if choice.ties:
         say(f"A tie: as fast, within the spread of the timings, {names(choice.ties)}.")
     elif best["starts"] > 1:
@@ -129,13 +160,18 @@ def _say_best(say, choice, targets):
 def _say_none(say, choice, points, targets, longer):
     if choice.perhaps:
         say(f"Cannot tell: {UNSURE}: {names(choice.perhaps, 4)}.")
-        say(f"Longer runs tell; this takes {LONGER} times as long, for half the error, and goes to a folder of its own: {longer}")
+        say(
+            f"Longer runs tell; this takes {LONGER} times as long, for half the error, and goes to a folder of its own: {longer}"
+        )
     else:
         say("No point of the sweep reaches this.")
     near = nearest(points, targets)
     if near:
         point, factor = near
-        errors = ", ".join(f"{measure} {error_of(point, measure)} (wanted {most:g})" for measure, most in targets.items())
+        errors = ", ".join(
+            f"{measure} {error_of(point, measure)} (wanted {most:g})"
+            for measure, most in targets.items()
+        )
         say(f"The nearest one: {named(point)}, with its {SURE} margin {_above(factor)}: {errors}.")
     else:
         say("No point that did not fail has all these errors, with error bars.")
@@ -154,7 +190,11 @@ def _of_ours(own, choice, points, targets):
 def _above(factor):
     if factor <= 1:
         return "within the targets"
-    return f"{100 * (factor - 1):.2g} % above the target" if factor < 2 else f"{factor:.3g} times the target"
+    return (
+        f"{100 * (factor - 1):.2g} % above the target"
+        if factor < 2
+        else f"{factor:.3g} times the target"
+    )
 
 
 def _table(points, targets):
@@ -166,7 +206,10 @@ def _table(points, targets):
         table.add_column(head, justify="right")
     table.add_column("")
     choices = each(points, targets)
-    for key, choice in sorted(choices.items(), key=lambda pair: pair[1].best["cost"]["min"] if pair[1].best else float("inf")):
+    for key, choice in sorted(
+        choices.items(),
+        key=lambda pair: pair[1].best["cost"]["min"] if pair[1].best else float("inf"),
+    ):
         own = [point for point in points if point["integrator"] == key]
         near = None if choice.best else nearest(own, targets)
         point = choice.best or near and near[0]

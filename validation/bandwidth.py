@@ -35,7 +35,9 @@ class Traffic:
 
 PASSES = (
     Traffic(
-        "step without output", FLOAT * (1 + 3 + 3 + 3 + 4 + 4) + FLOAT * (3 + 3 + 4 + 4), INDEX + FLOAT * (3 + 3) + FLOAT * 3,
+        "step without output",
+        FLOAT * (1 + 3 + 3 + 3 + 4 + 4) + FLOAT * (3 + 3 + 4 + 4),
+        INDEX + FLOAT * (3 + 3) + FLOAT * 3,
         "reads mass, moments, x, v, q, p, writes x, v, q, p; of an atom reads its index, its place in the body and its force, "
         "writes its position",
     ),
@@ -55,11 +57,26 @@ def measure(processes, repeats=REPEATS, elements=ELEMENTS):
         the larger one, which is the stricter measure for a program.
     """
     # all begin at the same time, and those of one do not end long before the others'
-    command = [sys.executable, __file__, str(time.time() + 1.5 + 0.5 * processes), str(repeats), str(elements)]
-    running = [subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(processes)]
+    command = [
+        sys.executable,
+        __file__,
+        str(time.time() + 1.5 + 0.5 * processes),
+        str(repeats),
+        str(elements),
+    ]
+    running = [
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(processes)
+    ]
     found = [json.loads(process.communicate()[0]) for process in running]
-    rates = {name: statistics.median(rate for one in found for rate in one[name]) / 1e9 for name in ("copy", "add")}
-    return rates | {"best": max(rates.values()), "processes": processes, "array_bytes": FLOAT * elements}
+    rates = {
+        name: statistics.median(rate for one in found for rate in one[name]) / 1e9
+        for name in ("copy", "add")
+    }
+    return rates | {
+        "best": max(rates.values()),
+        "processes": processes,
+        "array_bytes": FLOAT * elements,
+    }
 
 
 def _stream(begin, repeats, elements):
@@ -70,7 +87,10 @@ def _stream(begin, repeats, elements):
     time.sleep(max(0.0, begin - time.time()))
     rates = {"copy": [], "add": []}
     for _ in range(repeats):
-        for name, moved, action in ("copy", 2, lambda: np.copyto(c, a)), ("add", 3, lambda: np.add(a, b, out=c)):
+        for name, moved, action in (
+            ("copy", 2, lambda: np.copyto(c, a)),
+            ("add", 3, lambda: np.add(a, b, out=c)),
+        ):
             start = time.perf_counter()
             action()
             rates[name].append(moved * a.nbytes / (time.perf_counter() - start))

@@ -11,7 +11,19 @@ import json
 import os
 from dataclasses import dataclass
 
-from validation import bandwidth, counting, goals, lammps_log, machine, measures, passes, rounds, run, starts, startup
+from validation import (
+    bandwidth,
+    counting,
+    goals,
+    lammps_log,
+    machine,
+    measures,
+    passes,
+    rounds,
+    run,
+    starts,
+    startup,
+)
 from validation.integrators import BENCHMARKED, FREE
 from validation.machine import contents, package_hash
 from validation.scenes import SCENES
@@ -68,11 +80,26 @@ class ScenePoint:
     def input(self):
         """What is measured, plain data; by whom and how often is in `origin`."""
         scene = SCENES[self.scene]
-        return [contents(scene.folder), scene.setup, scene.others, scene.dt, MESH, COUNTED, rounds.SETUPS, rounds.SEGMENTS, rounds.LEAST]
+        return [
+            contents(scene.folder),
+            scene.setup,
+            scene.others,
+            scene.dt,
+            MESH,
+            COUNTED,
+            rounds.SETUPS,
+            rounds.SEGMENTS,
+            rounds.LEAST,
+        ]
 
     def origin(self):
         """All that the result follows from, beside the package: plain data."""
-        return [self.input(), [one.commands(SCENES[self.scene]) for one in self.integrators], self.settings.rounds, self.settings.seconds]
+        return [
+            self.input(),
+            [one.commands(SCENES[self.scene]) for one in self.integrators],
+            self.settings.rounds,
+            self.settings.seconds,
+        ]
 
     def measure(self, folder, meter):
         """Run everything.
@@ -107,13 +134,19 @@ class ScenePoint:
             if found.interrupted:
                 return record | {"integrators": []}, True
         lengths = rounds.lengths(loop, self.settings.seconds)
-        record["steps"] = {"warm_up": lengths.warm_up, "segment": lengths.segment, "segments": lengths.segments}
+        record["steps"] = {
+            "warm_up": lengths.warm_up,
+            "segment": lengths.segment,
+            "segments": lengths.segments,
+        }
 
         jobs = {
             one.name: (
                 f"{label}, {one.label}",
                 # what moves freely moves for some steps only: nothing keeps its atoms apart
-                lambda number, one=one: job(one, lengths.runs if one is not FREE else [3], str(number), setups=rounds.SETUPS),
+                lambda number, one=one: job(
+                    one, lengths.runs if one is not FREE else [3], str(number), setups=rounds.SETUPS
+                ),
             )
             for one in everyone
         }
@@ -132,10 +165,13 @@ class ScenePoint:
                     if not result.error:
                         counts[one.name] = counting.read(runs_folder / "counts")
         record["atoms"] = _atoms_in_bodies(runs_folder)
-        record["versions"] = next((one["versions"] for times in found.values() for one in times), {})
+        record["versions"] = next(
+            (one["versions"] for times in found.values() for one in times), {}
+        )
         record["free"] = found[FREE.name]
         record["integrators"] = [
-            self._row(one, scene, found, errors.get(one.name), counts, record["atoms"], interrupted) for one in self.integrators
+            self._row(one, scene, found, errors.get(one.name), counts, record["atoms"], interrupted)
+            for one in self.integrators
         ]
         return record, interrupted
 
@@ -146,27 +182,46 @@ class ScenePoint:
     def _row(self, one, scene, found, error, counts, atoms, interrupted):
         """All numbers of one integrator; those that could not be measured are not there."""
         own, ours, free = found[one.name], found[OURS] if OURS in found else [], found[FREE.name]
-        row = {"name": one.name, "label": one.label, "kind": one.kind, "lines": one.commands(scene), "steps": 0, "rounds": own}
-        row["error"] = error or ("interrupted" if interrupted and len(own) < self.settings.rounds else None)
+        row = {
+            "name": one.name,
+            "label": one.label,
+            "kind": one.kind,
+            "lines": one.commands(scene),
+            "steps": 0,
+            "rounds": own,
+        }
+        row["error"] = error or (
+            "interrupted" if interrupted and len(own) < self.settings.rounds else None
+        )
         for key in "modify", "loop":
             row[key] = rounds.spread(own, key)
         if row["modify"]:
-            row["modify_per_1000"] = measures.spread(value / self.bodies * 1000 for value in row["modify"]["values"])
+            row["modify_per_1000"] = measures.spread(
+                value / self.bodies * 1000 for value in row["modify"]["values"]
+            )
             row["cpu"] = min((one["cpu"] for one in own if "cpu" in one), default=None)
         if one.name != OURS:
             for key in "modify", "loop":
                 row[f"{key}_ratio"] = rounds.ratio(ours, own, key)
         row["setup"] = _in_ms(rounds.difference(own, free, lambda one: one["setups"][-1]))
-        row["first_setup"] = _in_ms(rounds.difference(own, free, lambda one: one["define"] + one["setups"][0]))
+        row["first_setup"] = _in_ms(
+            rounds.difference(own, free, lambda one: one["define"] + one["setups"][0])
+        )
         row["memory"] = rounds.difference(own, free, lambda one: max(one["memory"]) / KIB_PER_MIB)
-        row["memory_in_all"] = measures.spread(max(one["memory"]) / KIB_PER_MIB for one in own) if own else None
+        row["memory_in_all"] = (
+            measures.spread(max(one["memory"]) / KIB_PER_MIB for one in own) if own else None
+        )
         if one.name in counts:
             for key in "messages", "bytes", "collectives", "collective_bytes":
                 row[key] = measures.spread(rank[key] / COUNTED for rank in counts[one.name])
-                row[f"fix_{key}"] = measures.spread(rank[f"fix_{key}"] / COUNTED for rank in counts[one.name])
+                row[f"fix_{key}"] = measures.spread(
+                    rank[f"fix_{key}"] / COUNTED for rank in counts[one.name]
+                )
                 if FREE.name in counts:
                     pairs = zip(counts[one.name], counts[FREE.name])
-                    row[f"more_{key}"] = measures.spread((a[key] - b[key]) / COUNTED for a, b in pairs)
+                    row[f"more_{key}"] = measures.spread(
+                        (a[key] - b[key]) / COUNTED for a, b in pairs
+                    )
         return row
 
 
@@ -184,7 +239,9 @@ class PassesPoint:
 
     def origin(self):
         """All that the result follows from, beside the package: plain data."""
-        inputs = [contents(SCENES[name].folder) for name in sorted({one.scene for one in passes.OPTIONAL})]
+        inputs = [
+            contents(SCENES[name].folder) for name in sorted({one.scene for one in passes.OPTIONAL})
+        ]
         return [inputs, repr(passes.OPTIONAL), self.settings.rounds, self.settings.seconds]
 
     def measure(self, folder, meter):
@@ -227,7 +284,14 @@ class StartPoint:
 
     def measure(self, folder, meter):
         """Run everything: (record, interrupted)."""
-        record = startup.measure(SCENES["water"], BENCHMARKED[OURS], folder / "runs" / "start", self.ranks, self.rounds, meter)
+        record = startup.measure(
+            SCENES["water"],
+            BENCHMARKED[OURS],
+            folder / "runs" / "start",
+            self.ranks,
+            self.rounds,
+            meter,
+        )
         return {"start": record}, False
 
 
@@ -304,7 +368,12 @@ def bench(wanted, out, again, meter):
         if again or kept.get("mark") != mark or not kept["complete"]:
             if summary["interrupted"]:
                 continue
-            kept = {"mark": mark, "complete": False, "begin": machine.now(), "load": os.getloadavg()[0]}
+            kept = {
+                "mark": mark,
+                "complete": False,
+                "begin": machine.now(),
+                "load": os.getloadavg()[0],
+            }
             try:
                 record, interrupted = point.measure(out, meter)
             except KeyboardInterrupt:
@@ -321,12 +390,18 @@ def bench(wanted, out, again, meter):
         _file_away(kept, summary)
     for path in sorted((out / "measured").glob("*.json")):
         kept = json.loads(path.read_text())
-        if path.stem in {point.name for point in wanted} or not kept["complete"] or "input" not in kept:
+        if (
+            path.stem in {point.name for point in wanted}
+            or not kept["complete"]
+            or "input" not in kept
+        ):
             continue
         point = ScenePoint(*(kept["record"][key] for key in ("scene", "bodies", "ranks")), None)
         if kept["input"] == _hash([code, machine.versions(), point.input()]):
             _file_away(kept, summary)
-    summary["points"].sort(key=lambda point: ([*SCENES].index(point["scene"]), point["bodies"], point["ranks"]))
+    summary["points"].sort(
+        key=lambda point: ([*SCENES].index(point["scene"]), point["bodies"], point["ranks"])
+    )
     _relate_to_memory(summary)
     summary["goals"] = goals.judge(summary["points"], summary["starts"])
     return summary
@@ -340,7 +415,9 @@ def _file_away(kept, summary):
     """Put a point's record where it belongs."""
     record, times = kept["record"], {key: kept[key] for key in ("begin", "end", "load")}
     if "integrators" in record:
-        summary["versions"].update(machine.worker_versions(record["versions"]) if "versions" in record else {})
+        summary["versions"].update(
+            machine.worker_versions(record["versions"]) if "versions" in record else {}
+        )
         summary["points"].append(record | times | {"complete": kept["complete"]})
     elif "passes" in record:
         summary["passes"] += [row | times for row in record["passes"]]
@@ -361,7 +438,9 @@ def _relate_to_memory(summary):
             bound = point["bytes_per_step"] / point["ranks"] / rates[point["ranks"]] * 1e6
             point["bound"] = bound
             if ours.get("modify"):
-                ours["bound_ratio"] = measures.spread(value / bound for value in ours["modify"]["values"])
+                ours["bound_ratio"] = measures.spread(
+                    value / bound for value in ours["modify"]["values"]
+                )
 
 
 def _atoms_in_bodies(folder):

@@ -40,17 +40,34 @@ MESSAGE_COLUMNS = tuple(
     for key, name, whole in (
         ("messages", "messages", f"Messages that are sent to other ranks, {_OF_RANK}"),
         ("bytes", "bytes", f"Data of these messages, {_OF_RANK}"),
-        ("collectives", "collectives", f"Calls in which all ranks take part, like MPI_Allreduce, {_OF_RANK}"),
+        (
+            "collectives",
+            "collectives",
+            f"Calls in which all ranks take part, like MPI_Allreduce, {_OF_RANK}",
+        ),
         ("collective_bytes", "bytes in these", f"Data that goes into these, {_OF_RANK}"),
     )
     for scope, unit, meaning in (
         ("", "/step", f"{whole}: of all of LAMMPS."),
         ("fix_", "/step in fixes", f"{whole}: of the fixes, as in Modify."),
-        ("more_", "/step more", f"{whole}: of all of LAMMPS, less those of a run whose atoms move freely."),
+        (
+            "more_",
+            "/step more",
+            f"{whole}: of all of LAMMPS, less those of a run whose atoms move freely.",
+        ),
     )
 )
 TERMINAL = (
-    "modify", "modify_per_1000", "modify_ratio", "loop", "loop_ratio", "setup", "memory", "more_messages", "more_bytes", "more_collectives",
+    "modify",
+    "modify_per_1000",
+    "modify_ratio",
+    "loop",
+    "loop_ratio",
+    "setup",
+    "memory",
+    "more_messages",
+    "more_bytes",
+    "more_collectives",
 )  # keys of the columns that fit there
 
 PASS_COLUMNS = (
@@ -81,7 +98,10 @@ def spread(value):
     """Median [minimum–maximum] as text, to three digits."""
     if value is None:
         return "–"
-    median, low, high = (f"{value[key]:.0f}" if abs(value[key]) >= 100 else f"{value[key]:.3g}" for key in ("median", "min", "max"))
+    median, low, high = (
+        f"{value[key]:.0f}" if abs(value[key]) >= 100 else f"{value[key]:.3g}"
+        for key in ("median", "min", "max")
+    )
     return f"{median} [{low}–{high}]"
 
 
@@ -113,8 +133,14 @@ def write(summary, figures, out):
         writer = csv.writer(file)
         writer.writerow(["where", "what", "at most", "median", "min", "max", "met"])
         for goal in summary["goals"]:
-            measured = [goal["measured"][key] for key in ("median", "min", "max")] if goal["measured"] else ["", "", ""]
-            writer.writerow([goal["where"], goal["what"], goal["limit"], *measured, MET[goal["met"]]])
+            measured = (
+                [goal["measured"][key] for key in ("median", "min", "max")]
+                if goal["measured"]
+                else ["", "", ""]
+            )
+            writer.writerow(
+                [goal["where"], goal["what"], goal["limit"], *measured, MET[goal["met"]]]
+            )
     report.page(
         "bench.html", out / "report.html", figures, summary=summary, columns=COLUMNS, used=used, pass_columns=PASS_COLUMNS,
         message_columns=[column for column in MESSAGE_COLUMNS if column.key not in ("collectives", "collective_bytes")],  # else too wide
@@ -127,20 +153,36 @@ def _write_csv(path, names, columns, rows):
     parts = "median", "min", "max"
     with open(path, "w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow([*names, *(f"{column.title} {part} ({column.unit})" for column in columns for part in parts), "status"])
+        writer.writerow(
+            [
+                *names,
+                *(f"{column.title} {part} ({column.unit})" for column in columns for part in parts),
+                "status",
+            ]
+        )
         for words, row in rows:
-            numbers = [row[column.key][part] if row.get(column.key) else "" for column in columns for part in parts]
+            numbers = [
+                row[column.key][part] if row.get(column.key) else ""
+                for column in columns
+                for part in parts
+            ]
             writer.writerow([*words, *numbers, status(row)])
 
 
 def show(console, summary, out):
     """Print the tables, failures and where the files are."""
     for point in summary["points"]:
-        columns = [column for column in used((*COLUMNS, *MESSAGE_COLUMNS), point) if column.key in TERMINAL]
+        columns = [
+            column for column in used((*COLUMNS, *MESSAGE_COLUMNS), point) if column.key in TERMINAL
+        ]
         table = _table(title(point), "integrator", columns)
         for row in point["integrators"]:
             cells = (report.cell(row, column, short=True) for column in columns)
-            table.add_row(("✗ " if row["error"] else "") + row["label"], *cells, style="bold" if row["kind"] == "ours" else None)
+            table.add_row(
+                ("✗ " if row["error"] else "") + row["label"],
+                *cells,
+                style="bold" if row["kind"] == "ours" else None,
+            )
         console.print(table)
         for row in point["integrators"]:
             if row["error"]:
@@ -148,13 +190,20 @@ def show(console, summary, out):
         if report.busy(point):
             console.print(report.busy(point), soft_wrap=True)
     if summary["passes"]:
-        table = _table("Optional passes: Modify with the pass less that without", "pass", PASS_COLUMNS)
+        table = _table(
+            "Optional passes: Modify with the pass less that without", "pass", PASS_COLUMNS
+        )
         for row in summary["passes"]:
             cells = (report.cell(row, column) for column in PASS_COLUMNS)
             table.add_row(f"{row['name']}: {row['error'] or row['when']}", *cells)
         console.print(table)
     for start in summary["starts"]:
-        table = Table(title=f"Start, {ranks_of(start['ranks'])}, s", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+        table = Table(
+            title=f"Start, {ranks_of(start['ranks'])}, s",
+            title_justify="left",
+            title_style="bold",
+            box=SIMPLE_HEAD,
+        )
         for name in "", "wall", "CPU":
             table.add_column(name)
         for key, words in STARTS.items():

@@ -53,7 +53,10 @@ UNITS = {
 
 # shapes in units of the Lennard-Jones diameter, with the type of each atom
 SHAPES = {
-    "solid": ([[0, 0, 0], [0.9, 0.1, 0], [-0.2, 0.7, 0.1], [0.1, -0.3, 0.8], [-0.6, -0.4, -0.2]], [1, 2, 3, 1, 2]),
+    "solid": (
+        [[0, 0, 0], [0.9, 0.1, 0], [-0.2, 0.7, 0.1], [0.1, -0.3, 0.8], [-0.6, -0.4, -0.2]],
+        [1, 2, 3, 1, 2],
+    ),
     "planar": ([[0, 0, 0], [0.9, 0.1, 0], [-0.3, 0.6, 0], [0.2, -0.5, 0]], [2, 1, 3, 1]),
     "pair": ([[-0.5, 0, 0], [0.5, 0, 0]], [1, 2]),
     "row": ([[-0.8, 0, 0], [0, 0, 0], [0.6, 0, 0]], [3, 1, 2]),
@@ -64,7 +67,9 @@ MASSES = np.array([1.0, 1.6, 0.4])
 TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 0.3
 CUBE = np.array(list(itertools.product([-0.3, 0.3], repeat=3)))
 OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)]) * 0.45
-OCTAHEDRON_ROUND = 0.6 * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]])
+OCTAHEDRON_ROUND = 0.6 * np.array(
+    [[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]]
+)
 HEXAGON = np.array([[np.cos(a), np.sin(a), 0] for a in np.arange(6) * np.pi / 3]) * 0.5
 TOPS = {  # symmetric and spherical
     "methane": ([*TETRAHEDRON, [0, 0, 0]], [3, 3, 3, 3, 1]),
@@ -83,7 +88,9 @@ TOPS = {  # symmetric and spherical
 SHAPES |= {name: (np.array(shape), types) for name, (shape, types) in TOPS.items()}
 
 
-def assemble(bodies, h, *, units="lj", dimension=3, flags=True, temperature=1.0, dt=0.002, seed=1, setup=""):
+def assemble(
+    bodies, h, *, units="lj", dimension=3, flags=True, temperature=1.0, dt=0.002, seed=1, setup=""
+):
     """A System of Lennard-Jones atoms with random velocities, which are not rigid motion.
 
     Args:
@@ -108,16 +115,28 @@ def assemble(bodies, h, *, units="lj", dimension=3, flags=True, temperature=1.0,
     lines = ["bodies", "", f"{len(x)} atoms", f"{len(MASSES)} atom types", ""]
     lines += [f"0 {h[0, 0] * u.length:.17g} xlo xhi", f"0 {h[1, 1] * u.length:.17g} ylo yhi"]
     lines += [f"{low * u.length:.17g} {(low + h[2, 2]) * u.length:.17g} zlo zhi"]
-    lines += ["{:.17g} {:.17g} {:.17g} xy xz yz".format(*np.multiply(tilt, u.length))] if any(tilt) else []
+    lines += (
+        ["{:.17g} {:.17g} {:.17g} xy xz yz".format(*np.multiply(tilt, u.length))]
+        if any(tilt)
+        else []
+    )
     lines += ["", "Masses", "", *(f"{k + 1} {m * u.mass:.17g}" for k, m in enumerate(MASSES))]
     lines += ["", "Atoms # molecular", ""]
     for k in range(len(x)):
         place = " ".join(f"{c:.17g}" for c in x[k] * u.length)
-        lines += [f"{k + 1} {molecule[k]} {kind[k]} {place} " + "{} {} {}".format(*image[k] * flags)]
+        lines += [
+            f"{k + 1} {molecule[k]} {kind[k]} {place} " + "{} {} {}".format(*image[k] * flags)
+        ]
     lines += ["", "Velocities", ""]
-    lines += [f"{k + 1} " + " ".join(f"{c:.17g}" for c in v[k] * (u.length / u.time)) for k in range(len(x))]
+    lines += [
+        f"{k + 1} " + " ".join(f"{c:.17g}" for c in v[k] * (u.length / u.time))
+        for k in range(len(x))
+    ]
     names = [name for name, *_ in bodies]
-    groups = {name: [k + 1 for k, other in enumerate(names) if other == name] for name in sorted(set(names))}
+    groups = {
+        name: [k + 1 for k, other in enumerate(names) if other == name]
+        for name in sorted(set(names))
+    }
     text = [
         f"units {units}", f"dimension {dimension}", "atom_style molecular", "atom_modify map array", setup,
         "read_data data.bodies",
@@ -135,7 +154,11 @@ def turned(kind, place, others, h, rng):
     shape, types = SHAPES[kind]
     for _ in range(1000):
         flat = h[2, 2] == 1  # two dimensions
-        turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)]) if flat else Rotation.from_quat(rng.normal(size=4))
+        turn = (
+            Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)])
+            if flat
+            else Rotation.from_quat(rng.normal(size=4))
+        )
         x = turn.apply(shape) + place
         gap = np.inf
         for _, y, _ in others:
@@ -147,7 +170,16 @@ def turned(kind, place, others, h, rng):
     raise RuntimeError("no room")
 
 
-def mixture(kinds="solid planar pair row single", *, side=3, tilt=0.0, spacing=2.55, dimension=3, seed=1, **more):
+def mixture(
+    kinds="solid planar pair row single",
+    *,
+    side=3,
+    tilt=0.0,
+    spacing=2.55,
+    dimension=3,
+    seed=1,
+    **more,
+):
     """Bodies of these kinds in turn, each turned at random, on a lattice that the box's faces cut.
 
     No distance in the lattice is the cutoff, at which the potential energy jumps."""
@@ -175,7 +207,19 @@ class Result(NamedTuple):
     log: str
 
 
-def script(system, fix, steps, *, words="molecule", group=None, dt=1.0, every=10, before="", columns="", after=""):
+def script(
+    system,
+    fix,
+    steps,
+    *,
+    words="molecule",
+    group=None,
+    dt=1.0,
+    every=10,
+    before="",
+    columns="",
+    after="",
+):
     """The input that runs a `System` with a fix, and writes its atoms to the file ``end``.
 
     Args:
@@ -210,4 +254,6 @@ def apart(a, b, h):
 
 def tensor(result):
     """The six pressure components of all printed steps, (steps, 6)."""
-    return np.stack([result.thermo[name] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")], axis=1)
+    return np.stack(
+        [result.thermo[name] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")], axis=1
+    )

@@ -14,7 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from validation import lammps_log
-from validation.boxes import OURS, RIGID, SHAPES, SMALL, TOPS, UNITS, Result, Units, apart, assemble, mixture, result, script, tensor, turned
+from validation.boxes import (
+    OURS,
+    RIGID,
+    SHAPES,
+    SMALL,
+    TOPS,
+    UNITS,
+    Result,
+    Units,
+    apart,
+    assemble,
+    mixture,
+    result,
+    script,
+    tensor,
+    turned,
+)
 
 FREE = "pair_style zero 2.5\npair_coeff * *\n"
 SMOOTH = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1 1\n"
@@ -36,7 +52,15 @@ def sums():
     atoms, and the sizes p and l of the summands of P and L."""
     formulas = [f.format(x=x, y=y, z=z) for f in SUMS.values() for x, y, z in ("xyz", "yzx", "zxy")]
     variables = [f'variable s{k} atom "{formula}"' for k, formula in enumerate(formulas)]
-    return "\n".join([*variables, "compute sums all reduce sum " + " ".join(f"v_s{k}" for k in range(len(formulas)))]) + "\n"
+    return (
+        "\n".join(
+            [
+                *variables,
+                "compute sums all reduce sum " + " ".join(f"v_s{k}" for k in range(len(formulas))),
+            ]
+        )
+        + "\n"
+    )
 
 
 def vector(result, name):
@@ -72,9 +96,17 @@ def restarted(system, file):
 def cluster():
     """A drop of bodies without a periodic box, over the ranks' common corner, kept together by their attraction."""
     h, rng, bodies = 24.0 * np.eye(3), np.random.default_rng(11), []
-    for kind, site in zip(itertools.cycle("solid planar row single".split()), itertools.product(range(2), repeat=3)):
+    for kind, site in zip(
+        itertools.cycle("solid planar row single".split()), itertools.product(range(2), repeat=3)
+    ):
         bodies.append(turned(kind, 12.0 + 2.2 * (np.array(site) - 0.5), bodies, h, rng))
-    return assemble(sorted(bodies, key=lambda body: body[0]), h, temperature=0.3, setup="boundary s s s", seed=11)
+    return assemble(
+        sorted(bodies, key=lambda body: body[0]),
+        h,
+        temperature=0.3,
+        setup="boundary s s s",
+        seed=11,
+    )
 
 
 OUR_LABEL = "fix_nosquish.NVE"
@@ -107,7 +139,9 @@ def _worst(system, one, other):
 def tops_in_two_runs(simulate, fix):
     """Largest distance between symmetric tops after 100 steps and after 50 and 50."""
     system = tops()
-    return _worst(system, simulate(system, fix, 50, dt=2, after="run 50"), simulate(system, fix, 100, dt=2))
+    return _worst(
+        system, simulate(system, fix, 50, dt=2, after="run 50"), simulate(system, fix, 100, dt=2)
+    )
 
 
 def tops_restarted(simulate, fix, ranks=1):
@@ -123,7 +157,9 @@ def rod(length):
     k = np.arange(12)
     place = np.stack([8.0 + length / 11 * k, 3 + 0.1 * np.cos(k), 3 + 0.1 * np.sin(k)]).T
     pair = np.array([[5.0, 7, 7], [6, 7, 7]])
-    return assemble([("rod", place, np.ones(12, int)), ("pair", pair, np.array([1, 2]))], 10 * np.eye(3))
+    return assemble(
+        [("rod", place, np.ones(12, int)), ("pair", pair, np.array([1, 2]))], 10 * np.eye(3)
+    )
 
 
 def wrapped(length):
@@ -131,7 +167,9 @@ def wrapped(length):
 
     def measure(simulate, fix):
         near = rod(length)
-        return apart(simulate(moved_images(near, (511, 0, 0)), fix, 50), simulate(near, fix, 50), near.h)
+        return apart(
+            simulate(moved_images(near, (511, 0, 0)), fix, 50), simulate(near, fix, 50), near.h
+        )
 
     return measure
 
@@ -141,9 +179,15 @@ NOISE = "fix 7 all langevin 1.0 1.0 1.0 9371\n"
 
 def out_of_the_plane(simulate, fix):
     """Largest abs(z) + abs(vz) in 10,000 steps in a heat bath in two dimensions, without fix enforce2d."""
-    bodies = mixture("planar pair row", side=4, dimension=2)  # single atoms are not a rigid fix's to keep there
+    bodies = mixture(
+        "planar pair row", side=4, dimension=2
+    )  # single atoms are not a rigid fix's to keep there
     largest = 'variable out atom "abs(z)+abs(vz)"\ncompute out all reduce max v_out\n'
-    return simulate(bodies, fix, 10000, before=largest + NOISE, columns="c_out", every=500).thermo["c_out"].max()
+    return (
+        simulate(bodies, fix, 10000, before=largest + NOISE, columns="c_out", every=500)
+        .thermo["c_out"]
+        .max()
+    )
 
 
 TWO = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
@@ -152,14 +196,19 @@ TWO = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
 def smooth(kinds="solid planar pair row single"):
     """A mixture with a potential that is nearly smooth at the cutoff, so that errors fall with dt^2."""
     system = mixture(kinds, temperature=0.5)
-    return system._replace(setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes")
+    return system._replace(
+        setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
+    )
 
 
 def respa(simulate, fix):
     """Distances from Verlet's small steps after 0.16, with r-RESPA of two levels and outer steps of 0.016, 0.008 and 0.004."""
     system = smooth()
     exact = simulate(system, fix, 400, dt=0.2, every=400)
-    return [apart(simulate(system, fix, n, dt=80 / n, before=TWO, every=1), exact, system.h) for n in (10, 20, 40)]
+    return [
+        apart(simulate(system, fix, n, dt=80 / n, before=TWO, every=1), exact, system.h)
+        for n in (10, 20, 40)
+    ]
 
 
 def respa_falls(simulate, fix):
@@ -181,11 +230,21 @@ def shifted(boundary):
 
     def measure(simulate, fix):
         h, rng, bodies = 12.0 * np.eye(3), np.random.default_rng(6), []
-        for kind, site in zip(itertools.cycle("solid planar pair row".split()), itertools.product(range(3), repeat=3)):
+        for kind, site in zip(
+            itertools.cycle("solid planar pair row".split()), itertools.product(range(3), repeat=3)
+        ):
             bodies.append(turned(kind, 3.0 + 2.55 * np.array(site), bodies, h, rng))
         system = assemble(sorted(bodies, key=lambda body: body[0]), h, setup=f"boundary {boundary}")
         start, *moved = (
-            tensor(simulate(system, fix, 5, every=5, before="displace_atoms all move {:.17g} {:.17g} {:.17g} units box".format(*d)))
+            tensor(
+                simulate(
+                    system,
+                    fix,
+                    5,
+                    every=5,
+                    before="displace_atoms all move {:.17g} {:.17g} {:.17g} units box".format(*d),
+                )
+            )
             for d in [(0, 0, 0), *SHIFTS]
         )
         return max(np.abs(one - start).max() for one in moved) / np.abs(start).max()
@@ -196,8 +255,14 @@ def shifted(boundary):
 def momenta(simulate, fix, ranks=1, steps=10000):
     """Largest change of total momentum and of total angular momentum in a run without a box, over the sum of their parts' sizes."""
     before = SMOOTH + "neigh_modify every 5 delay 0 check no\n" + sums()
-    found = simulate(cluster(), fix, steps, before=before, columns="c_sums[*]", every=steps // 5, ranks=ranks)
-    return [np.abs(vector(found, name) - vector(found, name)[0]).max() / vector(found, name.lower()).sum(axis=1).min() for name in "PL"]
+    found = simulate(
+        cluster(), fix, steps, before=before, columns="c_sums[*]", every=steps // 5, ranks=ranks
+    )
+    return [
+        np.abs(vector(found, name) - vector(found, name)[0]).max()
+        / vector(found, name.lower()).sum(axis=1).min()
+        for name in "PL"
+    ]
 
 
 def angular_momentum(simulate, fix):
@@ -209,20 +274,41 @@ def momentum_comes_back(simulate, fix):
     """The centre of mass's largest velocity in the ten steps after fix momentum has taken it away, over that in the ten before."""
     system = mixture("solid planar")
     speeds = [f"variable {name} equal {name[0]}cm(all,{name[1]})" for name in ("vx", "vy", "vz")]
-    setup = "\n".join(["velocity all set 0.5 0.3 -0.2 sum yes", *speeds, "fix 5 all momentum 10 linear 1 1 1"])
-    found = np.abs(columns(simulate(system, fix, 19, before=FREE + setup, columns="v_vx v_vy v_vz", every=1), "v_vx", "v_vy", "v_vz"))
+    setup = "\n".join(
+        ["velocity all set 0.5 0.3 -0.2 sum yes", *speeds, "fix 5 all momentum 10 linear 1 1 1"]
+    )
+    found = np.abs(
+        columns(
+            simulate(system, fix, 19, before=FREE + setup, columns="v_vx v_vy v_vz", every=1),
+            "v_vx",
+            "v_vy",
+            "v_vz",
+        )
+    )
     return found[10:].max() / found[:10].max()
 
 
 def rescaled(simulate, fix):
     """How far, relative to it, the temperature of free bodies is from the 3.0 that fix temp/rescale has set ten steps before, at worst."""
-    found = simulate(mixture("solid planar pair row"), fix, 19, before=FREE + "fix 5 all temp/rescale 10 3.0 3.0 0.0 1.0", every=1)
+    found = simulate(
+        mixture("solid planar pair row"),
+        fix,
+        19,
+        before=FREE + "fix 5 all temp/rescale 10 3.0 3.0 0.0 1.0",
+        every=1,
+    )
     return np.abs(found.thermo["Temp"][10:] / 3.0 - 1).max()
 
 
 def bath(simulate, fix):
     """How far, relative to it, the mean temperature is from the 3.0 that fix temp/csvr holds, after its first steps."""
-    found = simulate(mixture("solid planar pair row"), fix, 60, before="fix 5 all temp/csvr 3.0 3.0 0.01 4928", every=4)
+    found = simulate(
+        mixture("solid planar pair row"),
+        fix,
+        60,
+        before="fix 5 all temp/csvr 3.0 3.0 0.01 4928",
+        every=4,
+    )
     return abs(found.thermo["Temp"][5:].mean() / 3.0 - 1)
 
 
@@ -253,7 +339,10 @@ def triatomics(*angles):
 
 def nearly_linear(simulate, fix):
     """By how much the energy's range of bent triatomics differs, relative to it, from that of straight ones, at worst."""
-    ranges = [np.ptp(simulate(triatomics(angle), fix, 400, before=SMOOTH, dt=2).thermo["TotEng"]) for angle in (0.0, *BENT)]
+    ranges = [
+        np.ptp(simulate(triatomics(angle), fix, 400, before=SMOOTH, dt=2).thermo["TotEng"])
+        for angle in (0.0, *BENT)
+    ]
     return max(abs(one / ranges[0] - 1) for one in ranges[1:])
 
 
@@ -323,9 +412,19 @@ class Runs:
         if key not in self.known:
             for name, content in {"in.breaks": text, **system.files}.items():
                 (self.folder / name).write_text(content)
-            command = [sys.executable, "-m", "fix_nosquish", "-in", "in.breaks", "-log", "log.breaks"]
+            command = [
+                sys.executable,
+                "-m",
+                "fix_nosquish",
+                "-in",
+                "in.breaks",
+                "-log",
+                "log.breaks",
+            ]
             try:
-                done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, timeout=SILENCE)
+                done = subprocess.run(
+                    command, cwd=self.folder, capture_output=True, text=True, timeout=SILENCE
+                )
             except subprocess.TimeoutExpired:
                 raise Ended(f"no end in {SILENCE:g} s") from None
             if done.returncode:

@@ -20,8 +20,19 @@ def write(summary, out):
     with open(out / "table.csv", "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
-        writer.writerows(row | {"value": "" if row["value"] is None else f"{row['value']:.3g}"} for row in summary["rows"])
-    page("breaks.html", out / "report.html", [], summary=summary, fixes=fixes(summary), cases=cases(summary), shown=shown)
+        writer.writerows(
+            row | {"value": "" if row["value"] is None else f"{row['value']:.3g}"}
+            for row in summary["rows"]
+        )
+    page(
+        "breaks.html",
+        out / "report.html",
+        [],
+        summary=summary,
+        fixes=fixes(summary),
+        cases=cases(summary),
+        shown=shown,
+    )
 
 
 def fixes(summary):
@@ -46,17 +57,28 @@ def shown(row):
 
 def show(console, summary, out):
     """Print the numbers, and where the files are."""
-    table = Table(title="What breaks others: small is good", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    table = Table(
+        title="What breaks others: small is good",
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+    )
     table.add_column("case", overflow="fold")
     for head in ("at most", *fixes(summary)):
         table.add_column(head, justify="right")
     for name, row in cases(summary).items():
         values = (row.get(fix) for fix in fixes(summary))
-        table.add_row(name, f"{next(iter(row.values()))['most']:.2g}", *(shown(one) + " ✗" * (one is not None and one["verdict"] != "pass") for one in values))
+        table.add_row(
+            name,
+            f"{next(iter(row.values()))['most']:.2g}",
+            *(shown(one) + " ✗" * (one is not None and one["verdict"] != "pass") for one in values),
+        )
     console.print(table)
     for row in summary["rows"]:
         if row["note"] and row["verdict"] != "pass":
-            console.print(f"✗ {row['case']}, {row['integrator']}: {row['note']}", markup=False, soft_wrap=True)
+            console.print(
+                f"✗ {row['case']}, {row['integrator']}: {row['note']}", markup=False, soft_wrap=True
+            )
     if summary["interrupted"]:
         console.print("Interrupted.")
     console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)

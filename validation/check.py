@@ -11,7 +11,19 @@ from validation import measures
 from validation.report import estimate
 
 SURE = f"{100 * measures.CONFIDENCE:g} %"  # of the margin beside a number, by which verdicts are
-COLUMNS = "part", "subject", "what", "value", "margin", "unit", "low", "high", "verdict", "note", "source"
+COLUMNS = (
+    "part",
+    "subject",
+    "what",
+    "value",
+    "margin",
+    "unit",
+    "low",
+    "high",
+    "verdict",
+    "note",
+    "source",
+)
 
 
 @dataclass(frozen=True)
@@ -53,7 +65,10 @@ class Check:
         """Whether all of value ± `margin` is within the bounds: False if all is outside of them, None if neither, or without bounds."""
         if self.value is None or self.low is None and self.high is None:
             return None
-        low, high = -np.inf if self.low is None else self.low, np.inf if self.high is None else self.high
+        low, high = (
+            -np.inf if self.low is None else self.low,
+            np.inf if self.high is None else self.high,
+        )
         least, most = self.value - self.margin, self.value + self.margin
         if low <= least and most <= high:
             return True
@@ -78,7 +93,11 @@ def number(value, error=0.0, freedom=None):
     if not error > 0:
         return f"{value:.3g}"
     margin = measures.margin(error, freedom)
-    return estimate(value, margin) if 1e-3 < max(abs(value), margin) < 1e5 else f"{value:.2e} ± {margin:.1e}"
+    return (
+        estimate(value, margin)
+        if 1e-3 < max(abs(value), margin) < 1e5
+        else f"{value:.2e} ± {margin:.1e}"
+    )
 
 
 def measured(check):
@@ -97,7 +116,10 @@ def write(checks, path):
     with open(path, "w", newline="") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n", extrasaction="ignore")
         writer.writeheader()
-        writer.writerows(one | {"margin": measures.margin(one["error"], one.get("freedom")) or None} for one in checks)
+        writer.writerows(
+            one | {"margin": measures.margin(one["error"], one.get("freedom")) or None}
+            for one in checks
+        )
 
 
 def show(console, checks, titles):
@@ -115,11 +137,20 @@ def show(console, checks, titles):
         table.add_column("verdict", overflow="fold")
         for check in checks:
             if check["part"] == part:
-                table.add_row(check["subject"], check["what"], measured(check), bound(check), check["verdict"])
+                table.add_row(
+                    check["subject"], check["what"], measured(check), bound(check), check["verdict"]
+                )
         if table.rows:
             console.print(table)
-    counts = [f"{sum(check['verdict'] == verdict for check in checks)} × {verdict}" for verdict in ("holds", "does not hold", "cannot tell")]
+    counts = [
+        f"{sum(check['verdict'] == verdict for check in checks)} × {verdict}"
+        for verdict in ("holds", "does not hold", "cannot tell")
+    ]
     console.print(", ".join(counts) + f" (± and verdicts: {SURE} intervals)")
     for check in checks:
         if check["verdict"] not in ("", "holds") and check["note"]:
-            console.print(f"{check['subject']}, {check['what']}: {check['note']}", markup=False, soft_wrap=True)
+            console.print(
+                f"{check['subject']}, {check['what']}: {check['note']}",
+                markup=False,
+                soft_wrap=True,
+            )

@@ -5,7 +5,6 @@ turn (A B C A B C ...), each a fresh process on the same start, so that a change
 the machine's load meets all of them alike.
 """
 
-
 import numpy as np
 
 from validation import machine, measures, run

@@ -37,7 +37,9 @@ def environment(folder):
                str(mpi), f"-Wl,-rpath,{mpi.parent}", "-ldl"]  # fmt: skip
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode:
-        raise SystemExit(f"{SOURCE.name}, which counts messages, does not compile: {shlex.join(command)}\n{done.stdout}")
+        raise SystemExit(
+            f"{SOURCE.name}, which counts messages, does not compile: {shlex.join(command)}\n{done.stdout}"
+        )
     preload = " ".join(filter(None, (str(library), os.environ.get("LD_PRELOAD"))))
     return {"LD_PRELOAD": preload, "MPI_COUNT_FOLDER": str(folder)}
 
@@ -54,12 +56,16 @@ def read(folder):
     """
     files = sorted(Path(folder).glob("*.json"), key=lambda file: int(file.stem))
     if not files:
-        raise FileNotFoundError(f"no counts in {folder}: the run did not reach MPI_Finalize, or was without environment()")
+        raise FileNotFoundError(
+            f"no counts in {folder}: the run did not reach MPI_Finalize, or was without environment()"
+        )
     return [json.loads(file.read_text()) for file in files]
 
 
 def _compiler():
-    command = shlex.split(os.environ.get("CC", "")) or [next(filter(shutil.which, ("cc", "gcc", "clang")), None)]
+    command = shlex.split(os.environ.get("CC", "")) or [
+        next(filter(shutil.which, ("cc", "gcc", "clang")), None)
+    ]
     if not command[0] or not shutil.which(command[0]):
         raise SystemExit(
             "messages are counted by a small C program, but there is no C compiler (looked for CC, cc, gcc, clang): install one "
@@ -77,4 +83,6 @@ def _mpich(name):
     for file in files:
         if file.name == name:
             return file.locate().resolve()
-    raise SystemExit(f"messages are counted with the package mpich, which is not here, or without its {name}: pip install mpich")
+    raise SystemExit(
+        f"messages are counted with the package mpich, which is not here, or without its {name}: pip install mpich"
+    )

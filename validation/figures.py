@@ -71,7 +71,12 @@ def energy(summary, series):
     columns = 2 if len(rows) > 1 else 1
     lines = -(-len(rows) // columns)
     figure, axes = plt.subplots(
-        lines, columns, figsize=(10, 1.0 + 1.45 * lines), sharex=True, sharey=True, squeeze=False,
+        lines,
+        columns,
+        figsize=(10, 1.0 + 1.45 * lines),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
         layout="constrained",
     )
     for axis in axes.flat[len(rows) :]:
@@ -85,7 +90,9 @@ def energy(summary, series):
         axis.set_title(row["label"], loc="left", fontsize=10, fontweight="bold", pad=3)
         if "energy_sd" in row:
             sd, slope = row["energy_sd"], row["drift"]
-            note = f"sd {sd['value']:.3g}, drift {slope['value']:+.3g} ± {slope['error']:.2g} per ps"
+            note = (
+                f"sd {sd['value']:.3g}, drift {slope['value']:+.3g} ± {slope['error']:.2g} per ps"
+            )
             axis.set_title(note, loc="right", fontsize=8.5, pad=3)
         notes = ["not completed"] * bool(row["error"])
         notes += ["leaves the frame"] * bool(len(error) and np.abs(error).max() > limit)

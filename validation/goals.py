@@ -46,7 +46,10 @@ GOALS = (
                                                                     "rigid/nve/omp", "rigid/omp", "rigid/small/omp")),
 )  # fmt: skip
 
-FIRST_USE, LATER_START = 15.0, 0.5  # s on one core: a first use, and what a later start adds to LAMMPS's own
+FIRST_USE, LATER_START = (
+    15.0,
+    0.5,
+)  # s on one core: a first use, and what a later start adds to LAMMPS's own
 
 WORDS = {
     "modify_ratio": "Modify, ours over {}",
@@ -71,14 +74,32 @@ def judge(points, starts):
     for goal in GOALS:
         matching = [point for point in points if _matches(goal, point)]
         for point in matching:
-            row = next((row for row in point["integrators"] if row["name"] == (goal.against or "nosquish")), {})
-            judged.append(_judged(goal, f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}", row.get(goal.number)))
+            row = next(
+                (
+                    row
+                    for row in point["integrators"]
+                    if row["name"] == (goal.against or "nosquish")
+                ),
+                {},
+            )
+            judged.append(
+                _judged(
+                    goal,
+                    f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}",
+                    row.get(goal.number),
+                )
+            )
         if not matching and goal.scene:
             where = " ".join([goal.scene, *([f"{goal.bodies:,}"] if goal.bodies else [])])
-            judged.append(_judged(goal, where + (f", {ranks_of(goal.ranks)}" if goal.ranks else ""), None))
+            judged.append(
+                _judged(goal, where + (f", {ranks_of(goal.ranks)}" if goal.ranks else ""), None)
+            )
     judged = _slowest_loops(judged)
     one = next((start for start in starts if start["ranks"] == 1), {})
-    for what, limit, key in (("first use, wall s", FIRST_USE, "first"), ("later start, wall s more than LAMMPS", LATER_START, "later_added")):
+    for what, limit, key in (
+        ("first use, wall s", FIRST_USE, "first"),
+        ("later start, wall s more than LAMMPS", LATER_START, "later_added"),
+    ):
         judged.append(_verdict("start, 1 rank, 1 core", what, limit, one.get(key, {}).get("wall")))
     return judged
 
@@ -90,7 +111,8 @@ def ranks_of(number):
 
 def _matches(goal, point):
     return all(
-        wanted in (None, point[key]) for key, wanted in (("scene", goal.scene), ("bodies", goal.bodies), ("ranks", goal.ranks))
+        wanted in (None, point[key])
+        for key, wanted in (("scene", goal.scene), ("bodies", goal.bodies), ("ranks", goal.ranks))
     )
 
 
@@ -100,7 +122,14 @@ def _judged(goal, where, measured):
 
 
 def _verdict(where, what, limit, measured):
-    return {"where": where, "what": what, "limit": limit, "measured": measured, "met": measured and measured["median"] <= limit, "number": None}
+    return {
+        "where": where,
+        "what": what,
+        "limit": limit,
+        "measured": measured,
+        "met": measured and measured["median"] <= limit,
+        "number": None,
+    }
 
 
 def _slowest_loops(judged):

@@ -39,13 +39,17 @@ class Integrator:
 def nosquish(name, label, words="", scheme="NVE"):
     """One of this package's classes with the keywords ``words``: its NO_SQUISH, or an older ``scheme``."""
     return Integrator(
-        name, label, (f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"',)
+        name,
+        label,
+        (f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"',),
     )
 
 
 def rigid(style):
     """One of LAMMPS's rigid fixes."""
-    return Integrator(style, style, (f"fix 1 {{group}} {style} {{bodies}}",), "small" in style, "rigid")
+    return Integrator(
+        style, style, (f"fix 1 {{group}} {style} {{bodies}}",), "small" in style, "rigid"
+    )
 
 
 def constrained(style, tolerance, iterations=100):

@@ -28,7 +28,10 @@ from validation.integrators import INTEGRATORS  # noqa: E402
 
 BOUND = 1e-10
 FRAMES = 1000
-ANGLES = {"short": 3e-6, "practical": 0.05}  # radians that the body turns about in a step, of each time step
+ANGLES = {
+    "short": 3e-6,
+    "practical": 0.05,
+}  # radians that the body turns about in a step, of each time step
 NAMES = "nosquish", "rigid/nve", "rigid"
 MASS = np.array([1.0, 1.6, 0.4, 1.0, 1.6])
 PLACE = np.array([[0, 0, 0], [0.9, 0.1, 0], [-0.2, 0.7, 0.1], [0.1, -0.3, 0.8], [-0.6, -0.4, -0.2]])
@@ -66,17 +69,37 @@ def long_run(out, steps, names, meter, silence):
             label = f"{INTEGRATORS[name].label}, {kind} step"
             directory = folder / f"{run.folder_name(name)}-{kind}"
             meter.begin(label, steps)
-            result = run.once(_job(directory, folder, INTEGRATORS[name], angle / np.linalg.norm(SPIN), steps, silence), meter.at)
+            result = run.once(
+                _job(
+                    directory,
+                    folder,
+                    INTEGRATORS[name],
+                    angle / np.linalg.norm(SPIN),
+                    steps,
+                    silence,
+                ),
+                meter.at,
+            )
             meter.end(result.error)
-            row = {"name": name, "label": INTEGRATORS[name].label, "step": kind, "angle": angle, "error": result.error}
+            row = {
+                "name": name,
+                "label": INTEGRATORS[name].label,
+                "step": kind,
+                "angle": angle,
+                "error": result.error,
+            }
             errors = _errors(directory)
             if len(errors["steps"]):
                 row["steps"] = int(errors["steps"][-1])
                 row |= {key: float(np.abs(errors[key]).max()) for key in QUANTITIES}
                 if len(errors["steps"]) > 20:
-                    row["energy_drift"] = measures.drift(errors["steps"] / errors["steps"][-1], errors["energy"]).plain()
+                    row["energy_drift"] = measures.drift(
+                        errors["steps"] / errors["steps"][-1], errors["energy"]
+                    ).plain()
                 if result.timings:
-                    row["us_per_step"] = result.timings[0]["loop"] / result.timings[0]["steps"] * 1e6
+                    row["us_per_step"] = (
+                        result.timings[0]["loop"] / result.timings[0]["steps"] * 1e6
+                    )
             rows.append(row)
             series[label] = errors
             _save(rows, out)
@@ -104,9 +127,27 @@ def _data():
     kinds = np.unique(MASS)
     lines = ["a free asymmetric body", "", f"{len(MASS)} atoms", f"{len(kinds)} atom types", ""]
     lines += [f"-10 10 {c}lo {c}hi" for c in "xyz"]
-    lines += ["", "Masses", "", *(f"{k + 1} {m}" for k, m in enumerate(kinds)), "", "Atoms # molecular", ""]
-    lines += [f"{i + 1} 1 {np.searchsorted(kinds, MASS[i]) + 1} " + " ".join(f"{c:.17g}" for c in place[i]) for i in range(len(MASS))]
-    lines += ["", "Velocities", "", *(f"{i + 1} " + " ".join(f"{c:.17g}" for c in velocity[i]) for i in range(len(MASS))), ""]
+    lines += [
+        "",
+        "Masses",
+        "",
+        *(f"{k + 1} {m}" for k, m in enumerate(kinds)),
+        "",
+        "Atoms # molecular",
+        "",
+    ]
+    lines += [
+        f"{i + 1} 1 {np.searchsorted(kinds, MASS[i]) + 1} "
+        + " ".join(f"{c:.17g}" for c in place[i])
+        for i in range(len(MASS))
+    ]
+    lines += [
+        "",
+        "Velocities",
+        "",
+        *(f"{i + 1} " + " ".join(f"{c:.17g}" for c in velocity[i]) for i in range(len(MASS))),
+        "",
+    ]
     return "\n".join(lines)
 
 
@@ -120,15 +161,26 @@ def _errors(folder):
     return {
         "steps": steps,
         "energy": energy / energy[0] - 1,
-        "angular_momentum": np.linalg.norm(angular - angular[0], axis=1) / np.linalg.norm(angular[0]),
+        "angular_momentum": np.linalg.norm(angular - angular[0], axis=1)
+        / np.linalg.norm(angular[0]),
         "momentum": np.linalg.norm(momentum - momentum[0], axis=1) / np.linalg.norm(momentum[0]),
         "shape": np.abs(distance / distance[0] - 1).max(axis=1),
     }
 
 
 def _save(rows, out):
-    (Path(out) / "summary.json").write_text(json.dumps(machine.circumstances() | {"bound": BOUND, "runs": rows}, indent=1) + "\n")
-    flat = [row | ({"energy_drift": row["energy_drift"]["value"], "energy_drift_margin": _margin(row)} if "energy_drift" in row else {}) for row in rows]
+    (Path(out) / "summary.json").write_text(
+        json.dumps(machine.circumstances() | {"bound": BOUND, "runs": rows}, indent=1) + "\n"
+    )
+    flat = [
+        row
+        | (
+            {"energy_drift": row["energy_drift"]["value"], "energy_drift_margin": _margin(row)}
+            if "energy_drift" in row
+            else {}
+        )
+        for row in rows
+    ]
     pd.DataFrame(flat).to_csv(Path(out) / "table.csv", index=False, float_format="%.3g")
 
 
@@ -138,8 +190,19 @@ def _margin(row):
 
 def show(console, rows):
     """Print the table; ± is the half width of the 95 % interval."""
-    table = Table(title=f"Largest relative error of a free body (bound {BOUND:g})", title_justify="left", box=SIMPLE_HEAD)
-    for column in "integrator", "turn a step, rad", "steps", *QUANTITIES.values(), "drift of energy in the run", "µs/step":
+    table = Table(
+        title=f"Largest relative error of a free body (bound {BOUND:g})",
+        title_justify="left",
+        box=SIMPLE_HEAD,
+    )
+    for column in (
+        "integrator",
+        "turn a step, rad",
+        "steps",
+        *QUANTITIES.values(),
+        "drift of energy in the run",
+        "µs/step",
+    ):
         table.add_column(column, justify="left" if column == "integrator" else "right")
     for row in rows:
         if "steps" in row:
@@ -156,14 +219,26 @@ def draw(rows, series, out):
     """Relative errors against steps, log-log, a column for each time step; path of the PNG."""
     colours = dict(zip(NAMES, (OURS, OTHERS, THIRD)))
     with plt.rc_context(STYLE):
-        figure, axes = plt.subplots(len(QUANTITIES), len(ANGLES), figsize=(10, 9), sharex=True, sharey="row", layout="constrained")
+        figure, axes = plt.subplots(
+            len(QUANTITIES),
+            len(ANGLES),
+            figsize=(10, 9),
+            sharex=True,
+            sharey="row",
+            layout="constrained",
+        )
         for row in rows:
             errors = series[f"{row['label']}, {row['step']} step"]
             column = list(ANGLES).index(row["step"])
             for axis, key in zip(axes[:, column], QUANTITIES):
                 # the largest error so far: what a user has to reckon with
                 worst = np.maximum.accumulate(np.abs(errors[key]))
-                axis.loglog(errors["steps"][1:], np.maximum(worst[1:], 1e-17), color=colours[row["name"]], label=row["label"])
+                axis.loglog(
+                    errors["steps"][1:],
+                    np.maximum(worst[1:], 1e-17),
+                    color=colours[row["name"]],
+                    label=row["label"],
+                )
         for line, (key, what) in zip(axes, QUANTITIES.items()):
             line[0].set_ylabel(what)
             for axis in line:

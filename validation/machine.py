@@ -19,14 +19,21 @@ def circumstances():
         "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
         "date": now(),
         "machine": describe(),
-        "versions": versions() | {"package": package_hash()[:12]},  # of this package's files, whatever its version number says
+        "versions": versions()
+        | {
+            "package": package_hash()[:12]
+        },  # of this package's files, whatever its version number says
     }
 
 
 def package(summary):
     """With which package something was measured, of its `circumstances`: version, and the first digits of its files' hash."""
     found = summary.get("versions", {})
-    return f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})" if "package" in found else "a package that is not told"
+    return (
+        f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
+        if "package" in found
+        else "a package that is not told"
+    )
 
 
 def now():
@@ -71,7 +78,11 @@ def package_hash():
 
 def origin(scene, integrator, *files):
     """Hash of what a run follows from beside its ``run.Job``: the scene's files and further ones, versions, and with ours the package."""
-    found = [versions(), contents(scene.folder), package_hash() if integrator.kind == "ours" else None]
+    found = [
+        versions(),
+        contents(scene.folder),
+        package_hash() if integrator.kind == "ours" else None,
+    ]
     found += [hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in files]
     return hashlib.sha256(json.dumps(found).encode()).hexdigest()
 

@@ -19,7 +19,9 @@ CONFIDENCE = 0.95  # of the interval value ± margin
 def margin(error, freedom=None):
     """Half the width of the `CONFIDENCE` interval: the standard error times Student's t for these degrees of freedom; None for a normal variable."""
     quantile = (1 + CONFIDENCE) / 2
-    return error * float(special.ndtri(quantile) if freedom is None else special.stdtrit(freedom, quantile))
+    return error * float(
+        special.ndtri(quantile) if freedom is None else special.stdtrit(freedom, quantile)
+    )
 
 
 def combined(*parts):
@@ -34,9 +36,14 @@ def combined(*parts):
     size = max((abs(error) for error, _ in parts), default=0.0)
     if not 0 < size < np.inf:
         return float(size), None
-    error, wide = (float(np.sqrt(sum(float(one / size) ** 2 for one in some))) for some in zip(*((one, margin(one, freedom)) for one, freedom in parts)))
+    error, wide = (
+        float(np.sqrt(sum(float(one / size) ** 2 for one in some)))
+        for some in zip(*((one, margin(one, freedom)) for one, freedom in parts))
+    )
     times = wide / error
-    return float(size) * error, None if times <= margin(1.0) * (1 + 1e-9) else float(special.stdtridf((1 + CONFIDENCE) / 2, times))
+    return float(size) * error, None if times <= margin(1.0) * (1 + 1e-9) else float(
+        special.stdtridf((1 + CONFIDENCE) / 2, times)
+    )
 
 
 class Estimate(NamedTuple):
@@ -57,7 +64,11 @@ class Estimate(NamedTuple):
 
     def plain(self):
         """As a dictionary, for JSON and as keywords."""
-        return {"value": float(self.value), "error": float(self.error), "freedom": self.freedom and float(self.freedom)}
+        return {
+            "value": float(self.value),
+            "error": float(self.error),
+            "freedom": self.freedom and float(self.freedom),
+        }
 
 
 def statistical_inefficiency(x):
@@ -80,7 +91,11 @@ def statistical_inefficiency(x):
 def of_few(values):
     """The mean of few independent values, of starts for example, with the error that their scatter tells; of one value that is 0, for it tells none."""
     number = len(values)
-    return Estimate(np.mean(values), np.std(values, ddof=1) / np.sqrt(number), number - 1) if number > 1 else Estimate(values[0])
+    return (
+        Estimate(np.mean(values), np.std(values, ddof=1) / np.sqrt(number), number - 1)
+        if number > 1
+        else Estimate(values[0])
+    )
 
 
 def mean(x):
@@ -148,7 +163,9 @@ def drift(t, x):
     if number == 1:
         return Estimate(slopes[..., 0] * size[..., 0], np.inf * size[..., 0])
     error = WIDER * slopes.std(axis=-1, ddof=1) / np.sqrt(number)
-    freedom = special.stdtridf(0.5 + CONFIDENCE / 2, margin(1.0, number - 1) / WIDER)  # keeps Student's margin
+    freedom = special.stdtridf(
+        0.5 + CONFIDENCE / 2, margin(1.0, number - 1) / WIDER
+    )  # keeps Student's margin
     return Estimate(slopes.mean(axis=-1), error, float(freedom)).times(size[..., 0])
 
 
@@ -173,7 +190,10 @@ def _block_means(t, x, blocks):
     """Means of so many equal blocks of successive values or some more, of both; of less than a block at the end none."""
     size = max(1, len(t) // blocks)
     blocks = len(t) // size
-    return [np.reshape(values[..., : blocks * size], (*values.shape[:-1], blocks, size)).mean(axis=-1) for values in map(np.asarray, (t, x))]
+    return [
+        np.reshape(values[..., : blocks * size], (*values.shape[:-1], blocks, size)).mean(axis=-1)
+        for values in map(np.asarray, (t, x))
+    ]
 
 
 def _line(t):
@@ -199,12 +219,18 @@ def _most_likely_walk(t, x):
     power = (modes.T @ x) ** 2
     if not np.any(power):
         return 0.0, 0.0
-    parts = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 100), 1 - np.geomspace(1e-4, 0.1, 30)])[:, None]  # fine where one of the two is small
+    parts = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 100), 1 - np.geomspace(1e-4, 0.1, 30)])[
+        :, None
+    ]  # fine where one of the two is small
     spectrum = (1 - parts) + parts * values
     variance = np.mean(power / spectrum, axis=1)  # the most likely one with each part
-    best = np.argmin(len(power) * np.log(variance) + np.log(spectrum).sum(axis=1))  # -2 log likelihood
+    best = np.argmin(
+        len(power) * np.log(variance) + np.log(spectrum).sum(axis=1)
+    )  # -2 log likelihood
     weights = (variance[best] * spectrum[best]) ** -2
-    information = 0.5 * np.array([[weights.sum(), weights @ values], [weights @ values, weights @ values**2]])
+    information = 0.5 * np.array(
+        [[weights.sum(), weights @ values], [weights @ values, weights @ values**2]]
+    )
     return parts[best, 0] * variance[best], np.sqrt(np.linalg.inv(information)[1, 1])
 
 
@@ -217,7 +243,9 @@ def scatter(values):
 def quotient(first, second):
     """First over second, independent `Estimate`s."""
     value = first.value / second.value
-    return Estimate(value, *combined(first.times(1 / second.value)[1:], second.times(value / second.value)[1:]))
+    return Estimate(
+        value, *combined(first.times(1 / second.value)[1:], second.times(value / second.value)[1:])
+    )
 
 
 def power(x, y):
@@ -226,7 +254,9 @@ def power(x, y):
     line = np.stack([np.log(x), np.ones(len(y))], axis=1) / relative[:, None]
     weights = np.linalg.pinv(line)[0]
     exponent = weights @ (np.log([one.value for one in y]) / relative)
-    return Estimate(exponent, *combined(*((weight, one.freedom) for weight, one in zip(weights, y))))
+    return Estimate(
+        exponent, *combined(*((weight, one.freedom) for weight, one in zip(weights, y)))
+    )
 
 
 def nearest_image(d, cell, periodic):
@@ -270,7 +300,9 @@ def rigidity_error(start, end, pairs, cell, periodic):
     """Largest change of a distance within a body: max |d_ij(end) - d_ij(start)|."""
 
     def distances(x):
-        return np.linalg.norm(nearest_image(x[pairs[:, 0]] - x[pairs[:, 1]], cell, periodic), axis=1)
+        return np.linalg.norm(
+            nearest_image(x[pairs[:, 0]] - x[pairs[:, 1]], cell, periodic), axis=1
+        )
 
     return np.abs(distances(end) - distances(start)).max(initial=0.0)
 

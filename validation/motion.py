@@ -40,7 +40,11 @@ def conserved(mass, x, v):
     """
     centre, mean = (np.einsum("i,fij->fj", mass, a) / mass.sum() for a in (x, v))
     r, u = x - centre[:, None], v - mean[:, None]
-    return 0.5 * np.einsum("i,fij,fij->f", mass, v, v), mean * mass.sum(), np.einsum("i,fij->fj", mass, np.cross(r, u))
+    return (
+        0.5 * np.einsum("i,fij,fij->f", mass, v, v),
+        mean * mass.sum(),
+        np.einsum("i,fij->fj", mass, np.cross(r, u)),
+    )
 
 
 def distances(x):

@@ -66,4 +66,10 @@ class Said:
 
 def sortable(value):
     """The number that a value, or an estimate's or a spread's dictionary, is sorted by; not a number if there is none."""
-    return math.nan if value is None else value.get("median", value.get("value")) if isinstance(value, dict) else value
+    return (
+        math.nan
+        if value is None
+        else value.get("median", value.get("value"))
+        if isinstance(value, dict)
+        else value
+    )

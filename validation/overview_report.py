@@ -13,7 +13,10 @@ from PIL import Image
 from validation import machine, overview, overview_pieces
 from validation.report import page
 
-WIDEST, COLOURS = 1400, 256  # of a figure: pixels; lines and text need no more, and a PNG's palette has no more
+WIDEST, COLOURS = (
+    1400,
+    256,
+)  # of a figure: pixels; lines and text need no more, and a PNG's palette has no more
 INTERRUPTED = 130  # exit status of a verb after a Ctrl-C
 SHORT = {"sweep": ("--ranks", "2"), "stability": ()}  # what --short runs, on two cores
 COMMITTED = Path(__file__).parent / "results"
@@ -48,14 +51,28 @@ class Section:
     @property
     def commands(self):
         """What makes these results, or would."""
-        made = [self.summary["command"]] if "command" in self.summary else [f"python -m validation {self.part.verb}"]
+        made = (
+            [self.summary["command"]]
+            if "command" in self.summary
+            else [f"python -m validation {self.part.verb}"]
+        )
         return self.said.commands or made
 
 
 def _days(summary):
     """The days of a summary: of its parts, where these were measured at different times."""
-    parts = [*(scene.get("swept", {}) for scene in summary.get("scenes", {}).values())] or [*summary.get("points", ())] or [summary]
-    days = sorted({told[:10] for part in parts if (told := part.get("date") or part.get("begin") or summary.get("date"))})
+    parts = (
+        [*(scene.get("swept", {}) for scene in summary.get("scenes", {}).values())]
+        or [*summary.get("points", ())]
+        or [summary]
+    )
+    days = sorted(
+        {
+            told[:10]
+            for part in parts
+            if (told := part.get("date") or part.get("begin") or summary.get("date"))
+        }
+    )
     if not days:
         return "on a day that is not told"
     return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
@@ -74,7 +91,9 @@ def gather(results):
             for name in part.name, f"{part.name}-short":
                 for summary in sorted(root.glob(f"{name}/summary.json")):
                     found.setdefault(summary.parent.name.removesuffix("-short"), summary)
-        sections += [_read(part, name, path) for name, path in found.items()] or [_missing(part, part.name, None, [])]
+        sections += [_read(part, name, path) for name, path in found.items()] or [
+            _missing(part, part.name, None, [])
+        ]
     return sections
 
 
@@ -102,7 +121,9 @@ def _read(part, name, path):
         return _missing(part, name, path.parent, [why])
     warnings = []
     if summary.get("interrupted"):
-        warnings.append("Interrupted: what had been measured by then. The same command goes on from there.")
+        warnings.append(
+            "Interrupted: what had been measured by then. The same command goes on from there."
+        )
     if path.parent.name.endswith("-short") or "--short" in summary.get("command", ""):
         warnings.append(f"A short run, for a first look{': ' * bool(said.extent)}{said.extent}.")
     return Section(part, name, path.parent, summary, said, warnings)
@@ -110,22 +131,42 @@ def _read(part, name, path):
 
 def _missing(part, name, folder, warnings):
     """The section of results that are not there."""
-    return Section(part, name, folder, {}, overview_pieces.Said(), [*warnings, f"No results; this makes them: python -m validation {part.verb}."])
+    return Section(
+        part,
+        name,
+        folder,
+        {},
+        overview_pieces.Said(),
+        [*warnings, f"No results; this makes them: python -m validation {part.verb}."],
+    )
 
 
 def _facts(sections):
     """Machine and versions: {what: {value: names of the sections that have it}}."""
     seen = {}
     for section in sections:
-        for key, value in (section.summary.get("machine", {}) | section.summary.get("versions", {})).items():
-            if key not in ("load_at_start", "package", "fix_nosquish"):  # the package stands beside each result
-                seen.setdefault(key.replace("_", " "), {}).setdefault(value, []).append(section.name)
+        for key, value in (
+            section.summary.get("machine", {}) | section.summary.get("versions", {})
+        ).items():
+            if key not in (
+                "load_at_start",
+                "package",
+                "fix_nosquish",
+            ):  # the package stands beside each result
+                seen.setdefault(key.replace("_", " "), {}).setdefault(value, []).append(
+                    section.name
+                )
     return seen
 
 
 def common(sections):
     """With what all was measured, as far as the sections do not differ in it, in one line."""
-    return ", ".join(f"{key} {value}" for key, values in _facts(sections).items() if len(values) == 1 for value in values)
+    return ", ".join(
+        f"{key} {value}"
+        for key, values in _facts(sections).items()
+        if len(values) == 1
+        for value in values
+    )
 
 
 def differing(sections):
@@ -137,8 +178,22 @@ def circumstances(sections):
     """A ``overview_pieces.Table``: by which command each section was measured, and in what its machine and versions differ from others'."""
     seen, rows = differing(sections), []
     for section in sections:
-        of_it = [", ".join(str(value) for value, names in values.items() if section.name in names) or "not told" for values in seen.values()]
-        rows.append([overview_pieces.Cell(text) for text in (section.part.title, *of_it, _place(section.folder), "; ".join(section.commands))])
+        of_it = [
+            ", ".join(str(value) for value, names in values.items() if section.name in names)
+            or "not told"
+            for values in seen.values()
+        ]
+        rows.append(
+            [
+                overview_pieces.Cell(text)
+                for text in (
+                    section.part.title,
+                    *of_it,
+                    _place(section.folder),
+                    "; ".join(section.commands),
+                )
+            ]
+        )
     return overview_pieces.Table("Each part", ("part", *seen, "results", "command"), rows)
 
 
@@ -162,13 +217,18 @@ def picture(section, figure):
         return light(path), None
     except FileNotFoundError:
         return None, f"{_place(path)} is not there."
-    except (OSError, SyntaxError) as problem:  # what Pillow raises of a file that is no image, or is cut short
+    except (
+        OSError,
+        SyntaxError,
+    ) as problem:  # what Pillow raises of a file that is no image, or is cut short
         return None, f"{_place(path)} cannot be shown: {problem}."
 
 
 def _place(path):
     """A path as text, from the checkout where it is in it."""
-    return str(path.resolve().relative_to(ROOT)) if path.resolve().is_relative_to(ROOT) else str(path)
+    return (
+        str(path.resolve().relative_to(ROOT)) if path.resolve().is_relative_to(ROOT) else str(path)
+    )
 
 
 def run_short(verb, out):
@@ -176,7 +236,16 @@ def run_short(verb, out):
 
     It has a session of its own: a Ctrl-C comes here, and is passed on once.
     """
-    command = [sys.executable, "-m", "validation", verb, "--short", *SHORT[verb], "--out", str(out.resolve())]
+    command = [
+        sys.executable,
+        "-m",
+        "validation",
+        verb,
+        "--short",
+        *SHORT[verb],
+        "--out",
+        str(out.resolve()),
+    ]
     process = subprocess.Popen(command, cwd=ROOT, start_new_session=True)
     try:
         process.wait()
@@ -208,7 +277,16 @@ def commit():
     if not (ROOT / ".git").exists():
         return None
     try:
-        words = ["git", "-C", str(ROOT), "describe", "--always", "--exclude=*", "--dirty= with changes", "--abbrev=12"]
+        words = [
+            "git",
+            "-C",
+            str(ROOT),
+            "describe",
+            "--always",
+            "--exclude=*",
+            "--dirty= with changes",
+            "--abbrev=12",
+        ]
         told = subprocess.run(words, check=False, capture_output=True, text=True)
     except OSError:
         return None

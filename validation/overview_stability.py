@@ -15,7 +15,12 @@ from validation.stability_cases import CASES
 from validation.stability_report import READ, package
 
 OURS = "nosquish"
-FIXES = [name for name in COMPARED if name.split()[0] in ("rigid", "rigid/nve", "rigid/small", "rigid/nve/small", "shake", "rattle")]
+FIXES = [
+    name
+    for name in COMPARED
+    if name.split()[0]
+    in ("rigid", "rigid/nve", "rigid/small", "rigid/nve/small", "shake", "rattle")
+]
 WORDS = {True: "yes", False: "no", None: "cannot tell"}
 PLACES = {name: place for place, name in enumerate(COMPARED)}  # of rows
 
@@ -24,23 +29,45 @@ def say(summary):
     """How long a step each integrator bears, and what breaks where."""
     cases = summary["cases"]
     labels = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
-    labels = {name: labels[name] for name in sorted(labels, key=lambda name: PLACES.get(name, len(PLACES)))}
+    labels = {
+        name: labels[name]
+        for name in sorted(labels, key=lambda name: PLACES.get(name, len(PLACES)))
+    }
     unseen = [name for name in CASES if name not in {case["name"] for case in cases}]
     counts = [(case["name"], len(case["rows"]), len(case["integrators"])) for case in cases]
     partial = [f"{name} ({there} of {all_})" for name, there, all_ in counts if there < all_]
     headlines = []
     for told in summary["summary"]:
         holds = None if told["holds"] and (unseen or partial) else told["holds"]
-        headlines.append(f"{told['what']}: {WORDS[holds]}" + (f" ({', '.join(told['where'])})" if told["where"] else "") + ".")
+        headlines.append(
+            f"{told['what']}: {WORDS[holds]}"
+            + (f" ({', '.join(told['where'])})" if told["where"] else "")
+            + "."
+        )
     headlines += [f"Cases that were not run: {', '.join(unseen)}."] * bool(unseen)
-    headlines += [f"Not all integrators have had their turn yet in {', '.join(partial)}."] * bool(partial)
+    headlines += [f"Not all integrators have had their turn yet in {', '.join(partial)}."] * bool(
+        partial
+    )
     rows = [
         [Cell(case["name"]), Cell(_of_this(case["physics"], summary.get("full"))), Cell(_criterion(case, summary)), Cell(_bound(case)), Cell(row["label"]),
          Cell(number(row["value"], row["error"] or 0.0, row.get("freedom")), sortable(row["value"])), Cell(case["bars"]),
          Cell(row["verdict"]), Cell(row["note"] or ""), Cell(package(row)), Cell(row["date"][:10]), Cell(row["command"])]
         for case in cases for row in case["rows"]
     ]  # fmt: skip
-    columns = "case", "physics", "criterion", "bound", "integrator", "value", "error is", "verdict", "note", "measured with", "date", "command"
+    columns = (
+        "case",
+        "physics",
+        "criterion",
+        "bound",
+        "integrator",
+        "value",
+        "error is",
+        "verdict",
+        "note",
+        "measured with",
+        "date",
+        "command",
+    )
     times = [np.atleast_1d(case["length"])[0] / FS_PER_PS for case in cases if case["unit"] == "fs"]
     return Said(
         headlines, [], [_criteria(), _changes(), Table("Every number", columns, rows)],
@@ -55,7 +82,11 @@ def _criteria():
     rows = [[Cell(one.quantity), Cell(one.text()), Cell(one.derivation), Cell(one.need), Cell(", ".join(one.cases)), Cell(one.date)]
             for one in CRITERIA.values()]  # fmt: skip
     columns = "quantity", "bound", "derived from", "whose need", "cases", "since"
-    return Table("Criteria: each bound is derived from physics or from a user's need, apart from any result", columns, rows)
+    return Table(
+        "Criteria: each bound is derived from physics or from a user's need, apart from any result",
+        columns,
+        rows,
+    )
 
 
 def _changes():
@@ -71,8 +102,15 @@ def _short(cases):
     for row in (row for case in cases for row in case["rows"] if row["verdict"] != "cannot run"):
         ran[row["label"]] = ran.get(row["label"], 0) + 1
         passed[row["label"]] = passed.get(row["label"], 0) + (row["verdict"] == "pass")
-    ours = next((row["label"] for case in cases for row in case["rows"] if row["integrator"] == OURS), None)
-    others = [label for label in ran if label in {row["label"] for case in cases for row in case["rows"] if row["integrator"] in FIXES}]
+    ours = next(
+        (row["label"] for case in cases for row in case["rows"] if row["integrator"] == OURS), None
+    )
+    others = [
+        label
+        for label in ran
+        if label
+        in {row["label"] for case in cases for row in case["rows"] if row["integrator"] in FIXES}
+    ]
     best = max(others, key=passed.get, default=None)
     told = [f"{label} {passed[label]} of {ran[label]}" for label in (ours, best) if label]
     return f"passed for sure, of the cases that a fix can run: {', '.join(told)}{', the most of LAMMPS’s fixes' * (best is not None)}."
@@ -81,7 +119,11 @@ def _short(cases):
 def _of_this(text, full):
     """A case's text with the lengths of this run alone: they write ``0.2 ps (--full: 5 ps)``, and ``: 1e6 turns with --full``."""
     text = re.sub(r"(\S+ \S+) \(--full: ([^)]*)\)", r"\2" if full else r"\1", text)
-    return re.sub(r",? with --full", "", text) if full else re.sub(r"[:;] [^:;]*? with --full( \([^)]*\))?", "", text)
+    return (
+        re.sub(r",? with --full", "", text)
+        if full
+        else re.sub(r"[:;] [^:;]*? with --full( \([^)]*\))?", "", text)
+    )
 
 
 def _criterion(case, summary):
@@ -99,7 +141,10 @@ def _longest(cases, labels):
     """The longest stable step of each integrator."""
     limits = [case for case in cases if case["unit"] == "fs"]
     found = {(case["name"], row["integrator"]): row for case in limits for row in case["rows"]}
-    rows = [[Cell(label), *(_step(found.get((case["name"], name))) for case in limits)] for name, label in labels.items()]
+    rows = [
+        [Cell(label), *(_step(found.get((case["name"], name))) for case in limits)]
+        for name, label in labels.items()
+    ]
     bars = {}
     for case in limits:
         bars.setdefault(case["bars"], []).append(case["name"])
@@ -113,7 +158,11 @@ def _step(row):
     if row is None or row["value"] is None:
         return Cell("–" if row is None else row["verdict"], math.nan)
     least = "≥ " if row["value"] and not row["error"] else ""
-    return Cell(least + number(row["value"], row["error"] or 0.0, row.get("freedom")), row["value"], row["verdict"])
+    return Cell(
+        least + number(row["value"], row["error"] or 0.0, row.get("freedom")),
+        row["value"],
+        row["verdict"],
+    )
 
 
 def _physics(cases, summary):
@@ -121,12 +170,20 @@ def _physics(cases, summary):
     rows = []
     for case in cases:
         ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
-        bad = [_result(row, case) for row in case["rows"] if row["verdict"] not in ("pass", "cannot run") and row is not ours]
+        bad = [
+            _result(row, case)
+            for row in case["rows"]
+            if row["verdict"] not in ("pass", "cannot run") and row is not ours
+        ]
         rows.append([
             Cell(case["name"]), Cell(_of_this(case["physics"], summary.get("full"))), Cell(f"{_criterion(case, summary)} {_bound(case)}"),
             Cell(_result(ours, case, "") if ours else "not run", verdict=ours["verdict"] if ours else "cannot tell"), Cell("; ".join(bad) or "–"),
         ])  # fmt: skip
-    return Table("The cases", ("case", "what happens", "number, bound", "ours", "who else does not pass"), rows)
+    return Table(
+        "The cases",
+        ("case", "what happens", "number, bound", "ours", "who else does not pass"),
+        rows,
+    )
 
 
 def _bound(case):
@@ -137,7 +194,9 @@ def _result(row, case, name=None):
     """Who came to what in a case, as text."""
     name = f"{row['label'] if name is None else name} "
     if row["value"] is None:
-        why = re.sub(r"ERROR( on proc \d+)?: (Fix \S+ python/move: )?", "", row["note"] or "")  # who says so
+        why = re.sub(
+            r"ERROR( on proc \d+)?: (Fix \S+ python/move: )?", "", row["note"] or ""
+        )  # who says so
         verb = "cannot run" if row["verdict"] == "cannot run" else "breaks"
         return f"{name}{verb}: {textwrap.shorten(why, 80, placeholder=' …')}".strip()
     doubt = " (cannot tell)" if row["verdict"] == "cannot tell" else ""
@@ -151,10 +210,15 @@ def standing(summary):
     labels = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
     for case in cases:
         for row in case["rows"]:
-            verdicts[row["integrator"]].setdefault("fail" if row["verdict"] in LOST else row["verdict"], []).append(case["name"])
+            verdicts[row["integrator"]].setdefault(
+                "fail" if row["verdict"] in LOST else row["verdict"], []
+            ).append(case["name"])
     lines = ["| integrator | passes | fails | cannot tell | cannot run |", "|---|---|---|---|---|"]
     for name in sorted(verdicts, key=lambda name: PLACES.get(name, len(PLACES))):
         found = verdicts[name]
-        cells = (f"{len(found[key])}: {', '.join(found[key])}" if key in found else "0" for key in ("fail", "cannot tell", "cannot run"))
+        cells = (
+            f"{len(found[key])}: {', '.join(found[key])}" if key in found else "0"
+            for key in ("fail", "cannot tell", "cannot run")
+        )
         lines.append(f"| `{labels[name]}` | {len(found.get('pass', []))} | {' | '.join(cells)} |")
     return "\n".join(lines)

@@ -23,8 +23,19 @@ def say(summary):
             for way in sweep_report.distinct(sweep_choice.fastest(scene["points"], scene["measures"]))]  # fmt: skip
     failed = sum(bool(point["failed"]) for point in points)
     broken = [f"{name}: {scene['error']}" for name, scene in scenes.items() if scene.get("error")]
-    missing = [f"{name}: not measured; this adds it: python -m validation sweep {name}." for name in SWEEPS if name not in scenes]
-    columns = "scene", "wanted", "use", "wall s per ns, least (median)", "ours / fastest", "how sure"
+    missing = [
+        f"{name}: not measured; this adds it: python -m validation sweep {name}."
+        for name in SWEEPS
+        if name not in scenes
+    ]
+    columns = (
+        "scene",
+        "wanted",
+        "use",
+        "wall s per ns, least (median)",
+        "ours / fastest",
+        "how sure",
+    )
     advice = {name: _advice(name, scene) for name, scene in scenes.items()}
     head = ("scene", "use", "sd of energy, kcal/mol", "wanted below", "drift, kT per ns and degree of freedom", "s per ns, least (median)", "how sure",
             "ours / fastest")  # fmt: skip
@@ -48,7 +59,11 @@ def _swept(summary):
     told = []
     for name, scene in summary["scenes"].items():
         good = [point for point in scene["points"] if not point["failed"]]
-        told += [f"{name} {scene['bodies']:,} bodies, {_starts(good)} of {_lengths(good)}"] if good else []
+        told += (
+            [f"{name} {scene['bodies']:,} bodies, {_starts(good)} of {_lengths(good)}"]
+            if good
+            else []
+        )
     return "; ".join(told)
 
 
@@ -83,16 +98,35 @@ def _advice(name, scene):
                       f"{_title(name)}: {words}. {why}")  # fmt: skip
 
     if not scene["degrees_of_freedom"]:
-        return nothing("cannot tell", f"No run is complete{': ' * bool(scene.get('error'))}{scene.get('error') or ''}.")
-    target = float(f"{ORDINARY * BOLTZMANN * SWEEPS[name].temperature * math.sqrt(scene['degrees_of_freedom'] / 2):.2g}")
-    points, targets = [point for point in scene["points"] if sweep_choice.meets(point, {"drift": DRIFT}) is not False], {"energy_sd": target}
+        return nothing(
+            "cannot tell",
+            f"No run is complete{': ' * bool(scene.get('error'))}{scene.get('error') or ''}.",
+        )
+    target = float(
+        f"{ORDINARY * BOLTZMANN * SWEEPS[name].temperature * math.sqrt(scene['degrees_of_freedom'] / 2):.2g}"
+    )
+    points, targets = (
+        [
+            point
+            for point in scene["points"]
+            if sweep_choice.meets(point, {"drift": DRIFT}) is not False
+        ],
+        {"energy_sd": target},
+    )
     choice, own = sweep_choice.choose(points, targets), sweep_choice.ours(points, targets)
     best = choice.best
     if not best:
-        return nothing(choice.verdict, f"No step has for sure a standard deviation of the energy below {target:g} kcal/mol without a drift.", target)
+        return nothing(
+            choice.verdict,
+            f"No step has for sure a standard deviation of the energy below {target:g} kcal/mol without a drift.",
+            target,
+        )
     drift = sweep_report.error_of(best, "drift") if "drift" in best["errors"] else "–"
     drift += " (no telling)" * (sweep_choice.meets(best, {"drift": DRIFT}) is None and drift != "–")
-    sure = f"{_sure(points, targets, choice)}; {_starts([best])} of {_lengths([best])}" + f": {sweep_report.ONE_START}" * (best["starts"] < 2)
+    sure = (
+        f"{_sure(points, targets, choice)}; {_starts([best])} of {_lengths([best])}"
+        + f": {sweep_report.ONE_START}" * (best["starts"] < 2)
+    )
     cells = [
         Cell(name), Cell(sweep_report.named(best)), Cell(sweep_report.error_of(best, "energy_sd"), best["errors"]["energy_sd"]["value"]),
         Cell(f"{target:g}", target), Cell(drift, sortable(best["errors"].get("drift"))),
@@ -110,15 +144,30 @@ def _ratio(one, other):
 def _in_short(name, points, targets, choice, own):
     """A sentence on a scene, and whether it is a tie of ours with fixes of LAMMPS."""
     best = choice.best
-    theirs = [one.best for one in sweep_choice.each(points, targets).values() if one.best and not _of_us(one.best)]
+    theirs = [
+        one.best
+        for one in sweep_choice.each(points, targets).values()
+        if one.best and not _of_us(one.best)
+    ]
     rival = min(theirs, key=lambda point: point["cost"]["min"], default=None)
     tied = [point for point in choice.ties if not _of_us(point)]
     if best["ours"] and tied:
-        return f"{_title(name)}: a tie. Ours and {_kinds(tied)} are accurate enough with the same run time; {best['dt']:g} fs is a good step.", True
+        return (
+            f"{_title(name)}: a tie. Ours and {_kinds(tied)} are accurate enough with the same run time; {best['dt']:g} fs is a good step.",
+            True,
+        )
     if best["ours"]:
-        how = f"{rival['label']} takes {_ratio(rival, best):.2g} times as long" if rival else "no fix of LAMMPS reaches it for sure"
+        how = (
+            f"{rival['label']} takes {_ratio(rival, best):.2g} times as long"
+            if rival
+            else "no fix of LAMMPS reaches it for sure"
+        )
         return f"{_title(name)}: use {sweep_report.named(best)}; {how}.", False
-    how = f"ours takes {_ratio(own.best, choice.fastest):.2g} times as long" if own.best else f"ours: {own.verdict}"
+    how = (
+        f"ours takes {_ratio(own.best, choice.fastest):.2g} times as long"
+        if own.best
+        else f"ours: {own.verdict}"
+    )
     return f"{_title(name)}: use {sweep_report.named(best)}; {how}.", False
 
 
@@ -144,7 +193,11 @@ def _sure(points, targets, choice):
     def rival(point):
         return point["integrator"] != best["integrator"] and not (point["ours"] and best["ours"])
 
-    others = [one.best for one in sweep_choice.each(points, targets).values() if one.best and rival(one.best)]
+    others = [
+        one.best
+        for one in sweep_choice.each(points, targets).values()
+        if one.best and rival(one.best)
+    ]
     second = min(others, key=lambda point: point["cost"]["min"], default=None)
     rivals, maybe = list(filter(rival, choice.ties)), list(filter(rival, choice.perhaps))
     if rivals:
@@ -184,4 +237,8 @@ def _points(summary):
                 Cell(point["failed"] or "ok"), Cell(point["command"]),
             ])  # fmt: skip
     titles = (f"{one['title']}{sweep_report.unit_of(one)}" for one in measures.values())
-    return Table("All points", ("scene", "integrator", "Δt, fs", "s per ns", *titles, "status", "command"), rows)
+    return Table(
+        "All points",
+        ("scene", "integrator", "Δt, fs", "s per ns", *titles, "status", "command"),
+        rows,
+    )

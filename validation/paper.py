@@ -171,13 +171,29 @@ def plan(lengths, ranks, out):
 
     def trajectory(scene, integrator, time, dt=DT, **more):
         one = (INTEGRATORS | PAPER)[integrator]
-        usual = {"name": f"{scene.name}-{integrator}", "label": f"{scene.name}, {one.label}", "every": every, "ranks": ranks}
+        usual = {
+            "name": f"{scene.name}-{integrator}",
+            "label": f"{scene.name}, {one.label}",
+            "every": every,
+            "ranks": ranks,
+        }
         return Trajectory(scene=scene, integrator=one, dt=dt, steps=steps(time, dt), **usual | more)
 
     def starts(scene, number, apart, dt, **more):
         """A trajectory that leaves so many starts, and where each is."""
         name, apart = f"{scene.name}-starts", steps(apart, dt)
-        one = trajectory(scene, "nosquish", 0, dt, name=name, label=f"{scene.name}, starts", state=apart, every=1000, piece=10**9, **more)
+        one = trajectory(
+            scene,
+            "nosquish",
+            0,
+            dt,
+            name=name,
+            label=f"{scene.name}, starts",
+            state=apart,
+            every=1000,
+            piece=10**9,
+            **more,
+        )
         dump = (out / name / "piece-0" / "state.dump").resolve()
         return replace(one, steps=number * apart), [(dump, n * apart) for n in range(1, number + 1)]
 
@@ -185,11 +201,18 @@ def plan(lengths, ranks, out):
     first, states = starts(dimer, lengths.starts, lengths.apart, DIMER_DT, ranks=1)
     yield first
     for number, start in enumerate(states, 1):
-        for name in ("nosquish", "matubayasi-nakahara", "gear")[: 3 if number <= lengths.gear_starts else 2]:
+        for name in ("nosquish", "matubayasi-nakahara", "gear")[
+            : 3 if number <= lengths.gear_starts else 2
+        ]:
             yield trajectory(dimer, name, lengths.dimer, DIMER_DT, ranks=1, piece=10**9, start=start, every=2 * every,
                              name=f"dimer-{name}-{number}", label=f"dimer {number}, {PAPER[name].label}")  # fmt: skip
     for name in "nosquish", "shake", "rigid/nve/small", ORDERED:
-        yield trajectory(peptide, name, lengths.ordered if name == ORDERED else lengths.peptide, more=paper_peptide.dump(steps(1.0, DT)))
+        yield trajectory(
+            peptide,
+            name,
+            lengths.ordered if name == ORDERED else lengths.peptide,
+            more=paper_peptide.dump(steps(1.0, DT)),
+        )
     for scene in liquid, peptide:
         yield trajectory(scene, "gear", lengths.gear, every=2, piece=10**9)
         first, states = starts(scene, lengths.gear_starts, lengths.gear, DT)
@@ -199,16 +222,45 @@ def plan(lengths, ranks, out):
                 yield trajectory(scene, name, lengths.gear, GEAR_DT, every=2, piece=10**9, start=start,
                                  name=f"{scene.name}-{name}-short-step-{number}",
                                  label=f"{scene.name} {number} at {GEAR_DT:g} fs, {PAPER[name].label}")  # fmt: skip
-    yield trajectory(paper_peptide.alone(peptide), "nosquish", 0, name="peptide-alone", label="peptide without water")
-    yield trajectory(paper_peptide.within(peptide), "nosquish", 0, name="peptide-within", label="peptide, Coulomb within")
-    yield trajectory(liquid, "nosquish", lengths.force_field, SMALL_DT, name="water-small-step", label=f"water at {SMALL_DT:g} fs", every=2)
+    yield trajectory(
+        paper_peptide.alone(peptide),
+        "nosquish",
+        0,
+        name="peptide-alone",
+        label="peptide without water",
+    )
+    yield trajectory(
+        paper_peptide.within(peptide),
+        "nosquish",
+        0,
+        name="peptide-within",
+        label="peptide, Coulomb within",
+    )
+    yield trajectory(
+        liquid,
+        "nosquish",
+        lengths.force_field,
+        SMALL_DT,
+        name="water-small-step",
+        label=f"water at {SMALL_DT:g} fs",
+        every=2,
+    )
     for name, change in paper_peptide.force_fields(lengths.accuracies).items():
         yield trajectory(change(peptide), "nosquish", lengths.force_field, SMALL_DT, name=f"force-field-{name}",
                          label=f"peptide at {SMALL_DT:g} fs, {name}", every=2)  # fmt: skip
     for size in lengths.sizes:  # copies that are alike would not be independent
         copies = liquid.of_size(size)
-        copies = replace(copies, setup=(*copies.setup, f"velocity water create {TEMPERATURE['water']:g} {size}"))
-        yield trajectory(copies, "nosquish", lengths.size, name=f"water-{size}", label=f"{size:,} waters", every=steps(SAMPLED / FS_PER_PS, DT))
+        copies = replace(
+            copies, setup=(*copies.setup, f"velocity water create {TEMPERATURE['water']:g} {size}")
+        )
+        yield trajectory(
+            copies,
+            "nosquish",
+            lengths.size,
+            name=f"water-{size}",
+            label=f"{size:,} waters",
+            every=steps(SAMPLED / FS_PER_PS, DT),
+        )
     for dt in STEPS:
         yield trajectory(peptide, "nosquish", lengths.size, dt, name=f"peptide-at-{dt:g}-fs", label=f"peptide at {dt:g} fs",
                          every=steps(SAMPLED / FS_PER_PS, dt))  # fmt: skip
@@ -221,7 +273,10 @@ def do(trajectory, out, silence, meter):
     """Run a trajectory, or take over what is there: a ``Series``, and whether a Ctrl-C ended it."""
     results, error, interrupted = [], None, False
     for number, job in enumerate(trajectory.jobs(out, silence), 1):
-        meter.begin(trajectory.label + (f" {number}/{trajectory.pieces}" if trajectory.pieces > 1 else ""), sum(job.runs))
+        meter.begin(
+            trajectory.label + (f" {number}/{trajectory.pieces}" if trajectory.pieces > 1 else ""),
+            sum(job.runs),
+        )
         result = run.once(job, meter.at)
         meter.end(result.error)
         results.append((job, result))
@@ -238,15 +293,27 @@ def series(trajectory, results, error):
         results: list of (job, result), in order.
         error: None, or why it is not complete.
     """
-    names = {"time": "Step", "total": "TotEng", "kinetic": "KinEng", "potential": "PotEng", "temperature": "Temp"}
+    names = {
+        "time": "Step",
+        "total": "TotEng",
+        "kinetic": "KinEng",
+        "potential": "PotEng",
+        "temperature": "Temp",
+    }
     parts, done = {name: [] for name in names}, 0
     for job, result in results:
         for name, column in names.items():
             values = result.thermo.get(column, np.empty(0))
-            values = values[1:] if done else values  # a piece's first sample is the last one of the piece before
-            parts[name].append((values + done) * trajectory.dt / FS_PER_PS if name == "time" else values)
+            values = (
+                values[1:] if done else values
+            )  # a piece's first sample is the last one of the piece before
+            parts[name].append(
+                (values + done) * trajectory.dt / FS_PER_PS if name == "time" else values
+            )
         done += sum(job.runs)
-    table = {name: np.concatenate(values) if values else np.empty(0) for name, values in parts.items()}
+    table = {
+        name: np.concatenate(values) if values else np.empty(0) for name, values in parts.items()
+    }
     finite = np.isfinite(table["total"])
     until = len(finite) if finite.all() else int(np.argmin(finite))
     if until < len(finite) and not error:
@@ -275,7 +342,9 @@ def paper(out, chosen, ranks, silence, meter):
     found = {}
     try:
         for trajectory in chosen:
-            found[trajectory.name], circumstances["interrupted"] = do(trajectory, out, silence, meter)
+            found[trajectory.name], circumstances["interrupted"] = do(
+                trajectory, out, silence, meter
+            )
             if circumstances["interrupted"]:
                 break
     except KeyboardInterrupt:  # between two runs

@@ -10,8 +10,13 @@ from validation.scenes import SCENES
 
 POINTS = 400  # of a curve
 RUNNING = 30  # windows of a running mean in the length of a curve
-TWO = {"nosquish": ("NO_SQUISH", OURS, INK), "matubayasi-nakahara": ("reference 12", OTHERS, THIRD)}  # label, colours of curve and running mean
-FIGURE_2A, FIGURE_2B = ({prefix.format(name): how for name, how in TWO.items()} for prefix in ("dimer-{}-1", "water-{}"))
+TWO = {
+    "nosquish": ("NO_SQUISH", OURS, INK),
+    "matubayasi-nakahara": ("reference 12", OTHERS, THIRD),
+}  # label, colours of curve and running mean
+FIGURE_2A, FIGURE_2B = (
+    {prefix.format(name): how for name, how in TWO.items()} for prefix in ("dimer-{}-1", "water-{}")
+)
 FIGURE_3 = {"peptide-nosquish": "(a) NO_SQUISH", "peptide-shake": "(b) SHAKE"}
 SHOWN = *FIGURE_2A, *FIGURE_2B, *FIGURE_3
 
@@ -25,13 +30,18 @@ def thin(one):
 def running_mean(one):
     """Time in ps and the mean of Delta E in a window of a `RUNNING`th of the trajectory about it."""
     window = max(1, len(one.total) // RUNNING)
-    time, energy = (np.convolve(values, np.full(window, 1 / window), "valid")[:: max(1, window // 10)] for values in (one.time, one.total))
+    time, energy = (
+        np.convolve(values, np.full(window, 1 / window), "valid")[:: max(1, window // 10)]
+        for values in (one.time, one.total)
+    )
     return time, (energy - one.total.mean()) / abs(one.total.mean())
 
 
 def draw(found, summary, out):
     """All figures that there are numbers for: list of (PNG path, caption)."""
-    return draw_each((figure_2a, figure_2b, figure_3, gear, force_field, helix), out, found, summary)
+    return draw_each(
+        (figure_2a, figure_2b, figure_3, gear, force_field, helix), out, found, summary
+    )
 
 
 def _has(found, name):
@@ -77,10 +87,25 @@ def figure_3(found, summary):
     panels = [(name, label) for name, label in FIGURE_3.items() if _has(found, name)]
     if not panels:
         return None, ""
-    figure, axes = plt.subplots(len(panels), 1, figsize=(7.5, 0.8 + 1.7 * len(panels)), sharex=True, sharey=True, squeeze=False, layout="constrained")
+    figure, axes = plt.subplots(
+        len(panels),
+        1,
+        figsize=(7.5, 0.8 + 1.7 * len(panels)),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+        layout="constrained",
+    )
     for axis, (name, label), colour in zip(axes[:, 0], panels, (OURS, OTHERS)):
         time, error = thin(found[name])
-        axis.axhspan(-AVERAGE_MEASURE * 1e5, AVERAGE_MEASURE * 1e5, color=PALE, alpha=0.5, lw=0, label=f"the paper's average, {AVERAGE_MEASURE:g}")
+        axis.axhspan(
+            -AVERAGE_MEASURE * 1e5,
+            AVERAGE_MEASURE * 1e5,
+            color=PALE,
+            alpha=0.5,
+            lw=0,
+            label=f"the paper's average, {AVERAGE_MEASURE:g}",
+        )
         axis.plot(time, error * 1e5, lw=0.7, color=colour)
         axis.set_title(label, loc="left", fontsize=10)
     axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
@@ -97,14 +122,26 @@ def gear(found, summary):
     scenes = gear_pairs({name: one for name, one in found.items() if not one.error})
     if not scenes:
         return None, ""
-    figure, axes = plt.subplots(1, len(scenes), figsize=(2 + 4 * len(scenes), 3.2), squeeze=False, layout="constrained")
+    figure, axes = plt.subplots(
+        1, len(scenes), figsize=(2 + 4 * len(scenes), 3.2), squeeze=False, layout="constrained"
+    )
     for axis, (scene, pairs) in zip(axes[0], scenes.items()):
         for series, label, colour in zip(zip(*pairs), ("NO_SQUISH", "Gear"), (OURS, THIRD)):
             count = min(len(one.total) for one in series)
-            change = np.sqrt(np.mean([(one.total[:count] - one.total[0]) ** 2 for one in series], axis=0))
+            change = np.sqrt(
+                np.mean([(one.total[:count] - one.total[0]) ** 2 for one in series], axis=0)
+            )
             pick = np.unique(np.geomspace(1, count - 1, POINTS).astype(int))
-            axis.loglog(series[0].time[pick] - series[0].time[0], change[pick], lw=0.8, color=colour, label=label)
-        axis.set_title(f"{scene}, {series[0].trajectory.dt:g} fs, {len(pairs)} starts", loc="left", fontsize=10)
+            axis.loglog(
+                series[0].time[pick] - series[0].time[0],
+                change[pick],
+                lw=0.8,
+                color=colour,
+                label=label,
+            )
+        axis.set_title(
+            f"{scene}, {series[0].trajectory.dt:g} fs, {len(pairs)} starts", loc="left", fontsize=10
+        )
         axis.set_xlabel("t (ps)")
     axes[0, 0].set_ylabel("E(t) − E(0), rms (kcal/mol)")
     axes[0, 0].legend(frameon=False)
@@ -120,9 +157,16 @@ def force_field(found, summary):
     if not rows:
         return None, ""
     figure, axis = plt.subplots(figsize=(8, 0.9 + 0.4 * len(rows)), layout="constrained")
-    places, (parts, errors) = np.arange(len(rows)), np.transpose([[row["variance"][key] for key in ("value", "error")] for row in rows])
+    places, (parts, errors) = (
+        np.arange(len(rows)),
+        np.transpose([[row["variance"][key] for key in ("value", "error")] for row in rows]),
+    )
     axis.barh(places, parts, xerr=errors, color=OTHERS, ecolor=INK, height=0.6, capsize=3)
-    axis.axvline(rows[0]["usual_variance"], color=OURS, label=f"whole variance at {DT:g} fs, {rows[0]['usual_ps']:.4g} ps")
+    axis.axvline(
+        rows[0]["usual_variance"],
+        color=OURS,
+        label=f"whole variance at {DT:g} fs, {rows[0]['usual_ps']:.4g} ps",
+    )
     axis.legend(frameon=False)
     axis.set_yticks(places, [row["name"] for row in rows])
     axis.invert_yaxis()
@@ -140,9 +184,14 @@ def helix(found, summary):
     figure, axes = plt.subplots(2, 1, figsize=(9, 4), sharex=True, layout="constrained")
     for (name, path), colour in zip(summary["helix"].items(), (OURS, OTHERS, THIRD)):
         for axis, key in zip(axes, ("helical", "rmsd")):
-            axis.plot(path["time"], path[key], color=colour, lw=0.9, label=name.removeprefix("peptide-"))
+            axis.plot(
+                path["time"], path[key], color=colour, lw=0.9, label=name.removeprefix("peptide-")
+            )
     axes[0].set_ylabel("helical residues")
     axes[1].set_ylabel("RMSD (Å)")
     axes[1].set_xlabel("t (ps)")
     axes[0].legend(frameon=False, ncols=3)
-    return figure, "The peptide: residues that are alpha helix by DSSP, and the backbone's distance from its start."
+    return (
+        figure,
+        "The peptide: residues that are alpha helix by DSSP, and the backbone's distance from its start.",
+    )

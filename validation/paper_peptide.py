@@ -12,7 +12,9 @@ import numpy as np
 
 from validation.scenes import SCENES
 
-PDB = SCENES["peptide"].folder / "peptide.pdb"  # names of the peptide's atoms, which are the data file's first
+PDB = (
+    SCENES["peptide"].folder / "peptide.pdb"
+)  # names of the peptide's atoms, which are the data file's first
 BACKBONE = ("N", "CA", "C")
 NM_PER_ANGSTROM = 0.1
 
@@ -31,13 +33,17 @@ def scene():
     are as rigid as with the rigid fixes.  A group of four (CH3, NH3) keeps its three bonds only: fix shake has no more for it.
     """
     plain = SCENES["peptide"]
-    file = plain.folder / next(line.split()[1] for line in plain.setup if line.startswith("read_data "))
+    file = plain.folder / next(
+        line.split()[1] for line in plain.setup if line.startswith("read_data ")
+    )
     with gzip.open(file, "rt") as opened:
         parts = re.split(r"^([A-Z][A-Za-z ]+?)(?: *#.*)?\n\n", opened.read(), flags=re.M)
     sections = dict(zip(parts[1::2], parts[2::2]))
 
     def rows(section, columns):
-        return np.array([line.split()[:columns] for line in sections[section].splitlines() if line.strip()], int)
+        return np.array(
+            [line.split()[:columns] for line in sections[section].splitlines() if line.strip()], int
+        )
 
     body = dict(rows("Atoms", 2))
 
@@ -55,7 +61,14 @@ def scene():
 def alone(peptide):
     """The scene without its water."""
     count = topology().n_atoms
-    return replace(peptide, setup=(*peptide.setup, f"group solvent id > {count}", "delete_atoms group solvent bond yes compress no"))
+    return replace(
+        peptide,
+        setup=(
+            *peptide.setup,
+            f"group solvent id > {count}",
+            "delete_atoms group solvent bond yes compress no",
+        ),
+    )
 
 
 def within(peptide):
@@ -92,7 +105,12 @@ def dump(every):
 
 def helical(frames):
     """Residues that are alpha helix by DSSP, (frames,), of unwrapped positions of the peptide (frames, atoms, 3) in Angstrom."""
-    return (mdtraj.compute_dssp(mdtraj.Trajectory(frames * NM_PER_ANGSTROM, topology()), simplified=True) == "H").sum(axis=1)
+    return (
+        mdtraj.compute_dssp(
+            mdtraj.Trajectory(frames * NM_PER_ANGSTROM, topology()), simplified=True
+        )
+        == "H"
+    ).sum(axis=1)
 
 
 def helix(folders, ps_per_step):
@@ -115,7 +133,12 @@ def helix(folders, ps_per_step):
         for frame in lines[1:] if begin else lines:  # a piece starts where the one before has ended
             step, _, rows = frame.partition("\n")
             times.append((begin + int(step)) * ps_per_step)
-            frames.append([[float(word) for word in row.split()[1:]] for row in rows.splitlines()[-top.n_atoms :]])
+            frames.append(
+                [
+                    [float(word) for word in row.split()[1:]]
+                    for row in rows.splitlines()[-top.n_atoms :]
+                ]
+            )
         begin += steps
     if not frames:
         return None

@@ -29,18 +29,36 @@ def write(summary, found, out):
     with open(out / "table.csv", "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(
-            ["trajectory", "integrator", "dt (fs)", "length (ps)", *(f"{title} ({unit or 'ratio'})" for _, title, unit in COLUMNS), "status"]
+            [
+                "trajectory",
+                "integrator",
+                "dt (fs)",
+                "length (ps)",
+                *(f"{title} ({unit or 'ratio'})" for _, title, unit in COLUMNS),
+                "status",
+            ]
         )
         for row in summary["rows"]:
             cells = [cell(row, key) for key, _, _ in COLUMNS]
-            writer.writerow([row["name"], row["integrator"], row["dt"], f"{row['ps']:g}", *cells, row["error"] or "ok"])
+            writer.writerow(
+                [
+                    row["name"],
+                    row["integrator"],
+                    row["dt"],
+                    f"{row['ps']:g}",
+                    *cells,
+                    row["error"] or "ok",
+                ]
+            )
     check.write(summary["checks"], out / "claims.csv")
     with open(out / "series.csv", "w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(["trajectory", "t (ps)", "Delta E"])
         for name, one in found.items():
             if name in SHOWN:
-                writer.writerows((name, f"{time:.6g}", f"{error:.4g}") for time, error in zip(*thin(one)))
+                writer.writerows(
+                    (name, f"{time:.6g}", f"{error:.4g}") for time, error in zip(*thin(one))
+                )
     page("paper.html", out / "report.html", draw(found, summary, out), summary=summary, titles=TITLES, columns=COLUMNS, cell=cell, number=number,
          measured=check.measured, bound=check.bound, sure=check.SURE, aim=AVERAGE_MEASURE, liquid=LIQUID)  # fmt: skip
 
@@ -60,7 +78,12 @@ def show(console, summary, out):
     for title in "Δt, fs", "ps", *(f"{title}\n{unit}" for _, title, unit in COLUMNS):
         table.add_column(title, justify="right")
     for row in summary["rows"]:
-        table.add_row(("✗ " if row["error"] else "") + row["name"], f"{row['dt']:g}", f"{row['ps']:g}", *(cell(row, key) for key, _, _ in COLUMNS))
+        table.add_row(
+            ("✗ " if row["error"] else "") + row["name"],
+            f"{row['dt']:g}",
+            f"{row['ps']:g}",
+            *(cell(row, key) for key, _, _ in COLUMNS),
+        )
     console.print(table)
     check.show(console, summary["checks"], TITLES)
     for row in summary["rows"]:

@@ -84,31 +84,51 @@ def measure(optional, folder, *, count, seconds, silence, meter):
         (row, interrupted): plain data: ``cost``, the spread of the difference in us per step; ``with`` and ``without``,
         those of the two; ``error``.
     """
-    row = {"name": optional.name, "when": optional.when, "scene": optional.scene, "bodies": optional.bodies, "ranks": optional.ranks}
+    row = {
+        "name": optional.name,
+        "when": optional.when,
+        "scene": optional.scene,
+        "bodies": optional.bodies,
+        "ranks": optional.ranks,
+    }
     scene = SCENES[optional.scene].of_size(optional.bodies)
     variants = {"without": optional.without, "with": optional.with_it}
 
     def job(name, runs):
-        return _job(scene, variants[name], (folder / name).resolve(), runs, ranks=optional.ranks, silence=silence)
+        return _job(
+            scene,
+            variants[name],
+            (folder / name).resolve(),
+            runs,
+            ranks=optional.ranks,
+            silence=silence,
+        )
 
     loop = rounds.calibrate(lambda runs: job("without", runs))
     if not isinstance(loop, float):
         return row | {"error": loop.error}, loop.interrupted
     runs = rounds.lengths(loop, seconds).runs
-    jobs = {name: (f"{optional.name[:18]}, {name}", lambda _, name=name: job(name, runs)) for name in variants}
+    jobs = {
+        name: (f"{optional.name[:18]}, {name}", lambda _, name=name: job(name, runs))
+        for name in variants
+    }
     found, errors, interrupted = rounds.in_turn(jobs, count, meter)
     row["error"] = next(iter(errors.values()), None)
     row["lines"] = {name: job(name, runs).commands for name in variants}
     row |= {name: rounds.spread(found[name], "modify") for name in variants}
     row["cost"] = rounds.difference(found["with"], found["without"], lambda one: one["modify"])
-    row["cpu"] = min((one["cpu"] for times in found.values() for one in times if "cpu" in one), default=None)
+    row["cpu"] = min(
+        (one["cpu"] for times in found.values() for one in times if "cpu" in one), default=None
+    )
     return row, interrupted
 
 
 def _job(scene, variant, directory, runs, *, ranks, silence):
     ours = nosquish("nosquish", "fix_nosquish.NVE", variant.words)
     if "v_table" in variant.words:
-        ours = Integrator(ours.name, ours.label, (f"variable table string {directory}/bodies.csv", *ours.lines))
+        ours = Integrator(
+            ours.name, ours.label, (f"variable table string {directory}/bodies.csv", *ours.lines)
+        )
     return run.job(
         replace(scene, setup=(*variant.before, *scene.setup)), ours, directory, runs, dt=scene.dt, every=0, ranks=ranks,
         silence=silence, positions=False, more=variant.more,

@@ -22,7 +22,12 @@ from validation.starts import from_dump, to_dump
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 SERIES = "github.com/craabreu/rigid_nvt_paper"  # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
 FILE = "Figures/NVE_{:g}fs.csv"  # there: energies of their trajectories of constant energy
-PUBLISHED = {1.0: 0.0603, 2.0: 0.2205, 3.0: 0.4871, 4.0: 0.8872}  # fs: standard deviation of TotEng in `FILE`, kcal/mol
+PUBLISHED = {
+    1.0: 0.0603,
+    2.0: 0.2205,
+    3.0: 0.4871,
+    4.0: 0.8872,
+}  # fs: standard deviation of TotEng in `FILE`, kcal/mol
 ENERGIES = 667  # in each `FILE`, 9 ps apart: neighbours' correlation is below 0.06 in all four
 THEIR_ERROR = 1 / np.sqrt(2 * ENERGIES)  # of these, relative, for they do not depend on each other
 # All four have one energy, above its mean at 298 K, so they are warmer: the mean of TotEng of all four; E and Cv1 of Figures/S1.csv at 1 fs
@@ -38,15 +43,28 @@ ORIGINS = {
 }
 WITHIN = 0.10  # of the published numbers
 ALL = "all"  # time steps together
-TITLES = {"spread": f"Standard deviation of the energy over the published one, 903 TIP3P molecules at {TEMPERATURE:.0f} K"}
+TITLES = {
+    "spread": f"Standard deviation of the energy over the published one, 903 TIP3P molecules at {TEMPERATURE:.0f} K"
+}
 
-BATH, MEAN, REST, BATH_DT = 4.0, 6.0, 1.0, 2.0  # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
+BATH, MEAN, REST, BATH_DT = (
+    4.0,
+    6.0,
+    1.0,
+    2.0,
+)  # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
 SAMPLED = 12.0  # fs between samples of the energy
 
 
 def scene():
     """Their water."""
-    setup = "units real", "atom_style full", "read_data data.smooth", "include forcefield.smooth", "group water type 1 2"
+    setup = (
+        "units real",
+        "atom_style full",
+        "read_data data.smooth",
+        "include forcefield.smooth",
+        "group water type 1 2",
+    )
     return replace(SCENES["water"], name="water-smooth", title="903 TIP3P molecules at 0.97 g/cm³, smooth cutoff", folder=INPUTS / "water_smooth",
                    setup=setup, unit=903, sizes=(), cutter=None, subject=None)  # fmt: skip
 
@@ -119,19 +137,37 @@ def checks(found):
         result = found.get(dt)
         value = measures.Estimate(None)
         if result is not None and not result.error:
-            spread, published = measures.standard_deviation(result.thermo["TotEng"]), measures.Estimate(theirs, theirs * THEIR_ERROR)
+            spread, published = (
+                measures.standard_deviation(result.thermo["TotEng"]),
+                measures.Estimate(theirs, theirs * THEIR_ERROR),
+            )
             value = measures.quotient(spread, published)
             line = measures.about_line(result.thermo["Time"], result.thermo["TotEng"])
             slope = measures.drift(result.thermo["Time"] / FS_PER_PS, result.thermo["TotEng"])
-            drifts = f", drifts by {check.number(*slope)} kcal/mol/ps" if abs(slope.value) > slope.margin else ""
+            drifts = (
+                f", drifts by {check.number(*slope)} kcal/mol/ps"
+                if abs(slope.value) > slope.margin
+                else ""
+            )
             note = f"{check.number(*spread)} (about its line {check.number(*line)}{drifts}) over {check.number(*published)} kcal/mol"
         else:
             note = f"no complete run: {result.error if result else 'not begun'}"
         made.append(_check(f"{dt:g} fs", value, note))
     if all(one.value is not None for one in made):
-        values, weights = np.array([one.value for one in made]), np.array([one.error for one in made]) ** -2.0
-        parts = ((weight * one.error, one.freedom) for weight, one in zip(weights / weights.sum(), made))
-        made.append(_check(ALL, measures.Estimate(np.average(values, weights=weights), *measures.combined(*parts)), ""))
+        values, weights = (
+            np.array([one.value for one in made]),
+            np.array([one.error for one in made]) ** -2.0,
+        )
+        parts = (
+            (weight * one.error, one.freedom) for weight, one in zip(weights / weights.sum(), made)
+        )
+        made.append(
+            _check(
+                ALL,
+                measures.Estimate(np.average(values, weights=weights), *measures.combined(*parts)),
+                "",
+            )
+        )
     return made
 
 
@@ -140,7 +176,19 @@ def _check(subject, found, note):
     value, error, freedom = found
     file = "all four" if subject == ALL else FILE.format(float(subject.split()[0]))
     source = f"{SOURCE}; theirs and its error computed here from TotEng in {file}, {SERIES}"
-    return Check("spread", subject, what, value, error, 1 - WITHIN, 1 + WITHIN, "", note, source, freedom=freedom)
+    return Check(
+        "spread",
+        subject,
+        what,
+        value,
+        error,
+        1 - WITHIN,
+        1 + WITHIN,
+        "",
+        note,
+        source,
+        freedom=freedom,
+    )
 
 
 def spread(made):
@@ -152,11 +200,21 @@ def spread(made):
     axis.axhspan(1 - WITHIN, 1 + WITHIN, color=OTHERS, alpha=0.15, lw=0)
     axis.axhline(1.0, color=OTHERS, lw=0.8)
     dts = [float(one.subject.split()[0]) for one in known]
-    axis.errorbar(dts, [one.value for one in known], [one.margin for one in known], fmt="o", color=OURS, capsize=3)
+    axis.errorbar(
+        dts,
+        [one.value for one in known],
+        [one.margin for one in known],
+        fmt="o",
+        color=OURS,
+        capsize=3,
+    )
     axis.set_xlabel("time step (fs)")
     axis.set_ylabel("standard deviation of the energy,\nfix_nosquish.NVE over published")
     axis.set_xticks(list(PUBLISHED), [f"{dt:g}" for dt in PUBLISHED])
-    return figure, f"Error bars: {check.SURE} intervals, of both together (theirs alone: ± {100 * measures.margin(THEIR_ERROR):.1f} %); shaded: within {100 * WITHIN:g} %."
+    return (
+        figure,
+        f"Error bars: {check.SURE} intervals, of both together (theirs alone: ± {100 * measures.margin(THEIR_ERROR):.1f} %); shaded: within {100 * WITHIN:g} %.",
+    )
 
 
 def write(summary, made, out):

@@ -29,45 +29,69 @@ class Column:
 
 COLUMNS = (
     Column(
-        "energy_sd", "sd of energy", "kcal/mol", "estimate",
+        "energy_sd",
+        "sd of energy",
+        "kcal/mol",
+        "estimate",
         "Standard deviation of the total energy of the whole box about its mean. "
         "± is the half width of its 95 % interval, correlation in time included; so it is in the next columns. "
         "It says so where the energy drifts: then this number grows with the length of the run.",
     ),
     Column(
-        "energy_sd_line", "sd about its line", "kcal/mol", "estimate",
+        "energy_sd_line",
+        "sd about its line",
+        "kcal/mol",
+        "estimate",
         "The same about the straight line through the energy: what is left of it without its drift.",
     ),
     Column(
-        "drift", "energy drift", "kcal/mol/ps", "estimate",
+        "drift",
+        "energy drift",
+        "kcal/mol/ps",
+        "estimate",
         "Slope of the total energy, the mean of those of seven stretches of the run. If it is smaller "
         "than what stands beside it, it is not distinguishable from zero.",
     ),
     Column("temperature", "temperature", "K", "estimate", "Mean of LAMMPS's temp."),
     Column(
-        "pressure", "pressure", "atm", "estimate",
+        "pressure",
+        "pressure",
+        "atm",
+        "estimate",
         "Mean of LAMMPS's press. LAMMPS's rigid fixes average the constraint virial over two "
         "half steps.",
     ),
     Column(
-        "distance", "distance", "Å", "number",
+        "distance",
+        "distance",
+        "Å",
+        "number",
         "Largest distance of any atom, nearest image, from the same atom with rigid/nve "
         "after the first steps ({distance_after_steps} of them). Two methods that are exact up "
         "to rounding differ by rounding that the chaotic motion has amplified; two that differ "
         "in their time discretisation, as rigid/nve and shake do, differ by far more.",
     ),
     Column(
-        "rigidity", "rigidity", "Å", "number",
+        "rigidity",
+        "rigidity",
+        "Å",
+        "number",
         "Largest change, from the start to the end of the run, of any distance within a body.",
     ),
     Column(
-        "modify", "Modify", "µs/step", "spread",
+        "modify",
+        "Modify",
+        "µs/step",
+        "spread",
         "Time in the fixes (row Modify of LAMMPS's timing table, average over ranks). Median "
         "[minimum–maximum] of {timing_rounds} segments of {timing_steps} steps, run in turn with "
         "those of the other integrators.",
     ),
     Column(
-        "modify_ratio", "vs rigid/nve", "ratio", "spread",
+        "modify_ratio",
+        "vs rigid/nve",
+        "ratio",
+        "spread",
         "The same over that of rigid/nve in the same round.",
     ),
     Column("loop", "loop", "ms/step", "spread", "Wall time of a whole step in the same segments."),
@@ -80,7 +104,11 @@ def cell(row, column, short=False):
     if value is None:
         return "–"
     if column.kind == "estimate":
-        drifts = column.key == "energy_sd" and "drift" in row and abs(row["drift"]["value"]) > _margin(row["drift"])
+        drifts = (
+            column.key == "energy_sd"
+            and "drift" in row
+            and abs(row["drift"]["value"]) > _margin(row["drift"])
+        )
         return estimate(value["value"], _margin(value)) + ", drifts" * drifts
     if column.kind == "number":
         return f"{value:.1e}" if value else "0"
@@ -197,7 +225,9 @@ def page(template, path, figures, **values):
         values: what else the template uses.
     """
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True,
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
         lstrip_blocks=True,
     )
     environment.globals["package"] = machine.package

@@ -91,15 +91,24 @@ def numbers(job, result):
     """
     segments = result.timings[job.setups + 1 :]
     kept = {
-        "define": sum(time for command, time in zip(job.commands, result.seconds["commands"]) if command.startswith("fix ")),
+        "define": sum(
+            time
+            for command, time in zip(job.commands, result.seconds["commands"])
+            if command.startswith("fix ")
+        ),
         "setups": result.seconds["setups"],
         "memory": result.memory,
         "versions": result.versions,
     }
     if segments:
-        per_step = [{name: time / one["steps"] * 1e6 for name, time in one["sections"].items()} for one in segments]
+        per_step = [
+            {name: time / one["steps"] * 1e6 for name, time in one["sections"].items()}
+            for one in segments
+        ]
         kept |= {
-            "sections": {name: float(np.median([one[name] for one in per_step])) for name in per_step[0]},
+            "sections": {
+                name: float(np.median([one[name] for one in per_step])) for name in per_step[0]
+            },
             "modify": float(np.median([one["Modify"] for one in per_step])),
             "loop": float(np.median([one["loop"] / one["steps"] for one in segments])) * 1e6,
             "steps": [one["steps"] for one in segments],

@@ -78,7 +78,22 @@ class Result:
     interrupted: bool = False
 
 
-def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0, positions=True, setups=0, more=(), origin=None, motion=False):
+def job(
+    scene,
+    integrator,
+    directory,
+    runs,
+    *,
+    dt,
+    every,
+    ranks=1,
+    silence=120.0,
+    positions=True,
+    setups=0,
+    more=(),
+    origin=None,
+    motion=False,
+):
     """The job of one integrator on a scene.
 
     Args:
@@ -92,7 +107,11 @@ def job(scene, integrator, directory, runs, *, dt, every, ranks=1, silence=120.0
     """
     commands = [
         *scene.setup,
-        *([f"comm_modify cutoff {scene.ghost_cutoff}"] if integrator.whole_bodies and scene.ghost_cutoff else []),
+        *(
+            [f"comm_modify cutoff {scene.ghost_cutoff}"]
+            if integrator.whole_bodies and scene.ghost_cutoff
+            else []
+        ),
         "reset_timestep 0",
         f"timestep {dt}",
         *(scene.others if integrator.kind != "free" else []),
@@ -151,7 +170,9 @@ def run(job, on_step=lambda step: None, environment=()):
         )
         try:
             if _watch(process, directory / "log.lammps", job.silence, on_step):
-                (directory / "error.txt").write_text(f"no sign of life for {job.silence:g} s, ended")
+                (directory / "error.txt").write_text(
+                    f"no sign of life for {job.silence:g} s, ended"
+                )
         except KeyboardInterrupt:
             interrupted = True
         finally:

@@ -49,8 +49,13 @@ def grid(ranks, decomposition):
     if decomposition == "slab":
         return ranks, 1, 1
     sides = range(1, ranks + 1)
-    blocks = [(a, b, ranks // (a * b)) for a, b in itertools.product(sides, sides) if ranks % (a * b) == 0]
-    return min((block for block in blocks if sorted(block, reverse=True) == list(block)), key=lambda block: block[0] / block[2])
+    blocks = [
+        (a, b, ranks // (a * b)) for a, b in itertools.product(sides, sides) if ranks % (a * b) == 0
+    ]
+    return min(
+        (block for block in blocks if sorted(block, reverse=True) == list(block)),
+        key=lambda block: block[0] / block[2],
+    )
 
 
 def scaling(out, ranks=(1, 2, 4, 8, 16), meter=None):
@@ -81,29 +86,74 @@ def _count(out, decomposition, ranks, integrator, meter):
     block = " ".join(map(str, grid(ranks, decomposition)))
     lines = []
     for line in water.setup:
-        lines += [f"processors {block}", line, f"replicate {block}"] if line.startswith("read_data ") else [line]
+        lines += (
+            [f"processors {block}", line, f"replicate {block}"]
+            if line.startswith("read_data ")
+            else [line]
+        )
     scene = replace(water, setup=(*lines, *FORCES))
     folder = out / f"{decomposition}-{ranks}-{run.folder_name(integrator.name)}"
-    job = run.job(scene, integrator, folder / "run", [WARM_UP, STEPS], dt=scene.dt, every=0, ranks=ranks, positions=False)
+    job = run.job(
+        scene,
+        integrator,
+        folder / "run",
+        [WARM_UP, STEPS],
+        dt=scene.dt,
+        every=0,
+        ranks=ranks,
+        positions=False,
+    )
     if meter:
         meter.begin(f"{integrator.label}, {decomposition}, {ranks} ranks", WARM_UP + STEPS)
-    result = run.run(job, meter.at if meter else lambda step: None, counting.environment(folder / "counts"))
+    result = run.run(
+        job, meter.at if meter else lambda step: None, counting.environment(folder / "counts")
+    )
     if meter:
         meter.end(result.error)
-    row = {"decomposition": decomposition, "integrator": integrator.name, "ranks": ranks, "bodies": ranks * water.unit}
+    row = {
+        "decomposition": decomposition,
+        "integrator": integrator.name,
+        "ranks": ranks,
+        "bodies": ranks * water.unit,
+    }
     row["error"] = result.error
     if not result.error:
         counts = counting.read(folder / "counts")
-        row |= {key: float(np.mean([rank[f"fix_{key}"] for rank in counts])) / STEPS for key in COUNTED}
+        row |= {
+            key: float(np.mean([rank[f"fix_{key}"] for rank in counts])) / STEPS for key in COUNTED
+        }
     return row
 
 
 def link():
     """The `Link` between two ranks on this machine, measured with mpi4py's own ping-pong."""
-    command = [run.mpirun(), "-np", "2", sys.executable, "-m", "mpi4py.bench", "pingpong", "-m", "8", "-n", "4194304", "-l", "2000"]
-    text = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, check=True).stdout
-    times = {int(size): float(time) for size, time in re.findall(r"^ *(\d+) +[\d.]+ \| (\S+) ", text, re.M)}
-    return Link("between two ranks of this machine", times[8], max(size / time for size, time in times.items()))
+    command = [
+        run.mpirun(),
+        "-np",
+        "2",
+        sys.executable,
+        "-m",
+        "mpi4py.bench",
+        "pingpong",
+        "-m",
+        "8",
+        "-n",
+        "4194304",
+        "-l",
+        "2000",
+    ]
+    text = subprocess.run(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True, check=True
+    ).stdout
+    times = {
+        int(size): float(time)
+        for size, time in re.findall(r"^ *(\d+) +[\d.]+ \| (\S+) ", text, re.M)
+    }
+    return Link(
+        "between two ranks of this machine",
+        times[8],
+        max(size / time for size, time in times.items()),
+    )
 
 
 def model(rows, link, ranks=(1000, 10_000, 100_000)):
@@ -132,5 +182,13 @@ def model(rows, link, ranks=(1000, 10_000, 100_000)):
             seconds += last["collectives"] * math.log2(n) * link.latency
             if name == "rigid/nve":
                 seconds += math.log2(n) * link.latency + 2 * LOAD * bodies / link.bandwidth
-            result.append({"decomposition": decomposition, "integrator": name, "ranks": n, "bodies": bodies, "seconds": seconds})
+            result.append(
+                {
+                    "decomposition": decomposition,
+                    "integrator": name,
+                    "ranks": n,
+                    "bodies": bodies,
+                    "seconds": seconds,
+                }
+            )
     return result

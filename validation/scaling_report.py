@@ -9,7 +9,16 @@ from validation.bench_figures import MARKS
 from validation.figures import draw_each
 from validation.report import page, save
 
-COUNTS = ("decomposition", "integrator", "ranks", "bodies", "messages", "bytes", "collectives", "collective_bytes")
+COUNTS = (
+    "decomposition",
+    "integrator",
+    "ranks",
+    "bodies",
+    "messages",
+    "bytes",
+    "collectives",
+    "collective_bytes",
+)
 MODEL = ("link", "decomposition", "integrator", "ranks", "bodies", "seconds")
 
 
@@ -47,7 +56,12 @@ def scaling(summary):
     ):  # fmt: skip
         for decomposition, line in ("slab", "--"), ("brick", "-"):
             for name, (colour, mark) in MARKS.items():
-                some = [row for row in rows if (row["decomposition"], row["integrator"]) == (decomposition, name) and not row.get("error")]
+                some = [
+                    row
+                    for row in rows
+                    if (row["decomposition"], row["integrator"]) == (decomposition, name)
+                    and not row.get("error")
+                ]
                 shown = [row for row in some if value(row) > 0]
                 if shown:
                     axis.loglog([row["ranks"] for row in shown], [value(row) for row in shown], line, color=colour, marker=mark,

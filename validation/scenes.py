@@ -54,7 +54,9 @@ class Scene:
 
     def on_mesh(self, accuracy):
         """The scene with another accuracy of its PPPM; without effect on one that has none."""
-        return replace(self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup))  # of two definitions LAMMPS keeps the first
+        return replace(
+            self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup)
+        )  # of two definitions LAMMPS keeps the first
 
     def is_whole_copies(self, bodies):
         """Whether so many bodies are ``unit`` copied to a block that is at most twice as long as wide."""
@@ -67,7 +69,9 @@ class Scene:
             bodies: their number.
             data: for a number that is not a block of whole copies, the data file with so many.
         """
-        place = next((i for i, line in enumerate(self.setup) if line.startswith("read_data ")), None)
+        place = next(
+            (i for i, line in enumerate(self.setup) if line.startswith("read_data ")), None
+        )
         if data is not None:
             setup = (*self.setup[:place], f"read_data {data}", *self.setup[place + 1 :])
         elif not self.is_whole_copies(bodies):
@@ -137,7 +141,12 @@ SCENES = {
             name="mixed",
             title="flexible chains and bodies of 2 to 200 atoms, Lennard-Jones",
             folder=INPUTS / "mixed",
-            setup=("units lj", "atom_style bond", "read_data data.mixed", "include forcefield.mixed"),
+            setup=(
+                "units lj",
+                "atom_style bond",
+                "read_data data.mixed",
+                "include forcefield.mixed",
+            ),
             group="bodies",
             bodies="molecule",
             constraints=None,

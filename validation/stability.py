@@ -31,14 +31,30 @@ _WORDS = {True: "pass", False: "fail", None: "cannot tell"}
 # in the order of the table's columns
 COMPARED = {
     "nosquish": INTEGRATORS["nosquish"],
-    **{name: SWEPT[name] for name in ("matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid", "rigid/small")},
-    **{name: SWEPT[name.replace(" ", "-")] for name in ("shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8")},
+    **{
+        name: SWEPT[name]
+        for name in (
+            "matubayasi-nakahara",
+            "gear",
+            "rigid/nve",
+            "rigid/nve/small",
+            "rigid",
+            "rigid/small",
+        )
+    },
+    **{
+        name: SWEPT[name.replace(" ", "-")]
+        for name in ("shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8")
+    },
 }
 # why a number has the error bar that it has, or none
 LINE = "standard error of the mean slope of seven stretches of the run, from their scatter"
 EXTREME = "none: the largest of all deviations in runs that give the same each time, of which no mean is taken"
 
-SLOW = "matubayasi-nakahara", "gear"  # the paper's other schemes, here to be compared with: not made for speed
+SLOW = (
+    "matubayasi-nakahara",
+    "gear",
+)  # the paper's other schemes, here to be compared with: not made for speed
 LESS = " (reference 12 and Gear: a tenth of that)"
 # files of this package that no row follows from; those criteria that rows follow from are told beside the code
 SHOWN = "*report.py", "*figures.py", "overview*.py", "console.py", "__main__.py", "criteria.py"
@@ -72,7 +88,9 @@ def of_parts(parts, note):
     Args:
         parts: name of a criterion to a number in its unit.
     """
-    return Number(_largest(parts), note=note, parts={name: float(value) for name, value in parts.items()})
+    return Number(
+        _largest(parts), note=note, parts={name: float(value) for name, value in parts.items()}
+    )
 
 
 def _largest(parts):
@@ -98,7 +116,9 @@ def lowest_of_starts(numbers):
 
 def drift_of_starts(numbers):
     """|mean| of rates that may have either sign; the errors are those of the lines."""
-    error, freedom = measures.combined(*((one.error / len(numbers), one.freedom) for one in numbers))
+    error, freedom = measures.combined(
+        *((one.error / len(numbers), one.freedom) for one in numbers)
+    )
     mean = float(np.mean([one.value for one in numbers]))
     return Number(abs(mean), error, _told(numbers), freedom)
 
@@ -184,7 +204,9 @@ class Case:
 
     def length(self, full, integrator=None):
         """Of a full atlas or of a short one, with an integrator's name."""
-        return self.short if not full else self.full // 10 if integrator in self.tenth else self.full
+        return (
+            self.short if not full else self.full // 10 if integrator in self.tenth else self.full
+        )
 
     def integrators(self, full):
         """Names of the integrators that it is run with."""
@@ -198,8 +220,19 @@ class Case:
     def verdict(self, numbers):
         """pass, fail, or cannot tell where the 95 % interval of the starts' number reaches over the bound, or there are too few that hold."""
         number = self.number(numbers)
-        holds = Check(self.name, "", self.criterion, number.value, number.error, self.low, self.high, freedom=number.freedom).holds
-        return _WORDS[None if holds and self.every and len(numbers) < criteria.ENOUGH_STARTS else holds]
+        holds = Check(
+            self.name,
+            "",
+            self.criterion,
+            number.value,
+            number.error,
+            self.low,
+            self.high,
+            freedom=number.freedom,
+        ).holds
+        return _WORDS[
+            None if holds and self.every and len(numbers) < criteria.ENOUGH_STARTS else holds
+        ]
 
 
 @dataclass
@@ -240,24 +273,32 @@ class Stand:
             BlowUp: if it broke later, or its energy is not finite.
             KeyboardInterrupt: after a Ctrl-C.
         """
-        result, folder = self.attempt(scene, label, runs, more=more, files=files, integrator=integrator, **how)
+        result, folder = self.attempt(
+            scene, label, runs, more=more, files=files, integrator=integrator, **how
+        )
         if result.error:
             raise BlowUp(_broken(result))
         energy = result.thermo.get("TotEng", np.zeros(1))
         if not np.isfinite(energy).all():
-            raise BlowUp(f"energy not finite, by step {result.thermo['Step'][np.argmin(np.isfinite(energy))]:.0f}")
+            raise BlowUp(
+                f"energy not finite, by step {result.thermo['Step'][np.argmin(np.isfinite(energy))]:.0f}"
+            )
         return result, folder
 
     def attempt(self, scene, label, runs, *, more=(), files=(), integrator=None, **how):
         """As `run`, but a run that broke after its first line of output is a result like any other."""
         integrator = integrator or self.integrator
         if not integrator.can_run(scene):
-            raise CannotRun(f"{integrator.label}: there is no cluster of bonds and angles that holds these bodies")
+            raise CannotRun(
+                f"{integrator.label}: there is no cluster of bonds and angles that holds these bodies"
+            )
         folder = (self.folder / run.folder_name(label)).resolve()
         job = run.job(scene, integrator, folder, runs, more=[line.format(folder=folder) for line in more],
                       **{"silence": self.silence, "positions": False, "origin": machine.origin(scene, integrator, *files), **how})  # fmt: skip
         total = sum(runs) + sum(int(line.split()[1]) for line in more if line.startswith("run "))
-        result = run.once(job, lambda step: self.meter.at(min(1.0, step / max(1, total))), failures=True)
+        result = run.once(
+            job, lambda step: self.meter.at(min(1.0, step / max(1, total))), failures=True
+        )
         self.seconds += sum(one["loop"] for one in result.timings)
         if result.interrupted:
             raise KeyboardInterrupt
@@ -297,7 +338,16 @@ def stability(cases, names, out, full, silence, meter, only=None, starts=None, t
                 meter.begin(f"{name}, {COMPARED[integrator].label}", 1)
                 ended = None
                 if file.exists() or (name, integrator) not in taken:
-                    for row in _rows(cases[name], integrator, file, out / "runs" / name, full, silence, meter, starts):
+                    for row in _rows(
+                        cases[name],
+                        integrator,
+                        file,
+                        out / "runs" / name,
+                        full,
+                        silence,
+                        meter,
+                        starts,
+                    ):
                         _save(summary, cases, out, taken, file, row)
                         ended = row["ended"] and row["ended"][1]
                 meter.end(ended)
@@ -309,7 +359,11 @@ def stability(cases, names, out, full, silence, meter, only=None, starts=None, t
 
 def _taken(folder, cases, full):
     """Rows of another atlas's summary, by case and integrator, without those of other lengths or inner bounds."""
-    rows = {(case["name"], row["integrator"]): row for case in json.loads((folder / "summary.json").read_text())["cases"] for row in case["rows"]}
+    rows = {
+        (case["name"], row["integrator"]): row
+        for case in json.loads((folder / "summary.json").read_text())["cases"]
+        for row in case["rows"]
+    }
     return {(name, one): row for (name, one), row in rows.items()
             if name in cases and row["inner"] == _inner(cases[name]) and row["length"] == _plain(cases[name].length(full, one))}  # fmt: skip
 
@@ -336,7 +390,12 @@ def _in_turn(names, out):
 
 def plan(cases, names, full, only=None):
     """(case, integrator), names, in the order in which they run."""
-    return [(name, one) for name in names for one in COMPARED if one in (only or cases[name].integrators(full))]
+    return [
+        (name, one)
+        for name in names
+        for one in COMPARED
+        if one in (only or cases[name].integrators(full))
+    ]
 
 
 def _rows(case, name, file, folder, full, silence, meter, starts):
@@ -353,7 +412,11 @@ def _rows(case, name, file, folder, full, silence, meter, starts):
     }  # fmt: skip
     while not _enough(case, row, starts):
         stand.start, before = len(row["numbers"]), stand.seconds
-        row = row | {"date": machine.now()} | _measured(stand, case.length(full, name), row["numbers"])
+        row = (
+            row
+            | {"date": machine.now()}
+            | _measured(stand, case.length(full, name), row["numbers"])
+        )
         row["seconds"] += stand.seconds - before
         yield row
 
@@ -366,7 +429,9 @@ def _enough(case, row, starts=None):
         return True
     if starts:
         return count >= max(least, starts)
-    doubled = count >= least and count % least == 0 and (count // least).bit_count() == 1  # few looks: each is a chance to be sure by chance
+    doubled = (
+        count >= least and count % least == 0 and (count // least).bit_count() == 1
+    )  # few looks: each is a chance to be sure by chance
     return doubled and verdict(case, row) != "cannot tell"
 
 
@@ -377,19 +442,29 @@ def _measured(stand, length, before):
             number = stand.case.measure(stand, length)
         if not np.isfinite(number.value):
             raise BlowUp(f"not finite; {number.note}")
-        plain = asdict(number) | {"value": float(number.value), "error": float(number.error), "freedom": number.freedom and float(number.freedom)}
+        plain = asdict(number) | {
+            "value": float(number.value),
+            "error": float(number.error),
+            "freedom": number.freedom and float(number.freedom),
+        }
         return {"numbers": [*before, plain]}
     except BlowUp as found:
         return {"ended": ["blow-up", str(found)]}
     except CannotRun as found:
         return {"ended": ["cannot run", str(found)]}
-    except (ValueError, IndexError, ArithmeticError) as found:  # what a broken trajectory does to its analysis (LinAlgError is a ValueError)
+    except (
+        ValueError,
+        IndexError,
+        ArithmeticError,
+    ) as found:  # what a broken trajectory does to its analysis (LinAlgError is a ValueError)
         return {"ended": ["blow-up", f"analysis: {type(found).__name__}: {found}"]}
 
 
 def verdict(case, row):
     """A row's verdict, by the bounds of today."""
-    return row["ended"][0] if row["ended"] else case.verdict([Number(**one) for one in row["numbers"]])
+    return (
+        row["ended"][0] if row["ended"] else case.verdict([Number(**one) for one in row["numbers"]])
+    )
 
 
 def judged(case, row):
@@ -402,12 +477,16 @@ def judged(case, row):
 
 def _inner(case):
     """Bounds that what is measured follows from."""
-    return {key: one.bound for key, one in case.criteria.items() if one.inner} | {"rounding": criteria.rounding(1)}
+    return {key: one.bound for key, one in case.criteria.items() if one.inner} | {
+        "rounding": criteria.rounding(1)
+    }
 
 
 def _file(out, case, name, full):
     """Where the row of a case with an integrator is kept: the name has the hash of what it follows from, code, length and inner bounds."""
-    origin = hashlib.sha256(json.dumps([_code(), repr(case.length(full, name)), _inner(case)]).encode()).hexdigest()
+    origin = hashlib.sha256(
+        json.dumps([_code(), repr(case.length(full, name)), _inner(case)]).encode()
+    ).hexdigest()
     return out / "rows" / case.name / f"{run.folder_name(name)}-{origin[:16]}.json"
 
 
@@ -433,9 +512,19 @@ def _save(summary, cases, out, taken, file=None, row=None):
             part = file.with_suffix(".part")
             part.write_text(json.dumps(row, indent=1, ensure_ascii=False) + "\n")
             part.replace(file)
-        files = {(case.name, name): _file(out, case, name, summary["full"]) for case in cases.values() for name in COMPARED}
-        rows = taken | {key: json.loads(path.read_text()) for key, path in files.items() if path.exists()}
-        rows = {(name, key): row for (name, key), row in rows.items() if row["ended"] or len(row["numbers"]) >= cases[name].starts[0]}
+        files = {
+            (case.name, name): _file(out, case, name, summary["full"])
+            for case in cases.values()
+            for name in COMPARED
+        }
+        rows = taken | {
+            key: json.loads(path.read_text()) for key, path in files.items() if path.exists()
+        }
+        rows = {
+            (name, key): row
+            for (name, key), row in rows.items()
+            if row["ended"] or len(row["numbers"]) >= cases[name].starts[0]
+        }
         _fill(summary, cases, rows)
         save(summary, out)
 
@@ -463,19 +552,48 @@ def told(cases):
     Args:
         cases: plain data, each with ``rows`` and ``integrators``, the names of those that it is to be run with.
     """
-    verdicts = {case["name"]: {row["integrator"]: row["verdict"] for row in case["rows"]} for case in cases}
-    theirs = {case["name"]: [row["verdict"] for row in case["rows"] if row["kind"] in ("rigid", "constraints")] for case in cases}
+    verdicts = {
+        case["name"]: {row["integrator"]: row["verdict"] for row in case["rows"]} for case in cases
+    }
+    theirs = {
+        case["name"]: [
+            row["verdict"] for row in case["rows"] if row["kind"] in ("rigid", "constraints")
+        ]
+        for case in cases
+    }
     ours = {name: found["nosquish"] for name, found in verdicts.items() if "nosquish" in found}
     unknown = [name for name in verdicts if name not in ours]
-    worse = [name for name, verdict in ours.items() if verdict in BROKEN and any(one in SURVIVED for one in theirs[name])]
-    behind = [name for name, verdict in ours.items() if verdict != "pass" and "pass" in theirs[name]]
+    worse = [
+        name
+        for name, verdict in ours.items()
+        if verdict in BROKEN and any(one in SURVIVED for one in theirs[name])
+    ]
+    behind = [
+        name for name, verdict in ours.items() if verdict != "pass" and "pass" in theirs[name]
+    ]
     lost = {case["name"]: {name for name, verdict in verdicts[case["name"]].items() if verdict in LOST}
             for case in cases if set(case["integrators"]) <= set(verdicts[case["name"]])}  # fmt: skip
     blunt = [name for name, by in lost.items() if not by]
     old = [name for name, by in lost.items() if by == {"gear"}]
     return [
-        {"what": "Ours has no blow-up that any LAMMPS fix survives", "holds": not worse and (None if unknown else True), "where": worse or unknown},
-        {"what": "Ours passes what any LAMMPS fix passes", "holds": not behind and (None if unknown else True), "where": behind or unknown},
-        {"what": "Each case has an integrator that fails or breaks", "holds": not blunt, "where": blunt},
-        {"what": "Each case has one that fails or breaks beside Gear", "holds": not blunt + old, "where": blunt + old},
+        {
+            "what": "Ours has no blow-up that any LAMMPS fix survives",
+            "holds": not worse and (None if unknown else True),
+            "where": worse or unknown,
+        },
+        {
+            "what": "Ours passes what any LAMMPS fix passes",
+            "holds": not behind and (None if unknown else True),
+            "where": behind or unknown,
+        },
+        {
+            "what": "Each case has an integrator that fails or breaks",
+            "holds": not blunt,
+            "where": blunt,
+        },
+        {
+            "what": "Each case has one that fails or breaks beside Gear",
+            "holds": not blunt + old,
+            "where": blunt + old,
+        },
     ]

@@ -12,7 +12,9 @@ from validation.scenes import Scene
 # a bent triatomic, which fix shake can hold too; lengths in sigma
 BOND, ANGLE = 0.7, 104.0
 _HALF = np.radians(ANGLE) / 2
-BENT = BOND * np.array([[0, 0, 0], [np.sin(_HALF), np.cos(_HALF), 0], [-np.sin(_HALF), np.cos(_HALF), 0]])
+BENT = BOND * np.array(
+    [[0, 0, 0], [np.sin(_HALF), np.cos(_HALF), 0], [-np.sin(_HALF), np.cos(_HALF), 0]]
+)
 MASSES = np.array([2.0, 1.0, 0.5])  # all different: an asymmetric top
 SHAKEN = "b 1 a 1"  # BENT in fix shake's words
 FREE = "pair_style zero 1.0", "pair_coeff * *"
@@ -56,7 +58,9 @@ def three_rods(moment):
     Args:
         moment: (3,), about x, y, z.
     """
-    square = np.maximum(0.0, moment.sum() / 2 - moment) / 2  # two atoms of unit mass on each axis: 2 d_k^2 is what this axis adds to the others
+    square = (
+        np.maximum(0.0, moment.sum() / 2 - moment) / 2
+    )  # two atoms of unit mass on each axis: 2 d_k^2 is what this axis adds to the others
     return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
 
 
@@ -72,7 +76,11 @@ def symmetric_top(turn, spin, moment, time):
         the ``Rotation`` then.
     """
     about = spin[2] * (1 - moment[2] / moment[0])
-    return Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0]) * turn * Rotation.from_rotvec([0, 0, time * about])
+    return (
+        Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0])
+        * turn
+        * Rotation.from_rotvec([0, 0, time * about])
+    )
 
 
 def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, name="bodies", **more):
@@ -87,11 +95,15 @@ def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, nam
         bonded: whether the bodies are `BENT`, with bonds and angle so that fix shake takes them; single atoms may follow.
         more: as ``Scene`` has it.
     """
-    folder = Path(folder) / name  # of its own: what else comes there would change the hash of what its runs follow from
+    folder = (
+        Path(folder) / name
+    )  # of its own: what else comes there would change the hash of what its runs follow from
     folder.mkdir(parents=True, exist_ok=True)
     mass = np.concatenate([one.mass for one in bodies])
     x, v = (np.concatenate([getattr(one, key) for one in bodies]) for key in ("x", "v"))
-    charge = np.concatenate([np.zeros(len(one.mass)) if one.charge is None else one.charge for one in bodies])
+    charge = np.concatenate(
+        [np.zeros(len(one.mass)) if one.charge is None else one.charge for one in bodies]
+    )
     molecule = np.concatenate([[k] * len(one.mass) for k, one in enumerate(bodies, 1)])
     kinds, kind = np.unique(mass, return_inverse=True)
     box, corner = np.broadcast_to(box, 3).astype(float), np.array(corner, float)
@@ -100,14 +112,41 @@ def scene(folder, bodies, setup, *, box, dt, corner=(0, 0, 0), bonded=False, nam
     n = sum(len(one.mass) > 1 for one in bodies)
     text = ["rigid bodies", "", f"{len(x)} atoms", f"{len(kinds)} atom types"]
     text += [f"{2 * n} bonds", "1 bond types", f"{n} angles", "1 angle types"] if bonded else []
-    text += ["", *(f"{low:.17g} {low + length:.17g} {c}lo {c}hi" for low, length, c in zip(corner, box, "xyz"))]
-    text += ["", "Masses", "", *(f"{k} {m:.17g}" for k, m in enumerate(kinds, 1)), "", "Atoms # full", ""]
+    text += [
+        "",
+        *(
+            f"{low:.17g} {low + length:.17g} {c}lo {c}hi"
+            for low, length, c in zip(corner, box, "xyz")
+        ),
+    ]
+    text += [
+        "",
+        "Masses",
+        "",
+        *(f"{k} {m:.17g}" for k, m in enumerate(kinds, 1)),
+        "",
+        "Atoms # full",
+        "",
+    ]
     rows = zip(molecule, kind + 1, charge, x, image)
-    text += [f"{i} {m} {k} {q:.17g} {_words(r)} {' '.join(map(str, w))}" for i, (m, k, q, r, w) in enumerate(rows, 1)]
+    text += [
+        f"{i} {m} {k} {q:.17g} {_words(r)} {' '.join(map(str, w))}"
+        for i, (m, k, q, r, w) in enumerate(rows, 1)
+    ]
     text += ["", "Velocities", "", *(f"{i} {_words(u)}" for i, u in enumerate(v, 1)), ""]
     if bonded:
-        text += ["Bonds", "", *(f"{2 * k + j} 1 {3 * k + 1} {3 * k + 1 + j}" for k in range(n) for j in (1, 2))]
-        text += ["", "Angles", "", *(f"{k + 1} 1 {3 * k + 2} {3 * k + 1} {3 * k + 3}" for k in range(n)), ""]
+        text += [
+            "Bonds",
+            "",
+            *(f"{2 * k + j} 1 {3 * k + 1} {3 * k + 1 + j}" for k in range(n) for j in (1, 2)),
+        ]
+        text += [
+            "",
+            "Angles",
+            "",
+            *(f"{k + 1} 1 {3 * k + 2} {3 * k + 1} {3 * k + 3}" for k in range(n)),
+            "",
+        ]
     data = folder / "data.bodies"
     content = "\n".join(text)
     if not data.exists() or data.read_text() != content:

@@ -9,8 +9,27 @@ import numpy as np
 
 from validation import criteria, measures, motion
 from validation import stability_bodies as bodies
-from validation.stability import EXTREME, LINE, Case, Number, drift_of_starts, lowest_of_starts, mean_of_starts, of_parts
-from validation.stability_molecules import ALLOWED, DRIFT, DRIFTS, GRID, HEAVY, LONGEST, SOME, STARTS, limit
+from validation.stability import (
+    EXTREME,
+    LINE,
+    Case,
+    Number,
+    drift_of_starts,
+    lowest_of_starts,
+    mean_of_starts,
+    of_parts,
+)
+from validation.stability_molecules import (
+    ALLOWED,
+    DRIFT,
+    DRIFTS,
+    GRID,
+    HEAVY,
+    LONGEST,
+    SOME,
+    STARTS,
+    limit,
+)
 
 REPULSIVE = (
     "pair_style lj/cut 1.122462048309373",
@@ -28,7 +47,9 @@ RESONANT = np.arange(0.9, 1.605, 0.01)  # ωΔt
 ALONG = np.array([0.8, 0.0, 0.6])
 
 
-def _liquid(stand, name, count, box, *, seed, dt, masses=None, corner=(0, 0, 0), least=0.0, more=()):
+def _liquid(
+    stand, name, count, box, *, seed, dt, masses=None, corner=(0, 0, 0), least=0.0, more=()
+):
     """Bent triatomics on a lattice of count³ places, each turned at random so that no atoms are nearer than ``least``, thermal at temperature 1."""
     rng, found = np.random.default_rng(seed), []
     side = box / count
@@ -38,8 +59,26 @@ def _liquid(stand, name, count, box, *, seed, dt, masses=None, corner=(0, 0, 0),
         moments, axes = bodies.moments(bodies.BENT, mass)
         spin = turn.apply(axes @ (rng.normal(size=3) / np.sqrt(moments)))
         velocity = rng.normal(size=3) / np.sqrt(mass.sum())
-        found.append(bodies.body(bodies.BENT, mass, place=side * (np.array(site) + 0.5) + corner, turn=turn, velocity=velocity, spin=spin))
-    return bodies.scene(stand.folder.parent, found, (*REPULSIVE, "neighbor 0.4 bin", *more), box=box, corner=corner, dt=dt, name=name, bonded=True)
+        found.append(
+            bodies.body(
+                bodies.BENT,
+                mass,
+                place=side * (np.array(site) + 0.5) + corner,
+                turn=turn,
+                velocity=velocity,
+                spin=spin,
+            )
+        )
+    return bodies.scene(
+        stand.folder.parent,
+        found,
+        (*REPULSIVE, "neighbor 0.4 bin", *more),
+        box=box,
+        corner=corner,
+        dt=dt,
+        name=name,
+        bonded=True,
+    )
 
 
 def _turn(rng, place, others, box, least):
@@ -54,7 +93,9 @@ def _turn(rng, place, others, box, least):
 
 def _drift(result):
     """Change of the energy, by a straight line, over the mean kinetic energy, in a ns of argon."""
-    slope = measures.drift(result.thermo["Time"], result.thermo["TotEng"]).times(criteria.NS_OF_REDUCED / result.thermo["KinEng"].mean())
+    slope = measures.drift(result.thermo["Time"], result.thermo["TotEng"]).times(
+        criteria.NS_OF_REDUCED / result.thermo["KinEng"].mean()
+    )
     return Number(slope.value, slope.error, freedom=slope.freedom)
 
 
@@ -62,15 +103,22 @@ def mass_ratio(stand, steps):
     """A body a million times as heavy among light ones."""
     masses = np.ones(27)
     masses[13] = 1e6
-    scene = _liquid(stand, f"masses-{stand.start}", 3, 6.0, seed=3 + stand.start, dt=0.008, masses=masses)
-    result, _ = stand.run(scene, f"start {stand.start + 1}", [steps], dt=scene.dt, every=max(1, steps // 1000))
+    scene = _liquid(
+        stand, f"masses-{stand.start}", 3, 6.0, seed=3 + stand.start, dt=0.008, masses=masses
+    )
+    result, _ = stand.run(
+        scene, f"start {stand.start + 1}", [steps], dt=scene.dt, every=max(1, steps // 1000)
+    )
     return _drift(result)
 
 
 def contact(stand, steps):
     """Two bodies that a spring presses together, centre to centre."""
     turns = bodies.turned(5 + 2 * stand.start), bodies.turned(6 + 2 * stand.start)
-    found = [bodies.body(bodies.BENT, bodies.MASSES, place=(x, 0, 0), turn=turn, spin=(0.3, 0.5, x)) for x, turn in zip((-0.9, 0.9), turns)]
+    found = [
+        bodies.body(bodies.BENT, bodies.MASSES, place=(x, 0, 0), turn=turn, spin=(0.3, 0.5, x))
+        for x, turn in zip((-0.9, 0.9), turns)
+    ]
     setup = (
         *REPULSIVE,
         "neighbor 6.0 bin",
@@ -81,7 +129,9 @@ def contact(stand, steps):
     )
     scene = bodies.scene(stand.folder.parent, found, setup, box=40.0, corner=(-20, -20, -20), dt=0.001, name=f"pair-{stand.start}",
                          bonded=True)  # fmt: skip
-    result, _ = stand.run(scene, f"start {stand.start + 1}", [steps], dt=scene.dt, every=max(1, steps // 1000))
+    result, _ = stand.run(
+        scene, f"start {stand.start + 1}", [steps], dt=scene.dt, every=max(1, steps // 1000)
+    )
     return _drift(result)
 
 
@@ -94,7 +144,11 @@ def springs(stand, periods):
     inertia = np.einsum("i,iab,iac->bc", bodies.MASSES, cross, cross)
     mobility = np.zeros((6, 6))
     mobility[:3, :3], mobility[3:, 3:] = np.eye(3) * 2 / M, 2 * np.linalg.inv(inertia)
-    omega = np.sqrt(np.linalg.eigvals(mobility @ np.einsum("iab,iac->bc", jacobian, jacobian) * stiffness).real.max())
+    omega = np.sqrt(
+        np.linalg.eigvals(
+            mobility @ np.einsum("iab,iac->bc", jacobian, jacobian) * stiffness
+        ).real.max()
+    )
     setup = [*bodies.FREE, "neighbor 3.0 bin", "neigh_modify once yes"]
     for k in (1, 2, 3):
         setup += [
@@ -105,10 +159,20 @@ def springs(stand, periods):
         ]
     rng = np.random.default_rng(stand.start)
     velocity = 0.3 * rng.normal(size=3)
-    found = [bodies.body(bodies.BENT, bodies.MASSES, velocity=sign * velocity, spin=rng.normal(size=3)) for sign in (1, -1)]
+    found = [
+        bodies.body(bodies.BENT, bodies.MASSES, velocity=sign * velocity, spin=rng.normal(size=3))
+        for sign in (1, -1)
+    ]
     scene = bodies.scene(stand.folder.parent, found, setup, box=40.0, corner=(-20, -20, -20), dt=1 / omega, name=f"springs-{stand.start}",
                          bonded=True)  # fmt: skip
-    return limit(stand, scene, np.arange(0.1, 2.3, 0.1) / omega, periods * 2 * np.pi / omega, unit=1 / omega, name="")
+    return limit(
+        stand,
+        scene,
+        np.arange(0.1, 2.3, 0.1) / omega,
+        periods * 2 * np.pi / omega,
+        unit=1 / omega,
+        name="",
+    )
 
 
 def gradient(stand, steps):
@@ -125,7 +189,9 @@ def gradient(stand, steps):
     )  # fmt: skip
     scene = bodies.scene(stand.folder.parent, found, setup, box=100.0, corner=(-50, -50, -50), dt=DT, name=f"dipoles-{stand.start}",
                          bonded=True)  # fmt: skip
-    result, _ = stand.run(scene, f"start {stand.start + 1}", [steps], dt=scene.dt, every=max(1, steps // 1000))
+    result, _ = stand.run(
+        scene, f"start {stand.start + 1}", [steps], dt=scene.dt, every=max(1, steps // 1000)
+    )
     return _drift(result)
 
 
@@ -134,12 +200,17 @@ def far_away(stand, steps):
     ends, pressures = [], []
     for name, corner in ("near", 0.0), ("far", FAR * BOX):
         scene = _liquid(stand, name, 4, BOX, seed=4, dt=DT, corner=np.full(3, corner))
-        result, folder = stand.run(scene, name, [steps], dt=scene.dt, every=1, more=motion.dump(steps))
+        result, folder = stand.run(
+            scene, name, [steps], dt=scene.dt, every=1, more=motion.dump(steps)
+        )
         ends.append(motion.frames(folder)[2][-1] - corner)
         pressures.append(result.thermo["Press"])
     distance = np.linalg.norm(ends[1] - ends[0], axis=1).max()
     pressure = np.abs(pressures[1] / pressures[0] - 1).max()
-    return of_parts({"far place": distance, "far pressure": pressure}, f"motion: {distance:.1e} σ; pressure: {pressure:.1e} of itself")
+    return of_parts(
+        {"far place": distance, "far pressure": pressure},
+        f"motion: {distance:.1e} σ; pressure: {pressure:.1e} of itself",
+    )
 
 
 def ranks(stand, steps):
@@ -148,17 +219,34 @@ def ranks(stand, steps):
 
     Each atom feels dozens, and many a body is parted among ranks: what is added up, is added up in another order for each number of ranks.
     """
-    dense = "pair_style lj/cut 2.5", "pair_coeff * * 1.0 1.0", "neigh_modify every 2 delay 0 check no", "velocity all set 40 -40 40 sum yes"
+    dense = (
+        "pair_style lj/cut 2.5",
+        "pair_coeff * * 1.0 1.0",
+        "neigh_modify every 2 delay 0 check no",
+        "velocity all set 40 -40 40 sum yes",
+    )
     scene = _liquid(stand, "dense", 4, 0.64 * BOX, seed=8, dt=DT, least=0.9, more=dense)
-    moved = replace(scene, setup=(*scene.setup, f"displace_atoms all random {ROUNDING} {ROUNDING} {ROUNDING} 4928"))
+    moved = replace(
+        scene,
+        setup=(*scene.setup, f"displace_atoms all random {ROUNDING} {ROUNDING} {ROUNDING} 4928"),
+    )
     ends = {}
-    for name, start, count in ("1", scene, 1), ("1, moved", moved, 1), *((f"{count}", scene, count) for count in RANKS):
-        _, folder = stand.run(start, name, [steps], dt=scene.dt, every=steps, ranks=count, more=motion.dump(steps))
+    for name, start, count in (
+        ("1", scene, 1),
+        ("1, moved", moved, 1),
+        *((f"{count}", scene, count) for count in RANKS),
+    ):
+        _, folder = stand.run(
+            start, name, [steps], dt=scene.dt, every=steps, ranks=count, more=motion.dump(steps)
+        )
         ends[name] = motion.frames(folder)[2][-1]
     apart = {name: np.linalg.norm(end - ends["1"], axis=1).max() for name, end in ends.items()}
     rounding = apart["1, moved"]
     told = ", ".join(f"{count} ranks: {apart[str(count)]:.1e}" for count in RANKS)
-    return Number(max(apart[str(count)] for count in RANKS) / rounding, note=f"{told} σ; one rank, moved: {rounding:.1e} σ")
+    return Number(
+        max(apart[str(count)] for count in RANKS) / rounding,
+        note=f"{told} σ; one rank, moved: {rounding:.1e} σ",
+    )
 
 
 def beyond_skin(stand, steps):
@@ -167,21 +255,33 @@ def beyond_skin(stand, steps):
     for flight in (0.0, *FLIGHTS):
         velocity = flight / DT * ALONG
         scene = bodies.drifting(_liquid(stand, "flight", 4, BOX, seed=8, dt=DT), velocity)
-        _, folder = stand.run(scene, f"{flight:g}", [steps], dt=DT, every=steps, ranks=2, more=motion.dump(steps))
+        _, folder = stand.run(
+            scene, f"{flight:g}", [steps], dt=DT, every=steps, ranks=2, more=motion.dump(steps)
+        )
         ends[flight] = motion.frames(folder)[2][-1] - steps * DT * velocity
     apart = {flight: np.linalg.norm(ends[flight] - ends[0.0], axis=1).max() for flight in FLIGHTS}
-    return Number(max(apart.values()), note=", ".join(f"{flight:g} σ a step: {value:.1e}" for flight, value in apart.items()))
+    return Number(
+        max(apart.values()),
+        note=", ".join(f"{flight:g} σ a step: {value:.1e}" for flight, value in apart.items()),
+    )
 
 
 def resonance(stand, periods):
     """Bodies with a loose atom each on a stiff spring, ω its frequency: up to which step is the energy kept?"""
     stiffness, rest, count, loose = 5000.0, 1.0, 6, 1.0
     r = bodies.BENT[1] - bodies.MASSES @ bodies.BENT / bodies.MASSES.sum()
-    outward = np.array([r[1], -r[0], 0.0]) / np.linalg.norm(r)  # across, so that the spring turns the body
+    outward = np.array([r[1], -r[0], 0.0]) / np.linalg.norm(
+        r
+    )  # across, so that the spring turns the body
     moments, axes = bodies.moments(bodies.BENT, bodies.MASSES)
     lever = np.cross(r, outward) @ axes
     omega = np.sqrt(stiffness * (1 / loose + 1 / bodies.MASSES.sum() + (lever**2 / moments).sum()))
-    setup = [*REPULSIVE, "neighbor 0.4 bin", f"group held molecule <= {count}", "group loose subtract all held"]
+    setup = [
+        *REPULSIVE,
+        "neighbor 0.4 bin",
+        f"group held molecule <= {count}",
+        "group loose subtract all held",
+    ]
     for k in range(count):
         setup += [
             f"group a{k} id {3 * k + 2}",
@@ -192,11 +292,29 @@ def resonance(stand, periods):
     rng, found, atoms = np.random.default_rng(12 + stand.start), [], []
     for k in range(count):
         turn, place = bodies.turned(k), 3.2 * np.array([k % 2, k // 2 % 2, k // 4]) + 1.6
-        found.append(bodies.body(bodies.BENT, bodies.MASSES, place=place, turn=turn, velocity=rng.normal(size=3), spin=rng.normal(size=3)))
-        atoms.append(bodies.body(np.zeros((1, 3)), [loose], place=place + turn.apply(r + rest * outward), velocity=rng.normal(size=3)))
+        found.append(
+            bodies.body(
+                bodies.BENT,
+                bodies.MASSES,
+                place=place,
+                turn=turn,
+                velocity=rng.normal(size=3),
+                spin=rng.normal(size=3),
+            )
+        )
+        atoms.append(
+            bodies.body(
+                np.zeros((1, 3)),
+                [loose],
+                place=place + turn.apply(r + rest * outward),
+                velocity=rng.normal(size=3),
+            )
+        )
     scene = bodies.scene(stand.folder.parent, found + atoms, setup, box=6.4, dt=1 / omega, name=f"loose-{12 + stand.start}", bonded=True, group="held",
                          others=("fix others loose nve",))  # fmt: skip
-    return limit(stand, scene, RESONANT / omega, periods * 2 * np.pi / omega, unit=1 / omega, name="")
+    return limit(
+        stand, scene, RESONANT / omega, periods * 2 * np.pi / omega, unit=1 / omega, name=""
+    )
 
 
 SOME_DRIFTS = {"starts": DRIFTS, "together": drift_of_starts}

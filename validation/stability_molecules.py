@@ -8,7 +8,18 @@ from validation import criteria, measures, motion, paper_peptide, starts
 from validation.compare import FS_PER_PS
 from validation.criteria import CRITERIA
 from validation.scenes import SCENES
-from validation.stability import COMPARED, EXTREME, LESS, LINE, SLOW, Case, Number, drift_of_starts, mean_of_starts, of_parts
+from validation.stability import (
+    COMPARED,
+    EXTREME,
+    LESS,
+    LINE,
+    SLOW,
+    Case,
+    Number,
+    drift_of_starts,
+    mean_of_starts,
+    of_parts,
+)
 from validation.stability_tops import kept
 from validation.starts import from_dump, to_dump
 
@@ -17,7 +28,9 @@ ALLOWED, OF_MANY = CRITERIA["stable, few"].bound, CRITERIA["stable, many"].bound
 GIVEN_UP = 10  # times that, by which the energy is off when a run is ended
 MOST = 4000  # steps that a step limit of many molecules is worth
 LONGEST = "longest {} at which the energy changes by less than {:.0%} of the kinetic energy, from the first to the last fifth of {} (--full: {})"
-GRID = "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
+GRID = (
+    "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
+)
 ONE = f"{GRID}; one start, so what another would give is not in it"
 STARTS = 4, criteria.ENOUGH_STARTS  # of a limit, at least and at most
 DRIFTS = 1, 8  # of a drift
@@ -29,7 +42,15 @@ BODIES = 512  # of water
 DRIFT = "|drift of the energy| over the mean kinetic energy"
 FS_PER_NS = 1000 * FS_PER_PS
 SPACING = 2000  # steps between the dimer's starts
-HEAVY = "nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4"  # integrators of the costly cases' short form
+HEAVY = (
+    "nosquish",
+    "gear",
+    "rigid/nve",
+    "rigid/nve/small",
+    "rigid",
+    "shake 1e-8",
+    "rattle 1e-4",
+)  # integrators of the costly cases' short form
 
 
 def limit(stand, scene, steps_of_time, time, unit=1.0, name=" fs", **how):
@@ -62,8 +83,20 @@ def halved(stand, scene, steps_of_time, time, allowed, **how):
 
     def bad_at(k):
         if k not in tried:
-            (change,), error = changes(stand, scene, f"{dts[k]:g} fs", dts[k : k + 1], min(time, MOST * dts[k]), allowed, **how)
-            tried[k] = None if change < allowed else error or f"energy off by {change:.2g} of the kinetic energy"
+            (change,), error = changes(
+                stand,
+                scene,
+                f"{dts[k]:g} fs",
+                dts[k : k + 1],
+                min(time, MOST * dts[k]),
+                allowed,
+                **how,
+            )
+            tried[k] = (
+                None
+                if change < allowed
+                else error or f"energy off by {change:.2g} of the kinetic energy"
+            )
         return tried[k]
 
     bad, more = len(dts), ""
@@ -85,11 +118,24 @@ def halved(stand, scene, steps_of_time, time, allowed, **how):
 def _between(dts, first, error, more, name=" fs"):
     """The limit where ``dts[first]`` is the first bad step."""
     if first == 0:
-        return Number(0.0, 0.0, f"not even at {dts[0]:.4g}{name}, the shortest step tried" + (f": {error}" if error else ""))
+        return Number(
+            0.0,
+            0.0,
+            f"not even at {dts[0]:.4g}{name}, the shortest step tried"
+            + (f": {error}" if error else ""),
+        )
     if first == len(dts):
-        return Number(dts[-1], 0.0, f"stable at {dts[-1]:.4g}{name}, the longest step tried, so no error: the limit is at least that")
+        return Number(
+            dts[-1],
+            0.0,
+            f"stable at {dts[-1]:.4g}{name}, the longest step tried, so no error: the limit is at least that",
+        )
     longest, shortest = dts[first - 1], dts[first]
-    return Number((shortest + longest) / 2, (shortest - longest) / 4, f"stable at {longest:.4g}{name}, not at {shortest:.4g}{name}{more}")
+    return Number(
+        (shortest + longest) / 2,
+        (shortest - longest) / 4,
+        f"stable at {longest:.4g}{name}, not at {shortest:.4g}{name}{more}",
+    )
 
 
 def changes(stand, scene, label, dts, time, allowed, **how):
@@ -121,7 +167,11 @@ def changes(stand, scene, label, dts, time, allowed, **how):
         if mine.sum() == SAMPLES + 1 and np.isfinite(total).all():
             fifth = SAMPLES // 5
             found[k - 1] = abs(total[-fifth:].mean() - total[:fifth].mean()) / kinetic[0]
-    why = f"energy off by {GIVEN_UP * allowed:g} of the kinetic energy" if "Fix halt" in (result.error or "") else result.error
+    why = (
+        f"energy off by {GIVEN_UP * allowed:g} of the kinetic energy"
+        if "Fix halt" in (result.error or "")
+        else result.error
+    )
     return found, why
 
 
@@ -137,24 +187,41 @@ def water(stand):
 
 def water_dt(stand, length):
     time, between = length
-    return halved(stand, water(stand), np.arange(0.5, 12.1, between), time, OF_MANY, ranks=stand.ranks)
+    return halved(
+        stand, water(stand), np.arange(0.5, 12.1, between), time, OF_MANY, ranks=stand.ranks
+    )
 
 
 def peptide_dt(stand, length):
     time, between = length
-    return halved(stand, coarse(paper_peptide.scene()), np.arange(0.5, 8.1, between), time, OF_MANY, ranks=stand.ranks)
+    return halved(
+        stand,
+        coarse(paper_peptide.scene()),
+        np.arange(0.5, 8.1, between),
+        time,
+        OF_MANY,
+        ranks=stand.ranks,
+    )
 
 
 def dimer_of(mass):
     """The dimer with hydrogens of this mass and the kinetic energy that it has with its own."""
     scene = SCENES["dimer"]
-    rows = (scene.folder / "data.dimer").read_text().split("Velocities")[1].split("Bonds")[0].splitlines()
+    rows = (
+        (scene.folder / "data.dimer")
+        .read_text()
+        .split("Velocities")[1]
+        .split("Bonds")[0]
+        .splitlines()
+    )
     v = np.array([row.split()[1:] for row in rows if row.strip()], float)
     square = (v**2).sum(axis=1).reshape(2, 3).sum(axis=0)
     oxygen, own = 15.9994, 0.1
     before, after = (oxygen * square[0] + m * square[1:].sum() for m in (own, mass))
     faster = [f"variable v{c} atom v{c}*{np.sqrt(before / after):.17g}" for c in "xyz"]
-    return replace(scene, setup=(*scene.setup, f"mass 2 {mass:g}", *faster, "velocity all set v_vx v_vy v_vz"))
+    return replace(
+        scene, setup=(*scene.setup, f"mass 2 {mass:g}", *faster, "velocity all set v_vx v_vy v_vz")
+    )
 
 
 def dimer_dt(mass):
@@ -184,18 +251,50 @@ def later(stand, scene, steps, dt, *, starts, more=(), **how):
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
     more = [*more, *to_dump(state, steps)]
-    outer.run(scene, "start", [starts[1] * steps], integrator=COMPARED["nosquish"], dt=dt, every=steps // 20, more=more, **how)
+    outer.run(
+        scene,
+        "start",
+        [starts[1] * steps],
+        integrator=COMPARED["nosquish"],
+        dt=dt,
+        every=steps // 20,
+        more=more,
+        **how,
+    )
     return from_dump(scene, state, (stand.start + 1) * steps), state
 
 
 def _change(stand, temperature, time, dt, warm_time, warm_dt, damping):
     """Energy gained or lost per ns, in parts of the mean kinetic energy, by a straight line, after Langevin dynamics."""
     bath = f"fix heat all langevin {temperature} {temperature} {damping} 4928"
-    scene, state = later(stand, water(stand), round(warm_time / warm_dt), warm_dt, starts=DRIFTS, more=[bath], ranks=stand.ranks)
-    result, _ = stand.run(scene, f"start {stand.start + 1}", [round(time / dt)], dt=dt, every=5, ranks=stand.ranks, files=[state])
+    scene, state = later(
+        stand,
+        water(stand),
+        round(warm_time / warm_dt),
+        warm_dt,
+        starts=DRIFTS,
+        more=[bath],
+        ranks=stand.ranks,
+    )
+    result, _ = stand.run(
+        scene,
+        f"start {stand.start + 1}",
+        [round(time / dt)],
+        dt=dt,
+        every=5,
+        ranks=stand.ranks,
+        files=[state],
+    )
     heat = result.thermo["Temp"]
-    slope = measures.drift(result.thermo["Time"] / FS_PER_NS, result.thermo["TotEng"]).times(1 / result.thermo["KinEng"].mean())
-    return Number(slope.value, slope.error, f"{heat[0]:.3g} K at the start, {heat[-1]:.3g} K at the end", slope.freedom)
+    slope = measures.drift(result.thermo["Time"] / FS_PER_NS, result.thermo["TotEng"]).times(
+        1 / result.thermo["KinEng"].mean()
+    )
+    return Number(
+        slope.value,
+        slope.error,
+        f"{heat[0]:.3g} K at the start, {heat[-1]:.3g} K at the end",
+        slope.freedom,
+    )
 
 
 def water_hot(stand, time):
@@ -208,15 +307,37 @@ def water_cold(stand, time):
 
 def long_dimer(stand, steps):
     """Two molecules that stay bound."""
-    result, folder = stand.run(SCENES["dimer"], "run", [steps], dt=PAPER_DIMER, every=max(1, steps // 2000), more=motion.dump(steps // 20))
+    result, folder = stand.run(
+        SCENES["dimer"],
+        "run",
+        [steps],
+        dt=PAPER_DIMER,
+        every=max(1, steps // 2000),
+        more=motion.dump(steps // 20),
+    )
     _, mass, x, v = motion.frames(folder)
     tenth = len(result.thermo["TotEng"]) // 10
-    energy = abs(result.thermo["TotEng"][-tenth:].mean() - result.thermo["TotEng"][:tenth].mean()) / result.thermo["KinEng"].mean()
+    energy = (
+        abs(result.thermo["TotEng"][-tenth:].mean() - result.thermo["TotEng"][:tenth].mean())
+        / result.thermo["KinEng"].mean()
+    )
     _, momentum, angular = motion.conserved(mass, x, v)
-    sizes = np.linalg.norm(mass[:, None] * v[0], axis=1).sum(), np.linalg.norm(mass[:, None] * np.cross(x[0], v[0]), axis=1).sum()
-    lost = [np.linalg.norm(a - a[0], axis=1).max() / size for a, size in zip((momentum, angular), sizes)]
-    shape = max(np.abs(d / d[0] - 1).max() for d in (motion.distances(x[:, :3]), motion.distances(x[:, 3:])))
-    found = {"energy": energy, "momentum": lost[0], "angular momentum": lost[1], "|q|, by the distances": shape}
+    sizes = (
+        np.linalg.norm(mass[:, None] * v[0], axis=1).sum(),
+        np.linalg.norm(mass[:, None] * np.cross(x[0], v[0]), axis=1).sum(),
+    )
+    lost = [
+        np.linalg.norm(a - a[0], axis=1).max() / size for a, size in zip((momentum, angular), sizes)
+    ]
+    shape = max(
+        np.abs(d / d[0] - 1).max() for d in (motion.distances(x[:, :3]), motion.distances(x[:, 3:]))
+    )
+    found = {
+        "energy": energy,
+        "momentum": lost[0],
+        "angular momentum": lost[1],
+        "|q|, by the distances": shape,
+    }
     note = ", ".join(f"{key} {value:.1e}" for key, value in found.items())
     return of_parts({"long run": energy, **kept(stand, steps, max(lost), shape)}, note)
 

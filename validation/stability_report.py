@@ -32,7 +32,21 @@ READ = (
     "✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or hang), – cannot be run; empty: not run. "
     "Where each number's error comes from, or why it has none, is told case by case."
 )
-COLUMNS = "case", "integrator", "label", "value", "margin", "error is", "unit", "bound", "verdict", "note", "measured with", "date", "command"
+COLUMNS = (
+    "case",
+    "integrator",
+    "label",
+    "value",
+    "margin",
+    "error is",
+    "unit",
+    "bound",
+    "verdict",
+    "note",
+    "measured with",
+    "date",
+    "command",
+)
 
 
 def write(summary, out):
@@ -45,9 +59,23 @@ def write(summary, out):
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         for case in summary["cases"]:
-            known = {"case": case["name"], "error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
+            known = {
+                "case": case["name"],
+                "error is": case["bars"],
+                "unit": case["unit"],
+                "bound": case["bound"],
+            }
             for row in case["rows"]:
-                writer.writerow({key: (known | row | {"margin": _margin(row) or None, "measured with": package(row)})[key] for key in COLUMNS})
+                writer.writerow(
+                    {
+                        key: (
+                            known
+                            | row
+                            | {"margin": _margin(row) or None, "measured with": package(row)}
+                        )[key]
+                        for key in COLUMNS
+                    }
+                )
     page(
         "stability.html",
         out / "report.html",
@@ -78,7 +106,15 @@ def cell(row):
     if row is None:
         return ""
     sign = LOOKS[row["verdict"]][1]
-    value = "" if row["value"] is None else number(row["value"], row["error"] if _margin(row) > 1e-3 * abs(row["value"]) else 0.0, row.get("freedom"))
+    value = (
+        ""
+        if row["value"] is None
+        else number(
+            row["value"],
+            row["error"] if _margin(row) > 1e-3 * abs(row["value"]) else 0.0,
+            row.get("freedom"),
+        )
+    )
     return f"{sign} {value}".strip()
 
 
@@ -100,27 +136,50 @@ def list_cases(console, cases):
     for one in CRITERIA.values():
         table.add_row(one.quantity, one.text(), one.derivation, one.need, ", ".join(one.cases))
     console.print(table)
-    console.print("integrators: " + ", ".join(f'"{name}"' if " " in name else name for name in COMPARED), soft_wrap=True)
+    console.print(
+        "integrators: " + ", ".join(f'"{name}"' if " " in name else name for name in COMPARED),
+        soft_wrap=True,
+    )
 
 
 def show(console, summary, out):
     """Print the matrix, what broke and why, and what all rows together say."""
     columns = _columns(summary)
-    table = Table(title="Stability", title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table = Table(
+        title="Stability",
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+        padding=(0, 1, 0, 0),
+    )
     table.add_column("case\nbound", overflow="fold")
     for label in columns.values():
         table.add_column(_narrow(label), justify="right", overflow="fold")
     for case in summary["cases"]:
         rows = {row["integrator"]: row for row in case["rows"]}
-        cells = [(_short(rows.get(name)), LOOKS[rows[name]["verdict"]][2] if name in rows else "") for name in columns]
-        table.add_row(f"{case['name']}\n{case['bound']} {case['unit']}", *(f"[{colour}]{text}[/]" if colour else text for text, colour in cells))
+        cells = [
+            (_short(rows.get(name)), LOOKS[rows[name]["verdict"]][2] if name in rows else "")
+            for name in columns
+        ]
+        table.add_row(
+            f"{case['name']}\n{case['bound']} {case['unit']}",
+            *(f"[{colour}]{text}[/]" if colour else text for text, colour in cells),
+        )
     console.print(table)
-    console.print(", ".join(f"{look[1]} {name}" if look[1] else name for name, look in LOOKS.items()))
+    console.print(
+        ", ".join(f"{look[1]} {name}" if look[1] else name for name, look in LOOKS.items())
+    )
     for case in summary["cases"]:
         for row in case["rows"]:
-            if row["verdict"] == "blow-up" or row["verdict"] != "pass" and row["integrator"] == "nosquish":
+            if (
+                row["verdict"] == "blow-up"
+                or row["verdict"] != "pass"
+                and row["integrator"] == "nosquish"
+            ):
                 console.print(
-                    f"{LOOKS[row['verdict']][1]} {case['name']}, {row['label']}: {row['verdict']} {row['note']}", markup=False, soft_wrap=True
+                    f"{LOOKS[row['verdict']][1]} {case['name']}, {row['label']}: {row['verdict']} {row['note']}",
+                    markup=False,
+                    soft_wrap=True,
                 )
     for line in summary["summary"]:
         console.print(verdict(line), style="bold", markup=False, soft_wrap=True)
@@ -132,11 +191,18 @@ def show(console, summary, out):
 def verdict(line):
     """A line of ``stability.told`` as text."""
     where = f" ({', '.join(line['where'])})" if line["where"] else ""
-    return f"{line['what']}: " + {True: "yes", False: "no" + where, None: "cannot tell, ours has no row yet" + where}[line["holds"]]
+    return (
+        f"{line['what']}: "
+        + {True: "yes", False: "no" + where, None: "cannot tell, ours has no row yet" + where}[
+            line["holds"]
+        ]
+    )
 
 
 def _narrow(label):
-    return NARROW.get(label) or label.replace(" + nve", "").replace("/small", "/\nsmall").replace(" ", "\n")
+    return NARROW.get(label) or label.replace(" + nve", "").replace("/small", "/\nsmall").replace(
+        " ", "\n"
+    )
 
 
 def _short(row):
@@ -150,7 +216,9 @@ def matrix(summary):
     columns, cases = _columns(summary), summary["cases"]
     if not cases:
         return None, ""
-    figure, axis = plt.subplots(figsize=(max(7.0, 2.6 + 0.92 * len(columns)), 2.0 + 0.42 * len(cases)), layout="constrained")
+    figure, axis = plt.subplots(
+        figsize=(max(7.0, 2.6 + 0.92 * len(columns)), 2.0 + 0.42 * len(cases)), layout="constrained"
+    )
     image = np.ones((len(cases), len(columns), 3))
     for y, case in enumerate(cases):
         rows = {row["integrator"]: row for row in case["rows"]}
@@ -160,7 +228,10 @@ def matrix(summary):
                 axis.text(x, y, text, ha="center", va="center", color=ink, fontsize=8.5)
     axis.imshow(image, aspect="auto")
     axis.set_xticks(range(len(columns)), [_narrow(label) for label in columns.values()])
-    axis.set_yticks(range(len(cases)), [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases])
+    axis.set_yticks(
+        range(len(cases)),
+        [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases],
+    )
     axis.xaxis.tick_top()
     axis.tick_params(length=0)
     axis.set_xticks(np.arange(len(columns) - 1) + 0.5, minor=True)
@@ -191,7 +262,9 @@ def _tile(case, row):
         return full, "white" if full.mean() < 0.5 else INK, sign
     if case["high"] is None:
         judged, text = value - unsure, f"{value:.3g}±{unsure:.1g}" if unsure else f"{value:.3g}"
-        decades = SHADES * abs(np.log10(judged / case["low"])) if judged > 0 else np.inf  # a time step is not far off in decades
+        decades = (
+            SHADES * abs(np.log10(judged / case["low"])) if judged > 0 else np.inf
+        )  # a time step is not far off in decades
     else:
         judged = abs(value) + unsure
         decades = abs(np.log10(judged / case["high"])) if judged else np.inf

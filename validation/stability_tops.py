@@ -10,7 +10,9 @@ from validation import stability_bodies as bodies
 from validation.stability import EXTREME, LESS, SLOW, BlowUp, Case, Number, of_parts
 
 TURN = 0.05  # radians in a step, as in practice
-SPIN = np.array([0.6, -0.5, 0.7]) / np.linalg.norm([0.6, -0.5, 0.7])  # about the principal axes, none of them alone
+SPIN = np.array([0.6, -0.5, 0.7]) / np.linalg.norm(
+    [0.6, -0.5, 0.7]
+)  # about the principal axes, none of them alone
 ATTITUDE = bodies.turned(2002)  # of all tops at the start
 COMPARED_AT = 20_000  # steps, 1,000 radians, at which tops are held against the exact motion
 RATIOS = 10.0 ** -np.arange(13)
@@ -19,7 +21,10 @@ APART = 0.2  # radians in a step, from which each speed has a run of its own: it
 SWING = 0.1  # of the energy, that a fast top may be off at most
 SPLITS = {"sphere": (1, 1, 1), "needle": (1, 1, 0.1), "disk": (1, 1, 1.9)}
 SPLIT = 1e-12
-MIDDLE, TILTS = 0.1, (0.1, 1e-3)  # radians in a step about the middle axis; parts of the spin about each of the others
+MIDDLE, TILTS = (
+    0.1,
+    (0.1, 1e-3),
+)  # radians in a step about the middle axis; parts of the spin about each of the others
 WINDOW, EVERY, NEVER = 200, 2, 10**9  # turns; steps between frames in a window, and outside
 GAP = 10.0  # between bodies
 
@@ -32,7 +37,9 @@ def _row_of(stand, name, shapes, spins, **more):
     """
     found = []
     for k, ((x, mass), spin) in enumerate(zip(shapes, spins)):
-        found.append(bodies.body(x, mass, place=_place(k), turn=ATTITUDE, spin=ATTITUDE.apply(spin)))
+        found.append(
+            bodies.body(x, mass, place=_place(k), turn=ATTITUDE, spin=ATTITUDE.apply(spin))
+        )
     box = GAP * len(shapes), GAP, GAP
     return bodies.scene(
         stand.folder.parent,
@@ -59,34 +66,62 @@ def _each(folder, size):
 def _from_exact(k, moment, steps, x):
     """Largest distance of an atom of the k-th top, of `bodies.three_rods`, from where the exact motion has it; x: (6, 3) after so many steps."""
     turn = bodies.symmetric_top(ATTITUDE, TURN * SPIN, moment, steps)
-    return float(np.linalg.norm(x - _place(k) - turn.apply(bodies.three_rods(moment)[0]), axis=1).max())
+    return float(
+        np.linalg.norm(x - _place(k) - turn.apply(bodies.three_rods(moment)[0]), axis=1).max()
+    )
 
 
 def _kept(stand, moments, labels, steps):
     """Largest change of a body's energy and angular momentum, and distance from the exact motion after `COMPARED_AT` steps."""
-    scene = _row_of(stand, "tops", [bodies.three_rods(moment) for moment in moments], [TURN * SPIN] * len(moments))
+    scene = _row_of(
+        stand,
+        "tops",
+        [bodies.three_rods(moment) for moment in moments],
+        [TURN * SPIN] * len(moments),
+    )
     every = max(1, steps // 200)
     _, folder = stand.run(scene, "run", [steps], dt=1.0, every=every, more=motion.dump(every))
     k = min(steps, COMPARED_AT) // every
     found = {"energy": [], "angular momentum": [], "distance from the exact motion, σ,": []}
     for top, (moment, (mass, x, v)) in enumerate(zip(moments, _each(folder, 6))):
         energy, _, momentum = motion.conserved(mass, x, v)
-        changes = np.abs(energy / energy[0] - 1).max(), motion.relative(momentum), _from_exact(top, moment, k * every, x[k])
+        changes = (
+            np.abs(energy / energy[0] - 1).max(),
+            motion.relative(momentum),
+            _from_exact(top, moment, k * every, x[k]),
+        )
         for values, change in zip(found.values(), changes):
             values.append(change)
-    note = ", ".join(f"{key} {max(values):.1e} ({labels[int(np.argmax(values))]})" for key, values in found.items())
+    note = ", ".join(
+        f"{key} {max(values):.1e} ({labels[int(np.argmax(values))]})"
+        for key, values in found.items()
+    )
     energy, momentum, distance = (max(values) for values in found.values())
-    return of_parts({"top's energy": energy, "rounding": criteria.in_a_step(momentum, steps), "orientation": distance}, note)
+    return of_parts(
+        {
+            "top's energy": energy,
+            "rounding": criteria.in_a_step(momentum, steps),
+            "orientation": distance,
+        },
+        note,
+    )
 
 
 def needles(stand, steps):
     """Moments (1, 1, r)."""
-    return _kept(stand, [np.array([1, 1, r]) for r in RATIOS], [f"I₃/I₁ = {r:g}" for r in RATIOS], steps)
+    return _kept(
+        stand, [np.array([1, 1, r]) for r in RATIOS], [f"I₃/I₁ = {r:g}" for r in RATIOS], steps
+    )
 
 
 def disks(stand, steps):
     """Moments (1 + t, 1 + t, 2): a ball of six atoms for t = 1."""
-    return _kept(stand, [np.array([1 + t, 1 + t, 2]) for t in RATIOS], [f"(I₁ + I₂ − I₃)/I₃ = {t:g}" for t in RATIOS], steps)
+    return _kept(
+        stand,
+        [np.array([1 + t, 1 + t, 2]) for t in RATIOS],
+        [f"(I₁ + I₂ − I₃)/I₃ = {t:g}" for t in RATIOS],
+        steps,
+    )
 
 
 def degenerate(stand, steps):
@@ -94,7 +129,10 @@ def degenerate(stand, steps):
     the equal ones but for some 1e-9 σ?"""
     ends, far = [], {}
     for name, split in ("equal", 0.0), ("split", SPLIT):
-        shapes = [bodies.three_rods(np.array(moment, float) + split * np.array([1, -0.5, 0.3])) for moment in SPLITS.values()]
+        shapes = [
+            bodies.three_rods(np.array(moment, float) + split * np.array([1, -0.5, 0.3]))
+            for moment in SPLITS.values()
+        ]
         scene = _row_of(stand, name, shapes, [TURN * SPIN] * len(shapes))
         _, folder = stand.run(scene, name, [steps], dt=1.0, every=0, more=motion.dump(steps))
         ends.append([x[-1] for _, x, _ in _each(folder, 6)])
@@ -111,18 +149,28 @@ def turn_per_step(stand, steps):
     off = np.full(len(STEPS), np.inf)
     for some in (np.flatnonzero(STEPS < APART), *np.flatnonzero(STEPS >= APART)[:, None]):
         name = f"tops up to {STEPS[some[-1]]:.2g}"
-        shapes, spins = [(bodies.BENT, bodies.MASSES)] * len(some), [STEPS[k] * _in_frame(SPIN) for k in some]
+        shapes, spins = (
+            [(bodies.BENT, bodies.MASSES)] * len(some),
+            [STEPS[k] * _in_frame(SPIN) for k in some],
+        )
         scene = _row_of(stand, run.folder_name(name), shapes, spins, bonded=True)
         try:
-            _, folder = stand.run(scene, name, [steps], dt=1.0, every=steps // 200, more=motion.dump(steps // 200))
+            _, folder = stand.run(
+                scene, name, [steps], dt=1.0, every=steps // 200, more=motion.dump(steps // 200)
+            )
         except BlowUp:
             continue
         for k, (mass, x, v) in zip(some, _each(folder, 3)):
             energy = motion.conserved(mass, x, v)[0]
             off[k] = np.abs(energy / energy[0] - 1).max()
-    allowed = criteria.CRITERIA["speeds' energy"].bound * np.minimum(STEPS**2, SWING) + 2 * criteria.rounding(steps)
+    allowed = criteria.CRITERIA["speeds' energy"].bound * np.minimum(
+        STEPS**2, SWING
+    ) + 2 * criteria.rounding(steps)
     borne = int(np.argmin(np.append(off <= allowed, False)))
-    told = ", ".join(f"{step:.2g} rad " + (f"{value:.1e}" if np.isfinite(value) else "breaks") for step, value in zip(STEPS, off))
+    told = ", ".join(
+        f"{step:.2g} rad " + (f"{value:.1e}" if np.isfinite(value) else "breaks")
+        for step, value in zip(STEPS, off)
+    )
     return Number(STEPS[borne - 1] if borne else 0.0, note=f"|ΔE/E| at {told}")
 
 
@@ -140,23 +188,39 @@ def middle_axis(stand, turns):
     axes = bodies.moments(bodies.BENT, bodies.MASSES)[1]
     spins = [axes @ (MIDDLE * np.array([tilt, 1.0, tilt])) for tilt in TILTS]
     scene = _row_of(stand, "tops", [(bodies.BENT, bodies.MASSES)] * len(TILTS), spins, bonded=True)
-    ends = [round(end * 2 * np.pi / MIDDLE / EVERY) * EVERY for end in (*10.0 ** np.arange(3, np.log10(turns) - 1e-9), turns)]
+    ends = [
+        round(end * 2 * np.pi / MIDDLE / EVERY) * EVERY
+        for end in (*10.0 ** np.arange(3, np.log10(turns) - 1e-9), turns)
+    ]
     window = round(WINDOW * 2 * np.pi / MIDDLE / EVERY) * EVERY
     more = [*motion.dump(EVERY), f"run {window}"]
     for start, end in zip((window, *ends), ends):
-        more += [f"dump_modify atoms every {NEVER}", f"run {end - window - start}", f"dump_modify atoms every {EVERY}", f"run {window}"]
-    _, folder = stand.run(scene, "run", [window], dt=1.0, every=max(1, ends[-1] // 200), more=more[:-1])
+        more += [
+            f"dump_modify atoms every {NEVER}",
+            f"run {end - window - start}",
+            f"dump_modify atoms every {EVERY}",
+            f"run {window}",
+        ]
+    _, folder = stand.run(
+        scene, "run", [window], dt=1.0, every=max(1, ends[-1] // 200), more=more[:-1]
+    )
     at = motion.frames(folder)[0]
     windows = np.split(np.arange(len(at)), 1 + np.flatnonzero(np.diff(at) > EVERY))
     found = []
     for tilt, (mass, x, v) in zip(TILTS, _each(folder, 3)):
         r = x - np.einsum("i,fij->fj", mass, x)[:, None] / mass.sum()
         shape = bodies.BENT - mass @ bodies.BENT / mass.sum()
-        weights = np.linalg.lstsq(shape.T, axes[:, 1], rcond=None)[0]  # the axis lies in the plane of the atoms
+        weights = np.linalg.lstsq(shape.T, axes[:, 1], rcond=None)[
+            0
+        ]  # the axis lies in the plane of the atoms
         along = np.einsum("fj,i,fij->f", motion.conserved(mass, x, v)[2], weights, r)
-        found.append(_phase([_turns_over(at[k], along[k]) for k in windows], exact_interval(tilt), ends[-1]))
+        found.append(
+            _phase([_turns_over(at[k], along[k]) for k in windows], exact_interval(tilt), ends[-1])
+        )
     worst = max(found, key=lambda one: one.value)
-    return replace(worst, note="; ".join(f"tilted by {tilt:g}: {one.note}" for tilt, one in zip(TILTS, found)))
+    return replace(
+        worst, note="; ".join(f"tilted by {tilt:g}: {one.note}" for tilt, one in zip(TILTS, found))
+    )
 
 
 def _phase(windows, exact, steps):
@@ -171,7 +235,11 @@ def _phase(windows, exact, steps):
             end = np.diff(windows[-1])
             error = end.std(ddof=1) / np.sqrt(len(end)) / exact
             told = f"by step {times[0]:.0f} of {steps} it has turned over {count + between} or {count + after} times, as its pace changes"
-            return Number(abs(end.mean() / exact - 1), error, f"{told}; {end.mean():.3f} steps at the end, exact {exact:.3f}")
+            return Number(
+                abs(end.mean() / exact - 1),
+                error,
+                f"{told}; {end.mean():.3f} steps at the end, exact {exact:.3f}",
+            )
         count, last = count + between + len(times) - 1, times[-1]
     mean = (last - first) / count
     error = np.sqrt(2) * np.diff(windows[0]).std(ddof=1) / (last - first)
@@ -202,12 +270,19 @@ def long_tops(stand, steps):
     spins *= TURN / np.linalg.norm(spins, axis=1)[:, None]
     scene = _row_of(stand, "tops", [(bodies.BENT, bodies.MASSES)] * len(spins), spins, bonded=True)
     scene = bodies.drifting(scene, np.array([0.013, -0.021, 0.017]) * TURN)
-    _, folder = stand.run(scene, "run", [steps], dt=1.0, every=max(1, steps // 200), more=motion.dump(steps // 20))
+    _, folder = stand.run(
+        scene, "run", [steps], dt=1.0, every=max(1, steps // 200), more=motion.dump(steps // 20)
+    )
     worst = {"energy": 0.0, "momentum": 0.0, "angular momentum": 0.0, "|q|, by the distances": 0.0}
     for mass, x, v in _each(folder, 3):
         energy, momentum, angular = motion.conserved(mass, x, v)
         shape = motion.distances(x)
-        changes = np.abs(energy / energy[0] - 1).max(), motion.relative(momentum), motion.relative(angular), np.abs(shape / shape[0] - 1).max()
+        changes = (
+            np.abs(energy / energy[0] - 1).max(),
+            motion.relative(momentum),
+            motion.relative(angular),
+            np.abs(shape / shape[0] - 1).max(),
+        )
         worst = {key: max(value, change) for (key, value), change in zip(worst.items(), changes)}
     energy, momentum, angular, shape = worst.values()
     parts = {"top's energy": energy, **kept(stand, steps, max(momentum, angular), shape)}

@@ -30,10 +30,25 @@ def of_size(scene, bodies, folder):
     if not data.exists():
         data.parent.mkdir(parents=True, exist_ok=True)
         part = data.with_suffix(".part")
-        command = [run.mpirun(), "-np", str(min(4, os.cpu_count())), sys.executable, scene.cutter, str(bodies), str(part)]
-        done = subprocess.run(command, cwd=scene.folder, stdin=subprocess.DEVNULL, env={"OMP_NUM_THREADS": "1", **os.environ})
+        command = [
+            run.mpirun(),
+            "-np",
+            str(min(4, os.cpu_count())),
+            sys.executable,
+            scene.cutter,
+            str(bodies),
+            str(part),
+        ]
+        done = subprocess.run(
+            command,
+            cwd=scene.folder,
+            stdin=subprocess.DEVNULL,
+            env={"OMP_NUM_THREADS": "1", **os.environ},
+        )
         if done.returncode:
-            raise SystemExit(f"no start of {bodies} bodies: {shlex.join(command)} failed in {scene.folder}")
+            raise SystemExit(
+                f"no start of {bodies} bodies: {shlex.join(command)} failed in {scene.folder}"
+            )
         part.rename(data)
     return scene.of_size(bodies, data)
 

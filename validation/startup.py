@@ -46,11 +46,19 @@ def measure(scene, ours, folder, ranks, rounds, meter):
     for number in range(1, rounds + 1):
         place = folder / f"{ranks}-{number}"
         shutil.rmtree(place, ignore_errors=True)
-        shutil.copytree(package(), place / "fix_nosquish", ignore=shutil.ignore_patterns("__pycache__"))
-        environment = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": str(place / "cache"), "NUMBA_CACHE_DIR": str(place / "cache")}
+        shutil.copytree(
+            package(), place / "fix_nosquish", ignore=shutil.ignore_patterns("__pycache__")
+        )
+        environment = {
+            "PYTHONPATH": str(place),
+            "XDG_CACHE_HOME": str(place / "cache"),
+            "NUMBA_CACHE_DIR": str(place / "cache"),
+        }
         for kind in found:
             meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
-            wall, cpu, error = _start(scene, PLAIN if kind == "plain" else ours, place, ranks, environment)
+            wall, cpu, error = _start(
+                scene, PLAIN if kind == "plain" else ours, place, ranks, environment
+            )
             meter.end(error)
             if error:
                 break
@@ -61,19 +69,34 @@ def measure(scene, ours, folder, ranks, rounds, meter):
     result = {"ranks": ranks, "error": error}
     for kind, times in found.items():
         if times:
-            result[kind] = {key: measures.spread(one[key] for one in times) for key in ("wall", "cpu")}
+            result[kind] = {
+                key: measures.spread(one[key] for one in times) for key in ("wall", "cpu")
+            }
             pairs = list(zip(times, found["plain"]))
             if kind != "plain" and pairs:
-                result[f"{kind}_added"] = {key: measures.spread(a[key] - b[key] for a, b in pairs) for key in ("wall", "cpu")}
+                result[f"{kind}_added"] = {
+                    key: measures.spread(a[key] - b[key] for a, b in pairs)
+                    for key in ("wall", "cpu")
+                }
     return result
 
 
 def _start(scene, integrator, place, ranks, environment):
     """(wall, cpu, error) of a process that does one step."""
     script = place / "in.start"
-    script.write_text("\n".join([*scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""]))
+    script.write_text(
+        "\n".join([*scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""])
+    )
     lmp = Path(sys.executable).parent / "lmp"
-    command = [str(lmp) if lmp.exists() else "lmp", "-in", str(script), "-log", "none", "-screen", "none"]
+    command = [
+        str(lmp) if lmp.exists() else "lmp",
+        "-in",
+        str(script),
+        "-log",
+        "none",
+        "-screen",
+        "none",
+    ]
     if ranks > 1:
         command = [run.mpirun(), "-np", str(ranks), *command]
     core = min(os.sched_getaffinity(0))
@@ -91,5 +114,7 @@ def _start(scene, integrator, place, ranks, environment):
     wall = time.perf_counter() - begin
     error = None
     if process.returncode:
-        error = (place / "stderr.txt").read_text().strip().replace("\n", " ")[-200:] or f"exit code {process.returncode}"
+        error = (place / "stderr.txt").read_text().strip().replace("\n", " ")[
+            -200:
+        ] or f"exit code {process.returncode}"
     return wall, used.ru_utime + used.ru_stime, error

@@ -18,7 +18,21 @@ from pathlib import Path
 from validation import machine, measures, paper, run, starts, sweep_errors
 from validation.integrators import SWEPT
 from validation.sweep_errors import MEASURES
-from validation.sweep_plan import BUDGET, FINER, OURS, SCENES, SHORT_BUDGET, SHORT_SCENES, SWEEPS, Lengths, Point, lengths, parts, points, total
+from validation.sweep_plan import (
+    BUDGET,
+    FINER,
+    OURS,
+    SCENES,
+    SHORT_BUDGET,
+    SHORT_SCENES,
+    SWEEPS,
+    Lengths,
+    Point,
+    lengths,
+    parts,
+    points,
+    total,
+)
 
 __all__ = [
     "BUDGET", "MEASURES", "SCENES", "SHORT_BUDGET", "SHORT_SCENES", "SWEEPS", "Lengths", "Point", "lengths", "points", "sweep", "total",
@@ -53,7 +67,15 @@ def sweep(points, lengths, out, meter, ranks=1, silence=300.0, short=False):
         "interrupted": False, "ranks": ranks, "lengths": {name: asdict(one) for name, one in lengths.items()}, "measures": MEASURES, "scenes": {},
     }  # fmt: skip
     for name in dict.fromkeys(point.scene for point in points):
-        one = _Scene(name, [point for point in points if point.scene == name], lengths[name], meter, ranks, silence, short)
+        one = _Scene(
+            name,
+            [point for point in points if point.scene == name],
+            lengths[name],
+            meter,
+            ranks,
+            silence,
+            short,
+        )
         try:
             one.measure(out)
         except KeyboardInterrupt:
@@ -69,13 +91,18 @@ class _Scene:
 
     def __init__(self, name, asked, lengths, meter, ranks, silence, short):
         self.name, self.swept, self.asked, self.lengths = name, SWEEPS[name], asked, lengths
-        self.points = sorted({*asked, *points([name], short)}, key=lambda point: (point.dt, list(SWEPT).index(point.integrator.name)))
+        self.points = sorted(
+            {*asked, *points([name], short)},
+            key=lambda point: (point.dt, list(SWEPT).index(point.integrator.name)),
+        )
         self.meter, self.silence, self.short = meter, silence, short
         self.ranks = ranks if self.swept.several else 1
         self.scene = self.swept.scene
         self.finest = min(self.swept.steps_of(short) + tuple(point.dt for point in asked)) / FINER
         self.found = {point: [] for point in self.points}  # numbers from each start
-        self.failures = {point: [] for point in self.points}  # why, from each start on which it failed
+        self.failures = {
+            point: [] for point in self.points
+        }  # why, from each start on which it failed
         self.error = None  # why there is nothing
         self.begun = None  # hash of the starts
         self.degrees_of_freedom = None
@@ -111,12 +138,25 @@ class _Scene:
 
     def _reference(self, start, dump):
         steps = round(self.swept.horizon / self.finest)
-        job = self._job(Point(self.name, SWEPT[OURS], self.finest), dump, [steps], f"reference/{start}", ("thermo 100",))
+        job = self._job(
+            Point(self.name, SWEPT[OURS], self.finest),
+            dump,
+            [steps],
+            f"reference/{start}",
+            ("thermo 100",),
+        )
         return self._once(f"{self.name} {start}, reference", job)
 
     def _failed(self, point):
         """The shortest step with which its integrator has failed, of those that are not longer; or None."""
-        return min((one.dt for one, why in self.failures.items() if why and one.integrator is point.integrator and one.dt <= point.dt), default=None)
+        return min(
+            (
+                one.dt
+                for one, why in self.failures.items()
+                if why and one.integrator is point.integrator and one.dt <= point.dt
+            ),
+            default=None,
+        )
 
     def _run(self, point, start, dump, reference):
         one = parts(self.swept, point.dt, self.lengths.time)
@@ -124,9 +164,17 @@ class _Scene:
             *(line.format(bodies=self.scene.bodies) for line in KINETIC), *run.thermo(*COLUMNS),
             f"variable sample equal {one.samples}", "thermo v_sample",
         ]  # fmt: skip
-        job = self._job(point, dump, one.runs, f"{run.folder_name(point.integrator.name)}/{point.dt:g}-fs/{start}", more)
+        job = self._job(
+            point,
+            dump,
+            one.runs,
+            f"{run.folder_name(point.integrator.name)}/{point.dt:g}-fs/{start}",
+            more,
+        )
         if point in self.asked:
-            result = self._once(f"{self.name} {start}, {point.integrator.label}, {point.dt:g} fs", job)
+            result = self._once(
+                f"{self.name} {start}, {point.integrator.label}, {point.dt:g} fs", job
+            )
         elif run.is_there(job, failures=True):
             result = run.collect(job.directory)
         else:
@@ -135,14 +183,18 @@ class _Scene:
         if why:
             self.failures[point].append(why)
         else:
-            numbers = sweep_errors.of_run(result, reference, point.dt, one, self.swept.measures_of(point.integrator))
+            numbers = sweep_errors.of_run(
+                result, reference, point.dt, one, self.swept.measures_of(point.integrator)
+            )
             self.found[point].append(numbers)
             if self.swept.same(point.integrator):
                 self.degrees_of_freedom = numbers["all"]
 
     def _job(self, point, dump, runs, name, more):
         scene = starts.from_dump(self.scene, *dump)
-        origin = machine.origin(self.scene, point.integrator, *([dump[0]] if dump[0].exists() else []))
+        origin = machine.origin(
+            self.scene, point.integrator, *([dump[0]] if dump[0].exists() else [])
+        )
         return run.job(scene, point.integrator, self.folder / name, runs, dt=point.dt, every=0, ranks=self.ranks, silence=self.silence, more=more,
                        origin=origin, motion=True)  # fmt: skip
 
@@ -156,7 +208,11 @@ class _Scene:
 
     def summary(self):
         """Plain data: the scene and its points, as far as they were measured."""
-        good = {point: found for point, found in self.found.items() if found and self._failed(point) is None}
+        good = {
+            point: found
+            for point, found in self.found.items()
+            if found and self._failed(point) is None
+        }
         limits = sweep_errors.limits(good, self.swept)
         errors = sweep_errors.of_points(good, limits, self.swept)
         sized = self.scene.unit != self.swept.scene.unit
@@ -171,7 +227,10 @@ class _Scene:
     def _row(self, point, errors, signed):
         found, failures, fails = self.found[point], self.failures[point], self._failed(point)
         one = parts(self.swept, point.dt, self.lengths.time)
-        cost, cpu = ([value for numbers in found for value in numbers[key]] if fails is None else [] for key in ("cost", "cpu"))
+        cost, cpu = (
+            [value for numbers in found for value in numbers[key]] if fails is None else []
+            for key in ("cost", "cpu")
+        )
         return {
             "integrator": point.integrator.name, "label": point.integrator.label, "ours": point.integrator.kind == "ours" and OURS in point.integrator.name,
             "lines": point.integrator.commands(self.scene), "dt": point.dt, "steps": sum(one.runs),

@@ -70,7 +70,9 @@ def meets(point, targets):
     """
     if point["failed"] or not targets.keys().isdisjoint(point.get("without", ())):
         return False
-    verdicts = [_within(point["errors"].get(measure), target) for measure, target in targets.items()]
+    verdicts = [
+        _within(point["errors"].get(measure), target) for measure, target in targets.items()
+    ]
     return False if False in verdicts else None if None in verdicts else True
 
 
@@ -93,7 +95,13 @@ def choose(points, targets):
     best = _plain(min(tied, key=_by_words, default=None), perhaps, targets)
     perhaps = [point for point in perhaps if point is not best]
     ties = [point for point in tied if point is not best]
-    return Choice(dict(targets), best, good[0] if good else None, tuple(ties), tuple(sorted(perhaps, key=_by_cost)))
+    return Choice(
+        dict(targets),
+        best,
+        good[0] if good else None,
+        tuple(ties),
+        tuple(sorted(perhaps, key=_by_cost)),
+    )
 
 
 def _plain(best, perhaps, targets):
@@ -101,8 +109,17 @@ def _plain(best, perhaps, targets):
     if best is None or not best["ours"] or best["integrator"] == DEFAULT:
         return best
     for point in perhaps:
-        if point["integrator"] == DEFAULT and point["dt"] == best["dt"] and point["cost"] and meets(point, targets) is None:
-            if all(measure in point["errors"] and point["errors"][measure]["value"] <= bound(best, measure) for measure in targets):
+        if (
+            point["integrator"] == DEFAULT
+            and point["dt"] == best["dt"]
+            and point["cost"]
+            and meets(point, targets) is None
+        ):
+            if all(
+                measure in point["errors"]
+                and point["errors"][measure]["value"] <= bound(best, measure)
+                for measure in targets
+            ):
                 return point
     return best
 
@@ -115,12 +132,18 @@ def ours(points, targets):
 def each(points, targets):
     """The `Choice` of each integrator among its own points, by its name."""
     names = dict.fromkeys(point["integrator"] for point in points)
-    return {name: choose([point for point in points if point["integrator"] == name], targets) for name in names}
+    return {
+        name: choose([point for point in points if point["integrator"] == name], targets)
+        for name in names
+    }
 
 
 def nearest(points, targets):
     """The point that is the least above the targets, and how many times its worst `bound` is above; None if no point has all these errors."""
-    excess = [(max(bound(point, measure) / target for measure, target in targets.items()), point) for point in points]
+    excess = [
+        (max(bound(point, measure) / target for measure, target in targets.items()), point)
+        for point in points
+    ]
     factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
     return (point, factor) if factor < math.inf else None
 
@@ -128,18 +151,27 @@ def nearest(points, targets):
 def is_zero(point, measure):
     """Whether a point's error cannot be told from zero by its 95 % margin; not if it is not known."""
     found = point["errors"].get(measure)
-    return not point["failed"] and found is not None and found["error"] is not None and found["value"] < margin_of(found)
+    return (
+        not point["failed"]
+        and found is not None
+        and found["error"] is not None
+        and found["value"] < margin_of(found)
+    )
 
 
 def resolution(points, measure):
     """What errors that cannot be told from zero are at most, their median; 0 if there are none.  Which of these is below a smaller target is chance."""
-    return statistics.median([bound(point, measure) for point in points if is_zero(point, measure)] or [0.0])
+    return statistics.median(
+        [bound(point, measure) for point in points if is_zero(point, measure)] or [0.0]
+    )
 
 
 def front(points, measure):
     """The points that no other one beats in both run time and `bound`, from the fastest: those that are chosen for some target; none of `CHECKS`."""
     found, least = [], math.inf
-    for point in sorted((point for point in points if point["cost"] and measure not in CHECKS), key=_by_cost):
+    for point in sorted(
+        (point for point in points if point["cost"] and measure not in CHECKS), key=_by_cost
+    ):
         if bound(point, measure) < least:
             found.append(point)
             least = bound(point, measure)
@@ -156,12 +188,18 @@ def ladder(points, measure):
 
 
 def _rungs(points, measure):
-    bounds = [most for most in (bound(point, measure) for point in front(points, measure)) if most > 0]
+    bounds = [
+        most for most in (bound(point, measure) for point in front(points, measure)) if most > 0
+    ]
     if not bounds:
         return []
     first, last = math.log10(min(bounds)), math.log10(max(bounds))
     digits = (1,) if last - first > DECADES else (1, 2, 5)
-    rungs = [float(f"{digit}e{power}") for power in range(math.floor(first) - 1, math.ceil(last) + 2) for digit in digits]
+    rungs = [
+        float(f"{digit}e{power}")
+        for power in range(math.floor(first) - 1, math.ceil(last) + 2)
+        for digit in digits
+    ]
     low = max(rung for rung in rungs if rung < min(bounds))
     high = min(rung for rung in rungs if rung >= max(bounds))
     return [rung for rung in rungs if low <= rung <= high]
@@ -179,7 +217,10 @@ def fastest(points, measures):
         for target in below[-1:]:
             none = Choice({measure: target}, None, resolved=False)
             found.append((measure, target, none, none))
-        found += [(measure, target, choose(points, {measure: target}), ours(points, {measure: target})) for target in resolved]
+        found += [
+            (measure, target, choose(points, {measure: target}), ours(points, {measure: target}))
+            for target in resolved
+        ]
     return found
 
 

@@ -19,7 +19,14 @@ FS_PER_NS = 1e6
 APART = 0.25  # ps after which a body's kinetic energy is another one
 ENOUGH = 4  # starts whose scatter is an error by itself
 SMALL = 1.0  # fs; the symplectic schemes' g(r) up to this step is what all others are held against
-SYMPLECTIC = "nosquish", "nosquish-2", "nosquish-4", "rigid/nve", "rigid/nve/small", "shake-1e-8"  # whose averages go with dt^2
+SYMPLECTIC = (
+    "nosquish",
+    "nosquish-2",
+    "nosquish-4",
+    "rigid/nve",
+    "rigid/nve/small",
+    "shake-1e-8",
+)  # whose averages go with dt^2
 AVERAGES = "potential", "equipartition", "pressure"
 LARGEST = "bond", "angle"
 
@@ -27,7 +34,7 @@ LARGEST = "bond", "angle"
 MEASURES = {
     name: {"title": title, "unit": unit, "relative_to": relative_to, "log": True}
     for name, title, unit, relative_to in (
-        ("energy_sd", "standard deviation of the total energy; of one that drifts it grows with the run", "kcal/mol", "its mean"),
+        ("energy_sd", "standard deviation of the total energy", "kcal/mol", "its mean; of an energy that drifts it grows with the run"),
         ("energy_sd_line", "standard deviation of the total energy about its line", "kcal/mol", "the least-squares line through it"),
         ("drift", "drift of the total energy", "kT per ns and degree of freedom", "none"),
         ("paper", "mean of |E − ⟨E⟩| / |⟨E⟩|, the paper's measure", "", "its mean"),
@@ -66,7 +73,11 @@ def failure(result, temperature):
     if not np.isfinite(energy).all():
         return f"the energy is not finite from step {step[np.argmin(np.isfinite(energy))]:.0f} on"
     off = np.abs(energy - energy[0]) > degrees_of_freedom(result) * BOLTZMANN * temperature / 2
-    return f"the energy is off by more than the kinetic energy from step {step[np.argmax(off)]:.0f} on" if off.any() else None
+    return (
+        f"the energy is off by more than the kinetic energy from step {step[np.argmax(off)]:.0f} on"
+        if off.any()
+        else None
+    )
 
 
 def degrees_of_freedom(result):
@@ -92,7 +103,12 @@ def of_run(result, reference, dt, parts, asked):
     """
     sampled = (result.thermo["Step"] >= parts.begin) & (result.thermo["Step"] <= parts.end)
     thermo = {name: values[sampled] for name, values in result.thermo.items()}
-    energy, time, kelvin, total = thermo["TotEng"], thermo["Step"] * dt / FS_PER_PS, thermo["Temp"].mean(), degrees_of_freedom(result)
+    energy, time, kelvin, total = (
+        thermo["TotEng"],
+        thermo["Step"] * dt / FS_PER_PS,
+        thermo["Temp"].mean(),
+        degrees_of_freedom(result),
+    )
     motion = Motion(result.positions)
     # LAMMPS's degrees of freedom are three less, for the momentum is kept: these are translations, of bodies and free atoms alike
     moving = 3 * motion.count * (1 - 1 / (motion.count + motion.free))
@@ -100,22 +116,31 @@ def of_run(result, reference, dt, parts, asked):
     makers = {
         "energy_sd": lambda: measures.standard_deviation(energy),
         "energy_sd_line": lambda: measures.about_line(time, energy),
-        "drift": lambda: measures.drift(time, energy).times(PS_PER_NS / (BOLTZMANN * kelvin * total)),
+        "drift": lambda: measures.drift(time, energy).times(
+            PS_PER_NS / (BOLTZMANN * kelvin * total)
+        ),
         "paper": lambda: measures.mean(np.abs(energy - energy.mean()) / abs(energy.mean())),
         "position": lambda: motion.distance(parts.at_horizon, reference.positions["x"][-1]),
         "orientation": lambda: motion.angle(parts.at_horizon, reference.positions["x"][-1]),
         "potential": lambda: measures.mean(thermo["PotEng"] / motion.count),
-        "equipartition": lambda: measures.mean(2 / BOLTZMANN * (thermo["v_translation"] / moving - thermo["v_rotation"] / turning)),
+        "equipartition": lambda: measures.mean(
+            2 / BOLTZMANN * (thermo["v_translation"] / moving - thermo["v_rotation"] / turning)
+        ),
         "pressure": lambda: measures.mean(thermo["Press"]),
         "g_oo": lambda: sweep_structure.pair_distribution(motion, parts.frames),
         "helix": lambda: measures.mean(sweep_structure.helicity(motion, parts.frames)),
         "bond": lambda: Estimate(motion.bond_error()),
         "angle": lambda: Estimate(motion.angle_error()),
         "convergence": lambda: energy - energy.mean(),
-        "ke_distribution": lambda: motion.kinetic(parts.frames)[:: ceil(APART * FS_PER_PS / (parts.frame * dt))].ravel(),
+        "ke_distribution": lambda: motion.kinetic(parts.frames)[
+            :: ceil(APART * FS_PER_PS / (parts.frame * dt))
+        ].ravel(),
         "pv_equipartition": lambda: np.array([thermo["v_translation"], thermo["v_rotation"]]),
     }
-    timed = [(one, one["loop"] / one["steps"] / dt * FS_PER_NS) for one in (result.timings[index] for index in parts.segments)]
+    timed = [
+        (one, one["loop"] / one["steps"] / dt * FS_PER_NS)
+        for one in (result.timings[index] for index in parts.segments)
+    ]
     return {name: makers[name]() for name in asked} | {
         "cost": [seconds for _, seconds in timed],
         "cpu": [seconds * one["ranks"] * one["cpu"] / 100 for one, seconds in timed if one["cpu"] is not None],
@@ -130,7 +155,9 @@ def pooled(starts):
         starts: an ``Estimate`` of each.
     """
     scattered = measures.of_few([one.value for one in starts])
-    runs = Estimate(scattered.value, *measures.combined(*(one.times(1 / len(starts))[1:] for one in starts)))
+    runs = Estimate(
+        scattered.value, *measures.combined(*(one.times(1 / len(starts))[1:] for one in starts))
+    )
     return max(runs, scattered, key=lambda one: one.margin)
 
 
@@ -148,15 +175,28 @@ def limits(found, swept):
         dict: measure to ``starts``, a list of each start's ``Estimate``, and ``all``, of all, as plain data; without those for which
         there are too few points.
     """
-    used = [point for point in found if point.integrator.name in SYMPLECTIC and point.dt <= swept.law and swept.same(point.integrator)]
+    used = [
+        point
+        for point in found
+        if point.integrator.name in SYMPLECTIC
+        and point.dt <= swept.law
+        and swept.same(point.integrator)
+    ]
     number = min((len(found[point]) for point in used), default=0)
     names = list(dict.fromkeys(point.integrator.name for point in used))
-    matrix = np.array([[1.0, *(point.dt**2 * (point.integrator.name == name) for name in names)] for point in used])
+    matrix = np.array(
+        [
+            [1.0, *(point.dt**2 * (point.integrator.name == name) for name in names)]
+            for point in used
+        ]
+    )
     if not number or np.linalg.matrix_rank(matrix) < 1 + len(names):
         return {}
     fitted = {}
     for name in set(AVERAGES) & set(swept.measures):
-        each = [_limit(matrix, [found[point][start][name] for point in used]) for start in range(number)]
+        each = [
+            _limit(matrix, [found[point][start][name] for point in used]) for start in range(number)
+        ]
         fitted[name] = {"starts": each, "all": pooled(each).plain()}
     return fitted
 
@@ -167,9 +207,13 @@ def _limit(matrix, averages):
     covariance = np.linalg.inv(matrix.T / errors**2 @ matrix)
     fit = covariance @ (matrix.T / errors**2 @ values)
     more = len(values) - len(fit)
-    scale = max(1.0, np.sqrt(np.sum(((values - matrix @ fit) / errors) ** 2) / more)) if more else 1.0
+    scale = (
+        max(1.0, np.sqrt(np.sum(((values - matrix @ fit) / errors) ** 2) / more)) if more else 1.0
+    )
     surest = min(averages, key=lambda one: one.margin)
-    fitted = Estimate(fit[0], scale * np.sqrt(covariance[0, 0]), more if scale > 1 else surest.freedom)
+    fitted = Estimate(
+        fit[0], scale * np.sqrt(covariance[0, 0]), more if scale > 1 else surest.freedom
+    )
     return max(fitted, surest._replace(value=fit[0]), key=lambda one: one.margin)
 
 
@@ -181,7 +225,9 @@ def _off_limit(averages, limit):
     pairs = list(zip(averages, limit["starts"]))
     if len(pairs) >= ENOUGH:
         return measures.of_few([one.value - at.value for one, at in pairs])
-    return pooled([Estimate(one.value - at.value, *measures.combined(one[1:], at[1:])) for one, at in pairs])
+    return pooled(
+        [Estimate(one.value - at.value, *measures.combined(one[1:], at[1:])) for one, at in pairs]
+    )
 
 
 def of_points(found, limits, swept):
@@ -195,7 +241,9 @@ def of_points(found, limits, swept):
     Returns:
         dict: ``Point`` to (errors, signed), each measure to an ``Estimate`` as plain data; errors are not negative.
     """
-    return {point: _of_point(point, found, limits, swept) for point, numbers in found.items() if numbers}
+    return {
+        point: _of_point(point, found, limits, swept) for point, numbers in found.items() if numbers
+    }
 
 
 def _of_point(point, found, limits, swept):
@@ -219,7 +267,9 @@ def _of_point(point, found, limits, swept):
             one = one._replace(value=1 - one.value)
         if name in ("drift", "helix", *AVERAGES):
             signed[name] = one.plain()
-        errors[name] = one._replace(value=max(one.value, 0.0) if name == "helix" else abs(one.value)).plain()
+        errors[name] = one._replace(
+            value=max(one.value, 0.0) if name == "helix" else abs(one.value)
+        ).plain()
     return errors, signed
 
 
@@ -229,29 +279,59 @@ def _pair_distribution(point, found):
     It is taken start by start, for runs from one start are like each other: the mean product of the differences from two starts has no noise of its own.
     Its error is by the jackknife over starts.  Of fewer than ``ENOUGH`` starts their blocks stand for starts, which shares the start's chance.
     """
-    held = [one for one in found if one.integrator.name in SYMPLECTIC and one.dt <= SMALL and one != point and found[one]]
+    held = [
+        one
+        for one in found
+        if one.integrator.name in SYMPLECTIC and one.dt <= SMALL and one != point and found[one]
+    ]
     if not held:
         return None
     starts = min(len(found[one]) for one in (point, *held))
-    differences = np.array([found[point][start]["g_oo"] - np.mean([found[one][start]["g_oo"] for one in held], axis=0) for start in range(starts)])
-    differences = differences.mean(axis=1) if starts >= ENOUGH else differences.reshape(-1, differences.shape[-1])
+    differences = np.array(
+        [
+            found[point][start]["g_oo"]
+            - np.mean([found[one][start]["g_oo"] for one in held], axis=0)
+            for start in range(starts)
+        ]
+    )
+    differences = (
+        differences.mean(axis=1)
+        if starts >= ENOUGH
+        else differences.reshape(-1, differences.shape[-1])
+    )
     products = differences @ differences.T / differences.shape[1]
     number, own = len(products), np.diag(products)
     square = (products.sum() - own.sum()) / (number * (number - 1))
-    without = (products.sum() - own.sum() - 2 * (products.sum(axis=1) - own)) / ((number - 1) * (number - 2))  # one of them
-    margin = measures.margin(np.sqrt((number - 1) / number * np.sum((without - without.mean()) ** 2)), number - 1)
-    value, least, most = np.sqrt(np.maximum([square, square - margin, max(square, 0.0) + margin], 0.0))
-    return Estimate(value, max(value - least, most - value) / measures.margin(1.0, number - 1), number - 1)
+    without = (products.sum() - own.sum() - 2 * (products.sum(axis=1) - own)) / (
+        (number - 1) * (number - 2)
+    )  # one of them
+    margin = measures.margin(
+        np.sqrt((number - 1) / number * np.sum((without - without.mean()) ** 2)), number - 1
+    )
+    value, least, most = np.sqrt(
+        np.maximum([square, square - margin, max(square, 0.0) + margin], 0.0)
+    )
+    return Estimate(
+        value, max(value - least, most - value) / measures.margin(1.0, number - 1), number - 1
+    )
 
 
 def _convergence(point, found):
     """Against the same integrator's next shorter step; None if there is none."""
-    shorter = [one for one in found if one.integrator is point.integrator and one.dt < point.dt and found[one]]
+    shorter = [
+        one
+        for one in found
+        if one.integrator is point.integrator and one.dt < point.dt and found[one]
+    ]
     if not shorter:
         return None
     pair = point, max(shorter, key=lambda one: one.dt)
-    value = sweep_structure.convergence({one.dt: np.concatenate([numbers["convergence"] for numbers in found[one]]) for one in pair})
-    scaled = measures.quotient(*(pooled([numbers["energy_sd"] for numbers in found[one]]) for one in pair)).times((pair[1].dt / pair[0].dt) ** 2)
+    value = sweep_structure.convergence(
+        {one.dt: np.concatenate([numbers["convergence"] for numbers in found[one]]) for one in pair}
+    )
+    scaled = measures.quotient(
+        *(pooled([numbers["energy_sd"] for numbers in found[one]]) for one in pair)
+    ).times((pair[1].dt / pair[0].dt) ** 2)
     return scaled._replace(value=value)
 
 
@@ -259,16 +339,32 @@ def _distribution(point, found):
     """Of all starts together, in standard deviations."""
     numbers = found[point]
     energies = np.concatenate([one["ke_distribution"] for one in numbers])
-    return Estimate(sweep_structure.distribution(energies, np.mean([one["temperature"] for one in numbers])), 1.0)
+    return Estimate(
+        sweep_structure.distribution(energies, np.mean([one["temperature"] for one in numbers])),
+        1.0,
+    )
 
 
 def _equipartition(point, found):
     """Of all starts together, of each those samples that are independent; in standard deviations."""
     numbers = found[point]
     each = (one["pv_equipartition"] for one in numbers)
-    series = np.concatenate([pair[:, :: ceil(max(map(measures.statistical_inefficiency, pair)))] for pair in each], axis=1)
+    series = np.concatenate(
+        [pair[:, :: ceil(max(map(measures.statistical_inefficiency, pair)))] for pair in each],
+        axis=1,
+    )
     temperature = np.mean([one["temperature"] for one in numbers])
-    return Estimate(sweep_structure.equipartition(*series, numbers[0]["moving"], numbers[0]["turning"], temperature), 1.0)
+    return Estimate(
+        sweep_structure.equipartition(
+            *series, numbers[0]["moving"], numbers[0]["turning"], temperature
+        ),
+        1.0,
+    )
 
 
-TOGETHER = {"g_oo": _pair_distribution, "convergence": _convergence, "ke_distribution": _distribution, "pv_equipartition": _equipartition}
+TOGETHER = {
+    "g_oo": _pair_distribution,
+    "convergence": _convergence,
+    "ke_distribution": _distribution,
+    "pv_equipartition": _equipartition,
+}

@@ -20,12 +20,32 @@ TOLD = 0.25  # of a panel's points have to be told from zero, else it shows nois
 GROUPS = {  # name of the file: (title, measures)
     "energy": ("Energy", ("energy_sd", "energy_sd_line", "drift", "paper")),
     "trajectory": ("Trajectory", ("position", "orientation")),
-    "thermodynamics": ("Thermodynamics", ("potential", "equipartition", "pressure", "convergence", "ke_distribution", "pv_equipartition")),
+    "thermodynamics": (
+        "Thermodynamics",
+        (
+            "potential",
+            "equipartition",
+            "pressure",
+            "convergence",
+            "ke_distribution",
+            "pv_equipartition",
+        ),
+    ),
     "structure": ("Structure", ("g_oo", "helix")),
     "constraints": ("Constraints", ("bond", "angle")),
 }
-FAMILIES = MARKS | {"matubayasi-nakahara": ("#3d9fb0", "P"), "gear": ("#a6a11f", "X")}  # the beginning of an integrator's name: colour, marker
-DASHES = "-", (0, (4, 1.5)), (0, (1, 1.2)), (0, (4, 1.2, 1, 1.2)), (0, (7, 2)), (0, (1, 3))  # of one family, in turn
+FAMILIES = MARKS | {
+    "matubayasi-nakahara": ("#3d9fb0", "P"),
+    "gear": ("#a6a11f", "X"),
+}  # the beginning of an integrator's name: colour, marker
+DASHES = (
+    "-",
+    (0, (4, 1.5)),
+    (0, (1, 1.2)),
+    (0, (4, 1.2, 1, 1.2)),
+    (0, (7, 2)),
+    (0, (1, 3)),
+)  # of one family, in turn
 READ = (
     f"Left and down is better. Whiskers: the error's {SURE} interval; run time from the least of its repeats, where the point stands, to their "
     f"median. A pale point with an arrow is what an error is at most (the end of its {SURE} interval) where it cannot be told from zero; a hollow point "
@@ -36,7 +56,10 @@ READ = (
 def draw(summary, out):
     """All figures that there are numbers for: {scene: list of (PNG path, caption)}, the main figure first."""
     looks = styles(point for scene in summary["scenes"].values() for point in scene["points"])
-    return {name: draw_each(_of_scene(name, scene, summary["measures"], looks), out) for name, scene in summary["scenes"].items()}
+    return {
+        name: draw_each(_of_scene(name, scene, summary["measures"], looks), out)
+        for name, scene in summary["scenes"].items()
+    }
 
 
 def styles(points):
@@ -49,18 +72,27 @@ def styles(points):
     for point in points:
         name = point["integrator"]
         if name not in found:
-            family = max((start for start in FAMILIES if name.startswith(start)), key=len, default=name)
+            family = max(
+                (start for start in FAMILIES if name.startswith(start)), key=len, default=name
+            )
             colour, marker = FAMILIES[family] if family in FAMILIES else next(spare)
             turn = used[family] = used.get(family, -1) + 1
             bold = dict(lw=2.2, ms=6.5, zorder=4) if name == OURS else dict(lw=1.2, ms=5, zorder=3)
-            found[name] = dict(color=colour, marker=marker, ls=DASHES[turn % len(DASHES)], label=point["label"]) | bold
+            found[name] = (
+                dict(
+                    color=colour, marker=marker, ls=DASHES[turn % len(DASHES)], label=point["label"]
+                )
+                | bold
+            )
     return found
 
 
 def _of_scene(name, scene, measures, looks):
     """Functions for `draw_each`: the main figure, one for each group of measures that some point has, and one of tolerances and mrot."""
     points = _shown(scene)
-    known = [measure for measure in scene["measures"] if any(_drawn(point, measure) for point in points)]
+    known = [
+        measure for measure in scene["measures"] if any(_drawn(point, measure) for point in points)
+    ]
 
     def named(stem, function, *data):
         def figure():
@@ -76,7 +108,17 @@ def _of_scene(name, scene, measures, looks):
         shown = [measure for measure in members if measure in known]
         told = [measure for measure in shown if _is_told(points, measure)]
         if told and told != [main]:
-            yield named(f"{name}-{group}", _group, name, points, title, told, [one for one in shown if one not in told], measures, looks)
+            yield named(
+                f"{name}-{group}",
+                _group,
+                name,
+                points,
+                title,
+                told,
+                [one for one in shown if one not in told],
+                measures,
+                looks,
+            )
     varied = [point for point in scene["points"] if point["integrator"].startswith(VARIED)]
     if any(_drawn(point, main) and point["integrator"] not in SHOWN for point in varied):
         yield named(f"{name}-parameters", _parameters, name, varied, main, measures, looks)
@@ -98,7 +140,9 @@ def _main(name, scene, measure, measures, looks):
     points = _shown(scene)
     rows = _by_integrator(points)
     height = 0.5 + 0.17 * len(rows)
-    figure, (top, axis) = plt.subplots(2, 1, figsize=(10.5, 5.6 + height), layout="constrained", height_ratios=[height, 5.6])
+    figure, (top, axis) = plt.subplots(
+        2, 1, figsize=(10.5, 5.6 + height), layout="constrained", height_ratios=[height, 5.6]
+    )
     _panel(axis, points, measure, looks, dts=True)
     for place, (key, row) in enumerate(rows.items()):
         good = [point["dt"] for point in row if not point["failed"]]
@@ -112,7 +156,9 @@ def _main(name, scene, measure, measures, looks):
     top.minorticks_off()
     top.set_yticks(range(len(rows)), [looks[key]["label"] for key in rows], fontsize=8)
     top.tick_params(axis="y", length=0)
-    top.set_title("time steps (fs); a cross: fails (crash, blow-up or hang)", loc="left", fontsize=9, pad=3)
+    top.set_title(
+        "time steps (fs); a cross: fails (crash, blow-up or hang)", loc="left", fontsize=9, pad=3
+    )
     axis.set_xlabel("run time (s per simulated ns)")
     axis.set_ylabel(_axis_title(measures[measure]))
     axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8.5)
@@ -131,19 +177,34 @@ def _group(name, points, title, shown, noise, measures, looks):
     """A panel for each measure."""
     columns = min(3, len(shown))
     lines = -(-len(shown) // columns)
-    figure, axes = plt.subplots(lines, columns, figsize=(2.4 + 4.2 * max(2, columns), 3.8 * lines), squeeze=False, sharex=True, layout="constrained")
+    figure, axes = plt.subplots(
+        lines,
+        columns,
+        figsize=(2.4 + 4.2 * max(2, columns), 3.8 * lines),
+        squeeze=False,
+        sharex=True,
+        layout="constrained",
+    )
     for axis in axes.flat[len(shown) :]:
         axis.set_visible(False)
     handles = {}
     for axis, measure in zip(axes.flat, shown):
         _panel(axis, points, measure, looks, dts=False)
-        axis.set_title(textwrap.fill(measures[measure]["title"], 44), loc="left", fontsize=9, fontweight="bold")
+        axis.set_title(
+            textwrap.fill(measures[measure]["title"], 44), loc="left", fontsize=9, fontweight="bold"
+        )
         axis.set_ylabel(measures[measure]["unit"])
         axis.set_xlabel("run time (s per simulated ns)")
         axis.tick_params(labelbottom=True)
         handles |= dict(zip(*reversed(axis.get_legend_handles_labels())))
-    figure.legend(handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=8.5)
-    left = f" Not drawn, for less than {TOLD:.0%} of the points can be told from zero: {', '.join(noise)}." if noise else ""
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside right upper", frameon=False, fontsize=8.5
+    )
+    left = (
+        f" Not drawn, for less than {TOLD:.0%} of the points can be told from zero: {', '.join(noise)}."
+        if noise
+        else ""
+    )
     return figure, f"{name}, {title.lower()}: errors against run time. {READ}{left}"
 
 
@@ -169,7 +230,17 @@ def _panel(axis, points, measure, looks, dts):
     """Lines of all integrators; ``dts``: the points of ours and the longest steps of the others with their time steps."""
     axis.set_xscale("log")
     axis.set_yscale("log")
-    floor = min((y for point in points if _drawn(point, measure) and (y := _height(point, measure)) > 0), default=1.0) / 2
+    floor = (
+        min(
+            (
+                y
+                for point in points
+                if _drawn(point, measure) and (y := _height(point, measure)) > 0
+            ),
+            default=1.0,
+        )
+        / 2
+    )
     reach = []
     for key, row in _by_integrator(points).items():
         row = [point for point in row if _drawn(point, measure)]
@@ -181,14 +252,22 @@ def _panel(axis, points, measure, looks, dts):
                 below = dict(xytext=(-5, -5), ha="right", va="top", fontweight="bold", fontsize=8.5)
                 style = below if ours else dict(xytext=(5, 4), ha="left", va="bottom", fontsize=7)
                 place = point["cost"]["min"], max(_height(point, measure), floor)
-                axis.annotate(f"{point['dt']:g}", place, textcoords="offset points", color=looks[key]["color"], **style)
+                axis.annotate(
+                    f"{point['dt']:g}",
+                    place,
+                    textcoords="offset points",
+                    color=looks[key]["color"],
+                    **style,
+                )
     low, high = max(min(reach), floor / 5), max(reach)
     margin = max(1.3, (high / low) ** 0.06)
     axis.set_ylim(low / margin, high * margin)
     axis.grid(color=PALE, lw=0.4)
     for side in axis.xaxis, axis.yaxis:
         low, high = side.get_view_interval()
-        side.set_major_locator(matplotlib.ticker.LogLocator(subs=(1, 2, 5) if high / low < 300 else (1,), numticks=9))
+        side.set_major_locator(
+            matplotlib.ticker.LogLocator(subs=(1, 2, 5) if high / low < 300 else (1,), numticks=9)
+        )
         side.set_major_formatter(_tick)
         side.set_minor_formatter(matplotlib.ticker.NullFormatter())
 
@@ -197,22 +276,43 @@ def _line(axis, row, measure, look, floor):
     """One integrator's points, from the shortest step, those that can be told from zero joined; the lowest and highest ends of its whiskers."""
     x, usual = (np.array([point["cost"][key] for point in row]) for key in ("min", "median"))
     y = np.array([max(_height(point, measure), floor) for point in row])
-    limit, hollow = (np.array([test(point, measure) for point in row]) for test in (is_zero, _is_unknown))
-    margin = np.where(limit | hollow, 0.0, [0.0 if unknown else margin_of(point["errors"][measure]) for point, unknown in zip(row, hollow)])
+    limit, hollow = (
+        np.array([test(point, measure) for point in row]) for test in (is_zero, _is_unknown)
+    )
+    margin = np.where(
+        limit | hollow,
+        0.0,
+        [
+            0.0 if unknown else margin_of(point["errors"][measure])
+            for point, unknown in zip(row, hollow)
+        ],
+    )
     down = np.minimum(margin, 0.9 * y)
     axis.plot(x, np.where(limit, np.nan, y), **look)
     points = look | {"ls": "none", "label": None}
     for those, style in (limit, points | {"alpha": 0.5}), (~limit, points):
-        bars = {"yerr": [down[those], margin[those]], "xerr": [np.zeros(those.sum()), usual[those] - x[those]]}
+        bars = {
+            "yerr": [down[those], margin[those]],
+            "xerr": [np.zeros(those.sum()), usual[those] - x[those]],
+        }
         axis.errorbar(x[those], y[those], capsize=1.5, elinewidth=0.8, **bars, **style)
     axis.plot(x[hollow], y[hollow], **points | {"mfc": "white", "zorder": 5})
     below = matplotlib.transforms.offset_copy(axis.transData, axis.figure, y=-6, units="points")
-    axis.plot(x[limit], y[limit], **points | {"marker": matplotlib.markers.CARETDOWN, "ms": 4.5, "alpha": 0.7, "transform": below})
+    axis.plot(
+        x[limit],
+        y[limit],
+        **points
+        | {"marker": matplotlib.markers.CARETDOWN, "ms": 4.5, "alpha": 0.7, "transform": below},
+    )
     return [*(y - down), *(y + margin)]
 
 
 def _tick(value, _):
-    return f"{value:g}" if 1e-3 <= value < 1e6 else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    return (
+        f"{value:g}"
+        if 1e-3 <= value < 1e6
+        else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
+    )
 
 
 def _by_integrator(points):
@@ -237,4 +337,6 @@ def _height(point, measure):
 
 
 def _axis_title(measure):
-    return textwrap.fill(f"{measure['title']} ({measure['unit']})" if measure["unit"] else measure["title"], 70)
+    return textwrap.fill(
+        f"{measure['title']} ({measure['unit']})" if measure["unit"] else measure["title"], 70
+    )

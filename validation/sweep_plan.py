@@ -15,17 +15,44 @@ TIMED = 0.2  # s of a timed segment at least, as far as the nominal cost is righ
 SAMPLED = 250  # steps of the sampled part at least: what fails late has time to
 FRAMES = 25  # of a run
 SAMPLES = 5000  # of a run at most
-TIMES = [float(f"{digits}e{power}") for power in range(-2, 6) for digits in range(10, 100)]  # ps of a sampled part, any of these
+TIMES = [
+    float(f"{digits}e{power}") for power in range(-2, 6) for digits in range(10, 100)
+]  # ps of a sampled part, any of these
 SHORT_TIME = 0.1  # ps of it at least, of --short
 # accuracy of PPPM: an integrator's error is measured, not the mesh's.  With 1e-5 the energy of the peptide at 0.5 fs wanders in 4 ps
 # by 0.072 kcal/mol; with 1e-6 by 0.026, with 1e-7 by 0.022
 MESH = "1e-6"
 OURS = "nosquish"
 # what --short leaves out: mrot, tolerances, and fixes of one integrator in another distribution of the work
-SHORT = OURS, "matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake-1e-4", "shake-1e-8", "rattle-1e-4"
+SHORT = (
+    OURS,
+    "matubayasi-nakahara",
+    "gear",
+    "rigid/nve",
+    "rigid/nve/small",
+    "rigid",
+    "shake-1e-4",
+    "shake-1e-8",
+    "rattle-1e-4",
+)
 
-COMMON = ("energy_sd", "energy_sd_line", "drift", "paper", "position", "orientation", "potential", "equipartition")
-AGAINST = ("position", "orientation", "potential", "equipartition", "pressure")  # held against a solution, or limits, of ours and the rigid fixes
+COMMON = (
+    "energy_sd",
+    "energy_sd_line",
+    "drift",
+    "paper",
+    "position",
+    "orientation",
+    "potential",
+    "equipartition",
+)
+AGAINST = (
+    "position",
+    "orientation",
+    "potential",
+    "equipartition",
+    "pressure",
+)  # held against a solution, or limits, of ours and the rigid fixes
 HELD = ("bond", "angle")
 PHYSICAL = ("convergence", "ke_distribution", "pv_equipartition")
 
@@ -98,7 +125,11 @@ class Sweep:
 
 def _on_mesh(scene):
     """The scene with PPPM of the accuracy `MESH`."""
-    return replace(scene.on_mesh(MESH), title=f"{scene.title}, PPPM {MESH}", subject=scene.subject and f"{scene.subject}, PPPM {MESH}")
+    return replace(
+        scene.on_mesh(MESH),
+        title=f"{scene.title}, PPPM {MESH}",
+        subject=scene.subject and f"{scene.subject}, PPPM {MESH}",
+    )
 
 
 SWEEPS = {
@@ -201,7 +232,12 @@ def parts(swept, dt, time):
     """The ``Parts`` of a run of so many ps, or ``SAMPLED`` steps if these are longer, with a time step in fs."""
     steps = max(SAMPLED, time * paper.FS_PER_PS / max(dt, swept.fine))
     every = max(2, round(swept.sampled / dt), ceil(steps / SAMPLES))
-    return Parts(round(swept.horizon / dt), max(LEAST, round(TIMED / swept.seconds)), every * ceil(steps / every / FRAMES), every)
+    return Parts(
+        round(swept.horizon / dt),
+        max(LEAST, round(TIMED / swept.seconds)),
+        every * ceil(steps / every / FRAMES),
+        every,
+    )
 
 
 def points(names, short=False, only=None, steps=None):
@@ -220,7 +256,9 @@ def points(names, short=False, only=None, steps=None):
     for name, dt in ((name, dt) for name in names for dt in steps or ()):
         number = SWEEPS[name].horizon / dt
         if abs(number - round(number)) > 1e-6:
-            raise ValueError(f"{dt:g} fs does not divide the {SWEEPS[name].horizon:g} fs after which trajectories of the {name} are compared")
+            raise ValueError(
+                f"{dt:g} fs does not divide the {SWEEPS[name].horizon:g} fs after which trajectories of the {name} are compared"
+            )
     return [
         Point(name, SWEPT[one], dt)
         for name in names
@@ -248,14 +286,20 @@ def lengths(names, short=False, budget=None):
         ValueError: the budget is too little for runs of the least length; the message says how much it has to be.
     """
     budget = budget or (SHORT_BUDGET if short else BUDGET)
-    least = {name: minutes(name, short, SHORT_TIME if short else SWEEPS[name].least) for name in SCENES}
+    least = {
+        name: minutes(name, short, SHORT_TIME if short else SWEEPS[name].least) for name in SCENES
+    }
     whole = sum(least[name] for name in (SHORT_SCENES if short else SCENES))
     if budget < whole:
-        raise ValueError(f"{budget:g} minutes are too little for runs of the least length: {ceil(whole)} are needed")
+        raise ValueError(
+            f"{budget:g} minutes are too little for runs of the least length: {ceil(whole)} are needed"
+        )
     found = {}
     for name in names:
         part = budget * least[name] / whole
-        time = TIMES[bisect(TIMES, part * (1 + 1e-9), key=lambda time: minutes(name, short, time)) - 1]
+        time = TIMES[
+            bisect(TIMES, part * (1 + 1e-9), key=lambda time: minutes(name, short, time)) - 1
+        ]
         found[name] = Lengths(SWEEPS[name].starts_of(short), time, part, budget)
     return found
 
@@ -263,11 +307,19 @@ def lengths(names, short=False, budget=None):
 def minutes(name, short, time):
     """What a scene costs, nominal, with sampled parts of so many ps."""
     swept = SWEEPS[name]
-    steps = swept.apart * paper.FS_PER_PS / swept.scene.dt + (FINER * swept.horizon / min(swept.steps_of(short)) if swept.with_reference else 0)
+    steps = swept.apart * paper.FS_PER_PS / swept.scene.dt + (
+        FINER * swept.horizon / min(swept.steps_of(short)) if swept.with_reference else 0
+    )
     runs = [sum(parts(swept, point.dt, time).runs) for point in points([name], short)]
-    return swept.starts_of(short) * ((2 + len(runs)) * swept.startup + (steps + sum(runs)) * swept.seconds) / 60
+    return (
+        swept.starts_of(short)
+        * ((2 + len(runs)) * swept.startup + (steps + sum(runs)) * swept.seconds)
+        / 60
+    )
 
 
 def total(points, lengths):
     """How many runs there are."""
-    return sum(lengths[point.scene].starts for point in points) + sum(2 * lengths[name].starts for name in {point.scene for point in points})
+    return sum(lengths[point.scene].starts for point in points) + sum(
+        2 * lengths[name].starts for name in {point.scene for point in points}
+    )

@@ -28,7 +28,10 @@ def write(summary, out):
     """
     save(summary, out)
     _write_points(summary, out / "points.csv")
-    ways = {name: fastest(scene["points"], scene["measures"]) for name, scene in summary["scenes"].items()}
+    ways = {
+        name: fastest(scene["points"], scene["measures"])
+        for name, scene in summary["scenes"].items()
+    }
     _write_ways(summary, ways, out / "fastest.csv")
     figures, places = [], {}
     for name, drawn in draw(summary, out).items():
@@ -47,14 +50,24 @@ def gathered(summary, out):
     of the earlier ones too, and not one that was interrupted before it had come to them.
     """
     swept = {key: summary[key] for key in ("command", "date", "interrupted")}
-    scenes, lengths = {name: scene | {"swept": swept} for name, scene in summary["scenes"].items()}, summary["lengths"]
+    scenes, lengths = (
+        {name: scene | {"swept": swept} for name, scene in summary["scenes"].items()},
+        summary["lengths"],
+    )
     try:
         earlier = json.loads((out / "summary.json").read_text())
     except (OSError, json.JSONDecodeError):  # none, or cut off
         earlier = {}
     if all(earlier.get(key) == summary[key] for key in ("code", "versions")):
-        kept = [name for name in earlier["scenes"] if name not in scenes or _stays(earlier, summary, name)]
-        scenes, lengths = ({**new, **{name: old[name] for name in kept}} for old, new in ((earlier["scenes"], scenes), (earlier["lengths"], lengths)))
+        kept = [
+            name
+            for name in earlier["scenes"]
+            if name not in scenes or _stays(earlier, summary, name)
+        ]
+        scenes, lengths = (
+            {**new, **{name: old[name] for name in kept}}
+            for old, new in ((earlier["scenes"], scenes), (earlier["lengths"], lengths))
+        )
     return summary | {"scenes": scenes, "lengths": lengths}
 
 
@@ -90,7 +103,10 @@ def seconds(cost):
     """A run time per ns as text: the least, and the median where it differs in what is shown."""
     if cost is None:
         return "–"
-    least, usual = (f"{cost[part]:,.0f}" if cost[part] >= 100 else f"{cost[part]:.3g}" for part in ("min", "median"))
+    least, usual = (
+        f"{cost[part]:,.0f}" if cost[part] >= 100 else f"{cost[part]:.3g}"
+        for part in ("min", "median")
+    )
     return least if least == usual else f"{least} ({usual})"
 
 
@@ -115,7 +131,12 @@ def unit_of(measure):
 def _fronts(summary):
     """{scene: {measure: (integrator, dt) of the points that no other one beats in both run time and error}}"""
     return {
-        name: {measure: {(point["integrator"], point["dt"]) for point in front(scene["points"], measure)} for measure in scene["measures"]}
+        name: {
+            measure: {
+                (point["integrator"], point["dt"]) for point in front(scene["points"], measure)
+            }
+            for measure in scene["measures"]
+        }
         for name, scene in summary["scenes"].items()
     }
 
@@ -132,9 +153,17 @@ def _write_points(summary, path):
         ])  # fmt: skip
         for name, scene in summary["scenes"].items():
             for point in scene["points"]:
-                times = [point[kind][part] if point[kind] else "" for kind in ("cost", "cpu") for part in PARTS]
+                times = [
+                    point[kind][part] if point[kind] else ""
+                    for kind in ("cost", "cpu")
+                    for part in PARTS
+                ]
                 found = (point["errors"].get(measure, {}) for measure in measures)
-                errors = [value for one in found for value in (one.get("value"), one.get("error") and margin_of(one) or None)]  # the largest of all frames has none
+                errors = [
+                    value
+                    for one in found
+                    for value in (one.get("value"), one.get("error") and margin_of(one) or None)
+                ]  # the largest of all frames has none
                 here = point["integrator"], point["dt"]
                 writer.writerow([
                     name, point["integrator"], point["label"], point["dt"], point["steps"], point["ps"], point["starts"],
@@ -177,18 +206,32 @@ def show(console, summary, out):
 def _show_integrators(console, name, scene, measures):
     main = next((measure for measure in MAIN if measure in scene["measures"]), None)
     table = _table(f"{name}: {scene['title']}", "integrator")
-    heads = "steps, fs", "fails from, fs", "longest step\ns per ns", *([f"{main}\n{measures[main]['unit']}"] if main else [])
+    heads = (
+        "steps, fs",
+        "fails from, fs",
+        "longest step\ns per ns",
+        *([f"{main}\n{measures[main]['unit']}"] if main else []),
+    )
     for head in heads:
         table.add_column(head, justify="right")
     failures = []
     for key in dict.fromkeys(point["integrator"] for point in scene["points"]):
-        row = sorted((point for point in scene["points"] if point["integrator"] == key), key=lambda point: point["dt"])
+        row = sorted(
+            (point for point in scene["points"] if point["integrator"] == key),
+            key=lambda point: point["dt"],
+        )
         good = [point for point in row if not point["failed"]]
         bad = next((point for point in row if point["failed"]), None)
         failures += [f"✗ {named(bad)}: {bad['failed']}"] if bad else []
         steps = f"{good[0]['dt']:g} – {good[-1]['dt']:g}" if good else "none"
-        last = [seconds(good[-1]["cost"]), *([error_of(good[-1], main)] if main else [])] if good else ["–"] * (len(heads) - 2)
-        table.add_row(row[0]["label"], steps, f"{bad['dt']:g}" if bad else "–", *last, style=_style(row[0]))
+        last = (
+            [seconds(good[-1]["cost"]), *([error_of(good[-1], main)] if main else [])]
+            if good
+            else ["–"] * (len(heads) - 2)
+        )
+        table.add_row(
+            row[0]["label"], steps, f"{bad['dt']:g}" if bad else "–", *last, style=_style(row[0])
+        )
     console.print(table)
     for failure in failures:
         console.print(failure, markup=False, soft_wrap=True)
@@ -197,13 +240,21 @@ def _show_integrators(console, name, scene, measures):
 def _show_fastest(console, name, scene, measures):
     table = _table(f"{name}: fastest way to an error, sure by {SURE}", "error of")
     for head in "below", "use", "s per ns", "a tie with", "ours / fastest":
-        table.add_column(head, justify="right" if head in ("below", "s per ns", "ours / fastest") else "left", overflow="fold")
+        table.add_column(
+            head,
+            justify="right" if head in ("below", "s per ns", "ours / fastest") else "left",
+            overflow="fold",
+        )
     before = None
     for measure, target, choice, ours in distinct(fastest(scene["points"], scene["measures"])):
         best = choice.best
         title = f"{measure}{unit_of(measures[measure])}" if measure != before else ""
         before = measure
-        words = named(best) if best else choice.verdict + (f": {names(choice.perhaps, 2)}" if choice.perhaps else "")
+        words = (
+            named(best)
+            if best
+            else choice.verdict + (f": {names(choice.perhaps, 2)}" if choice.perhaps else "")
+        )
         table.add_row(title, f"{target:g}", words, seconds(best["cost"]) if best else "–", names(choice.ties, 2), over(ours.best, choice.fastest),
                       style=_style(best) if best else "dim")  # fmt: skip
     console.print(table)

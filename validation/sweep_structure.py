@@ -15,7 +15,14 @@ from validation.paper_peptide import NM_PER_ANGSTROM
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
 
 import physical_validation  # noqa: E402  it imports pymbar
-from physical_validation.data import EnsembleData, ObservableData, SimulationData, SystemData, TrajectoryData, UnitData  # noqa: E402
+from physical_validation.data import (
+    EnsembleData,
+    ObservableData,
+    SimulationData,
+    SystemData,
+    TrajectoryData,
+    UnitData,
+)  # noqa: E402
 
 KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
@@ -35,7 +42,9 @@ class Motion:
     """
 
     def __init__(self, positions):
-        self.x, self.v, self.mass, self.bodies = (positions[name] for name in ("x", "v", "mass", "bodies"))
+        self.x, self.v, self.mass, self.bodies = (
+            positions[name] for name in ("x", "v", "mass", "bodies")
+        )
         self.cell, self.periodic = positions["cell"], positions["periodic"]
         self._bonds, self._angles = positions["bonds"], positions["angles"]
         order = np.argsort(self.bodies, kind="stable")
@@ -56,7 +65,10 @@ class Motion:
 
     def distance(self, frame, exact):
         """Root mean square over all bodies of how far their centres of mass are from those of ``exact``, (atoms, 3); Angstrom."""
-        moved = [self._image(self._parts(self.x[frame], group)[0] - self._parts(exact, group)[0]) for group in self.groups]
+        moved = [
+            self._image(self._parts(self.x[frame], group)[0] - self._parts(exact, group)[0])
+            for group in self.groups
+        ]
         return _rms(np.linalg.norm(np.concatenate(moved), axis=1))
 
     def angle(self, frame, exact):
@@ -83,7 +95,10 @@ class Motion:
         sizes = np.bincount(self.bodies)
         rows = self._within(self._angles)
         i, centre, k = rows[sizes[self.bodies[rows[:, 0]]] == 3].T
-        a, b = self._image(self.x[:, i] - self.x[:, centre]), self._image(self.x[:, k] - self.x[:, centre])
+        a, b = (
+            self._image(self.x[:, i] - self.x[:, centre]),
+            self._image(self.x[:, k] - self.x[:, centre]),
+        )
         angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
         return np.abs(angle - angle[0]).max()
 
@@ -96,14 +111,22 @@ class Motion:
         """Kinetic energies of the nonlinear bodies of three atoms, which every integrator holds as a whole: (frames, bodies), kcal/mol."""
         (group,) = (group for group in self.groups if group.shape[1] == 3)
         group = group[~_straight(self._parts(self.x[0], group)[1])]
-        return KCAL / 2 * (self.mass[group][..., None] * self.v[frames][:, group] ** 2).sum(axis=(2, 3))
+        return (
+            KCAL
+            / 2
+            * (self.mass[group][..., None] * self.v[frames][:, group] ** 2).sum(axis=(2, 3))
+        )
 
 
 def _rms(distances):
     """`measures.Estimate` of it, of independent distances."""
     square = distances**2
     value, number = np.sqrt(square.mean()), len(square)
-    return measures.Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1) if value and number > 1 else measures.Estimate(value)
+    return (
+        measures.Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
+        if value and number > 1
+        else measures.Estimate(value)
+    )
 
 
 def _straight(r):
@@ -130,7 +153,12 @@ def _turned(a, b):
 
 def pair_distribution(motion, frames):
     """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the frames; bins of ``BIN`` in ``REACH``."""
-    heaviest = np.concatenate([group[np.arange(len(group)), np.argmax(motion.mass[group], axis=1)] for group in motion.groups])
+    heaviest = np.concatenate(
+        [
+            group[np.arange(len(group)), np.argmax(motion.mass[group], axis=1)]
+            for group in motion.groups
+        ]
+    )
     top = mdtraj.Topology()
     residue = top.add_residue("HOH", top.add_chain())
     for _ in heaviest:
@@ -140,14 +168,21 @@ def pair_distribution(motion, frames):
     pairs = top.select_pairs("all", "all")
     reach = [end * NM_PER_ANGSTROM for end in REACH]
     parts = np.array_split(np.arange(path.n_frames), BLOCKS)
-    return np.array([mdtraj.compute_rdf(path[part], pairs, r_range=reach, bin_width=BIN * NM_PER_ANGSTROM)[1] for part in parts])
+    return np.array(
+        [
+            mdtraj.compute_rdf(path[part], pairs, r_range=reach, bin_width=BIN * NM_PER_ANGSTROM)[1]
+            for part in parts
+        ]
+    )
 
 
 def helicity(motion, frames):
     """Helical residues of the peptide over those of the first frame of all, (frames,)."""
     atoms = slice(0, paper_peptide.topology().n_atoms)
     x = motion.x[:, atoms]
-    steps = measures.nearest_image(np.diff(x, axis=1), motion.cell, motion.periodic)  # an atom is never far from the one before
+    steps = measures.nearest_image(
+        np.diff(x, axis=1), motion.cell, motion.periodic
+    )  # an atom is never far from the one before
     whole = np.concatenate([x[:, :1], x[:, :1] + np.cumsum(steps, axis=1)], axis=1)
     helical = paper_peptide.helical(whole)
     return helical[frames] / helical[0]
@@ -166,7 +201,12 @@ def _data(temperature, natoms, **more):
         natoms=natoms, nconstraints=0, ndof_reduction_tra=0, ndof_reduction_rot=0, mass=np.ones(natoms), molecule_idx=[0], nconstraints_per_molecule=[0]
     )  # fmt: skip
     ensemble = EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
-    return SimulationData(units=UnitData.units("LAMMPS real"), system=system, ensemble=ensemble, observables=ObservableData(**more))
+    return SimulationData(
+        units=UnitData.units("LAMMPS real"),
+        system=system,
+        ensemble=ensemble,
+        observables=ObservableData(**more),
+    )
 
 
 def distribution(energies, temperature):
@@ -179,8 +219,16 @@ def distribution(energies, temperature):
         energies: independent ones, kcal/mol.
         temperature: K.
     """
-    data = _data(temperature, natoms=2, kinetic_energy=energies)  # two atoms' degrees of freedom are six, a body's
-    found = _quiet(physical_validation.kinetic_energy.distribution, data, verbosity=0, bootstrap_seed=SEED, data_is_uncorrelated=True)
+    data = _data(
+        temperature, natoms=2, kinetic_energy=energies
+    )  # two atoms' degrees of freedom are six, a body's
+    found = _quiet(
+        physical_validation.kinetic_energy.distribution,
+        data,
+        verbosity=0,
+        bootstrap_seed=SEED,
+        data_is_uncorrelated=True,
+    )
     return max(abs(distance) for distance in found)
 
 
@@ -197,10 +245,22 @@ def equipartition(translation, rotation, moving, turning, temperature):
     """
     names = "total", "translational", "rotational and internal", "rotational", "internal"
     data = _data(temperature, natoms=2)
-    data.system.ndof_per_molecule = [dict(zip(names, (moving + turning, moving, turning, turning, 0)))]
-    data.observables.kinetic_energy_per_molecule = [dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)]
-    data.trajectory = TrajectoryData(*(np.zeros((len(translation), 2, 3)) for _ in range(2)))  # not looked at, for energies are there
-    found = _quiet(physical_validation.kinetic_energy.equipartition, data, verbosity=0, bootstrap_seed=SEED, data_is_uncorrelated=True)
+    data.system.ndof_per_molecule = [
+        dict(zip(names, (moving + turning, moving, turning, turning, 0)))
+    ]
+    data.observables.kinetic_energy_per_molecule = [
+        dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)
+    ]
+    data.trajectory = TrajectoryData(
+        *(np.zeros((len(translation), 2, 3)) for _ in range(2))
+    )  # not looked at, for energies are there
+    found = _quiet(
+        physical_validation.kinetic_energy.equipartition,
+        data,
+        verbosity=0,
+        bootstrap_seed=SEED,
+        data_is_uncorrelated=True,
+    )
     _, (translational, _), (rotational, _), *_ = found
     return max(abs(translational), abs(rotational))
 
@@ -212,7 +272,11 @@ def convergence(deviations):
         deviations: time step to (samples,).
     """
     runs = [
-        SimulationData(units=UnitData.units("LAMMPS real"), dt=dt, observables=ObservableData(constant_of_motion=values))
+        SimulationData(
+            units=UnitData.units("LAMMPS real"),
+            dt=dt,
+            observables=ObservableData(constant_of_motion=values),
+        )
         for dt, values in deviations.items()
     ]
     return _quiet(physical_validation.integrator.convergence, runs, verbose=False)

@@ -64,7 +64,9 @@ def theory(parts, out, meter, silence=120.0):
     try:
         for name in parts:
             function, total = PARTS[name]
-            done, data[name] = function(scene, dimer, _Ticks(meter, name, total), out=out, silence=silence)
+            done, data[name] = function(
+                scene, dimer, _Ticks(meter, name, total), out=out, silence=silence
+            )
             checks += done
     except KeyboardInterrupt:
         return checks, data, True
@@ -90,12 +92,17 @@ def reversal(scene, dimer, tick, out, silence):
     rows = []
     for integrator, tolerance in theory_reversal.INTEGRATORS:
         folder = out / "runs" / run.folder_name(integrator.label)
-        rows.append(theory_reversal.reverse(scene, integrator, folder, silence) | {"tolerance": tolerance})
+        rows.append(
+            theory_reversal.reverse(scene, integrator, folder, silence) | {"tolerance": tolerance}
+        )
         tick()
         if rows[-1]["error"] == run.INTERRUPTED:
             raise KeyboardInterrupt
     check, checks, at = partial(Check, "reversal"), [], theory_reversal.STEPS.index(REVERSED)
-    bounds = {name: {"high": RETURNED} for name in ("NVE", "MatubayasiNakahara", "rigid/nve", "rigid/nve/small")}
+    bounds = {
+        name: {"high": RETURNED}
+        for name in ("NVE", "MatubayasiNakahara", "rigid/nve", "rigid/nve/small")
+    }
     bounds |= {name: {"low": SHOWN} for name in ("Gear", "rigid", "rigid/small")}
     far = f"distance from the start after {REVERSED:,} steps and back"
     notes = {"Gear": "its derivatives are made anew at the reversal, of force and torque"}
@@ -103,16 +110,41 @@ def reversal(scene, dimer, tick, out, silence):
         if row["error"]:
             checks.append(check(row["label"], far, None, note=row["error"]))
         elif row["tolerance"] is None:
-            checks.append(check(row["label"], far, row["distance"][at], unit="Å", note=notes.get(row["name"], ""), **bounds.get(row["name"], {})))
+            checks.append(
+                check(
+                    row["label"],
+                    far,
+                    row["distance"][at],
+                    unit="Å",
+                    note=notes.get(row["name"], ""),
+                    **bounds.get(row["name"], {}),
+                )
+            )
     for style in "shake", "rattle":
-        found = {row["tolerance"]: row["distance"][at] for row in rows if row["name"] == style and not row["error"]}
+        found = {
+            row["tolerance"]: row["distance"][at]
+            for row in rows
+            if row["name"] == style and not row["error"]
+        }
         if len(found) == len(theory_reversal.TOLERANCES):
             *loose, converged = theory_reversal.TOLERANCES
             most = max(found[float(tolerance)] / float(tolerance) for tolerance in loose)
             checks += [
                 check(style, f"{far}, tolerance 1e-4", found[1e-4], low=SHOWN, unit="Å"),
-                check(style, f"{far}, tolerance {converged}", found[float(converged)], high=RETURNED, unit="Å"),
-                check(style, f"{far}, over the tolerance, largest for {loose[0]} to {loose[-1]}", most, high=LENGTH, unit="Å"),
+                check(
+                    style,
+                    f"{far}, tolerance {converged}",
+                    found[float(converged)],
+                    high=RETURNED,
+                    unit="Å",
+                ),
+                check(
+                    style,
+                    f"{far}, over the tolerance, largest for {loose[0]} to {loose[-1]}",
+                    most,
+                    high=LENGTH,
+                    unit="Å",
+                ),
             ]
     n = theory_reversal.COMPARED
     equations = {"NVE": dimer.nosquish, "MatubayasiNakahara": dimer.reference_12}
@@ -120,7 +152,15 @@ def reversal(scene, dimer, tick, out, silence):
         if row["name"] in equations and not row["error"]:
             x = calculus.repeated(equations[row["name"]], n)(dimer.start, n * scene.dt * FS)
             apart = np.abs(dimer.positions(x).reshape(3, 6).T - row["positions"]).max()
-            checks.append(check(row["label"], f"LAMMPS less the equations of the other parts, after {n} steps", apart, high=ROUND_OFF, unit="Å"))
+            checks.append(
+                check(
+                    row["label"],
+                    f"LAMMPS less the equations of the other parts, after {n} steps",
+                    apart,
+                    high=ROUND_OFF,
+                    unit="Å",
+                )
+            )
     rows = [{key: value for key, value in row.items() if key != "positions"} for row in rows]
     return checks, {"steps": theory_reversal.STEPS, "runs": rows, "dt_fs": scene.dt}
 
@@ -142,10 +182,26 @@ def symplectic(scene, dimer, tick, **_):
     for what, found in ("|J g⁻¹ Jᵀ − g⁻¹|", defect), ("|Jᵀ g J − g| on |q| = 1, w₀ = 0", sphere):
         checks += [
             check("NO_SQUISH", f"{what}, {largest}", max(found["NO_SQUISH"]), high=ROUND_OFF),
-            check("reference 12", f"{what} at {scene.dt:g} fs", found["reference 12"][usual], low=SHOWN),
-            _power(check, "reference 12", f"{what} ∝ Δt to the power of", MULTIPLES[:3], found["reference 12"][:3], 2.8, 3.2),
+            check(
+                "reference 12",
+                f"{what} at {scene.dt:g} fs",
+                found["reference 12"][usual],
+                low=SHOWN,
+            ),
+            _power(
+                check,
+                "reference 12",
+                f"{what} ∝ Δt to the power of",
+                MULTIPLES[:3],
+                found["reference 12"][:3],
+                2.8,
+                3.2,
+            ),
         ]
-    checks += [check(name, f"|det J − 1|, {largest}", max(found), high=ROUND_OFF) for name, found in volume.items()]
+    checks += [
+        check(name, f"|det J − 1|, {largest}", max(found), high=ROUND_OFF)
+        for name, found in volume.items()
+    ]
 
     shaken, changed = [], []
     basis = calculus.tangent(dimer.atoms.constraints, dimer.atoms.start)
@@ -156,15 +212,28 @@ def symplectic(scene, dimer, tick, **_):
         shaken.append(one)
         changed.append(abs(other - 1))
         tick()
-    model, what, last = "SHAKE/RATTLE in Python", "|Jᵀ g J − g| on the phase space of rigid molecules", f"tolerance {TOLERANCES[-1]:g}"
+    model, what, last = (
+        "SHAKE/RATTLE in Python",
+        "|Jᵀ g J − g| on the phase space of rigid molecules",
+        f"tolerance {TOLERANCES[-1]:g}",
+    )
     checks += [
         check(model, f"{what}, tolerance 1e-4", shaken[TOLERANCES.index(1e-4)], low=SHOWN),
         check(model, f"{what}, {last}", shaken[-1], high=ROUND_OFF),
-        _power(check, model, "that ∝ tolerance to the power of", TOLERANCES[:-1], shaken[:-1], 0.8, 1.2),
+        _power(
+            check, model, "that ∝ tolerance to the power of", TOLERANCES[:-1], shaken[:-1], 0.8, 1.2
+        ),
         check(model, f"change of volume, {last}", changed[-1], high=ROUND_OFF),
     ]
     dt = [multiple * scene.dt for multiple in MULTIPLES]
-    return checks, {"dt_fs": dt, "defect": defect, "sphere": sphere, "volume": volume, "tolerance": TOLERANCES, "shake": shaken}
+    return checks, {
+        "dt_fs": dt,
+        "defect": defect,
+        "sphere": sphere,
+        "volume": volume,
+        "tolerance": TOLERANCES,
+        "shake": shaken,
+    }
 
 
 def conserved(scene, dimer, tick, **_):
@@ -175,9 +244,21 @@ def conserved(scene, dimer, tick, **_):
     force_2, rotor_2 = dimer.second_order_terms(radius, mrot=2)
     free = [part.energy for part in dimer.rotor_parts()]
     runs = {
-        "NO_SQUISH": (dimer.nosquish, dimer.energy, {"": [], "force": [force], "rotor": [rotor], "both": [force, rotor]}),
-        "NO_SQUISH, m_rot 2": (partial(dimer.nosquish, mrot=2), dimer.energy, {"": [], "both": [force_2, rotor_2]}),
-        "free rotor": (calculus.strang(dimer.rotor_parts()), lambda x: sum(energy(x) for energy in free), {"": [], "rotor": [rotor]}),
+        "NO_SQUISH": (
+            dimer.nosquish,
+            dimer.energy,
+            {"": [], "force": [force], "rotor": [rotor], "both": [force, rotor]},
+        ),
+        "NO_SQUISH, m_rot 2": (
+            partial(dimer.nosquish, mrot=2),
+            dimer.energy,
+            {"": [], "both": [force_2, rotor_2]},
+        ),
+        "free rotor": (
+            calculus.strang(dimer.rotor_parts()),
+            lambda x: sum(energy(x) for energy in free),
+            {"": [], "rotor": [rotor]},
+        ),
     }
     spread = {}
     for scheme, (step, energy, corrections) in runs.items():
@@ -185,15 +266,31 @@ def conserved(scene, dimer, tick, **_):
         for multiple, length in zip(MULTIPLES, dt):
             states = [dimer.start]
             for _ in range(40):  # at the same times with each time step
-                states.append(calculus.repeated(step, round(MULTIPLES[-1] / multiple))(states[-1], dt[-1]))
+                states.append(
+                    calculus.repeated(step, round(MULTIPLES[-1] / multiple))(states[-1], dt[-1])
+                )
             states = np.stack(states, axis=1)
             for which, terms in corrections.items():
                 total = energy(states) + length**2 * sum(term(states) for term in terms)
                 spread[scheme][which].append(float(np.sqrt(np.mean((total[1:] - total[0]) ** 2))))
             tick()
         complete = list(corrections)[-1]
-        checks.append(_power(check, scheme, "spread of H ∝ Δt to the power of", dt, spread[scheme][""], 1.9, 2.1))
-        checks.append(_power(check, scheme, "spread of H + Δt² H⁽²⁾ ∝ Δt to the power of", dt, spread[scheme][complete], 3.9, 4.1))
+        checks.append(
+            _power(
+                check, scheme, "spread of H ∝ Δt to the power of", dt, spread[scheme][""], 1.9, 2.1
+            )
+        )
+        checks.append(
+            _power(
+                check,
+                scheme,
+                "spread of H + Δt² H⁽²⁾ ∝ Δt to the power of",
+                dt,
+                spread[scheme][complete],
+                3.9,
+                4.1,
+            )
+        )
     alone = spread["NO_SQUISH"]
     checks += [
         check("NO_SQUISH", f"spread at {MULTIPLES[0] * scene.dt:g} fs without the {other} splitting's H⁽²⁾, over that with both",
@@ -202,13 +299,30 @@ def conserved(scene, dimer, tick, **_):
     ]  # fmt: skip
     what = f"spread at {MULTIPLES[0] * scene.dt:g} fs by the force splitting's H⁽²⁾, over that by the rotor splitting's"
     note = "so little of the energy's error is the rotor's, whatever its scheme"
-    checks.append(check("NO_SQUISH", what, alone["rotor"][0] / alone["force"][0], low=100, note=note))
+    checks.append(
+        check("NO_SQUISH", what, alone["rotor"][0] / alone["force"][0], low=100, note=note)
+    )
     change, motion, term = _oscillator()
     tick()
     checks += [
-        check("velocity Verlet, oscillator", "relative change of (2.51) in 1,000 steps, largest for ω Δt up to 1.99", change, high=1e-10),
-        check("velocity Verlet, oscillator", "a step less the motion under (2.51), largest", motion, high=ROUND_OFF),
-        check("velocity Verlet, oscillator", "H⁽²⁾ (2.37) less the Δt² term of (2.51)", term, high=ROUND_OFF),
+        check(
+            "velocity Verlet, oscillator",
+            "relative change of (2.51) in 1,000 steps, largest for ω Δt up to 1.99",
+            change,
+            high=1e-10,
+        ),
+        check(
+            "velocity Verlet, oscillator",
+            "a step less the motion under (2.51), largest",
+            motion,
+            high=ROUND_OFF,
+        ),
+        check(
+            "velocity Verlet, oscillator",
+            "H⁽²⁾ (2.37) less the Δt² term of (2.51)",
+            term,
+            high=ROUND_OFF,
+        ),
     ]
     return checks, {"dt_fs": (dt / FS).tolist(), "spread": spread}
 
@@ -219,14 +333,24 @@ def _oscillator():
     step, changes, motions = calculus.strang(oscillator.parts()), [], []
     for dt in np.linspace(0.1, 1.99, 20) / oscillator.omega:
         hamiltonian = partial(oscillator.integrator_hamiltonian, dt=dt)
-        changes.append(abs(hamiltonian(calculus.repeated(step, 1000)(x, 1000 * dt)) / hamiltonian(x) - 1))
-        second = np.diag([2 * hamiltonian(axis) for axis in np.eye(2)])  # derivatives; there is no mixed one
+        changes.append(
+            abs(hamiltonian(calculus.repeated(step, 1000)(x, 1000 * dt)) / hamiltonian(x) - 1)
+        )
+        second = np.diag(
+            [2 * hamiltonian(axis) for axis in np.eye(2)]
+        )  # derivatives; there is no mixed one
         flow = expm(dt * (second @ calculus.metric(1)).T)  # dx/dt = grad H g^-1 (2.41)
         matrix = np.transpose([step(axis, dt) for axis in np.eye(2)])  # the step is linear
         motions.append(np.abs(flow - matrix).max())
     radius = 0.1 / oscillator.omega
-    exact = calculus.taylor(lambda dt: oscillator.integrator_hamiltonian(x[:, None], dt), 2, radius).real
-    return float(max(changes)), float(max(motions)), float(abs(exact - calculus.leading_term(oscillator.parts(), radius)(x)))
+    exact = calculus.taylor(
+        lambda dt: oscillator.integrator_hamiltonian(x[:, None], dt), 2, radius
+    ).real
+    return (
+        float(max(changes)),
+        float(max(motions)),
+        float(abs(exact - calculus.leading_term(oscillator.parts(), radius)(x))),
+    )
 
 
 def mrot(scene, dimer, tick, **_):
@@ -248,8 +372,21 @@ def mrot(scene, dimer, tick, **_):
         tick()
     check, last = partial(Check, "mrot", "free rotor"), MROTS[-1]
     return [
-        _power(partial(Check, "mrot"), "free rotor", f"error of q after {TURNS} steps ∝ m_rot to the power of", MROTS, errors, -2.05, -1.95),
-        check(f"that error with m_rot {last} times {last}², over that with 1", errors[-1] / errors[0] * last**2, low=0.95, high=1.05),
+        _power(
+            partial(Check, "mrot"),
+            "free rotor",
+            f"error of q after {TURNS} steps ∝ m_rot to the power of",
+            MROTS,
+            errors,
+            -2.05,
+            -1.95,
+        ),
+        check(
+            f"that error with m_rot {last} times {last}², over that with 1",
+            errors[-1] / errors[0] * last**2,
+            low=0.95,
+            high=1.05,
+        ),
     ], {"mrot": MROTS, "error": errors, "dt_fs": dt / FS, "temperature": TEMPERATURE}
 
 
@@ -260,14 +397,22 @@ def recursion(scene, dimer, tick, **_):
     one, the change of H^(1) along it, has none. All orbits of an isotropic oscillator are closed. There the force is given an
     addition dt^2 CURL (-q_2, q_1), which has no potential: the scheme stays reversible, of second order, and keeps phase-space volume.
     """
-    check, radius = partial(Check, "recursion"), scene.dt * FS / 4  # at half a step some states meet a singularity
+    check, radius = (
+        partial(Check, "recursion"),
+        scene.dt * FS / 4,
+    )  # at half a step some states meet a singularity
     force, rotor = dimer.second_order_terms(radius)
     states = [dimer.start]
     for _ in range(8):
         states.append(calculus.repeated(dimer.nosquish, 20)(states[-1], 20 * scene.dt * FS))
     tick()
     terms = calculus.recursion_terms(
-        dimer.nosquish, calculus.fourth_order(dimer.nosquish), dimer.energy, lambda x: force(x) + rotor(x), np.stack(states, axis=1), radius
+        dimer.nosquish,
+        calculus.fourth_order(dimer.nosquish),
+        dimer.energy,
+        lambda x: force(x) + rotor(x),
+        np.stack(states, axis=1),
+        radius,
     )
     tick()
     what = "|G⁽⁰⁾·∇H⁽¹⁾ + G⁽¹⁾·∇H⁽⁰⁾| over one term, largest"
@@ -285,10 +430,23 @@ def recursion(scene, dimer, tick, **_):
     start = np.array([0.1, 0.9, 1.0, -0.2])  # p_1, p_2, q_1, q_2
     p, q = np.split(start, 2)
     angles = np.arange(64) * 2 * np.pi / 64
-    orbit = np.concatenate([np.outer(p, np.cos(angles)) - np.outer(q, np.sin(angles)), np.outer(q, np.cos(angles)) + np.outer(p, np.sin(angles))])
-    common = calculus.fourth_order(verlet), oscillator.energy, calculus.leading_term(oscillator.parts(), 0.1), orbit, 0.1
+    orbit = np.concatenate(
+        [
+            np.outer(p, np.cos(angles)) - np.outer(q, np.sin(angles)),
+            np.outer(q, np.cos(angles)) + np.outer(p, np.sin(angles)),
+        ]
+    )
+    common = (
+        calculus.fourth_order(verlet),
+        oscillator.energy,
+        calculus.leading_term(oscillator.parts(), 0.1),
+        orbit,
+        0.1,
+    )
     whole, cut = (calculus.recursion_terms(step, *common) for step in (verlet, broken))
-    gain = CURL / 4 * (q[0] * p[1] - q[1] * p[0])  # both half steps add CURL (dt/2)^3; p . (-q_2, q_1) is the angular momentum
+    gain = (
+        CURL / 4 * (q[0] * p[1] - q[1] * p[0])
+    )  # both half steps add CURL (dt/2)^3; p . (-q_2, q_1) is the angular momentum
     dt, time, energies = 0.05, np.linspace(0, 200, 101), {}
     for name, step in ("velocity Verlet", verlet), ("with a curl", broken):
         x, energies[name] = start, [float(oscillator.energy(start))]
@@ -297,20 +455,61 @@ def recursion(scene, dimer, tick, **_):
             energies[name].append(float(oscillator.energy(x)))
         tick()
     turned = np.array([-1, -1, 1, 1])
-    back = turned * calculus.repeated(broken, 1000)(turned * calculus.repeated(broken, 1000)(start, 1000 * dt), 1000 * dt)
+    back = turned * calculus.repeated(broken, 1000)(
+        turned * calculus.repeated(broken, 1000)(start, 1000 * dt), 1000 * dt
+    )
     J = calculus.jacobian(lambda x: broken(x, 0.5), start)
-    drift, still = (measures.drift(time, np.array(energies[name])).times(1 / (dt**2 * gain)).plain() for name in ("with a curl", "velocity Verlet"))
+    drift, still = (
+        measures.drift(time, np.array(energies[name])).times(1 / (dt**2 * gain)).plain()
+        for name in ("with a curl", "velocity Verlet")
+    )
     average = "average of G⁽¹⁾·∇H⁽⁰⁾ along a closed orbit"
     checks += [
-        check("velocity Verlet, oscillator", f"{what} of {len(angles)} states", _rest(whole), high=1e-8),
-        check("velocity Verlet, oscillator", f"|{average}|", float(abs(whole[1].mean())), high=SHOWN),
-        check("velocity Verlet, oscillator", "drift of H over Δt² times the power of the curl", **still, low=-0.01, high=0.01),
+        check(
+            "velocity Verlet, oscillator",
+            f"{what} of {len(angles)} states",
+            _rest(whole),
+            high=1e-8,
+        ),
+        check(
+            "velocity Verlet, oscillator", f"|{average}|", float(abs(whole[1].mean())), high=SHOWN
+        ),
+        check(
+            "velocity Verlet, oscillator",
+            "drift of H over Δt² times the power of the curl",
+            **still,
+            low=-0.01,
+            high=0.01,
+        ),
         check("oscillator with a curl", average, float(cut[1].mean()), low=SHOWN),
-        check("oscillator with a curl", "that less the power of the curl", float(abs(cut[1].mean() - gain)), high=SHOWN),
-        check("oscillator with a curl", "drift of H over Δt² times that average", **drift, low=0.95, high=1.05),
-        check("oscillator with a curl", "distance from the start after 1,000 steps and back", float(np.abs(back - start).max()), high=1e-10),
-        check("oscillator with a curl", "|det J − 1|", float(abs(np.linalg.det(J) - 1)), high=ROUND_OFF),
-        check("oscillator with a curl", "|J g⁻¹ Jᵀ − g⁻¹|", calculus.symplectic_defect(J), low=SHOWN),
+        check(
+            "oscillator with a curl",
+            "that less the power of the curl",
+            float(abs(cut[1].mean() - gain)),
+            high=SHOWN,
+        ),
+        check(
+            "oscillator with a curl",
+            "drift of H over Δt² times that average",
+            **drift,
+            low=0.95,
+            high=1.05,
+        ),
+        check(
+            "oscillator with a curl",
+            "distance from the start after 1,000 steps and back",
+            float(np.abs(back - start).max()),
+            high=1e-10,
+        ),
+        check(
+            "oscillator with a curl",
+            "|det J − 1|",
+            float(abs(np.linalg.det(J) - 1)),
+            high=ROUND_OFF,
+        ),
+        check(
+            "oscillator with a curl", "|J g⁻¹ Jᵀ − g⁻¹|", calculus.symplectic_defect(J), low=SHOWN
+        ),
     ]
     return checks, {"time": time.tolist(), "energy": energies, "gain": float(dt**2 * gain)}
 
@@ -319,33 +518,97 @@ def loops(scene, dimer, tick, **_):
     """What is measured on the machine code that runs in LAMMPS; a pair of bodies of each kind, but nearly linear ones, which are too stiff."""
     check, checks = partial(Check, "loops"), []
     names = {"NVE": "NO_SQUISH", "MatubayasiNakahara": "reference 12"}
-    largest, form = f"largest of {len(STEPS_OF_LOOPS)} time steps", "|Jᵀ g J − g| of the compiled loops"
+    largest, form = (
+        f"largest of {len(STEPS_OF_LOOPS)} time steps",
+        "|Jᵀ g J − g| of the compiled loops",
+    )
     for scheme, name in names.items():
         for kind in KINDS:
             if kind != "nearly linear":
                 rng = np.random.default_rng(2002)
                 pair = Scene(kind, 2, rng, scheme)
                 start = pair.random(rng)
-                defects, volumes, errors = np.transpose([pair.defects(start, dt) for dt in STEPS_OF_LOOPS])
+                defects, volumes, errors = np.transpose(
+                    [pair.defects(start, dt) for dt in STEPS_OF_LOOPS]
+                )
                 subject = f"{name}, {kind}"
-                if name == "NO_SQUISH" or kind not in ("solid", "planar"):  # where reference 12 is exact, too
-                    checks.append(check(subject, f"{form}, {largest}", defects.max(), errors.max(), high=DIFFERENCES))
+                if name == "NO_SQUISH" or kind not in (
+                    "solid",
+                    "planar",
+                ):  # where reference 12 is exact, too
+                    checks.append(
+                        check(
+                            subject,
+                            f"{form}, {largest}",
+                            defects.max(),
+                            errors.max(),
+                            high=DIFFERENCES,
+                        )
+                    )
                 else:
-                    checks.append(check(subject, f"{form} at Δt = {STEPS_OF_LOOPS[-1]}", defects[-1], errors[-1], low=100 * DIFFERENCES))
-                    checks.append(_power(check, subject, f"{form} ∝ Δt to the power of", STEPS_OF_LOOPS, defects, 2.8, 3.2))
-                checks.append(check(subject, f"change of volume, {largest}", volumes.max(), errors.max(), high=DIFFERENCES))
-                checks.append(check(subject, "100 steps forward and back", pair.returned(start, STEPS_OF_LOOPS[-1], 100), high=ROUND_OFF))
+                    checks.append(
+                        check(
+                            subject,
+                            f"{form} at Δt = {STEPS_OF_LOOPS[-1]}",
+                            defects[-1],
+                            errors[-1],
+                            low=100 * DIFFERENCES,
+                        )
+                    )
+                    checks.append(
+                        _power(
+                            check,
+                            subject,
+                            f"{form} ∝ Δt to the power of",
+                            STEPS_OF_LOOPS,
+                            defects,
+                            2.8,
+                            3.2,
+                        )
+                    )
+                checks.append(
+                    check(
+                        subject,
+                        f"change of volume, {largest}",
+                        volumes.max(),
+                        errors.max(),
+                        high=DIFFERENCES,
+                    )
+                )
+                checks.append(
+                    check(
+                        subject,
+                        "100 steps forward and back",
+                        pair.returned(start, STEPS_OF_LOOPS[-1], 100),
+                        high=ROUND_OFF,
+                    )
+                )
             tick()
     for scheme in ADVANCE:
         for kind in KINDS:
             rng = np.random.default_rng(53)
-            scenes = [Scene(kind, RANDOM, rng, scheme, order, mrot) for order in (321, 123) for mrot in (1, 2, 3, 4)]
+            scenes = [
+                Scene(kind, RANDOM, rng, scheme, order, mrot)
+                for order in (321, 123)
+                for mrot in (1, 2, 3, 4)
+            ]
             apart, slow = np.max([one.apart(rng, scheme) for one in scenes], axis=0)
             what = f"a step of the compiled loops less one by the equations, {len(scenes) * RANDOM:,} random bodies"
             subject = f"{names[scheme]}, {kind}"
-            checks.append(check(subject, f"{what}, over what a relative change grows by", float(apart), high=TIED))
+            checks.append(
+                check(
+                    subject,
+                    f"{what}, over what a relative change grows by",
+                    float(apart),
+                    high=TIED,
+                )
+            )
             if kind != "nearly linear":
-                checks.append(check(subject, f"{what}, those that turn by up to 1 rad", float(slow), high=TIED))
+                checks.append(
+                    check(
+                        subject, f"{what}, those that turn by up to 1 rad", float(slow), high=TIED
+                    )
+                )
             tick()
     return checks, None
 

@@ -50,7 +50,9 @@ def strang(parts):
 def fourth_order(motion):
     """A symmetric second-order step made fourth order: three steps, the middle one backwards in time."""
     outer = 1 / (2 - 2 ** (1 / 3))
-    return lambda x, time: motion(motion(motion(x, outer * time), (1 - 2 * outer) * time), outer * time)
+    return lambda x, time: motion(
+        motion(motion(x, outer * time), (1 - 2 * outer) * time), outer * time
+    )
 
 
 def taylor(function, order, radius):
@@ -88,7 +90,9 @@ def leading_term(parts, radius):
         wide, total = x[..., None], 0.0
         for k, (energy, motion) in enumerate(parts[:-1]):
             inner = parts[k + 1 :]
-            total += sum(twice(part.energy, motion, wide) for part in inner) - 2 * twice(energy, strang(inner), wide)
+            total += sum(twice(part.energy, motion, wide) for part in inner) - 2 * twice(
+                energy, strang(inner), wide
+            )
         return -total / 24 if np.iscomplexobj(x) else -total.real / 24
 
     return term
@@ -108,7 +112,10 @@ def recursion_terms(step, exact, energy, second, x, radius):
     """
     x = x[..., None]
     field = taylor(lambda s: step(x, s) - exact(x, s), 3, radius).real[..., None]
-    terms = taylor(lambda s: second(exact(x, s)), 1, radius), taylor(lambda s: energy(x + s * field), 1, radius)
+    terms = (
+        taylor(lambda s: second(exact(x, s)), 1, radius),
+        taylor(lambda s: energy(x + s * field), 1, radius),
+    )
     return np.stack(terms).real
 
 
@@ -149,7 +156,9 @@ def restricted(J, basis):
     """
     g = metric(len(J) // 2)
     after, before = (J @ basis).T @ g @ (J @ basis), basis.T @ g @ basis
-    return float(np.linalg.norm(after - before, 2)), float(np.sqrt(np.linalg.det(after) / np.linalg.det(before)))
+    return float(np.linalg.norm(after - before, 2)), float(
+        np.sqrt(np.linalg.det(after) / np.linalg.det(before))
+    )
 
 
 def slope(x, y):

@@ -42,7 +42,9 @@ class Scene:
 
     def __init__(self, kind, n, rng, scheme="NVE", order=321, mrot=1):
         self.kind, self.n, self.mrot = kind, n, mrot
-        self.moments = np.array(KINDS[kind] if order == 321 or kind in ("linear", "point") else KINDS[kind][::-1])
+        self.moments = np.array(
+            KINDS[kind] if order == 321 or kind in ("linear", "point") else KINDS[kind][::-1]
+        )
         self.sites = rng.uniform(-0.6, 0.6, (3, n, ATOMS))
         if kind == "linear":
             self.sites[:2] = 0.0
@@ -54,11 +56,28 @@ class Scene:
         self.charge = np.triu(self.charge, 1) + np.triu(self.charge, 1).T
         self.charge *= np.kron(1 - np.eye(n), np.ones((ATOMS, ATOMS)))  # none within a body
         state = np.zeros((kernels.ROWS, n))
-        state[MASS], state[MOMENT], state[kernels.NATOMS], state[kernels.ID], state[kernels.Q] = 1.0, self.moments[:, None], ATOMS, np.arange(n), 1.0
+        state[MASS], state[MOMENT], state[kernels.NATOMS], state[kernels.ID], state[kernels.Q] = (
+            1.0,
+            self.moments[:, None],
+            ATOMS,
+            np.arange(n),
+            1.0,
+        )
         places = np.concatenate([self.sites.reshape(3, -1), np.arange(n * ATOMS)[None]])
-        self.bodies = Bodies(state, np.repeat(np.arange(n), ATOMS), places, np.arange(n * ATOMS, dtype=np.int32), False, False)
+        self.bodies = Bodies(
+            state,
+            np.repeat(np.arange(n), ATOMS),
+            places,
+            np.arange(n * ATOMS, dtype=np.int32),
+            False,
+            False,
+        )
         self.r, self.f = np.zeros((n * ATOMS, 3)), np.zeros((n * ATOMS, 3))
-        cells = self.bodies.cells | {"atom_x": Cell(F2, self.r), "atom_f": Cell(F2, self.f), "atom_v": Cell(F2, np.zeros_like(self.r))}
+        cells = self.bodies.cells | {
+            "atom_x": Cell(F2, self.r),
+            "atom_f": Cell(F2, self.f),
+            "atom_v": Cell(F2, np.zeros_like(self.r)),
+        }
         self.loops = Loops(ADVANCE[scheme], cells, mrot)
         self.loops.cells["kicks"].set(1)
         self.loops.cells["gathers"].set(kernels.GATHERS)
@@ -69,11 +88,23 @@ class Scene:
         q /= np.linalg.norm(q, axis=0)
         spin = rng.normal(size=(3, self.n))
         spin /= np.linalg.norm(spin, axis=0)
-        if self.kind == "nearly linear":  # turns about its axis as fast as that, about the others as its energy has it
+        if (
+            self.kind == "nearly linear"
+        ):  # turns about its axis as fast as that, about the others as its energy has it
             spin[self.moments > 0.5] *= np.sqrt(self.moments.min())
         L = turn * self.moments[:, None] * spin
         p = 2 * multiply(q, np.concatenate([np.zeros((1, self.n)), L]))
-        return np.concatenate([part.ravel() for part in (strength * rng.normal(size=(3, self.n)), p, rng.normal(size=(3, self.n)), q)])
+        return np.concatenate(
+            [
+                part.ravel()
+                for part in (
+                    strength * rng.normal(size=(3, self.n)),
+                    p,
+                    rng.normal(size=(3, self.n)),
+                    q,
+                )
+            ]
+        )
 
     def split(self, x):
         """Momenta (3, n), p (4, n), centres (3, n), q (4, n)."""
@@ -104,12 +135,18 @@ class Scene:
     def positions(self, x):
         """Of the atoms, (atoms, 3), by (2.1)."""
         *_, centres, q = self.split(x)
-        return (np.einsum("ijb,jba->iba", to_space(q), self.sites) + centres[:, :, None]).reshape(3, -1).T
+        return (
+            (np.einsum("ijb,jba->iba", to_space(q), self.sites) + centres[:, :, None])
+            .reshape(3, -1)
+            .T
+        )
 
     def forces(self, r):
         """On the atoms (atoms, 3), of the potential sum of c exp(-r^2 / 2) over pairs of atoms in different bodies."""
         delta = r[:, None] - r[None]
-        return ((self.charge * np.exp(-0.5 * (delta**2).sum(axis=2)))[:, :, None] * delta).sum(axis=1)
+        return ((self.charge * np.exp(-0.5 * (delta**2).sum(axis=2)))[:, :, None] * delta).sum(
+            axis=1
+        )
 
     def model(self, x, dt, forces, scheme="NVE"):
         """A step by the paper's equations as they stand, in numpy, with these forces on the atoms (atoms, 3)."""
@@ -119,7 +156,9 @@ class Scene:
         def kicked(momenta, p, q):
             arms = np.einsum("ijb,jba->iba", to_space(q), self.sites)
             torque = np.einsum("jib,jb->ib", to_space(q), np.cross(arms, f, axis=0).sum(axis=2))
-            return momenta + dt / 2 * f.sum(axis=2), p + dt * multiply(q, np.concatenate([np.zeros((1, self.n)), torque]))
+            return momenta + dt / 2 * f.sum(axis=2), p + dt * multiply(
+                q, np.concatenate([np.zeros((1, self.n)), torque])
+            )
 
         momenta, p = kicked(momenta, p, q)
         centres = centres + dt * momenta
@@ -167,7 +206,10 @@ class Scene:
         forces = 0.3 * least * np.repeat(turn, ATOMS)[:, None] * rng.normal(size=self.f.shape)
         model = self.model(x, 1.0, forces, scheme)
         other = self.model(x * (1 + tiny * rng.normal(size=len(x))), 1.0, forces, scheme)
-        apart, response = self._relative(self.step(x, 1.0, forces), model, x), self._relative(other, model, x) / tiny
+        apart, response = (
+            self._relative(self.step(x, 1.0, forces), model, x),
+            self._relative(other, model, x) / tiny,
+        )
         return float((apart / np.maximum(1, response)).max()), float(apart[turn <= 1].max())
 
     def _relative(self, y, z, x):
@@ -175,7 +217,9 @@ class Scene:
         worst = np.zeros(self.n)
         for one, other, start in zip(self.split(y), self.split(z), self.split(x)):
             size = np.linalg.norm(other, axis=0) + np.linalg.norm(start, axis=0)
-            worst = np.maximum(worst, np.linalg.norm(one - other, axis=0) / np.where(size > 0, size, 1.0))
+            worst = np.maximum(
+                worst, np.linalg.norm(one - other, axis=0) / np.where(size > 0, size, 1.0)
+            )
         return worst
 
     # ------------------------------------------------------------- phase space
@@ -191,7 +235,10 @@ class Scene:
                 rows = [np.concatenate([0 * q[:, b], q[:, b]]), np.concatenate([q[:, b], p[:, b]])]
                 if self.kind == "linear":
                     q3, p3 = (np.stack(PERMUTE[3](a[:, b])) for a in (q, p))
-                    rows += [np.concatenate([q3, -p3]), np.concatenate([p3, q3])]  # of p . P_3 q, and along the turn
+                    rows += [
+                        np.concatenate([q3, -p3]),
+                        np.concatenate([p3, q3]),
+                    ]  # of p . P_3 q, and along the turn
             blocks.append(np.stack(rows))
         inner = block_diag(*(null_space(block) for block in blocks))
         full, n = np.zeros((14 * self.n, 6 * self.n + inner.shape[1])), self.n
@@ -209,7 +256,14 @@ class Scene:
         """
         rows = []
         for h in STEP, STEP / 2, STEP / 4:
-            rows.append(np.transpose([(self.step(x + h * v, dt) - self.step(x - h * v, dt)) / (2 * h) for v in directions.T]))
+            rows.append(
+                np.transpose(
+                    [
+                        (self.step(x + h * v, dt) - self.step(x - h * v, dt)) / (2 * h)
+                        for v in directions.T
+                    ]
+                )
+            )
         once = [(4 * fine - coarse) / 3 for coarse, fine in zip(rows, rows[1:])]
         return (16 * once[1] - once[0]) / 15, float(np.abs(once[1] - once[0]).max() / 15)
 

@@ -44,7 +44,9 @@ class Dimer:
         centre = np.einsum("ba,iba->ib", mass, r) / self.mass
         momentum, d = np.einsum("ba,iba->ib", mass, v), r - centre[:, :, None]
         spin = np.einsum("ba,iba->ib", mass, np.cross(d, v, axis=0))
-        inertia = np.einsum("ba,iba,iba->b", mass, d, d)[:, None, None] * np.eye(3) - np.einsum("ba,iba,jba->bij", mass, d, d)
+        inertia = np.einsum("ba,iba,iba->b", mass, d, d)[:, None, None] * np.eye(3) - np.einsum(
+            "ba,iba,jba->bij", mass, d, d
+        )
         moments, axes = np.linalg.eigh(inertia)
         axes = axes[:, :, ::-1]
         axes[:, :, 2] *= np.linalg.det(axes)[:, None]
@@ -53,7 +55,10 @@ class Dimer:
         p = 2 * multiply(q, np.concatenate([np.zeros((1, 2)), np.einsum("bij,ib->jb", axes, spin)]))
         self.start, self.atoms = self.join(momentum, p, centre, q), Atoms(self, mass, r, v)
         one, two = (kind[0][:, None], kind[1])
-        self._epsilon, self._sigma = np.sqrt(epsilon[one] * epsilon[two]), (sigma[one] + sigma[two]) / 2
+        self._epsilon, self._sigma = (
+            np.sqrt(epsilon[one] * epsilon[two]),
+            (sigma[one] + sigma[two]) / 2,
+        )
         self._charge = COULOMB * charge[0][:, None] * charge[1]
 
     @staticmethod
@@ -65,7 +70,9 @@ class Dimer:
     def join(*parts):
         """The state of what `split` gives."""
         rest = np.broadcast_shapes(*(np.shape(part)[2:] for part in parts))
-        return np.concatenate([np.broadcast_to(part, np.shape(part)[:2] + rest).reshape(-1, *rest) for part in parts])
+        return np.concatenate(
+            [np.broadcast_to(part, np.shape(part)[:2] + rest).reshape(-1, *rest) for part in parts]
+        )
 
     def positions(self, x):
         """Of the atoms, (3, 2, 3, ...) (2.1)."""
@@ -74,13 +81,17 @@ class Dimer:
 
     def pair(self, r):
         """Of atoms at (3, 2, 3, ...): their potential energy, and the forces on them."""
-        epsilon, sigma, charge = (_beside(value, r, 3) for value in (self._epsilon, self._sigma, self._charge))
+        epsilon, sigma, charge = (
+            _beside(value, r, 3) for value in (self._epsilon, self._sigma, self._charge)
+        )
         delta = r[:, 0, :, None] - r[:, 1, None]
         r2 = (delta * delta).sum(axis=0)
         sixth, electric = (sigma**2 / r2) ** 3, charge / np.sqrt(r2)
         between = (24 * epsilon * (2 * sixth * sixth - sixth) + electric) / r2 * delta
         energy = 4 * epsilon * (sixth * sixth - sixth) + electric
-        return energy.sum(axis=(0, 1)), np.stack([between.sum(axis=2), -between.sum(axis=1)], axis=1)
+        return energy.sum(axis=(0, 1)), np.stack(
+            [between.sum(axis=2), -between.sum(axis=1)], axis=1
+        )
 
     def potential(self, x):
         """phi, kcal/mol."""
@@ -90,7 +101,9 @@ class Dimer:
         """Forces on the centres, space frame, and torques, principal frame, (3, 2, ...) both (2.9)."""
         forces = self.pair(self.positions(x))[1]
         *_, q = self.split(x)
-        return forces.sum(axis=2), np.cross(_beside(self.sites, x), np.einsum("jib...,jba...->iba...", to_space(q), forces), axis=0).sum(axis=2)
+        return forces.sum(axis=2), np.cross(
+            _beside(self.sites, x), np.einsum("jib...,jba...->iba...", to_space(q), forces), axis=0
+        ).sum(axis=2)
 
     def kick(self, x, time):
         """The motion under phi alone (2.58, 2.60)."""
@@ -112,12 +125,16 @@ class Dimer:
     def rotational(self, k, x):
         """h_k of both bodies (2.18)."""
         _, p, _, q = self.split(x)
-        return (rotor.dot(p, PERMUTE[k](q)) ** 2 / (8 * _beside(self.moments[k - 1], x))).sum(axis=0)
+        return (rotor.dot(p, PERMUTE[k](q)) ** 2 / (8 * _beside(self.moments[k - 1], x))).sum(
+            axis=0
+        )
 
     def rotate(self, k, x, time):
         """The motion under h_k alone (2.56)."""
         momenta, p, centres, q = self.split(x)
-        q, p = rotor.rotation(q, p, PERMUTE[k](q), PERMUTE[k](p), 0.25 / _beside(self.moments[k - 1], x), time, True)
+        q, p = rotor.rotation(
+            q, p, PERMUTE[k](q), PERMUTE[k](p), 0.25 / _beside(self.moments[k - 1], x), time, True
+        )
         return self.join(momenta, np.stack(p), centres, np.stack(q))
 
     def rotate_freely(self, x, time):
@@ -136,7 +153,10 @@ class Dimer:
 
     def parts(self, mrot=1):
         """The force, and all that moves without it, outermost first, as NO_SQUISH has them (2.53)."""
-        return [Part(self.potential, self.kick), Part(self.kinetic, composed(self.translate, repeated(self.rotate_freely, mrot)))]
+        return [
+            Part(self.potential, self.kick),
+            Part(self.kinetic, composed(self.translate, repeated(self.rotate_freely, mrot))),
+        ]
 
     def energy(self, x):
         """H (2.14), with the kinetic energy of the centres."""
@@ -166,11 +186,15 @@ class Dimer:
         w = _second(_third(w, moments, time / 2), moments, time / 2)
         size = np.sqrt((w * w).sum(axis=0))
         half = size * time / 2
-        q = np.cos(half) * q + np.sin(half) / size * multiply(q, np.stack([0 * size, *w]))  # i L_1: dq/dt = S(q) (0, w) / 2
+        q = np.cos(half) * q + np.sin(half) / size * multiply(
+            q, np.stack([0 * size, *w])
+        )  # i L_1: dq/dt = S(q) (0, w) / 2
         w = _third(_second(w, moments, time / 2), moments, time / 2)
         forces, torques = self.loads(self.join(momenta, p, centres, q))
         momenta, spin = momenta + time / 2 * forces, moments * w + time / 2 * torques
-        return self.join(momenta, 2 * multiply(q, np.stack([w0 + 0 * size, *spin])) / rotor.dot(q, q), centres, q)
+        return self.join(
+            momenta, 2 * multiply(q, np.stack([w0 + 0 * size, *spin])) / rotor.dot(q, q), centres, q
+        )
 
     def constraints(self, x):
         """What is zero where |q| = 1 and w_0 = 0 (2.55), (4, ...)."""
@@ -190,7 +214,10 @@ class Atoms:
     def __init__(self, dimer, mass, r, v):
         self.dimer, self.mass = dimer, mass.ravel()
         self.start = np.concatenate([(mass * v).ravel(), r.ravel()])
-        self.square = {(i, j): ((r.reshape(3, 6)[:, i] - r.reshape(3, 6)[:, j]) ** 2).sum() for i, j in self.BONDS}
+        self.square = {
+            (i, j): ((r.reshape(3, 6)[:, i] - r.reshape(3, 6)[:, j]) ** 2).sum()
+            for i, j in self.BONDS
+        }
 
     def shake_rattle(self, x, time, tolerance):
         """One step of velocity Verlet with SHAKE for positions and RATTLE for velocities, bond after bond, round after round.
@@ -215,20 +242,27 @@ class Atoms:
             return off * time, off / self.square[i, j] * delta
 
         v = self._rounds(along, v, tolerance)
-        return np.concatenate([(_beside(self.mass, x) * v).reshape(18, *x.shape[1:]), r.reshape(18, *x.shape[1:])])
+        return np.concatenate(
+            [(_beside(self.mass, x) * v).reshape(18, *x.shape[1:]), r.reshape(18, *x.shape[1:])]
+        )
 
     def constraints(self, x):
         """What is zero where distances are kept and velocities along them vanish, (12, ...)."""
         v, r = self._split(x)
         bonds = [(r[:, i] - r[:, j], v[:, i] - v[:, j], self.square[i, j]) for i, j in self.BONDS]
-        return np.stack([(d * d).sum(axis=0) - square for d, _, square in bonds] + [(d * u).sum(axis=0) for d, u, _ in bonds])
+        return np.stack(
+            [(d * d).sum(axis=0) - square for d, _, square in bonds]
+            + [(d * u).sum(axis=0) for d, u, _ in bonds]
+        )
 
     def _split(self, x):
         p, r = (part.reshape(3, 6, *x.shape[1:]) for part in np.split(x, 2))
         return p / _beside(self.mass, x), r
 
     def _accelerations(self, r):
-        return self.dimer.pair(r.reshape(3, 2, 3, *r.shape[2:]))[1].reshape(r.shape) / _beside(self.mass, r, 2)
+        return self.dimer.pair(r.reshape(3, 2, 3, *r.shape[2:]))[1].reshape(r.shape) / _beside(
+            self.mass, r, 2
+        )
 
     def _rounds(self, wrong, y, tolerance):
         """Correct y (3, 6, ...) until ``wrong`` (how far off a bond is, and along what its atoms must move) finds nothing."""
@@ -336,13 +370,22 @@ def _beside(values, x, axes=1):
 def _read(scene):
     """Of a scene of two molecules of three atoms: masses, charges, types (2, 3), positions and velocities (3, 2, 3), and
     epsilon and sigma by type."""
-    words = dict(line.split(maxsplit=1) for line in scene.setup if line.startswith(("read_data ", "include ")))
+    words = dict(
+        line.split(maxsplit=1)
+        for line in scene.setup
+        if line.startswith(("read_data ", "include "))
+    )
     data, field = ((scene.folder / words[key]).read_text() for key in ("read_data", "include"))
     table = {title: np.loadtxt(rows.splitlines(), ndmin=2) for title, rows in re.findall(
         r"^(Masses|Atoms|Velocities)\b.*\n\n((?:.+\n)+)", data, re.MULTILINE)}  # fmt: skip
-    atoms, velocities = (table[name][table[name][:, 0].argsort()] for name in ("Atoms", "Velocities"))
+    atoms, velocities = (
+        table[name][table[name][:, 0].argsort()] for name in ("Atoms", "Velocities")
+    )
     kind, of_type = atoms[:, 2].astype(int).reshape(2, 3), dict(table["Masses"])
-    pairs = {int(i): (float(e), float(s)) for i, e, s in re.findall(r"^pair_coeff\s+(\d+)\s+\1\s+(\S+)\s+(\S+)", field, re.MULTILINE)}
+    pairs = {
+        int(i): (float(e), float(s))
+        for i, e, s in re.findall(r"^pair_coeff\s+(\d+)\s+\1\s+(\S+)\s+(\S+)", field, re.MULTILINE)
+    }
     epsilon, sigma = np.array([pairs.get(i, (0, 0)) for i in range(max(pairs) + 1)]).T
     r, v = (rows.T.reshape(3, 2, 3) for rows in (atoms[:, 4:7], velocities[:, 1:4] / FS))
     return np.vectorize(of_type.get)(kind), atoms[:, 3].reshape(2, 3), kind, r, v, epsilon, sigma

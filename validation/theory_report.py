@@ -1,6 +1,5 @@
 """From the checks of `theory` to files and the terminal: summary.json, table.csv, figures, report.html."""
 
-
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -50,9 +49,14 @@ def reversal(data):
     free = [row for row in rows if row["tolerance"] is None]
     for axis, title, shown in (
         (axes[0], "without a tolerance", free),
-        *((axis, name, [row for row in rows if row["name"] == name]) for axis, name in zip(axes[1:], ("shake", "rattle"))),
+        *(
+            (axis, name, [row for row in rows if row["name"] == name])
+            for axis, name in zip(axes[1:], ("shake", "rattle"))
+        ),
     ):
-        shades = plt.get_cmap("tab10" if shown is free else "viridis")(np.arange(len(shown)) if shown is free else np.linspace(0, 0.9, len(shown)))
+        shades = plt.get_cmap("tab10" if shown is free else "viridis")(
+            np.arange(len(shown)) if shown is free else np.linspace(0, 0.9, len(shown))
+        )
         for row, shade in zip(shown, shades):
             ours, small = row["name"] == "NVE", row["name"].endswith("small")
             axis.loglog(found["steps"], np.maximum(row["distance"], LEAST), color=OURS if ours else shade, lw=2.4 if ours else 1.4,
@@ -60,7 +64,9 @@ def reversal(data):
         axis.set_title(title, loc="left")
         axis.set_xlabel("steps forward, and as many back")
         if shown:
-            axis.legend(frameon=False, fontsize=8, ncols=2, loc="upper left", bbox_to_anchor=(-0.05, -0.14))
+            axis.legend(
+                frameon=False, fontsize=8, ncols=2, loc="upper left", bbox_to_anchor=(-0.05, -0.14)
+            )
     axes[0].set_ylabel("distance from the start (Å)")
     return figure, (
         f"The furthest atom's distance from its start after so many steps of {found['dt_fs']:g} fs, velocities reversed, and as many steps, "
@@ -75,10 +81,29 @@ def symplectic(data):
         return None, ""
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     for name, colour in ("NO_SQUISH", OURS), ("reference 12", OTHERS):
-        left.loglog(found["dt_fs"], np.maximum(found["defect"][name], LEAST), "o-", color=colour, label=f"{name}: |J g⁻¹ Jᵀ − g⁻¹|")
-        left.loglog(found["dt_fs"], np.maximum(found["volume"][name], LEAST), "x", color=colour, ls=":", label=f"{name}: |det J − 1|")
+        left.loglog(
+            found["dt_fs"],
+            np.maximum(found["defect"][name], LEAST),
+            "o-",
+            color=colour,
+            label=f"{name}: |J g⁻¹ Jᵀ − g⁻¹|",
+        )
+        left.loglog(
+            found["dt_fs"],
+            np.maximum(found["volume"][name], LEAST),
+            "x",
+            color=colour,
+            ls=":",
+            label=f"{name}: |det J − 1|",
+        )
     left.set_xlabel("Δt (fs)")
-    right.loglog(found["tolerance"], found["shake"], "o-", color=THIRD, label="SHAKE/RATTLE in Python: |Jᵀ g J − g|")
+    right.loglog(
+        found["tolerance"],
+        found["shake"],
+        "o-",
+        color=THIRD,
+        label="SHAKE/RATTLE in Python: |Jᵀ g J − g|",
+    )
     right.invert_xaxis()
     right.set_xlabel("tolerance")
     for axis in left, right:
@@ -94,20 +119,51 @@ def conserved(data):
     found = data.get("conserved")
     if not found:
         return None, ""
-    words = {"": "H", "force": "H + Δt² H⁽²⁾, force only", "rotor": "H + Δt² H⁽²⁾, rotor only", "both": "H + Δt² H⁽²⁾"}
+    words = {
+        "": "H",
+        "force": "H + Δt² H⁽²⁾, force only",
+        "rotor": "H + Δt² H⁽²⁾, rotor only",
+        "both": "H + Δt² H⁽²⁾",
+    }
     dt = np.array(found["dt_fs"])
     figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
     for axis, scheme, complete in zip(axes, ("NO_SQUISH", "free rotor"), ("both", "rotor")):
         for which, values in found["spread"][scheme].items():
-            colour = INK if which == "" else OURS if which == complete else OTHERS if which == "force" else THIRD
-            axis.loglog(dt, values, "o-", color=colour, lw=4 if which == "" else 1.5, label=words["both"] if which == complete else words[which])
+            colour = (
+                INK
+                if which == ""
+                else OURS
+                if which == complete
+                else OTHERS
+                if which == "force"
+                else THIRD
+            )
+            axis.loglog(
+                dt,
+                values,
+                "o-",
+                color=colour,
+                lw=4 if which == "" else 1.5,
+                label=words["both"] if which == complete else words[which],
+            )
         for which, order in ("", 2), (complete, 4):
-            axis.loglog(dt, found["spread"][scheme][which][0] * (dt / dt[0]) ** order, color=PALE, lw=1, zorder=0)
-        axis.set_title({"NO_SQUISH": "dimer, NO_SQUISH", "free rotor": "free rotors"}[scheme], loc="left")
+            axis.loglog(
+                dt,
+                found["spread"][scheme][which][0] * (dt / dt[0]) ** order,
+                color=PALE,
+                lw=1,
+                zorder=0,
+            )
+        axis.set_title(
+            {"NO_SQUISH": "dimer, NO_SQUISH", "free rotor": "free rotors"}[scheme], loc="left"
+        )
         axis.set_xlabel("Δt (fs)")
         axis.legend(frameon=False, fontsize=8)
     axes[0].set_ylabel("spread (kcal/mol)")
-    return figure, "Root mean square of the change since the start, along trajectories of the same length. Pale: Δt² and Δt⁴ through the first point."
+    return (
+        figure,
+        "Root mean square of the change since the start, along trajectories of the same length. Pale: Δt² and Δt⁴ through the first point.",
+    )
 
 
 def mrot(data):
@@ -137,7 +193,9 @@ def recursion(data):
     time = np.array(found["time"])
     for (name, values), colour in zip(found["energy"].items(), (OURS, THIRD)):
         axis.plot(time, np.array(values) - values[0], color=colour, label=name)
-    axis.plot(time, found["gain"] * time, color=INK, lw=1, ls=":", label="Δt² × average of G⁽¹⁾·∇H⁽⁰⁾")
+    axis.plot(
+        time, found["gain"] * time, color=INK, lw=1, ls=":", label="Δt² × average of G⁽¹⁾·∇H⁽⁰⁾"
+    )
     axis.set_xlabel("time")
     axis.set_ylabel("H − its start")
     axis.legend(frameon=False)

@@ -19,7 +19,11 @@ ITERATIONS = 2000  # at most, of shake and rattle: a tolerance is reached, not g
 INTEGRATORS = [
     *((nosquish(name, f"fix_nosquish.{name}", scheme=name), None) for name in OURS),
     *((rigid(style), None) for style in ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
-    *((constrained(style, tolerance, ITERATIONS), float(tolerance)) for style in ("shake", "rattle") for tolerance in TOLERANCES),
+    *(
+        (constrained(style, tolerance, ITERATIONS), float(tolerance))
+        for style in ("shake", "rattle")
+        for tolerance in TOLERANCES
+    ),
 ]
 
 
@@ -36,7 +40,17 @@ def reverse(scene, integrator, folder, silence=120.0):
         furthest from its start, and ``moved``, of the atom that had gone furthest; ``positions`` (atoms, 3) after `COMPARED` steps.
     """
     folder = folder.resolve()
-    job = run.job(scene, integrator, folder, [0], dt=scene.dt, every=0, positions=False, silence=silence, origin=machine.origin(scene, integrator))
+    job = run.job(
+        scene,
+        integrator,
+        folder,
+        [0],
+        dt=scene.dt,
+        every=0,
+        positions=False,
+        silence=silence,
+        origin=machine.origin(scene, integrator),
+    )
     dump = 'write_dump all custom "{}/{}" id x y z vx vy vz modify sort id format float %.17g'
     job.commands.append(dump.format(folder, "start"))
     job.commands.extend(f"variable {c} atom -v{c}" for c in "xyz")
@@ -55,7 +69,10 @@ def reverse(scene, integrator, folder, silence=120.0):
     if not result.error:
         start = _positions(folder / "start")
         for key, file in ("distance", "back"), ("moved", "there"):
-            row[key] = [float(np.linalg.norm(_positions(folder / f"{file}-{n}") - start, axis=1).max()) for n in STEPS]
+            row[key] = [
+                float(np.linalg.norm(_positions(folder / f"{file}-{n}") - start, axis=1).max())
+                for n in STEPS
+            ]
         row["positions"] = _positions(folder / f"there-{COMPARED}")
     return row
 

@@ -76,7 +76,11 @@ def work(job, out):
     MPI.Pcontrol(0)
     seconds = {"commands": [timed(command) for command in job["commands"]]}
     seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
-    kept = {name: [gather(lmp, name, 1, 3)] for name in (("x", "v") if job["motion"] else ("x",))} if job["body_property"] else {}
+    kept = (
+        {name: [gather(lmp, name, 1, 3)] for name in (("x", "v") if job["motion"] else ("x",))}
+        if job["body_property"]
+        else {}
+    )
     seconds["runs"] = []
     for index, steps in enumerate(job["runs"]):
         last = index == len(job["runs"]) - 1
@@ -91,7 +95,9 @@ def work(job, out):
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     if world.rank == 0:
         if job["body_property"]:
-            np.savez(out / "positions.npz", **kept, **more, bodies=bodies, cell=cell, periodic=periodic)
+            np.savez(
+                out / "positions.npz", **kept, **more, bodies=bodies, cell=cell, periodic=periodic
+            )
         done = {
             "lammps": version,
             "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),

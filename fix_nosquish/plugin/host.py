@@ -37,7 +37,11 @@ class Host:
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
         self._natoms = c_int.from_address(bridge.nlocal)
-        self._note, self._keep, self._point = bridge.note, bridge.keep, bridge.point  # ctypes makes a function at each access
+        self._note, self._keep, self._point = (
+            bridge.note,
+            bridge.keep,
+            bridge.point,
+        )  # ctypes makes a function at each access
 
     def log(self, text):
         """Print text on LAMMPS's screen and in its log file; ranks other than 0 print nothing."""
@@ -82,7 +86,9 @@ class Host:
             mass: float64, contiguous, of each body.
         """
         self._lent = body, mass
-        self._bridge.body, self._bridge.masstotal = (None if array is None else array.ctypes.data for array in (body, mass))
+        self._bridge.body, self._bridge.masstotal = (
+            None if array is None else array.ctypes.data for array in (body, mass)
+        )
 
     def set_array_rows(self, n):
         """Tell LAMMPS how many rows ``compute_array`` gives now; of further rows LAMMPS reads zeros.
@@ -126,7 +132,9 @@ class Host:
             following = [first, agreement, *moved, always, *last]
             bridge.moving = len(moved)
         self._passes = [each and passes(each) for each in (step, following)]
-        bridge.step, bridge.neighbor = (each and cast(each[0], type(bridge.step)) for each in self._passes)
+        bridge.step, bridge.neighbor = (
+            each and cast(each[0], type(bridge.step)) for each in self._passes
+        )
         bridge.may_wait, bridge.look_every = True, look_every
 
     def call_always(self):
@@ -164,7 +172,12 @@ class Host:
         """
         self._carried, bridge = bodies, self._bridge
         bridge.arrays = lammps and lammps.table.ctypes.data
-        for name, of_bodies in ("index", "index"), ("body_of", "body"), ("d", "d"), ("state", "state"):
+        for name, of_bodies in (
+            ("index", "index"),
+            ("body_of", "body"),
+            ("d", "d"),
+            ("state", "state"),
+        ):
             setattr(bridge, name, None if bodies is None else bodies.cells[of_bodies].address)
 
     def point(self, cells):
@@ -193,8 +206,12 @@ class Host:
 
     def _need_carried(self):
         if not (self._bridge.carries and self._bridge.arrays):
-            raise AttributeError("a class that follows its atoms in passes has an attribute carries, and calls carry() before")
+            raise AttributeError(
+                "a class that follows its atoms in passes has an attribute carries, and calls carry() before"
+            )
 
     def _need_origins(self):
         if not self._bridge.follows_atoms:
-            raise AttributeError("note() and origins() are for classes with an attribute follows_atoms, true when the instance is made")
+            raise AttributeError(
+                "note() and origins() are for classes with an attribute follows_atoms, true when the instance is made"
+            )

@@ -21,6 +21,10 @@ def passes(each):
             entry.kind, entry.loop, entry.cells = LOOP, one.func.address, addressof(one.args[0])
         else:
             addresses = (c_int64 * (len(one.cells) + 1))(*[cell.address for cell in one.cells])
-            entry.kind, entry.comm, entry.cells = KINDS[type(one).__name__], one.world.handle, addressof(addresses)
+            entry.kind, entry.comm, entry.cells = (
+                KINDS[type(one).__name__],
+                one.world.handle,
+                addressof(addresses),
+            )
             kept.append(addresses)
     return array, (each, kept)
