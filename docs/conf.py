@@ -1,0 +1,41 @@
+"""How Sphinx builds these pages: sphinx-build -W --keep-going -n docs docs/_build/html"""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE / "_ext"))
+
+import committed  # noqa: E402
+from lammps_lexer import LammpsLexer  # noqa: E402
+
+import fix_nosquish  # noqa: E402
+
+project = author = "fix_nosquish"
+copyright = "the authors of fix_nosquish"
+release = version = fix_nosquish.__version__
+html_title = f"fix_nosquish {release}"
+
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
+myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]
+myst_heading_anchors = 3
+exclude_patterns = ["_build", "_ext"]
+html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
+nitpicky = True
+nitpick_ignore_regex = [("py:class", r"[^.]*")]  # docstrings say types in words
+autodoc_typehints = "none"  # the docstrings say the types
+autodoc_member_order = "bysource"
+copybutton_prompt_text = r"\$ "
+copybutton_prompt_is_regexp = True
+
+def fill(app, docname, source):
+    """Fill the results' pages with what is committed."""
+    if docname.startswith("results/"):
+        source[0] = committed.render(source[0])
+
+
+def setup(app):
+    app.add_lexer("lammps", LammpsLexer)
+    app.connect("source-read", fill)
