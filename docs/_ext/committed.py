@@ -19,7 +19,8 @@ ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "validation" / "results"
 BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
 OURS = "fix_nosquish.NVE"
-WAITING = "–"
+NOTHING = "–"
+PM = "\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}"
 
 
 # ---- reading
@@ -73,8 +74,8 @@ def margin(value, error):
         return significant(value)
     digits = max(0, 1 - math.floor(math.log10(error)))
     if digits > 5:
-        return f"{significant(value)} ± {significant(error, 2)}"
-    return sign(f"{value:,.{digits}f}") + f" ± {error:,.{digits}f}"
+        return f"{significant(value)}{PM}{significant(error, 2)}"
+    return sign(f"{value:,.{digits}f}") + f"{PM}{error:,.{digits}f}"
 
 
 def spread(low, high, digits=2):
@@ -125,7 +126,7 @@ def compare_water():
             margin(row["energy drift (kcal/mol/ps)"], row["energy drift margin (kcal/mol/ps)"]),
             margin(row["temperature (K)"], row["temperature margin (K)"]),
             margin(row["pressure (atm)"], row["pressure margin (atm)"]),
-            significant(kept, 2) if kept else WAITING, significant(row["rigidity (Å)"], 1),
+            significant(kept, 2) if kept else NOTHING, significant(row["rigidity (Å)"], 1),
         ])  # fmt: skip
     head = "integrator", "sd of energy, kcal/mol", "drift, kcal/mol/ps", "T, K", "P, atm"
     return markdown([*head, "distance, Å", "rigidity, Å"], body)
@@ -376,7 +377,7 @@ def _checks(table, parts):
             f"{float(low):g} to {float(high):g}" if low and high else
             f"≥ {float(low):g}" if low else f"≤ {float(high):g}" if high else ""
         )  # fmt: skip
-        value = margin(row["value"], row["margin"]) + unit if row["value"] else WAITING
+        value = margin(row["value"], row["margin"]) + unit if row["value"] else NOTHING
         body.append([row["subject"], row["what"], value, bound, row["verdict"]])
     return markdown(["of", "what", "number", "bound", "verdict"], body)
 
@@ -506,7 +507,7 @@ def readme_table():
         "one run made in two parts: distance, σ": broke("tops-runs"),
         "temperature with `fix temp/csvr`: relative error": broke("temp-csvr"),
     }  # fmt: skip
-    body = [[what, *(give(fix) or WAITING for fix in fixes)] for what, give in lines.items()]
+    body = [[what, *(give(fix) or NOTHING for fix in fixes)] for what, give in lines.items()]
     return markdown(["", *map(code, fixes)], body)
 
 
