@@ -37,6 +37,7 @@ autodoc_member_order = "bysource"
 copybutton_prompt_text = r"\$ "
 copybutton_prompt_is_regexp = True
 
+
 def fill(app, docname, source):
     """Fill the results' pages with what is committed."""
     if docname.startswith("results/"):

@@ -465,6 +465,7 @@ def holding(verb, name="table"):
 
 # ---- pages and the README
 
+
 def render(text):
     """A page of which the braces are filled with what is committed."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
