@@ -40,8 +40,9 @@ def files(text):
 
 
 def prose(text):
-    """The paragraphs, items and nothing else: without code, tables, equations, headings, front matter."""
-    text = re.sub(r"\A---\n.*?\n---\n|<!--.*?-->|^(`{3,}|:{3,}).*?^\1|\$\$.*?\$\$", "\n\n", text, flags=re.M | re.S)  # fmt: skip
+    """Paragraphs and items: without code, tables, equations, headings and front matter."""
+    other = r"\A---\n.*?\n---\n|<!--.*?-->|^(`{3,}|:{3,}).*?^\1|\$\$.*?\$\$"
+    text = re.sub(other, "\n\n", text, flags=re.M | re.S)
     kept = [
         "" if re.match(r"    |\s*\||#|!\[", line) else re.sub(r"^\s*([-*]|\d+\.) ", "\n\n", line)
         for line in text.splitlines()
@@ -60,7 +61,8 @@ def sentences(text):
 
 def test_sentences_are_found():
     """Locks out a search that passes because it finds nothing."""
-    text = "# A title\n\nOne two. Three\nfour five:\n\n    code that. Is not\n\n- six `a b c`\n- [seven](eight)\n\n| a | b |\n"
+    text = "# A title\n\nOne two. Three\nfour five:\n\n    code that. Is not\n\n"
+    text += "- six `a b c`\n- [seven](eight)\n\n| a | b |\n"
     found = [" ".join(words) for words in sentences(text)]
     assert found == ["One two.", "Three four five:", "six X", "seven"]
 
@@ -98,7 +100,7 @@ def test_links_lead_to_files(path):
 
 
 def test_numbers_of_results_are_not_typed():
-    """Locks out a measured number that is typed into a page of results, and so does not follow them."""
+    """Locks out a measured number that is typed into a page of results, and stays behind."""
     names = (
         r"TIP3P|CH3|NH3|1/16|1e-5|1e-8|95 %|1 %|10⁷|\(\d\.\d+\)|NVE_\dfs|S1\.csv|reference 12|"
         r"J\. Chem\. Phys\. 150, 114110 \(2019\)|0\.3 fs|1,000 molecules|[Ff]igures? \d\w?|"
@@ -129,7 +131,7 @@ def test_each_table_is_shown_once():
 
 
 def test_each_keyword_is_on_one_page(run_lammps):
-    """Locks out a keyword without its place on the fix's page: the refusal of an unknown one names all."""
+    """Locks out a keyword without its place there: the refusal of an unknown one names all."""
     script = files((DOCS / "tutorial.md").read_text())
     setup = script["in.build"].replace("write_data      data.co2 nocoeff", "")
     line = 'fix 1 all python/move "fix_nosquish.NVE all molecule nonsense 1"\n'
@@ -151,7 +153,10 @@ def test_quoted_messages_are_those_of_the_package():
     quoted = re.findall(r"\| `([^`]*)` \|$", rows, re.M)
     assert len(quoted) > 10
     for message in quoted:
-        variable = r"the body of molecule \d|\d[\d.]*|\.\.\.|\(.*?\)|'\w+'|an ellipsoid, |an SPH particle, | this fix |\(style \w+\)|: "
+        variable = (
+            r"the body of molecule \d|\d[\d.]*|\.\.\.|\(.*?\)|'\w+'|"
+            r"an ellipsoid, |an SPH particle, | this fix |\(style \w+\)|: "
+        )
         parts = [part.strip() for part in re.split(variable, message) if part]
         longest = max(parts, key=len)
         assert len(longest) > 10 and longest in source, (message, longest)

@@ -1,7 +1,7 @@
 """The committed results as tables and numbers of the documentation: no page has one typed in.
 
-A page of `docs/results` is a Jinja template; `render` fills it. Each public function of this module that takes no
-argument is a Markdown table of that name. The README's table lies between two marks, and
+A page of `docs/results` is a Jinja template; `render` fills it. Each function in TABLES is a
+Markdown table of that name. The README's table lies between two marks, and
 `python docs/_ext/committed.py` writes it anew.
 """
 
@@ -305,8 +305,9 @@ def loop():
 def goals():
     body = []
     for row in rows("bench", "goals"):
-        number = f"{significant(row['median'], 2)} ({significant(row['min'], 2)}–{significant(row['max'], 2)})"
-        body.append([row["where"], row["what"], f"{float(row['at most']):g}", number, row["met"]])
+        median, low, high = (significant(row[word], 2) for word in ("median", "min", "max"))
+        limit = f"{float(row['at most']):g}"
+        body.append([row["where"], row["what"], limit, f"{median} ({low}–{high})", row["met"]])
     return markdown(["where", "what", "at most", "measured", ""], body)
 
 

@@ -1,5 +1,7 @@
 """LAMMPS's input language, for Pygments."""
 
+from typing import ClassVar
+
 from pygments.lexer import RegexLexer, bygroups
 from pygments.token import Comment, Keyword, Name, Number, String, Text
 
@@ -8,7 +10,7 @@ class LammpsLexer(RegexLexer):
     """Commands, variables, numbers, texts and comments."""
 
     name, aliases, filenames = "LAMMPS", ["lammps"], ["in.*"]
-    tokens = {
+    tokens: ClassVar = {
         "root": [
             (r"(^[ \t]*)(\w+)(?=\s)", bygroups(Text, Keyword)),
             (r"#.*$", Comment),
