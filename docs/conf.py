@@ -1,5 +1,6 @@
 """How Sphinx builds these pages: sphinx-build -W --keep-going -n docs docs/_build/html"""
 
+import re
 import sys
 from pathlib import Path
 
@@ -39,9 +40,11 @@ copybutton_prompt_is_regexp = True
 
 
 def fill(app, docname, source):
-    """Fill the results' pages with what is committed."""
+    """Fill the results' pages with what is committed; numbers like 1e-9 stay in one line."""
     if docname.startswith("results/"):
-        source[0] = committed.render(source[0])
+        text = committed.render(source[0])
+        exponents = r"`[^`]*`|(?<=\de)-(?=\d)"  # not those in code
+        source[0] = re.sub(exponents, lambda one: "\u2011" if one[0] == "-" else one[0], text)
 
 
 def setup(app):

@@ -60,6 +60,11 @@ def significant(value, digits=3):
     return sign(f"{round(value, digits - 1 - power):,.{max(0, digits - 1 - power)}f}")
 
 
+def plain(value):
+    """A bound as it is written: 6, 0.02, 1e-9."""
+    return sign(re.sub(r"e([+-]?)0*", r"e\1", f"{float(value):.4g}").replace("e+", "e"))
+
+
 def sign(text):
     """The text with a minus sign in place of a hyphen in front."""
     return "−" + text[1:] if text.startswith("-") else text
@@ -103,14 +108,6 @@ def full(text):
     text = re.sub(r"\S+ (\S+) \(--full: ([\d,]+)\)", r"\2 \1", text)
     text = re.sub(r"\S+ \S+ \(--full: ([^)]*)\)", r"\1", text)
     return re.sub(r",? with --full", "", text)
-
-
-def collapse(verdicts):
-    """How many of each verdict there are, in words."""
-    counts = defaultdict(int)
-    for verdict in verdicts:
-        counts[verdict] += 1
-    return ", ".join(f"{name}: {count}" for name, count in counts.items())
 
 
 # ---- water: compare, sweep, published
@@ -207,7 +204,7 @@ def published():
     names = {"all": "all together"}
     body = [
         [names.get(row["subject"], row["subject"]), margin(row["value"], row["margin"]),
-         f"{float(row['low']):g} to {float(row['high']):g}", row["verdict"], row["note"]]
+         f"{plain(row['low'])} to {plain(row['high'])}", row["verdict"], row["note"]]
         for row in rows("published")
     ]  # fmt: skip
     head = "step", "our spread over theirs", "bound", "verdict", "kcal/mol, with standard errors"
@@ -306,7 +303,7 @@ def goals():
     body = []
     for row in rows("bench", "goals"):
         median, low, high = (significant(row[word], 2) for word in ("median", "min", "max"))
-        limit = f"{float(row['at most']):g}"
+        limit = plain(row["at most"])
         body.append([row["where"], row["what"], limit, f"{median} ({low}–{high})", row["met"]])
     return markdown(["where", "what", "at most", "measured", ""], body)
 
@@ -358,7 +355,7 @@ def model():
 
 def long_run():
     body = [
-        [code(row["label"]), f"{float(row['angle']):g}", significant(row["energy"], 1),
+        [code(row["label"]), plain(row["angle"]), significant(row["energy"], 1),
          significant(row["angular_momentum"], 1), significant(row["momentum"], 1),
          significant(row["shape"], 1)]
         for row in rows("long-run")
@@ -375,8 +372,8 @@ def _checks(table, parts):
         unit = f" {row['unit']}" if row["unit"] else ""
         low, high = row["low"], row["high"]
         bound = (
-            f"{float(low):g} to {float(high):g}" if low and high else
-            f"≥ {float(low):g}" if low else f"≤ {float(high):g}" if high else ""
+            f"{plain(low)} to {plain(high)}" if low and high else
+            f"≥ {plain(low)}" if low else f"≤ {plain(high)}" if high else ""
         )  # fmt: skip
         value = margin(row["value"], row["margin"]) + unit if row["value"] else NOTHING
         body.append([row["subject"], row["what"], value, bound, row["verdict"]])
@@ -460,8 +457,12 @@ def number(verb, name="table", column="value", digits=3, **where):
 
 
 def holding(verb, name="table"):
-    """How many of a table's statements hold, in words."""
-    return collapse(row["verdict"] for row in rows(verb, name))
+    """How many of a table's statements hold, a sentence."""
+    verdicts = [row["verdict"] for row in rows(verb, name)]
+    count = {verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)}
+    others = [f"{verdict}: {found}" for verdict, found in count.items() if verdict != "holds"]
+    text = f"{count['holds']} of {len(verdicts)} statements hold"
+    return text + (f" ({', '.join(others)})." if others else ".")
 
 
 # ---- pages and the README
