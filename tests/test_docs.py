@@ -145,10 +145,16 @@ def test_each_keyword_is_on_one_page(run_lammps):
         assert word in text.split("## Default")[1], word
 
 
-def test_quoted_messages_are_those_of_the_package():
+@pytest.fixture(scope="module")
+def source():
+    """The text of the package, in which a message is one piece."""
+    paths = (ROOT / "fix_nosquish").rglob("*")
+    text = "".join(path.read_text() for path in paths if path.suffix in (".py", ".cpp"))
+    return re.sub(r"[\"']\s*\n\s*f?[\"']", "", text)
+
+
+def test_quoted_messages_are_those_of_the_package(source):
     """Locks out a message on the fix's page that the package does not print."""
-    source = "".join(path.read_text() for path in (ROOT / "fix_nosquish").rglob("*.py"))
-    source = re.sub(r"[\"']\s*\n\s*f?[\"']", "", source)
     rows = (DOCS / "fix.md").read_text().split("### What is refused")[1].split("### ")[0]
     quoted = re.findall(r"\| `([^`]*)` \|$", rows, re.M)
     assert len(quoted) > 10
@@ -160,6 +166,14 @@ def test_quoted_messages_are_those_of_the_package():
         parts = [part.strip() for part in re.split(variable, message) if part]
         longest = max(parts, key=len)
         assert len(longest) > 10 and longest in source, (message, longest)
+
+
+def test_quoted_symptoms_are_those_of_the_package(source):
+    """Locks out a piece of the log that the troubleshooting names and the package does not print."""
+    rows = re.findall(r"^\| `([^`]*)`", (DOCS / "troubleshooting.md").read_text(), re.M)
+    assert len(rows) > 10
+    for piece in rows:
+        assert piece.removeprefix("1 ") in source, piece
 
 
 # ---- the tutorial

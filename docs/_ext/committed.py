@@ -9,6 +9,7 @@ import csv
 import json
 import math
 import re
+import statistics
 import sys
 from collections import defaultdict
 from pathlib import Path
@@ -35,14 +36,6 @@ def rows(verb, name="table"):
 def summary(verb):
     """A committed summary.json."""
     return json.loads((RESULTS / verb / "summary.json").read_text())
-
-
-def one(table, **where):
-    """The one row of a table whose columns begin so."""
-    found = [row for row in table if all(row[key].startswith(text) for key, text in where.items())]
-    if len(found) != 1:
-        raise LookupError(f"{len(found)} rows with {where}")
-    return found[0]
 
 
 # ---- numbers as text
@@ -448,14 +441,6 @@ def made(verb):
     )
 
 
-def number(verb, name="table", column="value", digits=3, **where):
-    """One number of a table, the row being the one whose columns begin with these texts."""
-    row = one(rows(verb, name), **where)
-    errors = [f"{column} margin", "margin"]
-    error = next((row[key] for key in errors if row.get(key)), "")
-    return margin(row[column], error) if error else significant(row[column], digits)
-
-
 def holding(verb, name="table"):
     """How many of a table's statements hold, a sentence."""
     verdicts = [row["verdict"] for row in rows(verb, name)]
@@ -465,6 +450,24 @@ def holding(verb, name="table"):
     return text + (f" ({', '.join(others)})." if others else ".")
 
 
+def apart(column):
+    """How far the first four rows of compare-water lie apart: their standard deviation."""
+    found = [float(row[column]) for row in rows("compare-water")[:4]]
+    return significant(statistics.stdev(found), 2)
+
+
+def met():
+    """How many of the benchmark's limits are met, in words."""
+    found = [row["met"] for row in rows("bench", "goals")]
+    return f"{found.count('met')} of {len(found)} are met"
+
+
+def largest(what):
+    """The largest number of the theory's statements that begin so."""
+    found = [float(row["value"]) for row in rows("theory") if row["what"].startswith(what)]
+    return significant(max(found), 1)
+
+
 # ---- pages and the README
 
 
@@ -472,9 +475,11 @@ def render(text):
     """A page of which the braces are filled with what is committed."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     names = {function.__name__: function for function in TABLES}
-    return environment.from_string(text).render(
-        **names, made=made, number=number, holding=holding, summary=summary, significant=significant
-    )
+    others = {
+        function.__name__: function
+        for function in (made, holding, apart, met, largest, summary, significant)
+    }
+    return environment.from_string(text).render(**names, **others)
 
 
 def readme_table():
