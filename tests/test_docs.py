@@ -169,7 +169,7 @@ def test_quoted_messages_are_those_of_the_package(source):
 
 
 def test_quoted_symptoms_are_those_of_the_package(source):
-    """Locks out a piece of the log that the troubleshooting names and the package does not print."""
+    """Locks out a piece of the log that the page names and the package does not print."""
     rows = re.findall(r"^\| `([^`]*)`", (DOCS / "troubleshooting.md").read_text(), re.M)
     assert len(rows) > 10
     for piece in rows:

@@ -506,14 +506,14 @@ def readme_table():
 
     lines = {
         "water at 2 fs: spread of the energy, kcal/mol": energy,
-        "1,000 waters: time of a step, ours over this one's": whole("water", 1000, 1),
+        "1,000 waters: time of a whole step, ours over this fix's": whole("water", 1000, 1),
         "bodies of 2 to 200 atoms: the same": whole("mixed", 1296, 1),
         "one body of 10⁵ atoms: the same": whole("big", 1, 1),
-        f"cases passed in the stability atlas, of {len(summary('stability')['cases'])}": passed.get,
-        "free body, 10⁷ steps: relative change of the energy":
+        f"cases of the stability atlas passed, of {len(summary('stability')['cases'])}": passed.get,
+        "a free body, 10⁷ steps: relative change of the energy":
             lambda fix: significant(free[fix], 1) if fix in free else "",
-        "one run made in two parts: distance, σ": broke("tops-runs"),
-        "temperature with `fix temp/csvr`: relative error": broke("temp-csvr"),
+        "a run in two parts: distance from the same run in one, σ": broke("tops-runs"),
+        "`fix temp/csvr`: relative error of the temperature": broke("temp-csvr"),
     }  # fmt: skip
     body = [[what, *(give(fix) or NOTHING for fix in fixes)] for what, give in lines.items()]
     return markdown(["", *map(code, fixes)], body)
