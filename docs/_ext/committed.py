@@ -21,7 +21,8 @@ RESULTS = ROOT / "validation" / "results"
 BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
 OURS = "fix_nosquish.NVE"
 NOTHING = "–"
-PM = "\N{NO-BREAK SPACE}±\N{NO-BREAK SPACE}"
+NBSP = "\N{NO-BREAK SPACE}"
+PM = f"{NBSP}±{NBSP}"
 
 
 # ---- reading
@@ -362,11 +363,11 @@ def _checks(table, parts):
     for row in table:
         if row["part"] not in parts:
             continue
-        unit = f" {row['unit']}" if row["unit"] else ""
+        unit = NBSP + row["unit"] if row["unit"] else ""
         low, high = row["low"], row["high"]
         bound = (
             f"{plain(low)} to {plain(high)}" if low and high else
-            f"≥ {plain(low)}" if low else f"≤ {plain(high)}" if high else ""
+            f"≥{NBSP}{plain(low)}" if low else f"≤{NBSP}{plain(high)}" if high else ""
         )  # fmt: skip
         value = margin(row["value"], row["margin"]) + unit if row["value"] else NOTHING
         body.append([row["subject"], row["what"], value, bound, row["verdict"]])
