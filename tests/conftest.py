@@ -18,6 +18,7 @@ import pytest  # noqa: E402
 ROOT = Path(__file__).resolve().parent.parent
 
 sys.path.append(str(ROOT))  # for validation, which puts it behind what is installed
+sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the pages of results
 pytest.register_assert_rewrite("endings")
 
 import quick  # noqa: E402

@@ -402,7 +402,7 @@ def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, 
         found[name, dt] = (thermo["Press"] - terms.sum()) / np.abs(terms).max()
     assert abs(found["ours", 1.0]) < 1e-12 and abs(found["ours", 0.01]) < 1e-12, found
     assert abs(found["theirs", 0.01]) > 10 * abs(found["theirs", 1.0]) > 0.1, (
-        "rigid/nve no longer has the impulse: say so in the README"
+        "rigid/nve no longer has the impulse: say so in docs/fix.md"
     )
 
 

@@ -271,7 +271,7 @@ def test_velocities_changed_by_fixes(run_all, ranks):
             ignored, none = results[name, "ignored"], results["", "none"]
             assert differ(ignored, theirs, system.h) > 1e-4, name
             assert differ(ignored, none, system.h) == 0, (
-                f"rigid/nve no longer ignores {name}: say so in the README"
+                f"rigid/nve no longer ignores {name}: say so in docs/from-rigid.md"
             )
 
 

@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 
+import committed
 import numpy as np
 import pytest
 from conftest import BIN, Silent, read_thermo
@@ -179,7 +180,7 @@ def test_a_spread_that_is_a_drift_says_so():
 
 
 def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
-    """Locks out numbers that are called printed ones: each and its error are worked out here, from a file of the authors, which table, page and README name."""
+    """Locks out numbers that are called printed ones: each and its error are worked out here, from a file of the authors, which table, page and documentation name."""
     monkeypatch.setattr(
         published,
         "published",
@@ -193,11 +194,9 @@ def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
             f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}"
             in one["source"]
         )
-    page, readme = (
-        (tmp_path / "report.html").read_text(),
-        (published.INPUTS.parent / "README.md").read_text(),
-    )
-    for text in page, readme:
+    written = published.INPUTS.parent / "docs" / "results" / "water.md"
+    page, written = (tmp_path / "report.html").read_text(), committed.render(written.read_text())
+    for text in page, written:
         assert (
             "NVE_1fs.csv" in text
             and "S1.csv" in text
@@ -206,5 +205,5 @@ def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
         )
     assert (
         published.THEIR_ERROR == pytest.approx(1 / np.sqrt(2 * 667))
-        and f"{published.ENERGIES} energies" in readme
+        and f"{published.ENERGIES} energies" in written
     )

@@ -1,6 +1,6 @@
 """What users of rigid bodies in LAMMPS report as broken, held against exact answers and conservation laws.
 
-The cases that the README tells of are those of ``validation.breaks``, whose committed table has the numbers of LAMMPS's own fixes, too. Where these
+The cases that the documentation tells of are those of ``validation.breaks``, whose committed table has the numbers of LAMMPS's own fixes, too. Where these
 pass, the two are compared; where they do not, nothing is asserted of them.
 """
 
@@ -391,7 +391,7 @@ def test_exception_on_one_rank(run_lammps, tmp_path, method):
     assert_ended(run, (f"ValueError: no such luck in {method}",), tmp_path)
 
 
-# ---- the cases of the README
+# ---- the cases of the documentation
 
 
 @pytest.mark.parametrize("name", breaks.CASES)

@@ -1,0 +1,52 @@
+"""How Sphinx builds these pages: sphinx-build -W --keep-going -n docs docs/_build/html"""
+
+import re
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE / "_ext"))
+
+import committed  # noqa: E402
+from lammps_lexer import LammpsLexer  # noqa: E402
+
+import fix_nosquish  # noqa: E402
+
+project = author = "fix_nosquish"
+copyright = "the authors of fix_nosquish"
+release = version = fix_nosquish.__version__
+html_title = f"fix_nosquish {release}"
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "mathml",
+]
+myst_enable_extensions = ["amsmath", "colon_fence", "dollarmath"]
+myst_heading_anchors = 3
+exclude_patterns = ["_build", "_ext"]
+html_theme = "furo"
+html_math_renderer = "mathml"
+html_static_path = ["_static"]
+html_css_files = ["tables.css"]
+nitpicky = True
+nitpick_ignore_regex = [("py:class", r"[^.]*")]  # docstrings say types in words
+autodoc_typehints = "none"  # the docstrings say the types
+autodoc_member_order = "bysource"
+copybutton_prompt_text = r"\$ "
+copybutton_prompt_is_regexp = True
+
+
+def fill(app, docname, source):
+    """Fill the results' pages with what is committed; numbers like 1e-9 stay in one line."""
+    if docname.startswith("results/"):
+        text = committed.render(source[0])
+        exponents = r"`[^`]*`|(?<=\de)-(?=\d)"  # not those in code
+        source[0] = re.sub(exponents, lambda one: "\u2011" if one[0] == "-" else one[0], text)
+
+
+def setup(app):
+    app.add_lexer("lammps", LammpsLexer)
+    app.connect("source-read", fill)

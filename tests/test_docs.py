@@ -1,0 +1,210 @@
+"""The documentation: what it quotes is what the programs print, and its sentences are short.
+
+The results' pages are filled when they are built, so what is looked at here is the filled page.
+"""
+
+import re
+from pathlib import Path
+
+import committed
+import pytest
+from conftest import ROOT
+
+DOCS = ROOT / "docs"
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+PAGES += sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
+LONGEST = 30  # words
+
+
+def page(path):
+    """A page as its reader has it."""
+    text = Path(path).read_text()
+    return committed.render(text) if "{{" in text else text
+
+
+def blocks(text):
+    """The fenced blocks of a page: (language, caption, content)."""
+    fence = r"^```(?:\{code-block\} )?(\w+)\n(?::caption: (\S+)\n)?(.*?)^```$"
+    return re.findall(fence, text, re.M | re.S)
+
+
+def files(text):
+    """From name to content of the files that a page shows, of one or more blocks each."""
+    found = {}
+    for _, name, content in blocks(text):
+        found[name] = found.get(name, "") + content
+    return found
+
+
+# ---- sentences
+
+
+def prose(text):
+    """Paragraphs and items: without code, tables, equations, headings and front matter."""
+    other = r"\A---\n.*?\n---\n|<!--.*?-->|^(`{3,}|:{3,}).*?^\1|\$\$.*?\$\$"
+    text = re.sub(other, "\n\n", text, flags=re.M | re.S)
+    kept = [
+        "" if re.match(r"    |\s*\||#|!\[", line) else re.sub(r"^\s*([-*]|\d+\.) ", "\n\n", line)
+        for line in text.splitlines()
+    ]
+    return "\n".join(kept)
+
+
+def sentences(text):
+    for paragraph in re.split(r"\n\s*\n", prose(text)):
+        plain = re.sub(r"`[^`]*`|\$[^$]*\$", "X", paragraph)  # a name is a word
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", plain)
+        for sentence in re.split(r"(?<=[.?!:])\s+(?![a-z])", plain):
+            if words := sentence.split():
+                yield words
+
+
+def test_sentences_are_found():
+    """Locks out a search that passes because it finds nothing."""
+    text = "# A title\n\nOne two. Three\nfour five:\n\n    code that. Is not\n\n"
+    text += "- six `a b c`\n- [seven](eight)\n\n| a | b |\n"
+    found = [" ".join(words) for words in sentences(text)]
+    assert found == ["One two.", "Three four five:", "six X", "seven"]
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_sentence_is_long(path):
+    """Locks out sentences that have to be read twice."""
+    found = [" ".join(words) for words in sentences(page(path)) if len(words) > LONGEST]
+    assert not found, f"more than {LONGEST} words:\n" + "\n".join(found)
+
+
+# ---- the README
+
+
+def test_readme_is_short():
+    """Locks out a README that grows into the documentation again."""
+    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
+
+
+def test_readme_has_the_committed_table():
+    """Locks out a table in the README that the committed results do not give."""
+    text = (ROOT / "README.md").read_text()
+    assert committed.readme(text) == text, "run: python docs/_ext/committed.py"
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_links_lead_to_files(path):
+    """Locks out links and figures that are not there: Sphinx does not see those of the README."""
+    text = path.read_text()
+    for target in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", text):
+        assert (path.parent / target).exists(), target
+
+
+# ---- the results
+
+
+def test_numbers_of_results_are_not_typed():
+    """Locks out a measured number that is typed into a page of results, and stays behind."""
+    names = (
+        r"TIP3P|CH3|NH3|1/16|1e-5|1e-8|95 %|1 %|10⁷|\(\d\.\d+\)|NVE_\dfs|S1\.csv|reference 12|"
+        r"J\. Chem\. Phys\. 150, 114110 \(2019\)|0\.3 fs|1,000 molecules|[Ff]igures? \d\w?|"
+        r"step 0|[Bb]elow 1,|667 energies"
+    )  # names, settings and what is a bound; not what was measured
+    for path in (DOCS / "results").glob("*.md"):
+        text = re.sub(r"\{\{.*?\}\}", "", path.read_text(), flags=re.S)
+        text = re.sub(r"`[^`]*`|\$[^$]*\$|\]\([^)]*\)|" + names, "", text, flags=re.I)
+        found = [line for line in text.splitlines() if re.search(r"\d", line)]
+        assert not found, f"{path.name}: " + "\n".join(found)
+
+
+@pytest.mark.parametrize("function", committed.TABLES, ids=lambda function: function.__name__)
+def test_tables_are_filled(function):
+    """Locks out a table that lost its rows, as where a name in the results has changed."""
+    head, _, *body = function().splitlines()
+    assert body and all(re.sub(r"\\\|", "", line).count("|") == head.count("|") for line in body)
+
+
+def test_each_table_is_shown_once():
+    """Locks out a table that no page shows."""
+    text = "".join(path.read_text() for path in (DOCS / "results").glob("*.md"))
+    for function in committed.TABLES:
+        assert text.count("{{ " + function.__name__ + "() }}") == 1, function.__name__
+
+
+# ---- the fix
+
+
+def test_each_keyword_is_on_one_page(run_lammps):
+    """Locks out a keyword without its place there: the refusal of an unknown one names all."""
+    script = files((DOCS / "tutorial.md").read_text())
+    setup = script["in.build"].replace("write_data      data.co2 nocoeff", "")
+    line = 'fix 1 all python/move "fix_nosquish.NVE all molecule nonsense 1"\n'
+    run = run_lammps(setup + line, files={"co2.txt": script["co2.txt"]}, check=False)
+    keywords = re.search(r"unknown keyword 'nonsense': expected ([\w, ]*\w)", run.screen)[1]
+    text = (DOCS / "fix.md").read_text()
+    assert len(keywords.split(", ")) > 5
+    for word in keywords.split(", "):
+        assert re.search(rf"^\| \[`{word}`\]\(#[\w-]+\) \|", text, re.M), word
+        assert re.search(rf"^### .*\b{word}\b", text, re.M), word
+        assert word in text.split("## Default")[1], word
+
+
+@pytest.fixture(scope="module")
+def source():
+    """The text of the package, in which a message is one piece."""
+    paths = (ROOT / "fix_nosquish").rglob("*")
+    text = "".join(path.read_text() for path in paths if path.suffix in (".py", ".cpp"))
+    return re.sub(r"[\"']\s*\n\s*f?[\"']", "", text)
+
+
+def test_quoted_messages_are_those_of_the_package(source):
+    """Locks out a message on the fix's page that the package does not print."""
+    rows = (DOCS / "fix.md").read_text().split("### What is refused")[1].split("### ")[0]
+    quoted = re.findall(r"\| `([^`]*)` \|$", rows, re.M)
+    assert len(quoted) > 10
+    for message in quoted:
+        variable = (
+            r"the body of molecule \d|\d[\d.]*|\.\.\.|\(.*?\)|'\w+'|"
+            r"an ellipsoid, |an SPH particle, | this fix |\(style \w+\)|: "
+        )
+        parts = [part.strip() for part in re.split(variable, message) if part]
+        longest = max(parts, key=len)
+        assert len(longest) > 10 and longest in source, (message, longest)
+
+
+def test_quoted_symptoms_are_those_of_the_package(source):
+    """Locks out a piece of the log that the page names and the package does not print."""
+    rows = re.findall(r"^\| `([^`]*)`", (DOCS / "troubleshooting.md").read_text(), re.M)
+    assert len(rows) > 10
+    for piece in rows:
+        assert piece.removeprefix("1 ") in source, piece
+
+
+# ---- the tutorial
+
+
+def shorter(script):
+    """A script with runs of 20 steps."""
+    script = re.sub(r"^(run +)\S+", r"\g<1>20", script, flags=re.M)
+    return re.sub(r"^(thermo +)\d+|^(dump .* custom )\d+", r"\g<1>\g<2>10", script, flags=re.M)
+
+
+def test_tutorial(run_lammps, tmp_path):
+    """Locks out a tutorial whose scripts do not run, or print something else than it quotes."""
+    text = (DOCS / "tutorial.md").read_text()
+    script = files(text)
+    run_lammps(script["in.build"], files={"co2.txt": script["co2.txt"]})
+    first = run_lammps(shorter(script["in.co2"]))
+    quoted = script["log.lammps"]
+    assert quoted in first.log
+    assert first.log.count("Loop time") == 2 and (tmp_path / "trajectory.dump").exists()
+
+    step = shorter(script["in.step"])
+    second = run_lammps(step, options=["-var", "dt", "4"])
+    assert re.search(r"^step 4 fs: range of the energy \d\.\d+ kcal/mol$", second.log, re.M)
+    assert "start velocities: rigid motion" in second.log
+
+    lines = re.findall(r"^    (variable +table .*)\n    (fix .*output.*)$", text, re.M)[0]
+    table = re.sub(r"^fix +bodies .*$", "\n".join(lines).replace(" 100 ", " 10 "), step, flags=re.M)
+    run_lammps(table, options=["-var", "dt", "2"])
+    head, *rows = (tmp_path / "bodies.csv").read_text().splitlines()
+    page_of_the_fix = (DOCS / "fix.md").read_text()
+    for column in head.split(","):
+        assert f"`{column.split(' (')[0]}`" in page_of_the_fix, column
+    assert len(rows) == 3 * 216
