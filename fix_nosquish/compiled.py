@@ -139,10 +139,10 @@ class Cell:
 
     @property
     def array(self):
-        """A view of the array that is here now, of use as long as it is."""
+        """A view of the array that is here now; it keeps the memory of one that was set here."""
         place, *shape = self.numbers.tolist()
-        if self._owner is not None and _address(self._owner) == place and self._owner.shape == (*shape,):
-            return self._owner
+        if isinstance(self._owner, np.ndarray) and _address(self._owner) == place:
+            return self._owner.reshape(-1)[: math.prod(shape)].reshape(shape)
         return array(place, shape, self.kind.dtype)
 
     @property
@@ -294,11 +294,11 @@ def load(communicator, *names):
     if not communicator.any(not all(module.ready for module in modules.values())):
         return
     sent = None
-    with communicator.together("the loops cannot be compiled"):
+    with communicator.together("the loops cannot be compiled or loaded"):
         if communicator.rank == 0:
             sent = _processor(), {name: module.found() for name, module in modules.items()}
     processor, codes = communicator.share(sent)
-    with communicator.together("the loops cannot be loaded"):
+    with communicator.together("the loops cannot be compiled or loaded"):
         for name, module in modules.items():
             if not module.ready:
                 if processor == _processor():
@@ -355,7 +355,7 @@ class Module:
         begin = time.perf_counter()
         done = subprocess.run(
             [sys.executable, "-m", f"{__package__}.compile", *[one.name for one in missing]],
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "MPI4PY_RC_INITIALIZE": "0"},
             stdin=subprocess.DEVNULL,
             capture_output=True,
         )

@@ -92,8 +92,9 @@ class Integrator:
     _all = weakref.WeakSet()
 
     def __init_subclass__(cls):
-        cls.advance, cls.kick = step.make_loops(cls)
-        cls.start = cls.starts and step.make_start(cls)
+        if not vars(cls).keys().isdisjoint(("splitting", "operations", "rows", "starts")):
+            cls.advance, cls.kick = step.make_loops(cls)
+            cls.start = cls.starts and step.make_start(cls)
 
     def own_parameters(self):
         return ()
@@ -123,6 +124,12 @@ class Integrator:
         names = [module.__name__ for module in modules]
         compiled.load(self.communicator, *names, *(kind.__module__ for kind in type(self).__mro__))
         self.command = Command.parse(words)
+        if not self.splits and (self.command.mrot, self.command.order) != (1, 321):
+            raise RunError(
+                "keywords mrot and order are for integrators that split the rotation, which "
+                f'{type(self).__name__} does not (in "fix_nosquish.{words}")',
+                everywhere=True,
+            )
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
         self.restart_file = self.infile is not None

@@ -25,10 +25,11 @@ from test_rotor import (
     one_atom_bodies,
     product,
     space_momentum,
+    step_cells,
     tops,
 )
 
-from fix_nosquish import gear, kernels, matubayasi_nakahara
+from fix_nosquish import block, gear, matubayasi_nakahara
 
 MN, GEAR = (NVE.replace("NVE", name) for name in ("MatubayasiNakahara", "Gear"))
 DIPOLE, E, G = (
@@ -79,54 +80,40 @@ def start(n, seed, speed=1.0):
     return x, v, *tops(n, ASYMMETRIC, seed, speed)
 
 
-def make(x, v, q, p, moments=ASYMMETRIC, more_rows=0):
-    bodies = one_atom_bodies(q, p, moments, more_rows)
+def make(x, v, q, p, moments=ASYMMETRIC, own_rows=0):
+    bodies = one_atom_bodies(q, p, moments, own_rows)
     np.testing.assert_array_equal(bodies.id, np.arange(len(bodies)))
     bodies.x[:], bodies.v[:] = x, v
     return bodies
 
 
 def move_mn(bodies, dt, steps, mrot=1, force=field):
-    """Steps of MatubayasiNakahara's loops as NVE calls them."""
-    x, f = np.empty((2, len(bodies), 3))
-    advance = matubayasi_nakahara.advance.bind(
-        bodies.state, bodies.rotors, bodies.extended, 0, *bodies.atoms, bodies.away, bodies.shift, bodies.aways, x, f, dt, 0.5 * dt, False, 1,
-        mrot, kernels.ALL, bodies.scratch,
-    )  # fmt: skip
-    bodies.load[:] = force(bodies.x, bodies.q)
-    for _ in range(steps):
-        advance()
-        bodies.load[:] = force(bodies.x, bodies.q)
-        kernels.kick(bodies.state, bodies.blocks, 0.5 * dt, bodies.scratch)
-    return bodies
+    """Steps of MatubayasiNakahara's loops as LAMMPS has them called."""
+    return move(matubayasi_nakahara.MatubayasiNakahara, bodies, dt, steps, mrot, force)
 
 
 def move_gear(bodies, dt, steps, force=field, starts=True):
-    """Steps of Gear's loops as the class calls them."""
-    scratch = np.empty(gear.ALL_SCRATCH)
-    rest = (
-        bodies.state,
-        *bodies.atoms,
-        bodies.away,
-        bodies.shift,
-        bodies.aways,
-        np.empty((len(bodies), 3)),
-        dt,
-        1.0,
-        scratch,
-    )
+    """Steps of Gear's loops as LAMMPS has them called."""
+    return move(gear.Gear, bodies, dt, steps, 1, force, starts)
+
+
+def move(integrator, bodies, dt, steps, mrot, force, starts=True):
+    cells = step_cells(integrator, bodies, dt, mrot)
+    begin = integrator.advance.bind_to(cells, gathers=0, ends=0, begins=1, part=block.ALL)
+    end = integrator.kick.bind_to(cells, ends=1, begins=0)
     if starts:
-        bodies.load[:] = force(bodies.x, bodies.q)
-        gear.start(bodies.state, bodies.blocks, dt, 1.0, scratch)
+        bodies.wrench[:] = force(bodies.x, bodies.q)
+    if starts and integrator.start:
+        integrator.start.bind_to(cells)()
     for _ in range(steps):
-        gear.step(False, *rest)
-        bodies.load[:] = force(bodies.x, bodies.q)
-        gear.step(True, *rest)
+        begin()
+        bodies.wrench[:] = force(bodies.x, bodies.q)
+        end()
     return bodies
 
 
 def for_gear(*start, moments=ASYMMETRIC):
-    return make(*start, moments=moments, more_rows=gear.Gear.more_rows)
+    return make(*start, moments=moments, own_rows=gear.Gear.rows)
 
 
 # ---- the equations, for one body of mass 1, as they stand
@@ -264,7 +251,7 @@ def test_gear_equals_its_equations(dt, steps):
             np.testing.assert_allclose(
                 have[:, b], right, rtol=0, atol=1e-11 if steps > 1 else 2e-14
             )
-        derivatives = got.state[kernels.ROWS :, b].reshape(5, 10) * [
+        derivatives = got.state[block.ROWS :, b].reshape(5, 10) * [
             [dt**n / factorial(n)] for n in range(1, 6)
         ]
         scaled = plain.y[1:] * [[dt**n / factorial(n)] for n in range(1, 6)]
@@ -347,7 +334,7 @@ def test_reversal():
 
     bodies = move_gear(for_gear(*first), dt, 100)
     bodies.v[:], bodies.p[:] = -bodies.v, -bodies.p
-    rows = bodies.state[kernels.ROWS :].reshape(gear.ORDER, gear.WIDTH, -1)
+    rows = bodies.state[block.ROWS :].reshape(gear.ORDER, gear.WIDTH, -1)
     for n in range(gear.ORDER):
         sign = (-1) ** (n + 1)
         rows[n] *= sign

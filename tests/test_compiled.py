@@ -72,9 +72,10 @@ def rounded_once(a: F, b: F, c: F, result: F1):
     result[0] = helpers.contracted(a, b, c)
 """
 
-BAD = """
+BAD = {
+    "allocates": """
 import numpy as np
-from fix_nosquish.compiled import F1, I, loop
+from fix_nosquish.compiled import F1, loop
 
 @loop
 def innocent(x: F1):
@@ -83,69 +84,68 @@ def innocent(x: F1):
 @loop
 def allocates(x: F1):
     x[:] = x.copy()
+""",
+    "raises": """
+from fix_nosquish.compiled import F1, I, loop
 
 @loop
 def raises(x: F1) -> I:
     if x[0] > 0.0:
         raise ValueError("positive")
     return 1
+""",
+}
+
+# counts what a process compiles
+COUNT = """
+import sys
+from fix_nosquish import compiled
+
+made, compile = [], compiled.Module._compile
+
+def counted(module):
+    made.append(module.name)
+    compile(module)
+
+compiled.Module._compile = counted
 """
-
 # a process that uses a loop, and says what it got, whether it has compiled, and what it was warned of
-USE = """
-import json, sys, warnings
+USE = f"""
+import json, os, warnings
 import numpy as np
-
+{COUNT}
+before = dict(os.environ)
 with warnings.catch_warnings(record=True) as warned:
     import loops
     result = np.empty(3)
     loops.lengths(np.array([[3.0, 4.0, 0.0], [5.0, 12.0, 0.0]]), np.array([1, 0, 1], np.int32), 2.0, result)
-print(json.dumps([result.tolist(), "numba" in sys.modules, [str(w.message) for w in warned]]))
+assert "numba" not in sys.modules and dict(os.environ) == before
+print(json.dumps([result.tolist(), bool(made), [str(w.message) for w in warned]]))
 """
 EXPECTED = [26.0, 10.0, 26.0]
 
-# the same, and then numba for something else
-USE_NUMBA = f"""
-import gc
-import numba
-from numba.core.codegen import CPUCodegen
-
-level, levels, begin = numba.config.OPT, [], CPUCodegen._init
-CPUCodegen._init = lambda *arguments: (levels.append(numba.config.OPT), begin(*arguments))
-{USE}
-import helpers
-
-@numba.njit
-def both(a):
-    return a.sum() + helpers.square(a[1], a[1])
-
-assert both(np.array([1.0, 3.0])) == 22.0
-assert gc.isenabled() and numba.config.OPT == level and levels == [level]
-"""
-
 # the same as USE on several ranks; a processor's name can be changed on one of them, a loop be used before on another
-USE_RANKS = """
-import sys
+USE_RANKS = f"""
 import numpy as np
 from mpi4py import MPI
-from fix_nosquish import compiled
+from fix_nosquish.communicator import Communicator
 from fix_nosquish.errors import RunError
-from fix_nosquish.sharing import World
+{COUNT}
 import loops
 
-world = World(MPI.COMM_WORLD.py2f())
+world = Communicator(MPI.COMM_WORLD.py2f())
 (case,) = sys.argv[1:]
 if case == "processors" and world.rank == 1:
     compiled._processor = lambda: "another"
 if case == "early" and world.rank == 1:
     loops.total(np.arange(3), 0)
 if case == "failure":
-    def fail(loops):
+    def fail(module):
         raise OSError("no memory")
-    compiled._compile = fail
+    compiled.Module._compile = fail
 try:
     compiled.load(world, "loops")
-    said = [int(loops.total(np.arange(10), world.rank)), "numba" in sys.modules]
+    said = [int(loops.total(np.arange(10), world.rank)), bool(made)]
 except RunError as error:
     said = [error.everywhere, str(error)]
 said = MPI.COMM_WORLD.gather(said)
@@ -179,7 +179,7 @@ def loops(written):
 
 
 def write(folder):
-    for name, text in {"helpers": HELPERS, "loops": LOOPS, "bad": BAD}.items():
+    for name, text in {"helpers": HELPERS, "loops": LOOPS, **BAD}.items():
         (folder / f"{name}.py").write_text(text)
 
 
@@ -213,7 +213,7 @@ def answer(process):
 
 
 def use(folder, **keywords):
-    """The result, whether numba was imported, the warnings, of a process that uses a loop."""
+    """The result, whether it was compiled, the warnings, of a process that uses a loop."""
     return answer(start(folder, **keywords))
 
 
@@ -334,9 +334,9 @@ def test_wrong_scalars(loops):
 @pytest.mark.parametrize("name", ["allocates", "raises"])
 def test_a_loop_that_needs_python_is_refused(written, loops, name):
     """Locks out: machine code that calls what a process without numba does not have."""
-    bad = __import__("bad")
-    with pytest.raises(RuntimeError, match=f"bad.{name} makes an array or raises"):
-        compiled._compile([bad.innocent, getattr(bad, name)])
+    bad = getattr(__import__(name), name)
+    with pytest.raises(RuntimeError, match=f"{name}.{name} makes an array or raises"):
+        bad(np.ones(3))
 
 
 # ---------------------------------------------------------------- where the machine code is kept
@@ -346,12 +346,6 @@ def test_later_processes_do_without_numba(written):
     """Locks out: a start that imports numba though there is a file."""
     assert len(files(written)) == 1
     assert use(written) == [EXPECTED, False, []]
-
-
-def test_numba_is_left_as_it_was(tmp_path):
-    """Locks out: functions that another user of numba in this process compiles having no machine code, which ends the process, or slow code."""
-    write(tmp_path)
-    assert use(tmp_path, code=USE_NUMBA) == [EXPECTED, True, []]
 
 
 @pytest.mark.parametrize(

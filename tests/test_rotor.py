@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fix_nosquish import kernels, rotor
+from fix_nosquish import block, rotor
 from fix_nosquish.bodies import MASS, MOMENT, Bodies
 from fix_nosquish.bodies import P as P_ROWS
 from fix_nosquish.bodies import Q as Q_ROWS
+from fix_nosquish.bodies import aligned
 from fix_nosquish.compiled import F1, F2, F, I, loop
+from fix_nosquish.nve import NVE
 
 TIP3P = np.array([1.7704, 1.1538, 0.6166])  # g/mol A^2, the largest first; their proportions matter
 ASYMMETRIC = np.array([3.0, 1.7, 0.8])
@@ -64,25 +66,33 @@ def tops(n, moments, seed, speed=1.0):
     return q, 2.0 * product(q, np.concatenate([np.zeros((1, n)), L]))
 
 
-def one_atom_bodies(q, p, moments, more_rows=0):
+def one_atom_bodies(q, p, moments, own_rows=0):
     """Bodies of mass 1 and one atom each, at rest at the origin, with q and p (4, n); moments: (3,) or (3, n)."""
     n = q.shape[1]
-    state = np.zeros((kernels.ROWS + more_rows, n))
+    state = np.zeros((block.ROWS + own_rows, n))
     state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = (
         1.0,
         np.reshape(moments, (3, -1)),
         q,
         p,
     )
-    state[kernels.ID] = number = np.arange(n)
-    return Bodies(state, number, np.zeros((4, n)), number.astype(np.int32), False, False)
+    state[block.ID] = number = np.arange(n)
+    return Bodies(state, number, np.zeros((4, n)), number, False, False)
+
+
+def step_cells(integrator, bodies, dt, mrot=1):
+    """What the loops of an integrator's step take, for `one_atom_bodies` in units of ftm2v = 1."""
+    n, rows = len(bodies), block.BLOCK_ROWS + integrator.rows + integrator.work
+    atoms = {"atom_x": np.empty((n, 3)), "atom_f": np.empty((n, 3))}
+    parameters = {"dt": dt, "parameters": np.array([1.0, mrot])}
+    return bodies.cells | atoms | parameters | {"block": aligned((rows, block.LANES))}
 
 
 def advance(q, p, moments, dt, steps=1, mrot=1):
     """`one_atom_bodies` without forces: their q and p after some steps."""
-    n, bodies = q.shape[1], one_atom_bodies(q, p, moments)
-    step = kernels.advance.bind(bodies.state, bodies.rotors, bodies.extended, 0, *bodies.atoms, bodies.away, bodies.shift,
-                                bodies.aways, np.empty((n, 3)), np.empty((n, 3)), dt, 0.0, False, 0, mrot, kernels.ALL, bodies.scratch)  # fmt: skip
+    bodies = one_atom_bodies(q, p, moments)
+    cells = step_cells(NVE, bodies, dt, mrot)
+    step = NVE.advance.bind_to(cells, gathers=0, ends=0, begins=0, part=block.ALL)
     for _ in range(steps):
         step()
     order = np.argsort(bodies.id)

@@ -80,26 +80,29 @@ def check_next_step(world):
 
 
 def check_deliver(world):
-    """World.deliver brings every array to its rank, when ranks are at different rounds of it, too."""
+    """Messages.deliver brings every array to its rank, when ranks are at different rounds of it, too."""
+    from fix_nosquish.lookup import Messages
+
+    messages = Messages(world)
     for k, (rng, *_) in enumerate(scenes(world.size)):
         size = rng.choice([0, 0, 1, 300, 30000], (world.size, world.size))  # from, to
-        parts = {
-            r: np.arange(n) + 0.1 * world.rank + 0.01 * r
-            for r, n in enumerate(size[world.rank])
-            if n
-        }
+        to = np.repeat(np.arange(world.size), size[world.rank])
+        parts = np.arange(len(to)) * world.size + world.rank
         if k % world.size == world.rank:
             time.sleep(0.002)  # the others are ahead
-        got = world.deliver(parts, float)
-        assert list(got) == np.flatnonzero(size[:, world.rank]).tolist()
-        for r, part in got.items():
-            assert np.array_equal(
-                part, np.arange(size[r, world.rank]) + 0.1 * r + 0.01 * world.rank
-            )
+        ranks, counts, got = messages.deliver(to, np.stack([parts, to], axis=1))
+        assert ranks.tolist() == np.flatnonzero(size[:, world.rank]).tolist()
+        assert counts.tolist() == size[ranks, world.rank].tolist()
+        begins = [size[r, : world.rank].sum() for r in ranks]
+        want = [np.arange(b, b + n) * world.size + r for r, b, n in zip(ranks, begins, counts)]
+        assert np.array_equal(got[:, 0], np.concatenate([np.empty(0, int), *want]))
+        assert (got[:, 1] == world.rank).all()
 
 
 def check_look_up(world):
-    """World.look_up gives the values of keys that any rank has, and -1 for others."""
+    """look_up gives the values of keys that any rank has, and -1 for others."""
+    from fix_nosquish.lookup import look_up
+
     for rng, *_ in scenes(world.size):
         n = int(rng.choice([0, 3, 300]))
         keys, values = rng.choice(10**9, n, replace=False), rng.integers(0, 10**6, n)
@@ -108,13 +111,14 @@ def check_look_up(world):
             np.concatenate([keys, 10**9 + np.arange(5)])
         )
         known = dict(zip(keys.tolist(), values.tolist()))
-        assert world.look_up(keys[mine], values[mine], ask).tolist() == [
+        assert look_up(world, keys[mine], values[mine], ask).tolist() == [
             known.get(key, -1) for key in ask.tolist()
         ]
 
 
 def check_fetch(world):
-    """World.fetch gives each atom's new rank the row of its old one, for atoms in any order."""
+    """fetch gives each atom's new rank the row of its old one, for atoms in any order."""
+    from fix_nosquish.lookup import fetch, gone
     from fix_nosquish.sharing import origin
 
     for rng, *_ in scenes(world.size):
@@ -130,41 +134,43 @@ def check_fetch(world):
             np.flatnonzero((new == world.rank) & (old != world.rank))
         )
         origins = np.array([origin(r, p) for r, p in zip(old[gained], place[gained])], np.int64)
-        assert np.array_equal(world.fetch(origins, lambda places: there[places]), rows[gained])
-        assert not len(world.gone(lost, origins))
+        assert np.array_equal(fetch(world, origins, lambda places: there[places]), rows[gained])
+        assert not len(gone(world, lost, origins))
 
 
 def check_atoms_lost(world):
-    """World.gone tells the rank that lost them of atoms that nobody has."""
+    """gone tells the rank that lost them of atoms that nobody has."""
+    from fix_nosquish.lookup import gone
     from fix_nosquish.sharing import origin
 
     last = world.size - 1
     origins = np.array([origin(last, 5)] if world.rank == 0 else [], np.int64)
     lost = np.array([3, 5, 7] if world.rank == last else [], np.int64)
-    assert world.gone(lost, origins).tolist() == ([3, 7] if world.rank == last else [])
+    assert gone(world, lost, origins).tolist() == ([3, 7] if world.rank == last else [])
 
 
 def check_one_communicator(world):
     """All worlds of one communicator of LAMMPS use one of ours, which is freed with it, and none of its messages is theirs."""
     from mpi4py import MPI
 
-    from fix_nosquish.sharing import World
+    from fix_nosquish.communicator import Communicator
+    from fix_nosquish.lookup import Messages
 
     lammps = MPI.COMM_WORLD.Dup()
-    first, second = World(lammps.py2f()), World(lammps.py2f())
+    first, second = (Communicator(lammps.py2f()) for _ in range(2))
     assert first.comm == second.comm and first.comm != lammps
     lammps.Free()
     assert (
         first.comm == MPI.COMM_NULL
     )  # else a library that makes and ends many LAMMPS runs out of communicators
     theirs = MPI.COMM_WORLD.isend("LAMMPS's", (world.rank + 1) % world.size)
-    assert not world.deliver({}, float)
+    assert not len(Messages(world).deliver(np.empty(0, int), np.empty((0, 1), int))[0])
     assert MPI.COMM_WORLD.recv() == "LAMMPS's"
     theirs.wait()
 
 
 def check_agree(world):
-    """World.agree raises the lowest rank's message on all ranks, and total and any reach all."""
+    """Communicator.agree raises the lowest rank's message on all ranks, and total and any reach all."""
     from fix_nosquish.errors import RunError
 
     world.agree(None)
@@ -227,11 +233,11 @@ def test_one_rank_needs_no_mpi4py(run_lammps):
 if __name__ == "__main__":
     from mpi4py import MPI
 
-    from fix_nosquish.sharing import World
+    from fix_nosquish.communicator import Communicator
 
     try:
         for name, check in CHECKS.items():
-            check(World(MPI.COMM_WORLD.py2f()))
+            check(Communicator(MPI.COMM_WORLD.py2f()))
             print(name + "\n", end="", flush=True)
     except BaseException:
         import traceback

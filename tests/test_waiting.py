@@ -25,7 +25,7 @@ def test_output_changes_nothing(simulate, kinds, ranks):
 
 
 def test_output_changes_nothing_for_bodies_of_many_atoms(run_lammps, tmp_path):
-    """Locks out atoms of a body that fills a block by itself (kernels.BLOCK) placed by a part of its force only, in the pass that
+    """Locks out atoms of a body that fills a block by itself (block.LANES) placed by a part of its force only, in the pass that
     does a whole step: bodies of 2 to 200 atoms beside flexible chains."""
     folder = Path(__file__).resolve().parent.parent / "inputs" / "mixed"
     files = {name: (folder / name).read_text() for name in ("data.mixed", "forcefield.mixed")}

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fix_nosquish import kernels
+from fix_nosquish import block, migration
 from validation.running import counting, run
 from validation.scenes import SCENES
 from validation.scenes.integrators import INTEGRATORS
@@ -207,7 +207,7 @@ def summary(rows: list[dict]) -> dict:
     return {
         "interrupted": any(row["error"] == "interrupted" for row in rows),
         "steps": STEPS,
-        "carried": kernels.OF_BODY + kernels.ROWS,
+        "carried": migration.OF_BODY + block.ROWS,
         "counts": rows,
         "links": [link._asdict() for link in links],
         "model": [{"link": link.name, **row} for link in links for row in model(rows, link)],

@@ -9,14 +9,15 @@ differences: the machine code takes no complex numbers.
 import numpy as np
 from scipy.linalg import block_diag, null_space
 
-from fix_nosquish import kernels, matubayasi_nakahara
+from fix_nosquish import block, step
 from fix_nosquish.bodies import MASS, MOMENT, Bodies, P, Q, V, X
-from fix_nosquish.compiled import F2, Cell
-from fix_nosquish.nve import Loops
+from fix_nosquish.compiled import F2, Cell, F
+from fix_nosquish.matubayasi_nakahara import MatubayasiNakahara
+from fix_nosquish.nve import NVE
 from validation.theory.calculus import metric
 from validation.theory.reference import PERMUTE, _second, _third, multiply, to_space
 
-ADVANCE = {"NVE": kernels.advance, "MatubayasiNakahara": matubayasi_nakahara.advance}
+SCHEMES = {"NVE": NVE, "MatubayasiNakahara": MatubayasiNakahara}
 # principal moments, the largest first, of bodies of unit mass; order 123 has them in reverse
 KINDS = {
     "solid": (1.0, 0.7, 0.4),
@@ -35,7 +36,7 @@ class Scene:
 
     Args:
         kind: of `KINDS`.  n: number of bodies.  rng: for places of atoms, charges and the start.
-        scheme: of `ADVANCE`.  order: 321 or 123.  mrot: number of inner steps.
+        scheme: of `SCHEMES`.  order: 321 or 123.  mrot: number of inner steps.
 
     Attributes:
         moments: (3,), as the loops have them.
@@ -57,8 +58,8 @@ class Scene:
         self.charge = rng.uniform(-1, 1, (n * ATOMS, n * ATOMS))
         self.charge = np.triu(self.charge, 1) + np.triu(self.charge, 1).T
         self.charge *= np.kron(1 - np.eye(n), np.ones((ATOMS, ATOMS)))  # none within a body
-        state = np.zeros((kernels.ROWS, n))
-        state[MASS], state[MOMENT], state[kernels.NATOMS], state[kernels.ID], state[kernels.Q] = (
+        state = np.zeros((block.ROWS, n))
+        state[MASS], state[MOMENT], state[block.NATOMS], state[block.ID], state[block.Q] = (
             1.0,
             self.moments[:, None],
             ATOMS,
@@ -80,9 +81,12 @@ class Scene:
             "atom_f": Cell(F2, self.f),
             "atom_v": Cell(F2, np.zeros_like(self.r)),
         }
-        self.loops = Loops(ADVANCE[scheme], cells, mrot)
-        self.loops.cells["kicks"].set(1)
-        self.loops.cells["gathers"].set(kernels.GATHERS)
+        self.dt = Cell(F)
+        cells |= {"dt": self.dt, "parameters": np.array([1.0, mrot])}
+        whole = {"gathers": step.GATHERS, "ends": False, "begins": True, "part": block.ALL}
+        self.gather = step.gather.bind_to(cells, every=True)
+        self.advance = SCHEMES[scheme].advance.bind_to(cells, **whole)
+        self.kick = SCHEMES[scheme].kick.bind_to(cells, ends=True, begins=False)
 
     def random(self, rng, turn=0.3, strength=0.3):
         """A state whose bodies turn by up to `turn` in a unit of time."""
@@ -118,18 +122,17 @@ class Scene:
         Args:
             forces: on the atoms (atoms, 3), always the same; by default those of the potential.
         """
-        state, loops, order = self.bodies.state, self.loops, self.bodies.id
+        state, order = self.bodies.state, self.bodies.id
         momenta, p, centres, q = (part[:, order] for part in self.split(x))
         state[V], state[P], state[X], state[Q] = momenta, p, centres, q
-        loops.cells["dt"].set(float(dt))
-        loops.cells["dtf"].set(0.5 * dt)
+        self.dt.set(float(dt))
         self.f[:] = self.forces(self.positions(x)) if forces is None else forces
-        loops.gather()
-        loops.advance()  # half a kick, drift, rotation, places
+        self.gather()
+        self.advance()  # half a kick, drift, rotation, places
         if forces is None:
             self.f[:] = self.forces(self.r)
-        loops.gather()
-        loops.kick()
+        self.gather()
+        self.kick()
         back = np.argsort(order)
         return np.concatenate([state[rows][:, back].ravel() for rows in (V, P, X, Q)])
 

@@ -23,7 +23,7 @@ from validation.statistics import measures
 from validation.statistics.check import Check
 from validation.theory import calculus
 from validation.theory import reversal as theory_reversal
-from validation.theory.loops import ADVANCE, KINDS, Scene
+from validation.theory.loops import SCHEMES, KINDS, Scene
 from validation.theory.reference import FS, Dimer, Oscillator, multiply
 from validation.theory.top import free_top
 
@@ -594,7 +594,7 @@ def loops(scene, dimer, tick, **_):
                     )
                 )
             tick()
-    for scheme in ADVANCE:
+    for scheme in SCHEMES:
         for kind in KINDS:
             rng = np.random.default_rng(53)
             scenes = [
