@@ -53,8 +53,8 @@ def body_table(lmp, fix_id):
         lmp: the `lammps` object, or the pointer that LAMMPS hands to Python.
         fix_id: the ID of the fix, a string.
     Returns:
-        structured array (n,) of the bodies that are counted on this rank, each body being on one rank;
-        `output.table` says what is in it, in which frames and units.
+        structured array (n,) of the bodies that are counted on this rank, each body being on one
+        rank; `output.table` says what is in it, in which frames and units.
     Raises:
         RunError: if there is no such fix of this package, or no run yet.
     """
@@ -64,7 +64,8 @@ def body_table(lmp, fix_id):
 
 
 class _PointInWords:
-    """Explains what happened when LAMMPS takes a number's point for the end of the module's name, if nothing before it is wrong."""
+    """Explains what happened when LAMMPS takes a number's point for the end of the module's name,
+    if nothing before it is wrong."""
 
     @staticmethod
     def find_spec(name, path=None, target=None):

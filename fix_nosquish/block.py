@@ -3,9 +3,9 @@
 `state` (rows, bodies) holds the bodies; its rows are named below.  Loops work on blocks of up to
 LANES bodies.  `take` copies some rows of a block to an array (rows, LANES), small enough to stay in
 the processor's nearest cache.  Each step of the mathematics is a loop over the lanes, which the
-compiler vectorises.  `put` copies the result back, so a pass reads and writes the state once.  A loop
-always does all lanes; those behind the last body are copies of the first.  So a body's result does
-not depend on its place, and all ranks that hold it get the same bits.
+compiler vectorises.  `put` copies the result back, so a pass reads and writes the state once.  A
+loop always does all lanes; those behind the last body are copies of the first.  So a body's result
+does not depend on its place, and all ranks that hold it get the same bits.
 
 The atoms of a block come in rounds: first the first atom of each of its bodies, then the second of
 each that has a second, and so on.  Bodies are ordered by their number of atoms, so a round is the
@@ -29,7 +29,8 @@ MATRIX, ATOM, OWN = 24, 33, 36
 BLOCK_ROWS = 45
 LINE = 8  # numbers that the processor fetches at a time
 
-# kinds of bodies: single atoms, linear bodies, those that turn in a plane only, those with three moments
+# kinds of bodies: single atoms, linear bodies, those that turn in a plane only, those with three
+# moments
 POINT, LINEAR, PLANAR, ROTOR = range(4)
 ALL, WHOLE, DIVIDED = range(3)  # parts of the bodies: all, those with all atoms here, the others
 
@@ -38,10 +39,10 @@ class Layout(NamedTuple):
     """Where a rank's bodies and their atoms are.
 
     Attributes:
-        state: (rows, bodies).  kinds: (3,) bodies [0, kinds[0]) have three moments, or one if all turn
-            in a plane (kinds[2]); [kinds[0], kinds[1]) are linear, the rest points.
-        blocks: (blocks + 1, 3) each block's first body, its first round, and whether all atoms of its
-            bodies are this rank's.
+        state: (rows, bodies).  kinds: (3,) bodies [0, kinds[0]) have three moments, or one if all
+            turn in a plane (kinds[2]); [kinds[0], kinds[1]) are linear, the rest points.
+        blocks: (blocks + 1, 3) each block's first body, its first round, and whether all atoms of
+            its bodies are this rank's.
         rounds: (rounds + 1,) each round's first atom, as an entry of index.
         index: (atoms,) where LAMMPS has the atom in its arrays, which are (atoms, 3).
         displace: (4, atoms) its place in the body's principal frame, and its ID.

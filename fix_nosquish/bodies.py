@@ -1,8 +1,8 @@
 """Rigid bodies: their state, and how they follow LAMMPS's atoms.
 
 The state of a body is its centre of mass x, velocity v, quaternion q and conjugate quaternion
-momentum p, with its mass and principal moments.  Every rank keeps the bodies of which it owns an atom,
-and of their atoms only its own.  `build` makes them.
+momentum p, with its mass and principal moments.  Every rank keeps the bodies of which it owns an
+atom, and of their atoms only its own.  `build` makes them.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ import numpy as np
 from . import block, migration, spheres
 from .communicator import ALONE
 from .compiled import L2, Cell, I
-from .frames import angular_momentum, angular_velocity, rotation_matrix
+from .frames import angular_momentum, rotation_matrix
 from .lookup import gone
 from .memory import Memory
 from .migration import ARRANGE, LOCATE, NOTE, OF_BODY, SETTLE
@@ -28,7 +28,14 @@ ROWS = block.ROWS
 MASS, MOMENT, X, V, Q, P, WRENCH, NATOMS, IMAGE, HOME, ID = (
     slice(row, row + rows)
     for row, rows in (
-        *((block.MASS, 1), (block.MOMENT, 3), (block.X, 3), (block.V, 3), (block.Q, 4), (block.P, 4)),
+        *(
+            (block.MASS, 1),
+            (block.MOMENT, 3),
+            (block.X, 3),
+            (block.V, 3),
+            (block.Q, 4),
+            (block.P, 4),
+        ),
         *((block.FORCE, 6), (block.NATOMS, 1), (block.IMAGE, 3), (block.HOME, 1), (block.ID, 1)),
     )
 )
@@ -41,7 +48,8 @@ class Former(NamedTuple):
         known: (natoms,) bool, which atoms were in a body.
         id, natoms: (natoms,) the body's ID and number of atoms.  q: (4, natoms) its quaternion.
         displace: (3, natoms) the atom's place in the body's principal frame.
-        followed: whether LAMMPS took all that along with the atoms; else they were found by their IDs.
+        followed: whether LAMMPS took all that along with the atoms; else they were found by their
+            IDs.
     """
 
     known: np.ndarray
@@ -65,17 +73,17 @@ def _cell(name):
 class Bodies:
     """The bodies of which this rank owns atoms, those of one kind side by side.
 
-    Loops find all of it in `cells`, which `follow` sets anew: arrays here are views of what is there when
-    they are asked for, of use until then.
+    Loops find all of it in `cells`, which `follow` sets anew: arrays here are views of what is
+    there when they are asked for, of use until then.
 
     Attributes:
         id: (n,) body IDs.
         rotors, turning: bodies [0, rotors) have three moments (in a plane: a moment about axis 3),
             [rotors, turning) are linear, [turning, n) are points.
-        mass (n,), moment (3, n), x, v, image (3, n), q, p (4, n), natoms (n,): views of `state`; x is
-            kept in the box, which image counts.  x, v and the torque are in the space frame, moments
-            in the principal frame, from the largest to the smallest (with order 123 the other way
-            round; in a plane the third is about z).
+        mass (n,), moment (3, n), x, v, image (3, n), q, p (4, n), natoms (n,): views of `state`; x
+            is kept in the box, which image counts.  x, v and the torque are in the space frame,
+            moments in the principal frame, from the largest to the smallest (with order 123 the
+            other way round; in a plane the third is about z).
         force, torque: (3, n), views of `wrench`, (6, n) of `state`, which sharing ranks exchange.
         index, displace: this rank's atoms as the loops take them; see `block.Layout`.
         body, tag: (m,) the body of each of these atoms, and its ID.
@@ -118,12 +126,16 @@ class Bodies:
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 
-    rotors, turning = (property(lambda self, k=k: self.cells["kinds"].array[k].item()) for k in (0, 1))
+    rotors, turning = (
+        property(lambda self, k=k: self.cells["kinds"].array[k].item()) for k in (0, 1)
+    )
     state, displace, index, body = map(_cell, ("state", "displace", "index", "body"))
     mass, natoms, moment, x, v, q, p, wrench, image = map(
         _rows, (block.MASS, block.NATOMS, MOMENT, X, V, Q, P, WRENCH, IMAGE)
     )
-    force, torque = map(_rows, (slice(block.FORCE, block.TORQUE), slice(block.TORQUE, block.NATOMS)))
+    force, torque = map(
+        _rows, (slice(block.FORCE, block.TORQUE), slice(block.TORQUE, block.NATOMS))
+    )
 
     @property
     def id(self):
@@ -135,7 +147,8 @@ class Bodies:
 
     @property
     def flat(self):
-        """Which of the first `rotors` bodies are planar, (rotors,): two moments add up to the largest."""
+        """Which of the first `rotors` bodies are planar, (rotors,): two moments add up to the
+        largest."""
         moment = self.moment[:, : self.rotors]
         return moment.sum(axis=0) <= moment.max(axis=0) * (2 + 1e-7)
 
@@ -159,7 +172,8 @@ class Bodies:
         self._note()
 
     def follow(self, lammps, membership):
-        """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
+        """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays;
+        collective.
 
         Raises:
             RunError: if atoms are missing or new, or stand where this fix has not put them.
@@ -305,7 +319,8 @@ def matrices(q):
 
 
 def _atoms_changed(lammps, communicator, membership, bodies):
-    """The message for atoms that bodies lost, or that came in between two steps, None for none on this
+    """The message for atoms that bodies lost, or that came in between two steps, None for none on
+    this
     rank; collective."""
     atoms, origins = membership.atoms(), lammps.cells["origins"].array
     of_atoms = origins[atoms]

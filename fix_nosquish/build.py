@@ -1,9 +1,10 @@
-"""How rigid bodies are made of LAMMPS's atoms: periodic image, mass, centre of mass, inertia, principal frame."""
+"""How rigid bodies are made of LAMMPS's atoms: periodic image, mass, centre of mass, inertia,
+principal frame."""
 
 import numpy as np
 
 from . import compiled, infile, spheres
-from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, Q, ROWS, SPHERE, X, Bodies, matrices
+from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, SPHERE, Bodies, Q, X, matrices
 from .errors import RunError
 from .shapes import keep
 from .sharing import Sharers
@@ -23,7 +24,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Args:
-        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  membership: the `Membership`.
+        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  membership: the
+        `Membership`.
         path: the file of keyword infile, None for none.
         more_rows: rows of zeros in the bodies' state, behind those that `kernels` names.
         former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
@@ -83,7 +85,9 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         )
     r, kept, new = delta - centre[:, body].T, None, True
     if former is not None:
-        r, kept, new = keep(lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r)
+        r, kept, new = keep(
+            lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r
+        )
     rx, ry, rz = r.T
     xx, yy, zz, xy, xz, yz = total(
         *(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz))
@@ -184,7 +188,8 @@ def _notes(bodies, lammps, communicator, membership, rebuilt):
 
 
 def _members(lammps, communicator, membership):
-    """This rank's atoms of bodies: their index, the bodies' IDs, the place of each atom's body there, mass, tag, radius."""
+    """This rank's atoms of bodies: their index, the bodies' IDs, the place of each atom's body
+    there, mass, tag, radius."""
     problem = None
     atoms = membership.atoms()
     try:
@@ -227,8 +232,8 @@ def _principal(inertia):
     Args:
         inertia: (n, 3, 3) tensors of inertia.
     Returns:
-        moment (3, n), from the largest to the smallest; axes (n, 3, 3), in columns; and (2, n) bool,
-        whether moments 1 and 2, and 2 and 3, are equal, so that their axes are arbitrary.
+        moment (3, n), from the largest to the smallest; axes (n, 3, 3), in columns; and (2, n)
+        bool, whether moments 1 and 2, and 2 and 3, are equal, so that their axes are arbitrary.
     """
     values, axes = np.linalg.eigh(inertia)
     moment, axes = values[:, ::-1].T.copy(), axes[:, :, ::-1].copy()
@@ -249,7 +254,8 @@ def _principal(inertia):
 
 
 def _frames_along(axis):
-    """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3); the rest follows from the vector alone."""
+    """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3); the rest follows from
+    the vector alone."""
     n = np.arange(len(axis))
     axis = axis * np.sign(axis[n, np.abs(axis).argmax(axis=1)])[:, None]
     other = np.zeros_like(axis)
@@ -270,7 +276,8 @@ def _principal_in_plane(inertia):
 
 
 def weights(tag):
-    """Two numbers in [0, 1) for each atom that follow from its tag and are like no others: splitmix64 of it, (2, n)."""
+    """Two numbers in [0, 1) for each atom that follow from its tag and are like no others:
+    splitmix64 of it, (2, n)."""
     bits = 2 * tag.astype(np.uint64) + np.array([[0], [1]], np.uint64)
     bits = (bits + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in (30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB):
@@ -282,10 +289,12 @@ def _choose_axes(axes, equal, sums):
     """Where moments are equal, turn the axes to weighted sums of the atoms' places, in place.
 
     A frame that follows from the atoms alone is found again, whenever and on however many ranks
-    the bodies are made: the splitting into rotations about axes, and so the trajectory, depends on it.
+    the bodies are made: the splitting into rotations about axes, and so the trajectory, depends on
+    it.
 
     Args:
-        axes: (n, 3, 3), in columns.  equal: (2, n), see `_principal`.  sums: (n, 2, 3), two vectors of each body.
+        axes: (n, 3, 3), in columns.  equal: (2, n), see `_principal`.  sums: (n, 2, 3), two vectors
+            of each body.
     """
     chosen = np.flatnonzero(equal.any(axis=0))
     equal, frames = equal[:, chosen], axes[chosen]

@@ -47,8 +47,9 @@ class Command:
         style: single, molecule, custom or group, as in LAMMPS's fix rigid.
         arguments: those of the style: () or (i_NAME or v_NAME,) or the groups' IDs.
         mrot: inner rotor steps per time step (m_rot of eq. 2.53).
-        order: 321 or 123, the order of the axes in a rotor step, outermost first, with I_1 >= I_2 >= I_3.
-        force, torque: what each of these keywords says, in their order: (first body, last body, (x, y, z));
+        order: 321 or 123, the order of the axes in a rotor step, outermost first, with I_1 >= I_2
+        >= I_3. force, torque: what each of these keywords says, in their order: (first body, last
+        body, (x, y, z));
             bodies count from 1, 0 stands for the open end of a range, x y z are True for on.
         reinit: whether the bodies are made anew when a run starts.
         infile: the file with the bodies' properties, None for none.
@@ -72,7 +73,8 @@ class Command:
         """Read the words after the class.
 
         Raises:
-            RunError: naming the word, what was expected, and what to do; Unfinished, which is one, where words are missing.
+            RunError: naming the word, what was expected, and what to do; Unfinished, which is one,
+                where words are missing.
         """
         words = _Words(text)
         words.take("a class")

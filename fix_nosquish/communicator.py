@@ -1,8 +1,10 @@
-"""The ranks of a run: collective operations for what is done once a run, and what loops call MPI with.
+"""The ranks of a run: collective operations for what is done once a run, and what loops call MPI
+with.
 
 `ALONE` is a run on one rank: nothing is shared, and mpi4py is not imported.
 """
 
+import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -52,6 +54,9 @@ class Alone:
 
     gather_to_all = share = gather
 
+    def rest(self):
+        """Wait for all ranks, and leave the processor to others meanwhile."""
+
 
 ALONE = Alone()
 
@@ -73,7 +78,9 @@ class Communicator(Alone):
 
         kind = Communicator
         if kind._attribute is None:
-            kind._attribute = MPI.Comm.Create_keyval(delete_fn=lambda comm, key, ours: ours[0].Free())
+            kind._attribute = MPI.Comm.Create_keyval(
+                delete_fn=lambda comm, key, ours: ours[0].Free()
+            )
         theirs = MPI.Comm.f2py(comm)
         if not theirs.Get_attr(kind._attribute):
             ours = theirs.Dup()
@@ -102,6 +109,13 @@ class Communicator(Alone):
     def any(self, flag):
         """Whether `flag` is true on any rank."""
         return bool(self._reduce(bool(flag), self.mpi.MAX))
+
+    def rest(self):
+        """Wait for all ranks, and leave the processor to others meanwhile."""
+        request, pause = self.comm.Ibarrier(), 1e-4
+        while not request.Test():
+            time.sleep(pause)
+            pause = min(2 * pause, 0.02)
 
     def share(self, rows):
         """Rank 0's rows, for all ranks."""

@@ -158,7 +158,8 @@ def _entry(loop):
 
 
 def _machine_code(loops):
-    """The machine code of loops, an object file with a function `int64 NAME(int64 **cells)` for each.
+    """The machine code of loops, an object file with a function `int64 NAME(int64 **cells)` for
+    each.
 
     Raises:
         RuntimeError: for a loop that needs Python when it runs.

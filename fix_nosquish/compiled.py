@@ -13,13 +13,13 @@
         for i in range(len(points.x)):
             result[i] = sqrt(square(points.x[i, 0], points.x[i, 1]))
 
-An argument's annotation is its `Kind`, or a NamedTuple whose fields have kinds: a bundle.  Where the
-file of a module's loops is, numba is not even imported, which alone would take longer than all else
-at the start of a run; if not, `compile` makes it.
+An argument's annotation is its `Kind`, or a NamedTuple whose fields have kinds: a bundle.  Where
+the file of a module's loops is, numba is not even imported, which alone would take longer than all
+else at the start of a run; if not, `compile` makes it.
 
-A loop can use functions of `math`, functions that are `inlined`, what `compile.PRIMITIVES` names, and
-numbers and tuples of numbers, which are constants to the compiler.  It makes no array and raises
-no exception; it returns nothing or an integer.  Nothing checks its indices.
+A loop can use functions of `math`, functions that are `inlined`, what `compile.PRIMITIVES` names,
+and numbers and tuples of numbers, which are constants to the compiler.  It makes no array and
+raises no exception; it returns nothing or an integer.  Nothing checks its indices.
 """
 
 import ctypes
@@ -205,7 +205,8 @@ def int_rows(place, rows, columns):
 
 
 def call(place, *arguments):
-    """Call the C function at this place with up to 7 integers or addresses. Returns: its integer."""
+    """Call the C function at this place with up to 7 integers or addresses. Returns: its
+    integer."""
 
 
 def loop(function):
@@ -243,7 +244,9 @@ class Loop:
             TypeError: for an argument that is not of its kind.
         """
         if len(values) != len(self.parameters):
-            raise TypeError(f"{self.name} takes {len(self.parameters)} arguments, not {len(values)}")
+            raise TypeError(
+                f"{self.name} takes {len(self.parameters)} arguments, not {len(values)}"
+            )
         flat = []
         for what, value in zip(self.parameters.values(), values, strict=True):
             flat += [value] if isinstance(what, Kind) else value
@@ -280,7 +283,8 @@ class Loop:
 
 
 def load(communicator, *names):
-    """Make the loops of some modules ready, with machine code that rank 0 reads or makes; collective.
+    """Make the loops of some modules ready, with machine code that rank 0 reads or makes;
+    collective.
 
     Without this a loop's first use does it, on each rank for itself.
 
@@ -297,6 +301,7 @@ def load(communicator, *names):
     with communicator.together("the loops cannot be compiled or loaded"):
         if communicator.rank == 0:
             sent = _processor(), {name: module.found() for name, module in modules.items()}
+    communicator.rest()  # rank 0 may have to compile
     processor, codes = communicator.share(sent)
     with communicator.together("the loops cannot be compiled or loaded"):
         for name, module in modules.items():
@@ -351,21 +356,17 @@ class Module:
         package = self.name.partition(".")[0]
         of_package = [one for name, one in MODULES.items() if name.partition(".")[0] == package]
         missing = [one for one in of_package if one is self or not one.read()]
-        _tell(f"{package} compiles its loops, once for this machine and version: about 15 s")
+        _tell(f"{package} compiles its loops, once for this machine and version: about 20 s")
         begin = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, "-m", f"{__package__}.compile", *[one.name for one in missing]],
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "MPI4PY_RC_INITIALIZE": "0"},
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-        )
-        if done.returncode:
-            raise RuntimeError(done.stderr.decode(errors="replace").strip() or "the compiler ended")
+        codes = _compile(missing, min(4, len(os.sched_getaffinity(0))))
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
-        codes = pickle.loads(done.stdout)
         for one in missing:
             one.code = codes[one.name]
             one.save()
+
+    def weight(self):
+        """About how long it takes to compile the loops, in a unit of its own."""
+        return sum(len(repr(_contents(one.__wrapped__))) for one in self.loops)
 
     def save(self):
         """Keep the machine code in a file."""
@@ -396,6 +397,36 @@ class Module:
         beside = beside.with_suffix(f".{_hash(compiler)}.{_hash(loops)}.o")
         cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
         return beside, Path(cache, __package__, _hash(str(beside.parent)), beside.name)
+
+
+def _compile(modules, most):
+    """The machine code of modules' loops, by name; compiled by at most so many processes."""
+    groups = [(0, []) for _ in range(min(most, len(modules)))]
+    for one in sorted(modules, key=Module.weight, reverse=True):
+        weight, names = groups.pop(0)
+        groups.append((weight + one.weight(), [*names, one.name]))
+        groups.sort(key=operator.itemgetter(0))
+    path = {"PYTHONPATH": os.pathsep.join(sys.path), "MPI4PY_RC_INITIALIZE": "0"}
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-m", f"{__package__}.compile", *names],
+            env=os.environ | path,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        for _, names in groups
+    ]
+    codes, problem = {}, None
+    for process in processes:
+        output, errors = process.communicate()
+        if process.returncode:
+            problem = errors.decode(errors="replace").strip() or "the compiler ended"
+        else:
+            codes |= pickle.loads(output)
+    if problem:
+        raise RuntimeError(problem)
+    return codes
 
 
 def _tell(text):

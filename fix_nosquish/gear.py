@@ -1,36 +1,53 @@
 """Gear: the quaternion predictor-corrector of fifth order, beside NO_SQUISH.
 
-Rigid molecules were moved so since Evans and Murad, Mol. Phys. 34, 327 (1977).  A body has its centre of mass x, angular
-velocity omega (principal frame) and quaternion q, each with its first five time derivatives, and the equations of motion
+Rigid molecules were moved so since Evans and Murad, Mol. Phys. 34, 327 (1977).  A body has its
+centre of mass x, angular velocity omega (principal frame) and quaternion q, each with its first
+five time derivatives, and the equations of motion
 
     d2x/dt2 = F / m                   of second order
     d omega/dt as Euler's (2.5)       of first order
     dq/dt = S(q) (0, omega) / 2       of first order
 
-A step predicts all of them by Taylor series, has the force computed once, there, and adds to each derivative the error of the
-one that the equation of motion gives, times a coefficient of Gear.  The coefficients, for derivatives times dt^n / n!, are
-those for six values in the tables of Allen and Tildesley, Computer Simulation of Liquids (1987), appendix E.  Their program F.5
-is this scheme with a derivative less, and with the predicted omega in the equation of q.  Here that is the corrected one: with
-six values a libration of angular frequency w is stable up to w dt = 0.41 then, and otherwise up to 0.11, less than water has at 1 fs.
+A step predicts all of them by Taylor series, has the force computed once, there, and adds to each
+derivative the error of the one that the equation of motion gives, times a coefficient of Gear.  The
+coefficients, for derivatives times dt^n / n!, are those for six values in the tables of Allen and
+Tildesley, Computer Simulation of Liquids (1987), appendix E.  Their program F.5 is this scheme with
+a derivative less, and with the predicted omega in the equation of q.  Here that is the corrected
+one: with six values a libration of angular frequency w is stable up to w dt = 0.41 then, and
+otherwise up to 0.11, less than water has at 1 fs.
 
-As was the custom the quaternion is made a unit one again, after the corrector and, so that the forces see rigid bodies,
-after the predictor.  Nothing else is conserved by construction: the scheme is neither reversible nor symplectic.
+As was the custom the quaternion is made a unit one again, after the corrector and, so that the
+forces see rigid bodies, after the predictor.  Nothing else is conserved by construction: the scheme
+is neither reversible nor symplectic.
 
-The first step has derivatives that follow from the equations of motion as if the force and the torque (in the
-principal frame) of the start stayed as they are: those of a free body are exact, others lack the change of the force, which the
-corrector finds within a few steps; the energy changes by a term of dt^2 meanwhile.  Each `run` starts so again, except with
-`run N pre no` and with `reinit no`, where the derivatives go on.
+The first step has derivatives that follow from the equations of motion as if the force and the
+torque (in the principal frame) of the start stayed as they are: those of a free body are exact,
+others lack the change of the force, which the corrector finds within a few steps; the energy
+changes by a term of dt^2 meanwhile.  Each `run` starts so again, except with `run N pre no` and
+with `reinit no`, where the derivatives go on.
 """
 
 from math import sqrt
 
 from .block import (
-    BLOCK_ROWS, FORCE, LANES, MASS, MATRIX, MOMENT, TORQUE, P, Q, V, X, four, nine, three, write,
+    BLOCK_ROWS,
+    FORCE,
+    LANES,
+    MASS,
+    MATRIX,
+    MOMENT,
+    TORQUE,
+    P,
+    Q,
+    V,
+    X,
+    four,
+    nine,
+    three,
+    write,
 )  # fmt: skip
 from .compiled import inlined
-from .errors import RunError
 from .frames import angular_velocity, to_body
-from .hosts import hook
 from .integrator import Integrator
 from .operations import FTM2V
 from .rotor import dot, mix, s_times
@@ -38,10 +55,17 @@ from .step import Operation, rotation_matrices
 
 ORDER = 5
 FIRST = 95 / 288, 1.0, 25 / 24, 35 / 72, 5 / 48, 1 / 120  # for equations of first order
-SECOND = 3 / 20, 251 / 360, 1.0, 11 / 18, 1 / 6, 1 / 60  # of second order, without velocities in them
+SECOND = (
+    3 / 20,
+    251 / 360,
+    1.0,
+    11 / 18,
+    1 / 6,
+    1 / 60,
+)  # of second order, without velocities in them
 
-# A body's own rows are derivatives 1 to 5 of x, omega and q, in this order (those of x begin with v).
-# To work with: TERM + WIDTH n + k is derivative n of quantity k, times dt^n / n!.
+# A body's own rows are derivatives 1 to 5 of x, omega and q, in this order (those of x begin with
+# v). To work with: TERM + WIDTH n + k is derivative n of quantity k, times dt^n / n!.
 OMEGA, QUATERNION, WIDTH = 3, 6, 10
 DERIVATIVE = BLOCK_ROWS
 TERM = DERIVATIVE + WIDTH * ORDER
@@ -97,8 +121,10 @@ def put_bodies(block, dt):
 
 @inlined
 def omega_term(block, n, b, dt, ftm2v):
-    """Term n + 1 of omega, by Euler's equations from the terms up to n (of a product: the sum over j of its factors' terms j and
-    n - j), with a torque that stays as it is in the principal frame; none about an axis without moment."""
+    """Term n + 1 of omega, by Euler's equations from the terms up to n (of a product: the sum over
+    j of its factors' terms j and
+    n - j), with a torque that stays as it is in the principal frame; none about an axis without
+    moment."""
     i1, i2, i3 = three(block, MOMENT, b)
     a1 = a2 = a3 = 0.0
     if n == 0:
@@ -148,7 +174,8 @@ def predict_block(block):
 
 @inlined
 def add_error(block, k, known, b, coefficients):
-    """Add to each term of quantity k the error of the term `known`, which the equation of motion gave, times a coefficient."""
+    """Add to each term of quantity k the error of the term `known`, which the equation of motion
+    gave, times a coefficient."""
     error = block[RIGHT + k, b] - block[TERM + WIDTH * known + k, b]
     block[TERM + k, b] += coefficients[0] * error
     block[TERM + WIDTH + k, b] += coefficients[1] * error
@@ -209,11 +236,12 @@ def start(block, kind, dt, parameters):
 
 
 class Gear(Integrator):
-    """fix python/move "fix_nosquish.Gear GROUP BODYSTYLE ...": with the words of `NVE` but mrot and order.
+    """fix python/move "fix_nosquish.Gear GROUP BODYSTYLE ...": with the words of `NVE` but mrot and
+    order.
 
-    Each step ends with the corrected positions, at which no force was computed: the potential energy
-    is that of the predicted ones.  Velocities that another fix changes are taken over as with `NVE`; the
-    derivatives follow within a few steps.
+    Each step ends with the corrected positions, at which no force was computed: the potential
+    energy is that of the predicted ones.  Velocities that another fix changes are taken over as
+    with `NVE`; the derivatives follow within a few steps.
 
     Raises:
         RunError: for the keywords mrot and order, which tell how rotations are split, and with

@@ -1,11 +1,14 @@
-"""Keyword infile of fix rigid: a file with the bodies' mass, centre of mass, inertia and velocities.
+"""Keyword infile of fix rigid: a file with the bodies' mass, centre of mass, inertia and
+velocities.
 
-The first line that is not empty and no comment holds the number of lines that follow, one for each body:
+The first line that is not empty and no comment holds the number of lines that follow, one for each
+body:
 
     ID mass x y z ixx iyy izz ixy ixz iyz vx vy vz lx ly lz ix iy iz
 
-with the ID as in fix rigid (1 for single, 1 to N for groups, else the molecule-ID or the custom value), the
-tensor of inertia and the angular momentum l in the space frame, and the image flags of the centre of mass.
+with the ID as in fix rigid (1 for single, 1 to N for groups, else the molecule-ID or the custom
+value), the tensor of inertia and the angular momentum l in the space frame, and the image flags of
+the centre of mass.
 """
 
 import numpy as np
@@ -20,9 +23,11 @@ class Given:
     """What the file says of this rank's bodies.
 
     Attributes:
-        bodies: (m,) their places in this rank's list of bodies.  absent: (n,) bool, the other ones of the list.
+        bodies: (m,) their places in this rank's list of bodies.  absent: (n,) bool, the other ones
+        of the list.
         named: IDs of all bodies in the file.
-        mass: (m,).  x, image: (3, m), centre of mass and its image flags.  inertia: (m, 3, 3), space frame.
+        mass: (m,).  x, image: (3, m), centre of mass and its image flags.  inertia: (m, 3, 3),
+            space frame.
     """
 
     def __init__(self, ids, bodies, rows, named):

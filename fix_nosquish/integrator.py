@@ -3,8 +3,8 @@
     initial_integrate   begin: what stands before the forces in the splitting; atoms have new places
     (LAMMPS)            moves atoms between ranks if it is time to, computes forces
     post_neighbor       follow the atoms, if they were moved
-    final_integrate     end: force and torque of each body (of shared ones: one exchange), what stands
-                        behind the forces in the splitting, the atoms' velocities
+    final_integrate     end: force and torque of each body (of shared ones: one exchange), what
+                        stands behind the forces in the splitting, the atoms' velocities
 
 On a step that nothing looks at, the end is left to the next step, and is one pass with its begin.
 The plugin then does both by itself; it calls these methods where Python has something to do.  With
@@ -18,18 +18,18 @@ from math import gcd
 
 import numpy as np
 
-from . import compiled, lookup, migration, passes, reports, sharing, spheres, step, thermo, virial
+from . import compiled, lookup, migration, passes, reports, sharing, step, thermo, virial
 from .block import ROWS
 from .build import build, count
 from .command import Command
 from .communicator import ALONE, Communicator
 from .errors import RunError
 from .hosts import driven_by_plugin, hook
-from .own_fix import OwnFix
 from .kinds import compare
 from .lammps import Lammps, pointer
 from .membership import Membership
 from .operations import FTM2V, MROT, PARAMETERS
+from .own_fix import OwnFix
 from .switches import Switches
 
 # fixes that read no velocities but those of their own atoms
@@ -61,20 +61,21 @@ class Integrator:
 
     A class derived from this one says
         splitting, operations: what a step is; see `step.stages`.
-        rows: how many numbers of its own each body has; they go where the body goes, and begin as 0.
-            In a block they are the rows from BLOCK_ROWS on.
+        rows: how many numbers of its own each body has; they go where the body goes, and begin as
+            0. In a block they are the rows from BLOCK_ROWS on.
         work: how many more rows of a block its operations need to work with.
-        starts: what sets its own rows when the forces of the start are known, or None: a function as
-            in an operation.
+        starts: what sets its own rows when the forces of the start are known, or None: a function
+            as in an operation.
         method: what the log calls it.  splits: whether it has use for the keywords mrot and order.
         respa: whether it can have the forces of the levels of run_style respa.
-        own_parameters: a method that returns numbers for its operations, behind those of `operations`.
+        own_parameters: a method that returns numbers for its operations, behind those of
+            `operations`.
 
     Attributes:
         bodies: the `Bodies`, from the first use of the fix on.
         host: what calls this object: see `hosts.Host`.
-        virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the plugin's
-            fix; None with LAMMPS's own fix python/move.
+        virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
+            plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         late: other fixes that act at the end of a step, and so may change velocities.
@@ -136,7 +137,9 @@ class Integrator:
         self.reports = reports.Reports(self)
         self._all.add(self)
         self.reset_dt()
-        if self.host:  # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
+        if (
+            self.host
+        ):  # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
             self._build()
             self.reports.say(False)
         else:
@@ -258,8 +261,8 @@ class Integrator:
     def former(self):
         """What the atoms were in the bodies of the last run, None if that says nothing; collective.
 
-        An atom that was in a body stays in it; a variable is asked for the others only.  (LAMMPS's own
-        fix cannot know which these are.)
+        An atom that was in a body stays in it; a variable is asked for the others only.  (LAMMPS's
+        own fix cannot know which these are.)
         """
         if self._lost:
             raise RunError(
@@ -288,7 +291,9 @@ class Integrator:
                         f"integrated by fix {fix.id} (style {fix.style}): give that fix a group without "
                         "the bodies' atoms"
                     )
-            elif all(any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids):
+            elif all(
+                any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids
+            ):
                 problem = (
                     f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, which fix "
                     f'{self.host.fix_id} ("{command.text}") holds rigid: unfix it, or give it a group '
@@ -426,7 +431,8 @@ class Integrator:
             self.passes.begins.set(not respa)  # there each level begins by itself
 
     def _leave_to_host(self):
-        """Have the plugin do what needs no Python; not what a derived class has a hook of its own for."""
+        """Have the plugin do what needs no Python; not what a derived class has a hook of its own
+        for."""
         hooks = "initial_integrate", "final_integrate", "post_neighbor"
         own = any(getattr(type(self), name) is not getattr(Integrator, name) for name in hooks)
         if self.respa_dt is None and not own:
@@ -465,8 +471,13 @@ class Integrator:
         bad = (~np.isfinite(bodies.wrench).all(axis=0)).argmax()
         cause, remedy = bodies.instability(bad, self.lammps)
         if self.phase == Phase.NEW:
-            cause, remedy = "atoms overlap at the start", "minimise or move them apart before the fix line"
-        advice = "use a shorter time step or a better start, and look for what else acts on the body"
+            cause, remedy = (
+                "atoms overlap at the start",
+                "minimise or move them apart before the fix line",
+            )
+        advice = (
+            "use a shorter time step or a better start, and look for what else acts on the body"
+        )
         raise RunError(
             f"{cause or 'the run is unstable'}, and the force on {self.membership.name(bodies.id[bad])} "
             f"is not finite at step {step}: {remedy or advice}"
@@ -494,7 +505,8 @@ class Integrator:
             )
 
     def take_changed_velocities(self, step):
-        """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with
+        """If a fix has changed the atoms' velocities at the end of this step, have the bodies move
+        with
         them; collective."""
         due = [fix.id for fix in self.late if step % fix.nevery == 0]
         if not due or not self._velocities_changed():
@@ -508,7 +520,8 @@ class Integrator:
 
     @hook
     def post_run(self):
-        """A run is over; what comes now, from a script's commands to another run, finds the bodies as
+        """A run is over; what comes now, from a script's commands to another run, finds the bodies
+        as
         their atoms are."""
         if self.phase != Phase.NEW:
             self.catch_up()
@@ -560,12 +573,14 @@ class Integrator:
 
     @hook
     def dof(self, group):
-        """Degrees of freedom that the bodies take from LAMMPS's group of this number; collective."""
+        """Degrees of freedom that the bodies take from LAMMPS's group of this number;
+        collective."""
         return self.reports.removed_freedom(group)
 
     @hook
     def compute_scalar(self):
-        """Temperature of the bodies; as fix rigid's, but of all components, whether force and torque act
+        """Temperature of the bodies; as fix rigid's, but of all components, whether force and
+        torque act
         on them or not; collective."""
         return self.reports.energies()[4]
 

@@ -10,10 +10,11 @@ _SHAPES = "three-dimensional", "planar", "linear"
 
 
 def compare(bodies, lammps, communicator, membership):
-    """Warn of bodies with the same atom types, in the order of atom IDs, but not one shape; collective.
+    """Warn of bodies with the same atom types, in the order of atom IDs, but not one shape;
+    collective.
 
-    Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a racemate
-    is of one kind) by least squares weighted with mass.
+    Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a
+    racemate is of one kind) by least squares weighted with mass.
 
     Returns:
         a list of lines, alike on all ranks.
@@ -59,7 +60,8 @@ def compare(bodies, lammps, communicator, membership):
     products = products.T.reshape(n, 3, 3)
 
     def deviation(turn):
-        """How far each body is from the first of its kind, turned so, as a part of its size, (n,)."""
+        """How far each body is from the first of its kind, turned so, as a part of its size,
+        (n,)."""
         far, off = np.zeros((1, n)), d - np.einsum("mab,bm->am", turn[body], model)
         np.maximum.at(far[0], body, np.linalg.norm(off, axis=0))
         sharers.combine(far, np.maximum)
@@ -98,12 +100,13 @@ def compare(bodies, lammps, communicator, membership):
 
 
 def _places_and_keys(bodies, lammps):
-    """The place of each atom here among its body's, in the order of IDs, and what tells kinds apart.
+    """The place of each atom here among its body's, in the order of IDs, and what tells kinds
+    apart.
 
     Returns:
-        (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if ranks
-        that share the body would have to tell each other the order: each knows it where the IDs
-        follow one another.
+        (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if
+        ranks that share the body would have to tell each other the order: each knows it where the
+        IDs follow one another.
     """
     n, tag, body = len(bodies), bodies.tag, bodies.body
     ends = np.full((2, n), np.inf)

@@ -159,7 +159,8 @@ class Lammps:
 
     @property
     def respa_dt(self):
-        """The time steps of run_style respa's levels, innermost first; None with another run style."""
+        """The time steps of run_style respa's levels, innermost first; None with another run
+        style."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
         return array(self._global("respa_dt"), (count,), float).copy() if count else None
@@ -200,7 +201,8 @@ class Lammps:
         return self._box
 
     def per_atom(self, name, dtype=float, columns=0):
-        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns), the same as long as it holds; None if absent."""
+        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns), the same
+        as long as it holds; None if absent."""
         n = self._natoms.value
         shape = (n, columns) if columns else (n,)
         if n == 0:
@@ -243,7 +245,8 @@ class Lammps:
 
     @property
     def images(self):
-        """Image flags: how many box vectors each atom is away from its place in the box, (natoms, 3)."""
+        """Image flags: how many box vectors each atom is away from its place in the box, (natoms,
+        3)."""
         packed = self.per_atom("image", self.imageint).astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
         return np.stack(
@@ -259,8 +262,9 @@ class Lammps:
         """What the atoms are that are more than points.
 
         Returns:
-            (radius, problem): (natoms,) the spheres' radii, 0 for a point, None where the atom style has
-            no spheres; (natoms,) what an atom is, and what of it this fix does not move, '' for a point or a sphere, None if none is more.
+            (radius, problem): (natoms,) the spheres' radii, 0 for a point, None where the atom
+            style has no spheres; (natoms,) what an atom is, and what of it this fix does not move,
+            '' for a point or a sphere, None if none is more.
         """
         kinds = {}
         for name, what in (
@@ -328,7 +332,8 @@ class Lammps:
         return values
 
     def text(self, word):
-        """A word of the fix line: as it stands, or the value of the variable that v_NAME names; collective.
+        """A word of the fix line: as it stands, or the value of the variable that v_NAME names;
+        collective.
 
         Raises:
             RunError: if there is no such variable, or it is not a string-style one.

@@ -1,4 +1,5 @@
-"""What ranks ask each other of atoms: for a LAMMPS that takes nothing along with them, and for messages."""
+"""What ranks ask each other of atoms: for a LAMMPS that takes nothing along with them, and for
+messages."""
 
 import numpy as np
 
@@ -17,7 +18,8 @@ def deliver_parts(mpi: Mpi, messages: L2, to: L1, many: L1, parts: L1, sources: 
 
 @loop
 def describe(places: L1, body: L1, displace: F2, state: F2, rows: F2):
-    """Write what another rank needs to know of the atoms at these places, but for their origin, to rows
+    """Write what another rank needs to know of the atoms at these places, but for their origin, to
+    rows
     (places, OF_BODY + ...)."""
     for j in range(places.size):
         p = places[j]
@@ -129,7 +131,8 @@ def fetch(communicator, origins, rows_of):
 
     Args:
         origins: (m,) int64, where each atom gained was before: another rank, and its place there.
-        rows_of: a function of (n,) places that gives (n, width) float64, what goes with these atoms.
+        rows_of: a function of (n,) places that gives (n, width) float64, what goes with these
+            atoms.
     Returns:
         (m, width) rows, in the order of origins.
     """

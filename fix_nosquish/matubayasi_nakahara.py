@@ -1,25 +1,31 @@
-"""MatubayasiNakahara: the reversible scheme of Matubayasi and Nakahara, J. Chem. Phys. 110, 3291 (1999), beside NO_SQUISH.
+"""MatubayasiNakahara: the reversible scheme of Matubayasi and Nakahara, J. Chem. Phys. 110, 3291
+(1999), beside NO_SQUISH.
 
-Reference 12 of Miller et al. (2002), in that paper's form: a body's orientation is the quaternion q and the angular
-velocity omega in the principal frame, which obey (2.5).  Their Liouville operator is split into four parts (2.61):
+Reference 12 of Miller et al. (2002), in that paper's form: a body's orientation is the quaternion q
+and the angular velocity omega in the principal frame, which obey (2.5).  Their Liouville operator
+is split into four parts (2.61):
 
     iL_1    dq/dt = S(q) (0, omega) / 2
-    iL_2    d omega_x/dt = (I_y - I_z) / I_x omega_y omega_z        d omega_y/dt = (I_z - I_y) / I_y omega_x omega_z
-    iL_3    d omega_y/dt = (I_y - I_x) / I_y omega_x omega_z        d omega_z/dt = (I_x - I_y) / I_z omega_x omega_y
-    iL_4    d omega_k/dt = tau_k / I_k
+    iL_2    d omega_x/dt = (I_y - I_z) / I_x omega_y omega_z        d omega_y/dt = (I_z - I_y) / I_y
+    omega_x omega_z iL_3    d omega_y/dt = (I_y - I_x) / I_y omega_x omega_z        d omega_z/dt =
+    (I_x - I_y) / I_z omega_x omega_y iL_4    d omega_k/dt = tau_k / I_k
 
-Each part alone is solved exactly: iL_2 and iL_3 leave one component of omega as it is and turn the other two along an
-ellipse.  They are combined as in (2.53), which "an approximate evolution operator analogous to (2.53)" is taken to mean:
+Each part alone is solved exactly: iL_2 and iL_3 leave one component of omega as it is and turn the
+other two along an ellipse.  They are combined as in (2.53), which "an approximate evolution
+operator analogous to (2.53)" is taken to mean:
 
-    exp(iL_4 dt/2)  [exp(iL_3 h/2) exp(iL_2 h/2) exp(iL_1 h) exp(iL_2 h/2) exp(iL_3 h/2)]^mrot  exp(iL_4 dt/2),   h = dt/mrot
+    exp(iL_4 dt/2)  [exp(iL_3 h/2) exp(iL_2 h/2) exp(iL_1 h) exp(iL_2 h/2) exp(iL_3 h/2)]^mrot
+    exp(iL_4 dt/2),   h = dt/mrot
 
-No part changes a volume in the space of (q, omega), and the product is a palindrome: the scheme is time-reversible and
-preserves phase-space volume.  But the parts are no Hamiltonian motions, so it is not symplectic.  A free body keeps its
-kinetic energy, as iL_2 and iL_3 both do, and not its angular momentum in space (with NO_SQUISH it is the other way round).
+No part changes a volume in the space of (q, omega), and the product is a palindrome: the scheme is
+time-reversible and preserves phase-space volume.  But the parts are no Hamiltonian motions, so it
+is not symplectic.  A free body keeps its kinetic energy, as iL_2 and iL_3 both do, and not its
+angular momentum in space (with NO_SQUISH it is the other way round).
 
-(x, y, z) are the principal axes 1, 2, 3 with I_1 >= I_2 >= I_3 (with `order 123` in reverse).  Of a linear body's rotation and
-that in a plane only iL_1 is left, about an axis that stays: the exact rotation that NVE has.  iL_4 is NVE's kick, since
-p = 2 S(q) (0, I omega): omega stands in the bodies' state as this p.
+(x, y, z) are the principal axes 1, 2, 3 with I_1 >= I_2 >= I_3 (with `order 123` in reverse).  Of a
+linear body's rotation and that in a plane only iL_1 is left, about an axis that stays: the exact
+rotation that NVE has.  iL_4 is NVE's kick, since p = 2 S(q) (0, I omega): omega stands in the
+bodies' state as this p.
 """
 
 from math import sqrt
@@ -35,7 +41,8 @@ from .step import Operation
 
 @inlined
 def along_ellipse(a, b, moment_a, moment_b, rate, dt):
-    """Two components of omega after dt with da/dt = rate / moment_a b, db/dt = -rate / moment_b a."""
+    """Two components of omega after dt with da/dt = rate / moment_a b, db/dt = -rate / moment_b
+    a."""
     s, versine = sine_and_versine(dt * rate / sqrt(moment_a * moment_b), False)
     shape = sqrt(moment_b / moment_a)
     return a + (s * shape * b - versine * a), b - (s / shape * a + versine * b)

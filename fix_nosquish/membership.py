@@ -13,7 +13,8 @@ class Membership:
 
     Attributes:
         variable: name of the atom-style variable that tells bodies apart, if one does.
-        before: (natoms,) int64 and bool: the IDs of the bodies that the atoms were in, and which atoms were in one; None: none was.
+        before: (natoms,) int64 and bool: the IDs of the bodies that the atoms were in, and which
+            atoms were in one; None: none was.
     """
 
     before = None
@@ -76,7 +77,8 @@ class Membership:
         return values[atoms].astype(np.int64)
 
     def _by_variable(self, atoms):
-        """As `bodies`: an atom that was in a body stays in it, because the variable may be of what moves, as fix rigid reads it once only."""
+        """As `bodies`: an atom that was in a body stays in it, because the variable may be of what
+        moves, as fix rigid reads it once only."""
         ids, known = (
             (of_all[atoms] for of_all in self.before)
             if self.before

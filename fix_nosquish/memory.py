@@ -1,14 +1,16 @@
 """Arrays that compiled loops make longer by themselves, and Python sees through cells."""
 
 import ctypes
-import math
 import weakref
 
 import numpy as np
 
 from .compiled import Cell, array, call, inlined
 
-PLACE, SIZE = 0, 3  # columns of a memory's table: where an array is (its shape follows), its room in bytes
+PLACE, SIZE = (
+    0,
+    3,
+)  # columns of a memory's table: where an array is (its shape follows), its room in bytes
 REALLOC = 0  # the row that holds the address of C's realloc
 
 _libc = ctypes.CDLL(None)
@@ -20,7 +22,8 @@ class Memory:
     """Arrays by name, which live as long as this object.
 
     Args:
-        kinds: dictionary from names to their `compiled.Kind`, in the order of rows 1, 2, ... of the table.
+        kinds: dictionary from names to their `compiled.Kind`, in the order of rows 1, 2, ... of the
+            table.
 
     Attributes:
         table: (rows, 4) of each array its address, its shape (0 for a dimension that it has not),
@@ -57,7 +60,8 @@ def _free(table):
 
 @inlined
 def room(memory, row, size):
-    """Have room for so many bytes in the array of this row; what is there stays. Returns: its place."""
+    """Have room for so many bytes in the array of this row; what is there stays. Returns: its
+    place."""
     if size > memory[row, SIZE]:
         memory[row, SIZE] = size + size // 4 + 64
         memory[row, PLACE] = call(memory[REALLOC, PLACE], memory[row, PLACE], memory[row, SIZE])

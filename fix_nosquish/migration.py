@@ -6,10 +6,40 @@ from typing import NamedTuple
 import numpy as np
 
 from .block import (
-    ATOM, FORCE, HOME, ID, IMAGE, LANES, MOMENT, NATOMS, OWN, TORQUE, Layout, Q, X,
-    at, take, three, write,
+    ATOM,
+    FORCE,
+    HOME,
+    ID,
+    IMAGE,
+    LANES,
+    MOMENT,
+    NATOMS,
+    OWN,
+    Layout,
+    Q,
+    X,
+    at,
+    take,
+    three,
+    write,
 )  # fmt: skip
-from .compiled import F1, F2, F64, I1, I2, L1, L2, F, I, floats, inlined, int_rows, ints, longs, loop
+from .compiled import (
+    F1,
+    F2,
+    F64,
+    I1,
+    I2,
+    L1,
+    L2,
+    F,
+    I,
+    floats,
+    inlined,
+    int_rows,
+    ints,
+    longs,
+    loop,
+)
 from .memory import room
 from .mpi import LONG, RANK, Mpi, add_up
 from .sharing import ASKED, ASKED_ROW, BODIES, IDS, MEET, SHARED, SHARED_ROW, find, in_row
@@ -19,22 +49,34 @@ from .step import apply_matrices, rotation_matrices
 # what goes with an atom to another rank: its origin, its column of displace, its body's of state
 OF_ATOM, OF_BODY = 1, 5
 
-# rows of the bodies' memory: what loops take (see `block.Layout`), the body of each atom, how many atoms
-# of each body are here, where force and torque are, `block.Images`;
+# rows of the bodies' memory: what loops take (see `block.Layout`), the body of each atom, how many
+# atoms of each body are here, where force and torque are, `block.Images`;
 KINDS = {
     "state": F2, "displace": F2, "blocks": I2, "rounds": I1, "index": I1, "body": L1, "atoms": L1,
     "wrench": F2, "away": I1, "shift": F2,
 }  # fmt: skip
 (STATE, DISPLACE, BLOCKS, ROUNDS, INDEX, BODY, ATOMS, WRENCH, AWAY, SHIFT) = range(1, 11)
-# those of before; atoms found, in LAMMPS's order, and their place in `index`, or -1 minus their row of
-# arrived; and what `arrange` works with
-_WORK = "here", "place", "owner", "source", "first", "number", "order", "following", "table", "buckets"
-KINDS |= {"old_state": F2, "old_displace": F2} | {name: L1 for name in _WORK}
+# those of before; atoms found, in LAMMPS's order, and their place in `index`, or -1 minus their row
+# of arrived; and what `arrange` works with
+_WORK = (
+    "here",
+    "place",
+    "owner",
+    "source",
+    "first",
+    "number",
+    "order",
+    "following",
+    "table",
+    "buckets",
+)
+KINDS |= {"old_state": F2, "old_displace": F2} | dict.fromkeys(_WORK, L1)
 OLD_STATE, OLD_DISPLACE, HERE, PLACE, OWNER, SOURCE = range(11, 17)
 FIRST, NUMBER, ORDER, FOLLOWING, TABLE, BUCKETS = range(17, 23)
 
-# what `locate` counts: atoms that came from nowhere, how many more there are than before, how many are
-# not where they were; the same of all ranks; how many atoms are here; how many failed, of all ranks
+# what `locate` counts: atoms that came from nowhere, how many more there are than before, how many
+# are not where they were; the same of all ranks; how many atoms are here; how many failed, of all
+# ranks
 CAME, MORE, MOVED, SUMMED = range(4)
 SUMS, COUNT, FAILED, ALL_FAILED, FOUND = 3, 6, 7, 8, 9
 # what `follow` does, and what it returns if all is not well
@@ -49,8 +91,8 @@ class Atoms(NamedTuple):
     """LAMMPS's atoms on this rank.
 
     Attributes:
-        groups: (natoms,) the bits of each atom's groups; it is in a body if it has a bit of each mask.
-        fix_group, body_groups: these masks.
+        groups: (natoms,) the bits of each atom's groups; it is in a body if it has a bit of each
+        mask. fix_group, body_groups: these masks.
         origins: (natoms,) where each atom was: rank << 32 | its place in `index`; if it comes from
             another rank, -2 minus its row in arrived; -1 if it was in no body.
         arrived: what came with atoms from other ranks.
@@ -68,7 +110,8 @@ class Atoms(NamedTuple):
 
 
 class Box(NamedTuple):
-    """The periodic box: its vectors in columns, their inverse (3, 3), its origin, 1.0 where periodic, and
+    """The periodic box: its vectors in columns, their inverse (3, 3), its origin, 1.0 where
+    periodic, and
     how far an atom may be from where its body has it."""
 
     h: F2
@@ -123,7 +166,9 @@ def rounds_of(atoms):
 @inlined
 def of_body(row, b, state, arrived, first):
     """An entry of body b's state: of those of this rank, or those that came with atoms."""
-    return state[row, b] if b < state.shape[1] else arrived[first[b - state.shape[1]], OF_BODY + row]
+    return (
+        state[row, b] if b < state.shape[1] else arrived[first[b - state.shape[1]], OF_BODY + row]
+    )
 
 
 @inlined
@@ -152,8 +197,8 @@ def enter(table, key, value):
 
 @inlined
 def find_owners(arrived, bodies, sharing, counts, n):
-    """Find the body of each of the n atoms that are here: a place of the state of before, or, of those that
-    came, one behind them, for which FIRST has a row in arrived.
+    """Find the body of each of the n atoms that are here: a place of the state of before, or, of
+    those that came, one behind them, for which FIRST has a row in arrived.
 
     Returns:
         how many bodies came.
@@ -190,7 +235,8 @@ def find_owners(arrived, bodies, sharing, counts, n):
 def number_bodies(arrived, bodies, strangers, n, groups):
     """Number the bodies anew, in the order of `bucket`, and as LAMMPS has their first atoms.
 
-    NUMBER has the new number of each, ORDER what has each new number, ATOMS how many atoms it has here.
+    NUMBER has the new number of each, ORDER what has each new number, ATOMS how many atoms it has
+    here.
 
     Args:
         groups: (GROUPS,) out: how many bodies are in the groups of `bucket` up to each.
@@ -305,7 +351,8 @@ def carry_over(arrived, bodies, strangers, n):
 
 @inlined
 def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
-    """Put the bodies of the n atoms that are here in the order of the passes, and find who shares them."""
+    """Put the bodies of the n atoms that are here in the order of the passes, and find who shares
+    them."""
     strangers = find_owners(arrived, bodies, sharing, counts, n)
     groups = in_row(bodies, FOLLOWING, GROUPS)
     number_bodies(arrived, bodies, strangers, n, groups)
@@ -354,8 +401,8 @@ def settle(layout, bodies, aways, box, atom_x, off):
     """Find the atoms that LAMMPS has in another periodic image than their body.
 
     Args:
-        off: (2,) out: the largest distance (along an axis) of an atom from where its body has it, and
-            its entry of index.
+        off: (2,) out: the largest distance (along an axis) of an atom from where its body has it,
+            and its entry of index.
     """
     block, blocks, rounds, count = layout.block, layout.blocks, layout.rounds, 0
     h, inverse, periodic = box.h, box.inverse, box.periodic
@@ -408,8 +455,8 @@ def follow(
         bodies: the table of the bodies' memory; see the head of this file.
         kinds, block: see `block.Layout`.  aways: see `block.Images`.
         found: (FOUND,) what is counted.  off: see `settle`.
-        what: the sum of LOCATE the atoms; ARRANGE the bodies, if some have moved on any rank; NOTE where
-            the atoms are now; SETTLE periodic images.
+        what: the sum of LOCATE the atoms; ARRANGE the bodies, if some have moved on any rank; NOTE
+            where the atoms are now; SETTLE periodic images.
     Returns:
         0, CHANGED or OFF.
     """

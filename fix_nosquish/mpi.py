@@ -1,7 +1,8 @@
 """MPI for compiled loops: they call the functions of the MPI library by their addresses.
 
-So one piece of code shares bodies and follows atoms, whatever calls it: the plugin in C++, or Python
-for a LAMMPS's own fix python/move.  mpi4py, which knows the library, gives addresses, handles, sizes.
+So one piece of code shares bodies and follows atoms, whatever calls it: the plugin in C++, or
+Python for a LAMMPS's own fix python/move.  mpi4py, which knows the library, gives addresses,
+handles, sizes.
 """
 
 import ctypes
@@ -17,7 +18,9 @@ _FUNCTIONS = (
     "Isend", "Issend", "Irecv", "Waitall", "Testall", "Test", "Ibarrier", "Improbe", "Mprobe", "Mrecv",
     "Get_count", "Allreduce",
 )  # fmt: skip
-ISEND, ISSEND, IRECV, WAITALL, TESTALL, TEST, IBARRIER, IMPROBE, MPROBE, MRECV, GET_COUNT = range(11)
+ISEND, ISSEND, IRECV, WAITALL, TESTALL, TEST, IBARRIER, IMPROBE, MPROBE, MRECV, GET_COUNT = range(
+    11
+)
 ALLREDUCE = 11
 # handles, sizes, offsets,
 COMM, LONG, DOUBLE, SUM, ANY_SOURCE, REQUEST_SIZE, SOURCE_AT, STATUS_SIZE = range(12, 20)
@@ -26,10 +29,11 @@ RANKS, RANK, TURN, PENDING, ENTRIES = 20, 21, 22, 23, 24
 
 QUESTION, ANSWER, PART = 1, 3, 4  # tags of messages; QUESTION + 1 is one, too
 
-# entries of `Mpi.words`, where MPI writes: a flag or a count, a message, a barrier's request, a status
+# entries of `Mpi.words`, where MPI writes: a flag or a count, a message, a barrier's request, a
+# status
 FLAG, MESSAGE, BARRIER, STATUS, WORDS = 0, 1, 2, 3, 35
-# rows of the memory: requests and statuses; what `deliver` leaves: senders, how many numbers each sent,
-# the numbers; and what it works with
+# rows of the memory: requests and statuses; what `deliver` leaves: senders, how many numbers each
+# sent, the numbers; and what it works with
 ROWS = "requests", "statuses", "senders", "sent", "numbers", "unsorted", "begins"
 REQUESTS, STATUSES, SENDERS, SENT, NUMBERS, UNSORTED, BEGINS = range(1, 8)
 
@@ -92,7 +96,8 @@ def request(mpi, memory):
 
 @inlined
 def send(mpi, memory, how, begin, count, kind, rank, tag):
-    """Begin to send so many numbers from this address on (how: ISEND, ISSEND), or to receive (IRECV)."""
+    """Begin to send so many numbers from this address on (how: ISEND, ISSEND), or to receive
+    (IRECV)."""
     library = mpi.library
     place = request(mpi, memory)
     call(library[how], begin, count, library[kind], rank, tag, library[COMM], place)
@@ -198,8 +203,8 @@ def deliver(mpi, memory, to, many, parts, sources, known):
         wait(mpi, memory)
     else:
         # A rank enters the barrier when all it sent is being received: when all have, there is
-        # nothing more to come.  Ranks ahead of this one may be in the next round by then, but not in
-        # the one after it: two tags do.
+        # nothing more to come.  Ranks ahead of this one may be in the next round by then, but not
+        # in the one after it: two tags do.
         library[TURN] = 1 - library[TURN]
         entered = over = False
         while not over:

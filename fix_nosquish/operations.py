@@ -1,12 +1,28 @@
 """The parts of a step that are solved exactly, each for a block of bodies: kick, drift, rotation.
 
-An operation is a function (block, kind, dt, parameters): it moves all lanes of a block (see `block`) of
-bodies of this kind by dt.  Units are those of the LAMMPS run.  parameters[FTM2V] makes a force a
-mass times an acceleration, parameters[MROT] is the number of inner steps of a rotation.
+An operation is a function (block, kind, dt, parameters): it moves all lanes of a block (see
+`block`) of bodies of this kind by dt.  Units are those of the LAMMPS run.  parameters[FTM2V] makes
+a force a mass times an acceleration, parameters[MROT] is the number of inner steps of a rotation.
 """
 
-from .block import FORCE, LANES, MASS, MOMENT, OWN, PLANAR, ROTOR, TORQUE, LINEAR, P, Q, V, X
-from .block import four, three, write
+from .block import (
+    FORCE,
+    LANES,
+    LINEAR,
+    MASS,
+    MOMENT,
+    OWN,
+    PLANAR,
+    ROTOR,
+    TORQUE,
+    P,
+    Q,
+    V,
+    X,
+    four,
+    three,
+    write,
+)
 from .compiled import inlined
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
@@ -102,7 +118,8 @@ def no_squish(block, dt, mrot):
 
 @inlined
 def rotate_in_plane(block, dt):
-    """Rotation of bodies that turn about axis 3 only, as all in two dimensions: h_3 alone, exact."""
+    """Rotation of bodies that turn about axis 3 only, as all in two dimensions: h_3 alone,
+    exact."""
     for b in range(LANES):
         q, p = four(block, Q, b), four(block, P, b)
         rate = 0.25 / block[MOMENT + 2, b]

@@ -1,4 +1,5 @@
-"""The table of bodies: as numpy array, as a file of keyword output, as LAMMPS's global array of the fix."""
+"""The table of bodies: as numpy array, as a file of keyword output, as LAMMPS's global array of the
+fix."""
 
 import contextlib
 import io
@@ -48,10 +49,11 @@ def table(bodies, lammps):
     """The bodies that are counted on this rank: each of the simulation's bodies is on one rank.
 
     Returns:
-        structured array (n,), in LAMMPS's units, vectors in the space frame: step, time, body (its ID),
-        natoms, mass, x (centre of mass in the box, or slightly outside) with its image flags, velocity v,
-        quaternion q (scalar first; it turns the principal into the space frame), angmom and omega,
-        and, of the last forces that LAMMPS computed, force and torque about the centre of mass.
+        structured array (n,), in LAMMPS's units, vectors in the space frame: step, time, body (its
+        ID), natoms, mass, x (centre of mass in the box, or slightly outside) with its image flags,
+        velocity v, quaternion q (scalar first; it turns the principal into the space frame), angmom
+        and omega, and, of the last forces that LAMMPS computed, force and torque about the centre
+        of mass.
     """
     turn = matrices(bodies.q)
     rows = np.empty(len(bodies), DTYPE)
@@ -70,16 +72,18 @@ def table(bodies, lammps):
 
 
 def global_array(rows):
-    """What fix rigid gives as its global array, (bodies, 15): centre, its velocity, force, torque, image flags."""
+    """What fix rigid gives as its global array, (bodies, 15): centre, its velocity, force, torque,
+    image flags."""
     rows = np.sort(rows, order="body")
     return np.concatenate([rows[name] for name in ("x", "v", "force", "torque", "image")], axis=1)
 
 
 class BodyFile:
-    """The file of keyword output: comma-separated, one line of column names, one row per body and step.
+    """The file of keyword output: comma-separated, one line of column names, one row per body and
+    step.
 
-    Methods are collective; only rank 0 writes.  After each step all of it is on disk, and a step that
-    does not fit is taken back, so that the file always ends with a whole step.
+    Methods are collective; only rank 0 writes.  After each step all of it is on disk, and a step
+    that does not fit is taken back, so that the file always ends with a whole step.
 
     Args:
         path: where; an older file of this name is replaced.

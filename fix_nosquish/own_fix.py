@@ -1,4 +1,5 @@
-"""A LAMMPS's own fix python/move, which knows nothing of setup, degrees of freedom, virial, migration."""
+"""A LAMMPS's own fix python/move, which knows nothing of setup, degrees of freedom, virial,
+migration."""
 
 import ctypes
 import sys
@@ -10,7 +11,6 @@ import numpy as np
 from .errors import RunError
 from .lookup import describe, fetch, find, look_up
 from .migration import OF_BODY
-from .sharing import origin
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
 _callbacks = {}  # LAMMPS's address -> what its fix external calls
@@ -72,7 +72,13 @@ class OwnFix:
     def point(self):
         lammps = self.lammps
         cells, empty = lammps.cells, np.empty(0)
-        for name, of in ("x", "x"), ("v", "v"), ("f", "f"), ("torque", "torque"), ("omega", "omega"):
+        for name, of in (
+            ("x", "x"),
+            ("v", "v"),
+            ("f", "f"),
+            ("torque", "torque"),
+            ("omega", "omega"),
+        ):
             values = lammps.per_atom(of, columns=3)
             if values is not None:
                 cells[f"atom_{name}"].set(values)
@@ -134,7 +140,9 @@ class OwnFix:
         def report():
             try:
                 self.lammps.set_external_virial(EXTERNAL, method()() if method() else np.zeros(6))
-            except BaseException as error:  # LAMMPS cannot be told from here: the next hook raises it
+            except (
+                BaseException
+            ) as error:  # LAMMPS cannot be told from here: the next hook raises it
                 self._problem = error
 
         _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)

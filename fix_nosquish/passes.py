@@ -1,4 +1,5 @@
-"""What a run does at each point of a step: lists of loops, bound to the bodies and to LAMMPS's arrays.
+"""What a run does at each point of a step: lists of loops, bound to the bodies and to LAMMPS's
+arrays.
 
     begin        the first half of a step
     end          its second half, when the forces are known
@@ -34,7 +35,8 @@ class Passes:
         integrator: its class, with the loops `advance` and `kick`.
         bodies: the `Bodies`.  lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
         mask: what of force and torque acts, (6, bodies) or (6, 1); None for all.
-        half_step_velocities: whether something reads the atoms' velocities between the halves of a step.
+        half_step_velocities: whether something reads the atoms' velocities between the halves of a
+        step.
         parameters: (n,) numbers for the operations; see `operations`.
 
     Attributes:
@@ -42,8 +44,8 @@ class Passes:
         cells: what the loops are bound to, by name.
         dt, level_dt: cells of the time step of motion, and of the level of run_style respa whose
             forces act; the same without respa.
-        begins: cell, whether the motion begins with what stands before it in the splitting; with respa
-            each level begins by itself.
+        begins: cell, whether the motion begins with what stands before it in the splitting; with
+            respa each level begins by itself.
         mask: cell.
     """
 
@@ -101,7 +103,8 @@ class Passes:
         }
 
     def do(self, name):
-        """Do a list of passes. Returns: what the first one that found something wrong says, or 0."""
+        """Do a list of passes. Returns: what the first one that found something wrong says, or
+        0."""
         for one in self.lists[name]:
             if found := one():
                 return found

@@ -1,4 +1,5 @@
-"""What LAMMPS and the user are told of the bodies: log, degrees of freedom, virial, thermo, table."""
+"""What LAMMPS and the user are told of the bodies: log, degrees of freedom, virial, thermo,
+table."""
 
 import weakref
 
@@ -20,7 +21,10 @@ class Reports:
     """
 
     def __init__(self, state):
-        self._state, self.file = weakref.proxy(state), None  # no circle: it goes when LAMMPS lets go
+        self._state, self.file = (
+            weakref.proxy(state),
+            None,
+        )  # no circle: it goes when LAMMPS lets go
         self._said, self._warned, self._heard, self._known = None, set(), False, {}
 
     def begin(self):
@@ -35,7 +39,8 @@ class Reports:
     # ------------------------------------------------------------- the log
 
     def say(self, virial):
-        """Log what the bodies are, if that has changed, and what was taken from the atoms' velocities."""
+        """Log what the bodies are, if that has changed, and what was taken from the atoms'
+        velocities."""
         state = self._state
         lines, removed = thermo.summary(state, virial)
         warnings = [line for line in thermo.warnings(state) if line not in self._warned]
@@ -49,7 +54,8 @@ class Reports:
             state.host.log("\n".join([*warnings, ""]))
 
     def say_taken_over(self, step, fixes):
-        """Log, once a run, that the bodies have velocities that these fixes have given their atoms."""
+        """Log, once a run, that the bodies have velocities that these fixes have given their
+        atoms."""
         if not self._heard:
             self._heard = True
             kept = " (not those of the infile)" if self._state.infile else ""
@@ -143,12 +149,13 @@ class Reports:
         bodies.state[:] = kept
 
     def removed_freedom(self, group):
-        """Degrees of freedom that the bodies take from LAMMPS's group of this number; collective."""
+        """Degrees of freedom that the bodies take from LAMMPS's group of this number;
+        collective."""
         state = self._state
         bodies, running = state.bodies, state.lammps.running
         if (state.is_over or not running) and state.host.creates_velocities:
-            # all atoms' velocities are scaled now; a body keeps its share of them when the run makes
-            # them rigid motion
+            # all atoms' velocities are scaled now; a body keeps its share of them when the run
+            # makes them rigid motion
             return 0
         if not running or bodies is None:
             # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
@@ -181,7 +188,10 @@ class Reports:
     def _once(self, name, make):
         """What make(bodies) returned, if nothing has changed the bodies since it was called."""
         bodies = self._made()  # which may change them
-        when = self._state.lammps.step, self._state.phase  # the plugin may have done a half of the step
+        when = (
+            self._state.lammps.step,
+            self._state.phase,
+        )  # the plugin may have done a half of the step
         if self._known.get("when") != when:
             self._known = {"when": when}
         if name not in self._known:

@@ -97,8 +97,9 @@ def series(a):
 def sine_and_versine(angle, small):
     """sin(angle) and 1 - cos(angle).
 
-    A rounded cosine and sine are together longer or shorter than 1, for one angle always in the same way:
-    multiplied 10^7 times, lengths would change by up to 1e-9. Added as a change, they do not.
+    A rounded cosine and sine are together longer or shorter than 1, for one angle always in the
+    same way: multiplied 10^7 times, lengths would change by up to 1e-9. Added as a change, they do
+    not.
     """
     if small:
         return series(angle)
@@ -138,7 +139,8 @@ def free_rotor(q, p, moment_1, moment_2, moment_3, dt, small):
 
 @inlined
 def turns_little(p, moment, dt):
-    """Whether no angle of a rotation by dt can be above SMALL, with the least of the moments: |p . P_k q| <= |p|."""
+    """Whether no angle of a rotation by dt can be above SMALL, with the least of the moments: |p .
+    P_k q| <= |p|."""
     return dt * dt * dot(p, p) <= (4.0 * SMALL * moment) ** 2
 
 

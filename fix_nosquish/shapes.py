@@ -116,7 +116,8 @@ def best_turns(products, plane=False):
 
 
 def _say(communicator, membership, ids, far, size, which, most):
-    """The line for the log on these bodies (n,) bool, off by `most` sizes at most; collective. Raises: as `keep`."""
+    """The line for the log on these bodies (n,) bool, off by `most` sizes at most; collective.
+    Raises: as `keep`."""
     worst = []
     if which.any():
         k = np.argmax(far / size * which)

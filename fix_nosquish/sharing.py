@@ -1,10 +1,10 @@
 """Bodies held by several ranks: who shares them, and one exchange a step.
 
-Every rank that owns an atom of a body keeps that body's whole state.  Each step the sharing ranks send
-each other their partial force and torque and add the parts up in the order of their ranks, so that
-all copies of a body stay equal to the last bit and no rank is the body's master.  Ghost atoms play
-no part.  What a rank sends and keeps depends on its own bodies and on the ranks that share them,
-not on how many bodies or ranks there are.
+Every rank that owns an atom of a body keeps that body's whole state.  Each step the sharing ranks
+send each other their partial force and torque and add the parts up in the order of their ranks, so
+that all copies of a body stay equal to the last bit and no rank is the body's master.  Ghost atoms
+play no part.  What a rank sends and keeps depends on its own bodies and on the ranks that share
+them, not on how many bodies or ranks there are.
 
 The holders of a body find each other at a rank on which all agree, where they meet: each tells it
 which bodies it has, and it tells them who else has.
@@ -14,16 +14,31 @@ import numpy as np
 
 from .compiled import F1, F2, L1, L2, Cell, I, address, array, floats, inlined, longs, loop
 from .memory import Memory, room
-from .mpi import DOUBLE, IRECV, ISEND, NUMBERS, PART, RANK, RANKS, ROWS, SENDERS, SENT
-from .mpi import Mpi, deliver, send, wait
+from .mpi import (
+    DOUBLE,
+    IRECV,
+    ISEND,
+    NUMBERS,
+    PART,
+    RANK,
+    RANKS,
+    ROWS,
+    SENDERS,
+    SENT,
+    Mpi,
+    deliver,
+    send,
+    wait,
+)
 
-# what is counted: bodies of this rank, those that may be shared, ranks at which these meet; bodies that
-# are shared, ranks that share them, copies sent to them
+# what is counted: bodies of this rank, those that may be shared, ranks at which these meet; bodies
+# that are shared, ranks that share them, copies sent to them
 BODIES, ASKED, MEETINGS, SHARED, PARTNERS, COPIES, COUNTS = range(7)
-# rows of the memory, behind those of `mpi`: (asked,) bodies that may be shared, their IDs, where they
-# meet; the same in order; (meetings,) these ranks and how many meet there; (bodies,) where each meets
-# from now on; (shared,) shared bodies; where the parts of each begin in the sources, and these;
-# (partners,) ranks, how many bodies are shared with each; (copies,) what is sent; and what to work with
+# rows of the memory, behind those of `mpi`: (asked,) bodies that may be shared, their IDs, where
+# they meet; the same in order; (meetings,) these ranks and how many meet there; (bodies,) where
+# each meets from now on; (shared,) shared bodies; where the parts of each begin in the sources, and
+# these; (partners,) ranks, how many bodies are shared with each; (copies,) what is sent; and what
+# to work with
 _OWN = (
     "asked", "ids", "meet", "places", "questions", "meetings", "many", "home", "shared", "first",
     "source", "partners", "shares", "copies", "order", "spare", "owner", "equal", "answers", "parts",
@@ -57,7 +72,8 @@ def in_row(memory, row, n):
 
 @inlined
 def sort(order, spare, n, high, low):
-    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall; merges runs."""
+    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall; merges
+    runs."""
     for i in range(n):
         order[i] = i
     width = 1
@@ -107,11 +123,16 @@ def ask(memory, counts):
 def answer(memory):
     """Tell ranks that ask who holds bodies who else has asked.
 
-    For each asker ANSWERS has how many ranks hold each of its bodies, then which ranks, body by body.
+    For each asker ANSWERS has how many ranks hold each of its bodies, then which ranks, body by
+    body.
     """
     ranks, n = memory[SENDERS, 1], memory[NUMBERS, 1]
     askers, asked = in_row(memory, SENDERS, ranks), in_row(memory, SENT, ranks)
-    ids, order, spare = in_row(memory, NUMBERS, n), in_row(memory, ORDER, n), in_row(memory, SPARE, n)
+    ids, order, spare = (
+        in_row(memory, NUMBERS, n),
+        in_row(memory, ORDER, n),
+        in_row(memory, SPARE, n),
+    )
     owner, equal = in_row(memory, OWNER, n), in_row(memory, EQUAL, n)
     total = begin = i = 0
     for r in range(ranks):
@@ -145,13 +166,14 @@ def answer(memory):
 
 @inlined
 def connect(memory, counts, own):
-    """Find out with whom this rank, `own`, shares which bodies, and how their parts lie in messages.
+    """Find out with whom this rank, `own`, shares which bodies, and how their parts lie in
+    messages.
 
     NUMBERS has a part from each meeting, with what it was asked of the next many[r] places: by how
-    many ranks each of these bodies is held, then by which, body by body; the first of them is its home
-    from now on.  What is sent is in the order of the partners, for each that of places.  What is
-    received is in the same order: the parts of the i-th shared body are those of source[first[i]] to
-    source[first[i + 1]], and -1 there is this rank's part.
+    many ranks each of these bodies is held, then by which, body by body; the first of them is its
+    home from now on.  What is sent is in the order of the partners, for each that of places.  What
+    is received is in the same order: the parts of the i-th shared body are those of
+    source[first[i]] to source[first[i + 1]], and -1 there is this rank's part.
     """
     bodies, n, answered = counts[BODIES], counts[ASKED], memory[NUMBERS, 1]
     places, many = in_row(memory, PLACES, n), in_row(memory, MANY, n)
@@ -239,7 +261,8 @@ def find_sharers(mpi: Mpi, sharing: L2, counts: L1):
 
 @loop
 def give(mpi: Mpi, sharing: L2, counts: L1, values: F2):
-    """Begin to send the columns of shared bodies to those that share them, and to receive theirs."""
+    """Begin to send the columns of shared bodies to those that share them, and to receive
+    theirs."""
     rows, n, begin = values.shape[0], counts[COPIES], 0
     copies = longs(sharing[COPIED, 0], n)
     packed = floats(room(sharing, PACKED, 8 * rows * n), n, rows)
@@ -257,7 +280,8 @@ def give(mpi: Mpi, sharing: L2, counts: L1, values: F2):
 
 @loop
 def combine(mpi: Mpi, sharing: L2, counts: L1, values: F2, how: I):
-    """Wait for the parts of the shared bodies, and set their columns to what these give, in their order:
+    """Wait for the parts of the shared bodies, and set their columns to what these give, in their
+    order:
     ADD, LEAST or GREATEST."""
     wait(mpi, sharing)
     rows, n = values.shape[0], counts[SHARED]
@@ -292,7 +316,7 @@ class Sharers:
 
     def __init__(self, communicator):
         self._communicator, self.counts = communicator, np.zeros(COUNTS, np.int64)
-        kinds = {name: L1 for name in (*ROWS, *_OWN)} | {"packed": F1, "received": F1}
+        kinds = dict.fromkeys((*ROWS, *_OWN), L1) | {"packed": F1, "received": F1}
         self._memory = Memory(kinds, L2)
         self.cells = communicator.cells | {
             "sharing": self._memory.cells["memory"], "counts": Cell(L1, self.counts)
@@ -305,7 +329,8 @@ class Sharers:
             n: how many bodies this rank has.
             places: (m,) those that it does not know to be whole here.
             ids: (m,) int64, their IDs, each once.
-            meet: (m,) int64, the rank at which all holders of each body meet: any on which they agree.
+            meet: (m,) int64, the rank at which all holders of each body meet: any on which they
+                agree.
         Returns:
             Sharers: self.
         """

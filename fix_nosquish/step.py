@@ -3,8 +3,32 @@
 from typing import NamedTuple
 
 from .block import (
-    ALL, ATOM, BLOCK_ROWS, FORCE, LANES, MASS, MATRIX, MOMENT, ROWS, TORQUE, WHOLE, Images, Layout, P, Q, V, X,
-    at, fetch_ahead, four, kind_of, nine, put, take, three, write,
+    ALL,
+    ATOM,
+    BLOCK_ROWS,
+    FORCE,
+    LANES,
+    MASS,
+    MATRIX,
+    MOMENT,
+    ROWS,
+    TORQUE,
+    WHOLE,
+    Images,
+    Layout,
+    P,
+    Q,
+    V,
+    X,
+    at,
+    fetch_ahead,
+    four,
+    kind_of,
+    nine,
+    put,
+    take,
+    three,
+    write,
 )  # fmt: skip
 from .compiled import F1, F2, F, I, inlined, loop
 from .frames import angular_velocity, rotation_matrix, to_space
@@ -88,7 +112,8 @@ def add_forces(block, begin, end, displace):
 
 @inlined
 def gather_block(layout, k, atom_f):
-    """Sum force and torque over the atoms of block k; returns in how many bodies they are not finite."""
+    """Sum force and torque over the atoms of block k; returns in how many bodies they are not
+    finite."""
     blocks, rounds, block = layout.blocks, layout.rounds, layout.block
     for row in range(FORCE, TORQUE + 3):
         for b in range(LANES):
@@ -163,7 +188,8 @@ class Operation(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """A splitting as functions (block, kind, dt, parameters): before, with and after what moves, and
+    """A splitting as functions (block, kind, dt, parameters): before, with and after what moves,
+    and
     after the forces that LAMMPS computes then."""
 
     lead: object
@@ -179,8 +205,9 @@ def stages(splitting, operations):
     """The three stages of a step.
 
     Args:
-        splitting: letters with spaces between, as "B A B".  A letter that stands n times does dt / n
-            each time.  Where forces are computed is an F, or, without one, after the last letter that moves.
+        splitting: letters with spaces between, as "B A B".  A letter that stands n times does dt /
+            n each time.  Where forces are computed is an F, or, without one, after the last letter
+            that moves.
         operations: dictionary from letters to `Operation`.
     Raises:
         ValueError: for a letter without an operation.
@@ -189,12 +216,16 @@ def stages(splitting, operations):
     for letter in letters:
         if letter not in operations and letter != FORCE_LETTER:
             known = ", ".join(operations)
-            raise ValueError(f"splitting {splitting!r}: there is no operation {letter}, only {known}")
+            raise ValueError(
+                f"splitting {splitting!r}: there is no operation {letter}, only {known}"
+            )
     movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
     cut = letters.index(FORCE_LETTER) if FORCE_LETTER in letters else movers[-1] + 1
     first = min(movers[0], cut)
     parts = [
-        (letter, operations[letter].does, 1.0 / letters.count(letter)) if letter in operations else None
+        (letter, operations[letter].does, 1.0 / letters.count(letter))
+        if letter in operations
+        else None
         for letter in letters
     ]
     tail = [part for part in parts[cut:] if part]
@@ -251,9 +282,9 @@ def make_loops(integrator):
         """Move the bodies, and place their atoms.
 
         It ends the last step, if `ends`, and begins this one, if `begins`: a whole step can be one
-        pass.  If it gathers, force and torque of bodies that are whole here are those of their atoms;
-        they go no further, unless it KEEPS them.  It does so to the bodies of one part: ALL, WHOLE
-        here or DIVIDED between ranks; if to these two, in this order.
+        pass.  If it gathers, force and torque of bodies that are whole here are those of their
+        atoms; they go no further, unless it KEEPS them.  It does so to the bodies of one part: ALL,
+        WHOLE here or DIVIDED between ranks; if to these two, in this order.
 
         Returns:
             as `gather`, or 0.

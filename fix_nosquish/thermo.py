@@ -24,8 +24,9 @@ def removed_freedom(bodies, communicator, inside, lammps):
         inside: (m,) bool, which of the bodies' atoms on this rank are in the group.
         lammps: the `Lammps`.
     Returns:
-        int: the sum, over the bodies that are wholly in the group, of the degrees of freedom of their
-        atoms (3, of a sphere 6; in two dimensions 2 and 3), less their own (as LAMMPS's fix rigid counts).
+        int: the sum, over the bodies that are wholly in the group, of the degrees of freedom of
+        their atoms (3, of a sphere 6; in two dimensions 2 and 3), less their own (as LAMMPS's fix
+        rigid counts).
     """
     degrees = np.full(len(inside), lammps.dimension)
     if bodies.spheres:
@@ -43,8 +44,9 @@ def energies(bodies, communicator, lammps):
     """Kinetic energies and temperatures of the bodies; collective.
 
     Returns:
-        (5,): kinetic energy of translation and of rotation, their temperatures, the temperature of both
-        together, in LAMMPS's units; a temperature is 0 where there is no such degree of freedom.
+        (5,): kinetic energy of translation and of rotation, their temperatures, the temperature of
+        both together, in LAMMPS's units; a temperature is 0 where there is no such degree of
+        freedom.
     """
     owned = bodies.sharers.owned
     translation = np.full(len(bodies), lammps.dimension)
@@ -140,7 +142,7 @@ def summary(nve, virial):
         ),
         (virial, "constraint virial on steps that need it", "no virial requested"),
     ):
-        if pass_ and needed or without and not needed:
+        if (pass_ and needed) or (without and not needed):
             (done if needed else left).append(pass_ if needed else without)
     lines = [
         f"Rigid bodies by {nve.method}, fix_nosquish {__version__}: {command.text}",
@@ -190,8 +192,9 @@ def forces_at_start(nve):
     """What the forces of the start tell of atoms that overlap; collective.
 
     Returns:
-        (cause, remedy, spacing): what to say of the body that is pushed furthest in the first step, '' if that is as it should be;
-        what to do; and the distance that atoms have from each other, or the size of the largest body if that is more.
+        (cause, remedy, spacing): what to say of the body that is pushed furthest in the first step,
+        '' if that is as it should be; what to do; and the distance that atoms have from each other,
+        or the size of the largest body if that is more.
     """
     bodies, communicator, lammps = nve.bodies, nve.communicator, nve.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension

@@ -70,7 +70,8 @@ def unfold(lammps, communicator, membership, sharers, ids, body, tag, atoms):
 
 
 def _doubt(communicator, membership, owned, ids, first, width, gap):
-    """The warning for bodies that may be cut, with a gap (3, n) above zero; None for none; collective."""
+    """The warning for bodies that may be cut, with a gap (3, n) above zero; None for none;
+    collective."""
     gap = gap * owned
     worst = []
     if gap.any():
@@ -94,7 +95,8 @@ def _widest_gap(parts, body, n, sharers):
     """Widest stretch inside each body without atoms, (n,), rounded down; collective.
 
     Args:
-        parts: (atoms,) the atoms' distances from the end of their body, 0 to 1 (further ones count as at 1).
+        parts: (atoms,) the atoms' distances from the end of their body, 0 to 1 (further ones count
+            as at 1).
     """
     filled = np.zeros((_CELLS, n))
     filled[np.clip((parts * _CELLS).astype(int), 0, _CELLS - 1), body] = 1.0

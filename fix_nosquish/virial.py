@@ -1,7 +1,22 @@
 """The passes that thermodynamics asks for: the constraint virial and the kinetic energies."""
 
 from .block import (
-    FORCE, LANES, MASS, MATRIX, MOMENT, OWN, TORQUE, Layout, P, Q, V, four, nine, take, three, write,
+    FORCE,
+    LANES,
+    MASS,
+    MATRIX,
+    MOMENT,
+    OWN,
+    TORQUE,
+    Layout,
+    P,
+    Q,
+    V,
+    four,
+    nine,
+    take,
+    three,
+    write,
 )  # fmt: skip
 from .compiled import F1, F2, I1, L1, F, I, inlined, loop
 from .frames import angular_momentum, angular_velocity, to_body, to_space
@@ -36,7 +51,14 @@ def acceleration_matrices(block, ftm2v):
 
 @loop
 def constraint_virial(
-    layout: Layout, atom_mass: F1, type_mass: F1, type: I1, ftm2v: F, atom_f: F2, virial: F1, atom_virial: F2
+    layout: Layout,
+    atom_mass: F1,
+    type_mass: F1,
+    type: I1,
+    ftm2v: F,
+    atom_f: F2,
+    virial: F1,
+    atom_virial: F2,
 ):
     """Add the virial of the forces that keep the bodies rigid to virial (xx yy zz xy xz yz).
 
@@ -69,7 +91,8 @@ def constraint_virial(
 
 @loop
 def kinetic_energies(layout: Layout, home: L1, rank: I, energies: F1):
-    """Sum mass times velocity squared, halved, of translation and of rotation, over the bodies whose
+    """Sum mass times velocity squared, halved, of translation and of rotation, over the bodies
+    whose
     home is this rank."""
     block, blocks = layout.block, layout.blocks
     energies[0] = energies[1] = 0.0

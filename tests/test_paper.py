@@ -187,9 +187,7 @@ def made(name, total, scene="dimer", dt=3.0, every=10, integrator="nosquish", **
         "potential": total - 2000.0,
         "temperature": np.full(len(total), 300.0),
     }
-    return Series(
-        path, None, time, total, **usual | more, positions=None, pieces=[], seconds=1.0
-    )
+    return Series(path, None, time, total, **usual | more, positions=None, pieces=[], seconds=1.0)
 
 
 def noise(size, seed, n=4000, level=-10000.0):

@@ -1,7 +1,7 @@
 """``fix python/move`` for a LAMMPS that was built without its PYTHON package.
 
-``python_move.cpp`` is the fix, ``bridge`` its Python side, ``host`` what a class can ask of it. This
-module is imported whenever LAMMPS starts, so it imports next to nothing.
+``python_move.cpp`` is the fix, ``bridge`` its Python side, ``host`` what a class can ask of it.
+This module is imported whenever LAMMPS starts, so it imports next to nothing.
 """
 
 import ctypes
@@ -29,7 +29,8 @@ def folder():
 
 
 def _plugin_folder():
-    """The folder of this file, or, in a source tree that holds no build, of the installed package."""
+    """The folder of this file, or, in a source tree that holds no build, of the installed
+    package."""
     here = os.path.dirname(os.path.abspath(__file__))
     if not os.path.exists(os.path.join(here, PLUGIN)):
         from importlib import metadata  # slow

@@ -1,4 +1,5 @@
-"""The Python side of the plugin's ``fix python/move``: finds the class, makes it, lends its methods.
+"""The Python side of the plugin's ``fix python/move``: finds the class, makes it, lends its
+methods.
 
 The fix holds a plain C struct, `Bridge`, and passes its address to `attach`, which fills in one C
 callback for each method that the instance has.
@@ -9,7 +10,17 @@ import importlib
 import os
 import sys
 import traceback
-from ctypes import CFUNCTYPE, PYFUNCTYPE, c_char_p, c_int32, c_void_p, memset, py_object, pythonapi, sizeof
+from ctypes import (
+    CFUNCTYPE,
+    PYFUNCTYPE,
+    c_char_p,
+    c_int32,
+    c_void_p,
+    memset,
+    py_object,
+    pythonapi,
+    sizeof,
+)
 
 from ..errors import RunError
 from .host import LISTS, Host
@@ -107,7 +118,8 @@ def _construct(bridge):
 
 
 def _announce(bridge, instance):
-    """Note what LAMMPS must know of the instance from the start, such as the size of its vector and array."""
+    """Note what LAMMPS must know of the instance from the start, such as the size of its vector and
+    array."""
 
     def has(method):
         return callable(getattr(instance, method, None))
@@ -162,7 +174,8 @@ def _hook(bridge, instance, name):
 
 
 def _virial_per_atom(bridge):
-    """A view (natoms, 6) of the fix's virial of each atom, zeroed; None if LAMMPS does not ask for it now."""
+    """A view (natoms, 6) of the fix's virial of each atom, zeroed; None if LAMMPS does not ask for
+    it now."""
     if bridge.natoms < 0:
         return None
     import numpy

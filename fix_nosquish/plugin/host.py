@@ -58,7 +58,10 @@ class Host:
         self.group = bridge.group.decode()
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
-        self._keep, self._point = bridge.keep, bridge.point  # ctypes makes a function at each access
+        self._keep, self._point = (
+            bridge.keep,
+            bridge.point,
+        )  # ctypes makes a function at each access
 
     def log(self, text):
         self._bridge.log(self._bridge.fix, text.encode())
@@ -134,7 +137,8 @@ class Host:
 
 
 def _table(passes):
-    """A list of bound loops as C++ has it, (n + 1, 2): of each its address and that of its arguments."""
+    """A list of bound loops as C++ has it, (n + 1, 2): of each its address and that of its
+    arguments."""
     table = np.zeros((len(passes) + 1, 2), np.int64)
     for row, one in zip(table, passes, strict=False):
         row[:] = one.func.address, np.frombuffer(one.args[0], np.int64).ctypes.data

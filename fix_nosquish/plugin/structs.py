@@ -1,4 +1,5 @@
-"""What C++ and Python share, read from bridge.h: `Bridge`, `FixFacts`, `Pass`, the enums' values."""
+"""What C++ and Python share, read from bridge.h: `Bridge`, `FixFacts`, `Pass`, the enums'
+values."""
 
 import ctypes
 import re
