@@ -181,8 +181,8 @@ class Integrator:
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
         if self.lammps.respa_dt is not None and not self.respa:
             raise RunError(
-                f"fix_nosquish.{type(self).__name__} takes one force a step, not those of levels: use "
-                "run_style verlet",
+                f"the integrator {type(self).__name__} takes one force a step, not those of levels: "
+                "use run_style verlet",
                 everywhere=True,
             )
         self.host.call_always()

@@ -69,7 +69,9 @@ def cells(comm, MPI):
         memory = ctypes.string_at(MPI._addressof(thing), MPI._sizeof(thing))
         return int.from_bytes(memory, "little", signed=True)
 
-    mpi = ctypes.CDLL(MPI.__file__)  # finds the library that mpi4py uses
+    mpi = ctypes.CDLL(None)  # with what stands before the library, as a tool that counts calls
+    if not hasattr(mpi, "MPI_Init"):
+        mpi = ctypes.CDLL(MPI.__file__)
     library = np.zeros(ENTRIES, np.int64)
     for k, name in enumerate(_FUNCTIONS):
         library[k] = ctypes.cast(getattr(mpi, f"MPI_{name}"), ctypes.c_void_p).value
