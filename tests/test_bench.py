@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,21 +18,16 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation.bench import bandwidth, goals
+from validation.bench import bandwidth, goals, plan
 from validation.bench import figures as bench_figures
 from validation.bench import measure as bench
 from validation.bench import report as bench_report
-from validation.running import rounds, run
-from validation.scenes import (
-    SCENES,
-    Scene,
-    integrators,
-)
+from validation.running import machine, rounds, run
+from validation.scenes import SCENES, Scene, integrators
 from validation.scenes.integrators import BENCHMARKED, INTEGRATORS, Integrator
 
 
-def timing(**numbers):
-    return {"cpu": 100.0, **numbers}
+timing = partial(rounds.Timing, cpu=100.0)
 
 
 def test_ratios_are_of_one_round():
@@ -48,7 +44,7 @@ def test_ratios_are_of_one_round():
         "the other has failed after a round"
     )
     assert rounds.ratio(ours, [], "modify") is None
-    difference = rounds.difference(theirs, ours, lambda one: one["modify"])
+    difference = rounds.difference(theirs, ours, lambda one: one.modify)
     assert difference["values"] == [3, 30, 9]
 
 
@@ -63,9 +59,9 @@ def test_numbers_leave_warm_up_and_preparations_out():
     job = run.Job(
         "", "", ["units lj", "fix 1 all nve", "fix 2 all nve"], [2, 4, 4, 4], None, setups=2
     )
-    found = rounds.numbers(job, result)
-    assert found["modify"] == pytest.approx(200) and found["loop"] == pytest.approx(500)
-    assert (found["cpu"], found["define"], found["setups"], found["memory"]) == (
+    found = rounds.timing(job, result)
+    assert found.modify == pytest.approx(200) and found.loop == pytest.approx(500)
+    assert (found.cpu, found.define, found.setups, found.memory) == (
         94.0,
         6,
         [0.5, 0.25],
@@ -216,17 +212,17 @@ def test_cut_water_has_the_molecules_asked_for():
 
 # ------------------------------------------------------------- from end to end
 
-SETTINGS = bench.Settings(integrators=("nosquish", "rigid/nve"), rounds=2, seconds=0.01)
+SETTINGS = plan.Settings(integrators=("nosquish", "rigid/nve"), rounds=2, seconds=0.01)
 
 
 @pytest.fixture
 def small(monkeypatch, tmp_path):
     """A function that runs the benchmark of the dimer on one rank: (summary, what was begun)."""
-    monkeypatch.setattr(bench, "package_hash", lambda: "the code")
+    monkeypatch.setattr(machine, "package_hash", lambda: "the code")
 
     def measure(**keywords):
         meter = Silent()
-        wanted = bench.points(["dimer"], [1], [], replace(SETTINGS, **keywords))
+        wanted = plan.points(["dimer"], [1], [], replace(SETTINGS, **keywords))
         return bench.bench(wanted, tmp_path / "out", False, meter), meter.begun
 
     return measure
@@ -257,6 +253,7 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     assert theirs["modify_ratio"]["values"] == pytest.approx(pairs)
     assert (one["bodies"], one["atoms"]) == (2, 6)
 
+    summary["goals"] = goals.judge(summary["points"], summary["starts"])
     bench_report.write(summary, bench_figures.draw(summary, tmp_path), tmp_path)
     table = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert [row["integrator"] for row in table] == ["broken", "fix_nosquish.NVE", "rigid/nve"]
@@ -276,7 +273,7 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
         "a point that an earlier call has measured is not shown"
     )
     monkeypatch.setattr(rounds, "calibrate", lambda make: 1e-5)
-    monkeypatch.setattr(bench, "package_hash", lambda: "other code")
+    monkeypatch.setattr(machine, "package_hash", lambda: "other code")
     assert not bench.bench([], tmp_path / "out", False, Silent())["points"], (
         "a point of other code is shown"
     )

@@ -360,14 +360,14 @@ def scene(tmp_path_factory):
 
 
 BROKEN = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",))
-SETTINGS = dict(ranks=1, dt=1.0, rounds=1, segment=20, silence=60.0, meter=Silent())
+SETTINGS = compare.Settings(ranks=1, steps=200, dt=1.0, rounds=1, segment=20, silence=60.0)
 
 
 @pytest.mark.timeout(120)
 def test_comparison_from_end_to_end(scene, tmp_path):
     """Locks out a failed integrator that ends the run, hides its cause, or lacks its row."""
     integrators = [BROKEN, rigid("rigid/nve"), rigid("rigid/nve/small")]
-    summary, series = compare.compare(scene, integrators, tmp_path, steps=200, **SETTINGS)
+    summary, series = compare.compare(scene, integrators, tmp_path, SETTINGS, Silent())
     report.write(summary, series, tmp_path)
 
     broken, reference, small = json.loads((tmp_path / "summary.json").read_text())["integrators"]

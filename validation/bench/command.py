@@ -72,23 +72,23 @@ def add(verbs) -> None:
 
 def run(arguments) -> int:
     """Run the verb; the exit status."""
-    from validation.bench import figures, measure, report  # heavy: not for --help
+    from validation.bench import figures, goals, measure, plan, report  # heavy: not for --help
     from validation.pages import console
 
     short = arguments.short
     only = arguments.only or (SHORT if short else BENCHMARKED)
-    settings = measure.Settings(
+    settings = plan.Settings(
         integrators=tuple(command_line.chosen(BENCHMARKED, only)),
         rounds=arguments.rounds or (2 if short else 5),
         seconds=arguments.seconds or (0.2 if short else 1.0),
-        silence=arguments.silence,
     )
     sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
-    points = measure.points(arguments.parts or PARTS, arguments.ranks, sizes, settings)
+    points = plan.points(arguments.parts or PARTS, arguments.ranks, sizes, settings)
     out = command_line.folder(arguments.out, "results/bench", short)
     screen = console.console()
     with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
-        summary = measure.bench(points, out, arguments.again, meter)
+        summary = measure.bench(points, out, arguments.again, meter, arguments.silence)
+    summary["goals"] = goals.judge(summary["points"], summary["starts"])
     report.write(summary, figures.draw(summary, out), out)
     report.show(screen, summary, out)
     rows = [

@@ -17,7 +17,7 @@ def add(verbs) -> None:
         description="Run the same start with fix_nosquish.NVE and with LAMMPS's own fixes. "
         "Writes a table to the terminal and summary.json, table.csv, series.csv, figures, a "
         "self-contained report.html and every run's log to the output folder. Ctrl-C keeps what "
-        "is computed.",
+        "is computed, and the same command goes on from there.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
@@ -50,21 +50,18 @@ def run(arguments) -> int:
         one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)
     ]
     out = command_line.folder(arguments.out, f"results/compare-{scene.name}")
+    settings = measure.Settings(
+        arguments.ranks,
+        arguments.steps,
+        arguments.dt or scene.dt,
+        arguments.rounds,
+        arguments.segment,
+        arguments.silence,
+    )
     screen = console.console()
-    each = arguments.steps + arguments.rounds * (measure.WARM_UP + arguments.segment)
-    with console.Meter(screen, len(integrators) * each) as meter:
-        summary, series = measure.compare(
-            scene,
-            integrators,
-            out,
-            ranks=arguments.ranks,
-            steps=arguments.steps,
-            dt=arguments.dt or scene.dt,
-            rounds=arguments.rounds,
-            segment=arguments.segment,
-            silence=arguments.silence,
-            meter=meter,
-        )
+    total = len(integrators) * (settings.steps + settings.rounds)
+    with console.Meter(screen, total) as meter:
+        summary, series = measure.compare(scene, integrators, out, settings, meter)
     report.write(summary, series, out)
     report.show(screen, summary, out)
     return command_line.status(

@@ -82,3 +82,17 @@ def bars(
     axis.tick_params(axis="y", length=0)
     axis.invert_yaxis()
     axis.set_xlim(min(0, 1.1 * low.min()), 1.35 * max(high.max(), 1e-3))
+
+
+def panels(count: int, columns: int, width: float, height: float, more: float, **shared):
+    """A figure with so many panels in columns, and their axes: each so wide and high (in.)."""
+    columns = min(columns, count)
+    lines = -(-count // columns)
+    size = columns * width, more + lines * height
+    figure, axes = plt.subplots(
+        lines, columns, figsize=size, squeeze=False, layout="constrained", **shared
+    )
+    for axis in axes.flat[count:]:
+        axis.set_visible(False)
+        axes[lines - 2, columns - 1].tick_params(labelbottom=True)
+    return figure, axes.flat[:count]

@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from validation.pages.page import page, save
+from validation.pages.tables import Column, cell
 
 
 def write(
@@ -72,6 +73,18 @@ def table(
         made.add_row(*row, style=style)
     if cells:
         console.print(made)
+
+
+def integrators(
+    console: Console, title: str, columns: Sequence[Column], rows: Sequence[dict]
+) -> None:
+    """Print a table with a row for each integrator, by its ``label``; ours in bold."""
+    cells = [
+        ["✗ " * bool(row["error"]) + row["label"], *(cell(row, one, short=True) for one in columns)]
+        for row in rows
+    ]
+    styles = ["bold" if row["name"] == "nosquish" else None for row in rows]
+    table(console, title, ["integrator", *(one.head for one in columns)], cells, styles=styles)
 
 
 def end(console: Console, summary: dict, out: Path, failures: Iterable[str] = ()) -> None:

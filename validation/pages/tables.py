@@ -10,7 +10,7 @@ FREE = 90.0  # percent of a core that a rank must have had
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table: where its numbers are in a row, and what they mean.
+    """A column of a table: where its numbers are in a row, and how they are called.
 
     Attributes:
         kind: ``estimate`` (value, error, freedom), ``spread`` (median, min, max) or ``number``.
@@ -19,8 +19,7 @@ class Column:
     key: str
     title: str
     unit: str
-    kind: str
-    meaning: str = ""
+    kind: str = "spread"
 
     @property
     def head(self) -> str:

@@ -5,7 +5,7 @@ with like.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,6 +32,30 @@ class Lengths:
         return [self.warm_up] + [self.segment] * self.segments
 
 
+@dataclass(frozen=True)
+class Timing:
+    """What a completed run took: medians of the segments after the warm-up, if it has any.
+
+    Attributes:
+        modify, loop, sections: us per step, of LAMMPS's timing table.
+        cpu: the smallest share of a core in a segment, in percent.
+        steps: of each segment.
+        define, setups: s of the fixes' commands together, and of each `run 0`.
+        memory: KiB of each rank at most.
+        versions: what the worker says of itself.
+    """
+
+    modify: float | None = None
+    loop: float | None = None
+    cpu: float | None = None
+    sections: dict | None = None
+    steps: list = field(default_factory=list)
+    define: float = 0.0
+    setups: list = field(default_factory=list)
+    memory: list = field(default_factory=list)
+    versions: dict | None = None
+
+
 def lengths(loop: float, seconds: float) -> Lengths:
     """Segments that last so long.
 
@@ -44,13 +68,11 @@ def lengths(loop: float, seconds: float) -> Lengths:
     return Lengths(max(3, min(1000, segment // 5)), segment, segments)
 
 
-def calibrate(
-    make: Callable[[list[int]], run.Job], on_step: Callable[[int], object] = lambda step: None
-) -> float | run.Result:
+def calibrate(make: Callable[[list[int]], run.Job]) -> float | run.Result:
     """s of a step of the job ``make(runs)``, or its ``Result`` if it fails."""
     steps = LEAST
     while True:
-        result = run.run(make([3, steps]), on_step)
+        result = run.run(make([3, steps]))
         if result.error:
             return result
         loop = result.timings[-1]["loop"]
@@ -59,18 +81,19 @@ def calibrate(
         steps = min(10000, int(0.2 * steps / max(loop, 1e-6)))
 
 
-def in_turn(jobs: dict, rounds: int, meter: Meter) -> tuple[dict, dict, bool]:
+def in_turn(
+    jobs: dict[str, tuple[str, Callable[[int], run.Job]]], rounds: int, meter: Meter
+) -> tuple[dict[str, list[Timing]], dict[str, str], bool]:
     """Run all jobs in each of so many rounds; one that fails is not run again.
 
     Args:
         jobs: name to (label, function of the round's number that makes a ``Job``).
-        meter: a ``console.Meter``.
 
     Returns:
-        (found, errors, interrupted): name to the list of its rounds' numbers (see ``numbers``),
-        name to why it failed, and whether a Ctrl-C ended it all.
+        (found, errors, interrupted): name to the `Timing` of each round, name to why it failed, and
+        whether a Ctrl-C ended it all.
     """
-    found: dict[str, list[dict]] = {name: [] for name in jobs}
+    found: dict[str, list[Timing]] = {name: [] for name in jobs}
     errors: dict[str, str] = {}
     for number in range(1, rounds + 1):
         for name, (label, make) in jobs.items():
@@ -85,65 +108,54 @@ def in_turn(jobs: dict, rounds: int, meter: Meter) -> tuple[dict, dict, bool]:
             if result.error:
                 errors[name] = result.error
             else:
-                found[name].append(numbers(job, result))
+                found[name].append(timing(job, result))
     return found, errors, False
 
 
-def numbers(job: run.Job, result: run.Result) -> dict:
-    """What is kept of a completed run, as plain data.
-
-    ``modify``, ``loop`` and each of ``sections`` (us per step): medians of the segments after the
-    warm-up;
-    ``cpu``: the smallest share of a core in these, in percent; ``define`` and ``setups``: s that
-    the fixes' commands and each `run 0` took; ``memory``: KiB of each rank at most; ``versions``.
-    """
-    segments = result.timings[job.setups + 1 :]
-    kept = {
-        "define": sum(
-            time
-            for command, time in zip(job.commands, result.seconds["commands"])
-            if command.startswith("fix ")
-        ),
+def timing(job: run.Job, result: run.Result) -> Timing:
+    """What is kept of a completed run."""
+    spent = zip(job.commands, result.seconds["commands"])
+    whole = {
+        "define": sum(time for command, time in spent if command.startswith("fix ")),
         "setups": result.seconds["setups"],
         "memory": result.memory,
         "versions": result.versions,
     }
-    if segments:
-        per_step = [
-            {name: time / one["steps"] * 1e6 for name, time in one["sections"].items()}
-            for one in segments
-        ]
-        kept |= {
-            "sections": {
-                name: float(np.median([one[name] for one in per_step])) for name in per_step[0]
-            },
-            "modify": float(np.median([one["Modify"] for one in per_step])),
-            "loop": float(np.median([one["loop"] / one["steps"] for one in segments])) * 1e6,
-            "steps": [one["steps"] for one in segments],
-        }
-        shares = [one["cpu"] for one in segments if one["cpu"] is not None]
-        if shares:
-            kept["cpu"] = min(shares)
-    return kept
+    segments = result.timings[job.setups + 1 :]
+    if not segments:
+        return Timing(**whole)
+
+    def median(of):
+        return float(np.median([of(one) / one["steps"] for one in segments])) * 1e6
+
+    names = segments[0]["sections"]
+    sections = {name: median(lambda one, name=name: one["sections"][name]) for name in names}
+    return Timing(
+        modify=sections["Modify"],
+        loop=median(lambda one: one["loop"]),
+        cpu=min((one["cpu"] for one in segments if one["cpu"] is not None), default=None),
+        sections=sections,
+        steps=[one["steps"] for one in segments],
+        **whole,
+    )
 
 
-def spread(rounds: list[dict], key: str) -> dict | None:
+def spread(rounds: list[Timing], of: Callable[[Timing], float | None]) -> dict | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
-    values = [one[key] for one in rounds if key in one]
+    values = [value for value in map(of, rounds) if value is not None]
     return measures.spread(values) if values else None
 
 
-def ratio(ours: list[dict], theirs: list[dict], key: str) -> dict | None:
+def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> dict | None:
     """Spread of ours over theirs, each pair of one round; None if there is no pair."""
-    pairs = [(a[key], b[key]) for a, b in zip(ours, theirs) if key in a and b.get(key)]
-    return measures.spread(a / b for a, b in pairs) if pairs else None
+    pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(ours, theirs)]
+    known = [a / b for a, b in pairs if a is not None and b]
+    return measures.spread(known) if known else None
 
 
-def difference(own: list[dict], other: list[dict], of: Callable[[dict], float]) -> dict | None:
-    """Spread of own minus other, each pair of one round; None if there is no pair.
-
-    Args:
-        of: function of a round's numbers.
-    """
-    pairs = [(of(a), of(b)) for a, b in zip(own, other)]
-    return measures.spread(a - b for a, b in pairs) if pairs else None
+def difference(
+    own: list[Timing], other: list[Timing], of: Callable[[Timing], float]
+) -> dict | None:
+    """Spread of own minus other, each pair of one round; None if there is no pair."""
+    pairs = [of(a) - of(b) for a, b in zip(own, other)]
+    return measures.spread(pairs) if pairs else None
