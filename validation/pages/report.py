@@ -87,10 +87,16 @@ def integrators(
     table(console, title, ["integrator", *(one.head for one in columns)], cells, styles=styles)
 
 
-def end(console: Console, summary: dict, out: Path, failures: Iterable[str] = ()) -> None:
+def end(
+    console: Console,
+    summary: dict,
+    out: Path,
+    failures: Iterable[str] = (),
+    file: str = "report.html",
+) -> None:
     """Print what failed, that a Ctrl-C ended the verb, and where the files are."""
     for failure in failures:
         console.print(f"✗ {failure}", markup=False, soft_wrap=True)
     if summary.get("interrupted"):
         console.print("Interrupted: the same command goes on from here.")
-    console.print(f"{out}/report.html and the numbers beside it", markup=False, soft_wrap=True)
+    console.print(f"{out}/{file} and the numbers beside it", markup=False, soft_wrap=True)
