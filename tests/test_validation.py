@@ -360,7 +360,7 @@ def scene(tmp_path_factory):
 
 
 BROKEN = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",))
-SETTINGS = compare.Settings(ranks=1, steps=200, dt=1.0, rounds=1, segment=20, silence=60.0)
+SETTINGS = compare.Settings(1, 200, 1.0, timing_rounds=1, timing_steps=20, silence=60.0)
 
 
 @pytest.mark.timeout(120)

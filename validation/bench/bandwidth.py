@@ -4,6 +4,7 @@ Both are counted as in the STREAM benchmark: what is read and what is written, w
 that a cache makes on its own account before a write.
 """
 
+import itertools
 import json
 import statistics
 import subprocess
@@ -46,8 +47,8 @@ def measure(processes: int, repeats: int = REPEATS, elements: int = ELEMENTS) ->
         name: statistics.median(rate for one in found for rate in one[name]) / 1e9
         for name in ("copy", "add")
     }
-    best, size = max(rates.values()), FLOAT * elements
-    return rates | {"best": best, "processes": processes, "array_bytes": size}
+    rates["best"] = max(rates.values())
+    return rates | {"processes": processes, "array_bytes": FLOAT * elements}
 
 
 def _stream(begin: float, repeats: int, elements: int) -> dict[str, list[float]]:
@@ -58,11 +59,10 @@ def _stream(begin: float, repeats: int, elements: int) -> dict[str, list[float]]
     actions = {"copy": (2, lambda: np.copyto(c, a)), "add": (3, lambda: np.add(a, b, out=c))}
     time.sleep(max(0.0, begin - time.time()))
     rates: dict[str, list[float]] = {name: [] for name in actions}
-    for _ in range(repeats):
-        for name, (moved, action) in actions.items():
-            start = time.perf_counter()
-            action()
-            rates[name].append(moved * a.nbytes / (time.perf_counter() - start))
+    for _, (name, (moved, action)) in itertools.product(range(repeats), actions.items()):
+        start = time.perf_counter()
+        action()
+        rates[name].append(moved * a.nbytes / (time.perf_counter() - start))
     return rates
 
 

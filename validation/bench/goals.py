@@ -1,6 +1,6 @@
 """What the package is to reach, as data, and whether a benchmark's numbers show it."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,10 @@ GOALS = (
 )
 
 # s on one core: a first use, and what a later start adds to LAMMPS's own
-FIRST_USE, LATER_START = 15.0, 0.5
+STARTS = (
+    ("first use, wall s", 15.0, "first"),
+    ("later start, wall s more than LAMMPS", 0.5, "later_added"),
+)
 
 WORDS = {
     "modify_ratio": "Modify, ours over {}",
@@ -78,26 +81,6 @@ WORDS = {
 }
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A goal beside what was measured: median, min, max; None if it was not."""
-
-    where: str
-    what: str
-    limit: float
-    measured: dict | None
-    number: str | None = None
-
-    @property
-    def met(self) -> bool | None:
-        """Whether the median meets the goal."""
-        return self.measured and self.measured["median"] <= self.limit
-
-    def plain(self) -> dict:
-        """As a dictionary, with ``met``."""
-        return asdict(self) | {"met": self.met}
-
-
 def judge(points: list[dict], starts: list[dict]) -> list[dict]:
     """Each goal beside what was measured.
 
@@ -105,8 +88,9 @@ def judge(points: list[dict], starts: list[dict]) -> list[dict]:
         points, starts: of a benchmark's summary.
 
     Returns:
-        of each `Judged.plain`.  Of the loop only the fastest rival counts, the one with the largest
-        ratio.
+        of each ``where``, ``what``, ``limit``, ``measured`` (median, min, max; None: not measured)
+        and ``met`` (of the median; None: not measured).  Of the loop only the fastest rival counts,
+        the one with the largest ratio.
     """
     judged, loops = [], {}
     for goal in GOALS:
@@ -115,19 +99,23 @@ def judge(points: list[dict], starts: list[dict]) -> list[dict]:
         if not matching and goal.scene:
             matching = {goal.where: None}
         for where, measured in matching.items():
-            one = Judged(where, what, goal.limit, measured, goal.number)
+            one = _judged(where, what, goal.limit, measured, goal.number)
             if goal.number != "loop_ratio":
                 judged.append(one)
             elif measured:
                 loops.setdefault(where, []).append(one)
-    judged += [max(some, key=lambda one: one.measured["median"]) for some in loops.values()]
+    judged += [max(some, key=lambda one: one["measured"]["median"]) for some in loops.values()]
     alone = next((start for start in starts if start["ranks"] == 1), {})
-    for what, limit, key in (
-        ("first use, wall s", FIRST_USE, "first"),
-        ("later start, wall s more than LAMMPS", LATER_START, "later_added"),
-    ):
-        judged.append(Judged("start, 1 rank, 1 core", what, limit, alone.get(key, {}).get("wall")))
-    return [one.plain() for one in judged]
+    for what, limit, key in STARTS:
+        wall = alone.get(key, {}).get("wall")
+        judged.append(_judged("start, 1 rank, 1 core", what, limit, wall))
+    return judged
+
+
+def _judged(where, what, limit, measured, number=None):
+    met = measured and measured["median"] <= limit
+    goal = {"where": where, "what": what, "limit": limit}
+    return goal | {"measured": measured, "met": met, "number": number}
 
 
 def place(point: dict) -> str:

@@ -25,19 +25,14 @@ def add(verbs) -> None:
     parser.add_argument("scene", choices=scenes, help="what is simulated: %(choices)s")
     command_line.ranks(parser)
     command_line.number(parser, "--steps", 1500, "N", "length of each trajectory")
-    parser.add_argument(
-        "--dt",
-        type=command_line.positive,
-        metavar="FS",
-        help="time step in fs (default: the scene's)",
-    )
+    help, dt = "time step in fs (default: the scene's)", command_line.positive
+    parser.add_argument("--dt", type=dt, metavar="FS", help=help)
     command_line.only(parser, INTEGRATORS, default=list(INTEGRATORS))
     command_line.number(parser, "--rounds", 3, "N", "timed segments of each integrator")
     command_line.number(parser, "--segment", 200, "N", "steps of a timed segment")
     command_line.silence(parser, 120.0)
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="output folder (default results/compare-SCENE)"
-    )
+    help = "output folder (default results/compare-SCENE)"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=help)
 
 
 def run(arguments) -> int:
@@ -50,16 +45,11 @@ def run(arguments) -> int:
         one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)
     ]
     out = command_line.folder(arguments.out, f"results/compare-{scene.name}")
-    settings = measure.Settings(
-        arguments.ranks,
-        arguments.steps,
-        arguments.dt or scene.dt,
-        arguments.rounds,
-        arguments.segment,
-        arguments.silence,
-    )
+    timing = arguments.rounds, arguments.segment, arguments.silence
+    dt = arguments.dt or scene.dt
+    settings = measure.Settings(arguments.ranks, arguments.steps, dt, *timing)
     screen = console.console()
-    total = len(integrators) * (settings.steps + settings.rounds)
+    total = len(integrators) * (settings.steps + settings.timing_rounds)
     with console.Meter(screen, total) as meter:
         summary, series = measure.compare(scene, integrators, out, settings, meter)
     report.write(summary, series, out)

@@ -3,7 +3,7 @@
 First each integrator runs the whole trajectory; then short segments are timed in turn.
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,21 +16,27 @@ from validation.statistics import measures
 from validation.statistics.estimate import Estimate
 
 DISTANCE_STEPS = 100  # after so many steps trajectories are compared
-DISCARD = 0.05  # fraction of the run that energies and averages leave out
-EVERY = 10  # steps between thermo samples
 WARM_UP = 20  # steps before a timed segment
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How to compare: ``dt`` in fs; ``silence`` in s, after which a run is given up."""
+    """How to compare; ``silence`` in s, after which a run is given up."""
 
     ranks: int
     steps: int
-    dt: float
-    rounds: int
-    segment: int
+    dt_fs: float
+    timing_rounds: int
+    timing_steps: int
     silence: float
+    sample_every_steps: int = 10
+    discarded_fraction: float = 0.05  # of the run, that energies and averages leave out
+    reference: str = REFERENCE
+
+    @property
+    def distance_after_steps(self) -> int:
+        """After so many trajectories are compared."""
+        return min(DISTANCE_STEPS, self.steps)
 
 
 @dataclass
@@ -68,55 +74,53 @@ def compare(
         (summary, series): all numbers as plain data, and a dict of integrator name to its thermo
         table.  A Ctrl-C leaves what there is, with ``summary["interrupted"]`` set.
     """
-    rows = {one.name: Row(one.name, one.label, one.commands(scene)) for one in integrators}
     done: dict[str, run.Result] = {}
-    lengths = [DISTANCE_STEPS, settings.steps - DISTANCE_STEPS]
 
     def job(one, runs, part="", **more):
         folder = out / "runs" / run.folder_name(one.name) / part
-        common = {"dt": settings.dt, "ranks": settings.ranks, "silence": settings.silence}
+        common = {"dt": settings.dt_fs, "ranks": settings.ranks, "silence": settings.silence}
         return run.job(scene, one, folder, runs, **common, **more)
 
+    first = settings.distance_after_steps
+    lengths = [first] + [settings.steps - first] * (settings.steps > first)
     for one in integrators:
-        runs = lengths if lengths[1] > 0 else [settings.steps]
         meter.begin(one.label, settings.steps)
-        result = run.once(job(one, runs, every=EVERY, origin=machine.origin(scene, one)), meter.at)
+        how = {"every": settings.sample_every_steps, "origin": machine.origin(scene, one)}
+        done[one.name] = result = run.once(job(one, lengths, **how), meter.at)
         meter.end(result.error)
-        done[one.name] = result
         if result.interrupted:
             break
     interrupted = any(result.interrupted for result in done.values())
-    timed: dict[str, list[rounds.Timing]] = {}
-    if not interrupted:
-        jobs = {
-            one.name: (
-                f"{one.label}, timing",
-                lambda number, one=one: job(
-                    one, [WARM_UP, settings.segment], f"timing-{number}", every=0
-                ),
-            )
-            for one in integrators
-            if not done[one.name].error
-        }
-        timed, errors, interrupted = rounds.in_turn(jobs, settings.rounds, meter)
-        for name, error in errors.items():
-            done[name].error = f"while timed: {error}"
-
-    summary = _circumstances(scene, settings, interrupted)
+    runs = [WARM_UP, settings.timing_steps]
+    jobs = {
+        one.name: (
+            f"{one.label}, timing",
+            lambda number, one=one: job(one, runs, f"timing-{number}", every=0),
+        )
+        for one in integrators
+        if not interrupted and not done[one.name].error
+    }
+    timed, errors, stopped = rounds.in_turn(jobs, settings.timing_rounds, meter)
+    summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
+    summary |= {"interrupted": interrupted or stopped, "settings": asdict(settings)}
+    summary["settings"]["distance_after_steps"] = first
+    rows = {one.name: Row(one.name, one.label, one.commands(scene)) for one in integrators}
     for name, result in done.items():
         summary["versions"].update(machine.worker_versions(result.versions))
-        _trajectory(rows[name], result, done.get(REFERENCE), settings.steps)
+        _trajectory(rows[name], result, done.get(REFERENCE), settings)
         _cost(rows[name], timed.get(name, []), timed.get(REFERENCE, []))
+        if name in errors and not rows[name].error:
+            rows[name].error = f"while timed: {errors[name]}"
     summary["integrators"] = [plain(row) for row in rows.values()]
     return summary, {name: result.thermo for name, result in done.items() if result.thermo}
 
 
-def _trajectory(row: Row, result: run.Result, reference: run.Result | None, steps: int) -> None:
+def _trajectory(row: Row, result: run.Result, reference: run.Result | None, settings) -> None:
     """Energy and averages over the part of the series that is kept; the atoms' places."""
     row.error = result.error
     if result.thermo:
-        _thermodynamics(row, result.thermo, steps)
-        if not row.error and row.steps < steps:
+        _thermodynamics(row, result.thermo, settings.discarded_fraction * settings.steps)
+        if not row.error and row.steps < settings.steps:
             row.error = "energy is not finite"
     if result.positions:
         own = result.positions
@@ -128,12 +132,12 @@ def _trajectory(row: Row, result: run.Result, reference: run.Result | None, step
             row.distance = float(measures.largest_distance(own["x"][1], there, *box))
 
 
-def _thermodynamics(row: Row, thermo: dict, steps: int) -> None:
+def _thermodynamics(row: Row, thermo: dict, begin: float) -> None:
     finite = np.isfinite(thermo["TotEng"])
     until = len(finite) if finite.all() else int(np.argmin(finite))
     step = thermo["Step"][:until]
     row.steps = int(step[-1]) if until else 0
-    kept = np.flatnonzero(step >= DISCARD * steps)
+    kept = np.flatnonzero(step >= begin)
     if len(kept) < 8:  # too few for an error
         return
     time, energy = thermo["Time"][kept], thermo["TotEng"][kept]
@@ -151,23 +155,3 @@ def _cost(row: Row, own: list[rounds.Timing], reference: list[rounds.Timing]) ->
     row.cpu = min((one.cpu for one in own if one.cpu is not None), default=None)
     row.modify_ratio = rounds.ratio(own, reference, "modify")
     row.loop_ratio = rounds.ratio(own, reference, "loop")
-
-
-def _circumstances(scene: Scene, settings: Settings, interrupted: bool) -> dict:
-    """What was asked for, where and with what."""
-    return machine.circumstances() | {
-        "scene": scene.name,
-        "title": scene.title,
-        "interrupted": interrupted,
-        "settings": {
-            "ranks": settings.ranks,
-            "steps": settings.steps,
-            "dt_fs": settings.dt,
-            "sample_every_steps": EVERY,
-            "discarded_fraction": DISCARD,
-            "distance_after_steps": min(DISTANCE_STEPS, settings.steps),
-            "timing_rounds": settings.rounds,
-            "timing_steps": settings.segment,
-            "reference": REFERENCE,
-        },
-    }
