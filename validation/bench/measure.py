@@ -138,23 +138,23 @@ def _scene(point: Point, out: Path, meter: run.Meter, silence: float) -> Measure
             return [record | {"atoms": None, "versions": {}}], True
     lengths = rounds.lengths(loop, point.seconds)
     # what moves freely moves for some steps only: nothing keeps its atoms apart
-    runs = dict.fromkeys(integrators, lengths.runs) | {FREE: [3]}
-    jobs = {
-        one.name: (
-            f"{label}, {one.label}",
-            lambda number, one=one: job(one, runs[one], str(number), rounds.SETUPS),
-        )
-        for one in runs
-    }
-    found, errors, cut = rounds.in_turn(jobs, point.rounds, meter)
+    runs = dict.fromkeys(point.integrators, lengths.runs) | {FREE.name: [3]}
+    every = {one.name: one for one in (*integrators, FREE)}
+    labels = {name: f"{label}, {one.label}" for name, one in every.items()}
+
+    def turn(name, number):
+        return job(every[name], runs[name], str(number), rounds.SETUPS)
+
+    found, errors, cut = rounds.in_turn(labels, turn, point.rounds, meter)
     counts = {}
     if point.ranks > 1 and not cut:
         counted = {
-            one.name: (f"{label}, {one.label}, messages", job(one, [3, COUNTED], "messages"))
-            for one in runs
-            if one.name not in errors
+            f"{labels[name]}, messages": job(one, [3, COUNTED], "messages")
+            for name, one in every.items()
+            if name not in errors
         }
         counts, cut = _messages(counted, folder / "counts", meter)
+        counts = {name: counts.get(f"{label}, messages") for name, label in labels.items()}
     if cut:
         short = [name for name in found if len(found[name]) < point.rounds]
         errors = dict.fromkeys(short, run.INTERRUPTED) | errors
@@ -171,7 +171,6 @@ def _scene(point: Point, out: Path, meter: run.Meter, silence: float) -> Measure
 
 def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing], bodies: int) -> dict:
     """An integrator's numbers, spreads over its rounds; None for those that were not measured."""
-    shares = [one.cpu for one in own if one.cpu is not None]
     rivals = [] if own is ours else ours
     return {
         "rounds": [asdict(one) for one in own],
@@ -180,7 +179,7 @@ def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing], bodies: 
         "modify_ratio": rounds.ratio(rivals, own, "modify"),
         "loop": rounds.spread(own, lambda one: one.loop),
         "loop_ratio": rounds.ratio(rivals, own, "loop"),
-        "cpu": min(shares, default=None),
+        "cpu": rounds.least_cpu(own),
         "setup": rounds.difference(own, free, lambda one: one.setups[-1] * 1e3),
         "first_setup": rounds.difference(own, free, lambda one: (one.define + one.setups[0]) * 1e3),
         "memory": rounds.difference(own, free, _peak),
@@ -192,17 +191,19 @@ def _peak(timing: Timing) -> float:
     return max(timing.memory) / KIB_PER_MIB
 
 
-def _messages(jobs: dict, folder: Path, meter: run.Meter) -> tuple[dict[str, list[dict]], bool]:
-    """What each rank has sent in the runs of (label, job); and whether a Ctrl-C ended it all."""
+def _messages(
+    jobs: dict[str, run.Job], folder: Path, meter: run.Meter
+) -> tuple[dict[str, list[dict]], bool]:
+    """What each rank has sent, by the job's label; and whether a Ctrl-C ended it all."""
     counts = {}
-    for name, (label, job) in jobs.items():
+    for label, job in jobs.items():
         meter.begin(label, 1)
         result = run.run(job, environment=counting.environment(folder))
         meter.end(result.error)
         if result.interrupted:
             return counts, True
         if not result.error:
-            counts[name] = counting.read(folder)
+            counts[label] = counting.read(folder)
     return counts, False
 
 
@@ -254,13 +255,12 @@ def _pass(
     if not isinstance(loop, float):
         return row | {"error": loop.error}, loop.interrupted
     runs, names = rounds.lengths(loop, point.seconds).runs, ("without", "with")
-    jobs = {
-        name: (f"{optional.name[:18]}, {name}", lambda _, name=name: job(name, runs))
-        for name in names
-    }
-    found, errors, cut = rounds.in_turn(jobs, point.rounds, meter)
-    shares = [one.cpu for times in found.values() for one in times if one.cpu is not None]
-    row |= {"error": next(iter(errors.values()), None), "cpu": min(shares, default=None)}
+    labels = {name: f"{optional.name[:18]}, {name}" for name in names}
+    found, errors, cut = rounds.in_turn(
+        labels, lambda name, _: job(name, runs), point.rounds, meter
+    )
+    shares = rounds.least_cpu(one for times in found.values() for one in times)
+    row |= {"error": next(iter(errors.values()), None), "cpu": shares}
     row |= {"lines": {name: job(name, runs).commands for name in names}}
     row |= {name: rounds.spread(found[name], lambda one: one.modify) for name in names}
     cost = rounds.difference(found["with"], found["without"], lambda one: one.modify)

@@ -91,16 +91,13 @@ def compare(
         if result.interrupted:
             break
     interrupted = any(result.interrupted for result in done.values())
-    runs = [WARM_UP, settings.timing_steps]
-    jobs = {
-        one.name: (
-            f"{one.label}, timing",
-            lambda number, one=one: job(one, runs, f"timing-{number}", every=0),
-        )
-        for one in integrators
-        if not interrupted and not done[one.name].error
-    }
-    timed, errors, stopped = rounds.in_turn(jobs, settings.timing_rounds, meter)
+    known = {one.name: one for one in integrators if not interrupted and not done[one.name].error}
+    labels = {name: f"{one.label}, timing" for name, one in known.items()}
+
+    def turn(name, number):
+        return job(known[name], [WARM_UP, settings.timing_steps], f"timing-{number}", every=0)
+
+    timed, errors, stopped = rounds.in_turn(labels, turn, settings.timing_rounds, meter)
     summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
     summary |= {"interrupted": interrupted or stopped, "settings": asdict(settings)}
     summary["settings"]["distance_after_steps"] = first
@@ -152,6 +149,6 @@ def _cost(row: Row, own: list[rounds.Timing], reference: list[rounds.Timing]) ->
     """Modify and loop time per step: spread over the timed segments, and ratios."""
     row.modify = rounds.spread(own, lambda one: one.modify)
     row.loop = rounds.spread(own, lambda one: one.loop / 1e3)
-    row.cpu = min((one.cpu for one in own if one.cpu is not None), default=None)
+    row.cpu = rounds.least_cpu(own)
     row.modify_ratio = rounds.ratio(own, reference, "modify")
     row.loop_ratio = rounds.ratio(own, reference, "loop")

@@ -4,7 +4,7 @@ So a change in the machine's load meets all of them alike, and numbers of one ro
 with like.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,12 +48,12 @@ class Timing:
     modify: float | None = None
     loop: float | None = None
     cpu: float | None = None
-    sections: dict | None = None
+    sections: dict = field(default_factory=dict)
     steps: list = field(default_factory=list)
     define: float = 0.0
     setups: list = field(default_factory=list)
     memory: list = field(default_factory=list)
-    versions: dict | None = None
+    versions: dict = field(default_factory=dict)
 
 
 def lengths(loop: float, seconds: float) -> Lengths:
@@ -82,25 +82,23 @@ def calibrate(make: Callable[[list[int]], run.Job]) -> float | run.Result:
 
 
 def in_turn(
-    jobs: dict[str, tuple[str, Callable[[int], run.Job]]], rounds: int, meter: Meter
+    labels: dict[str, str], make: Callable[[str, int], run.Job], rounds: int, meter: Meter
 ) -> tuple[dict[str, list[Timing]], dict[str, str], bool]:
-    """Run all jobs in each of so many rounds; one that fails is not run again.
-
-    Args:
-        jobs: name to (label, function of the round's number that makes a ``Job``).
+    """Run the jobs ``make(name, round)`` of all names in each round; one that fails is not run
+    again.
 
     Returns:
         (found, errors, interrupted): name to the `Timing` of each round, name to why it failed, and
         whether a Ctrl-C ended it all.
     """
-    found: dict[str, list[Timing]] = {name: [] for name in jobs}
+    found: dict[str, list[Timing]] = {name: [] for name in labels}
     errors: dict[str, str] = {}
     for number in range(1, rounds + 1):
-        for name, (label, make) in jobs.items():
+        for name, label in labels.items():
             if name in errors:
                 continue
             meter.begin(f"{label}, {number}/{rounds}", 1)
-            job = make(number)
+            job = make(name, number)
             result = run.run(job)
             meter.end(result.error)
             if result.interrupted:
@@ -114,48 +112,51 @@ def in_turn(
 
 def timing(job: run.Job, result: run.Result) -> Timing:
     """What is kept of a completed run."""
-    spent = zip(job.commands, result.seconds["commands"])
-    whole = {
-        "define": sum(time for command, time in spent if command.startswith("fix ")),
-        "setups": result.seconds["setups"],
-        "memory": result.memory,
-        "versions": result.versions,
-    }
     segments = result.timings[job.setups + 1 :]
-    if not segments:
-        return Timing(**whole)
 
     def median(of):
-        return float(np.median([of(one) / one["steps"] for one in segments])) * 1e6
+        found = [of(one) / one["steps"] for one in segments]
+        return float(np.median(found)) * 1e6 if found else None
 
-    names = segments[0]["sections"]
-    sections = {name: median(lambda one, name=name: one["sections"][name]) for name in names}
+    names = segments[0]["sections"] if segments else ()
+    shares = [one["cpu"] for one in segments if one["cpu"] is not None]
+    spent = zip(job.commands, result.seconds["commands"])
     return Timing(
-        modify=sections["Modify"],
+        modify=median(lambda one: one["sections"]["Modify"]),
         loop=median(lambda one: one["loop"]),
-        cpu=min((one["cpu"] for one in segments if one["cpu"] is not None), default=None),
-        sections=sections,
+        cpu=min(shares, default=None),
+        sections={name: median(lambda one, name=name: one["sections"][name]) for name in names},
         steps=[one["steps"] for one in segments],
-        **whole,
+        define=sum(time for command, time in spent if command.startswith("fix ")),
+        setups=result.seconds["setups"],
+        memory=result.memory,
+        versions=result.versions,
     )
 
 
 def spread(rounds: list[Timing], of: Callable[[Timing], float | None]) -> dict | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
-    values = [value for value in map(of, rounds) if value is not None]
-    return measures.spread(values) if values else None
+    return _spread(value for value in map(of, rounds) if value is not None)
 
 
 def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> dict | None:
     """Spread of ours over theirs, each pair of one round; None if there is no pair."""
     pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(ours, theirs)]
-    known = [a / b for a, b in pairs if a is not None and b]
-    return measures.spread(known) if known else None
+    return _spread(a / b for a, b in pairs if a is not None and b)
 
 
 def difference(
     own: list[Timing], other: list[Timing], of: Callable[[Timing], float]
 ) -> dict | None:
     """Spread of own minus other, each pair of one round; None if there is no pair."""
-    pairs = [of(a) - of(b) for a, b in zip(own, other)]
-    return measures.spread(pairs) if pairs else None
+    return _spread(of(a) - of(b) for a, b in zip(own, other))
+
+
+def least_cpu(rounds: Iterable[Timing]) -> float | None:
+    """The smallest share of a core, in percent."""
+    return min((one.cpu for one in rounds if one.cpu is not None), default=None)
+
+
+def _spread(values: Iterable[float]) -> dict | None:
+    known = list(values)
+    return measures.spread(known) if known else None
