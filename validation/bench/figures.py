@@ -1,5 +1,7 @@
 """Matplotlib figures from a benchmark's summary."""
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
@@ -19,7 +21,7 @@ from validation.pages.figures import (
 )
 
 
-def draw(summary, out):
+def draw(summary: dict, out: Path) -> list[tuple[Path, str]]:
     """All figures that there are numbers for: see `figures.draw_each`."""
     return draw_each((size, goals, scenes, passes), out, summary)
 
@@ -29,7 +31,7 @@ def _text(value):
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
 
 
-def size(summary):
+def size(summary: dict) -> Drawn:
     """Modify per 1,000 molecules against their number, a panel for each number of ranks."""
     points = [point for point in summary["points"] if point["scene"] == "water"]
     sizes = sorted({point["bodies"] for point in points})
@@ -75,7 +77,7 @@ def _sizes(axis, points):
         )
 
 
-def goals(summary):
+def goals(summary: dict) -> Drawn:
     """Measured ratios beside their goals."""
     rows = [goal for goal in summary["goals"] if goal["measured"]]
     if not rows:
@@ -105,7 +107,7 @@ def goals(summary):
     )
 
 
-def scenes(summary):
+def scenes(summary: dict) -> Drawn:
     """Modify of each scene and integrator, a panel for each."""
     rows = {
         place(point): [row for row in point["integrators"] if row["modify"]]
@@ -131,7 +133,7 @@ def scenes(summary):
     )
 
 
-def passes(summary):
+def passes(summary: dict) -> Drawn:
     """Cost of the optional passes."""
     rows = [row for row in summary["passes"] if row.get("cost")]
     if not rows:

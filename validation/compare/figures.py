@@ -1,12 +1,14 @@
 """Figures of a comparison."""
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 
-from validation.pages.figures import OTHERS, OURS, PALE, bars, draw_each, panels
+from validation.pages.figures import OTHERS, OURS, PALE, Drawn, bars, draw_each, panels
 
 
-def draw(summary, series, out):
+def draw(summary: dict, series: dict, out: Path) -> list[tuple[Path, str]]:
     """All figures of a comparison that there are numbers for: see `draw_each`."""
     return draw_each((energy, cost), out, summary, series)
 
@@ -15,7 +17,7 @@ def _colour(row):
     return OURS if row["name"] == "nosquish" else OTHERS
 
 
-def energy(summary, series):
+def energy(summary: dict, series: dict) -> Drawn:
     """Total energy minus its start against time, one panel for each integrator."""
     rows = [row for row in summary["integrators"] if row["name"] in series]
     if not rows:
@@ -62,7 +64,7 @@ def _panel(axis, row, curve, limit):
     axis.text(0.99, 0.05, ", ".join(notes), transform=axis.transAxes, ha="right", color="#b00")
 
 
-def cost(summary, series):
+def cost(summary: dict, series: dict) -> Drawn:
     """Time in Modify: median, minimum and maximum of the timed segments."""
     rows = [row for row in summary["integrators"] if row.get("modify")]
     if not rows:

@@ -3,10 +3,10 @@
 import numpy as np
 
 from validation.long.measure import ANGLES, BOUND, QUANTITIES
-from validation.pages.figures import INK, MARKS, panels
+from validation.pages.figures import INK, MARKS, Drawn, panels
 
 
-def long_run(summary, series):
+def long_run(summary: dict, series: dict) -> Drawn:
     """Relative errors against steps, log-log, a column for each time step."""
     lines, columns = len(QUANTITIES), len(ANGLES)
     figure, axes = panels(lines * columns, columns, 5, 2.25, 0, sharex=True, sharey="row")

@@ -9,6 +9,8 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 OURS, OTHERS, THIRD, INK, PALE = "#0b6e4f", "#5b7db1", "#c06c3e", "#333333", "#bdbdbd"
 STYLE: dict = {
@@ -37,14 +39,16 @@ MARKS = {  # integrator: colour, marker; pale ones are variants of the one befor
     "rattle": ("#bfa5cf", "v"),
 }
 MISSED = "#b00000"
+Drawn = tuple[Figure, str] | None  # a figure and its caption, or None where there is none to draw
 
 
-def draw_each(functions: Iterable[Callable], out: Path, *data) -> list[tuple[Path, str]]:
+def draw_each(
+    functions: Iterable[Callable[..., Drawn]], out: Path, *data
+) -> list[tuple[Path, str]]:
     """Draw figures into a folder: list of (PNG path, caption).
 
     Args:
-        functions: each gives of the data (figure, caption), or None where there is none to draw;
-            its name is the file's.
+        functions: each gives `Drawn` of the data; its name is the file's.
     """
     made = []
     with plt.rc_context(STYLE):
@@ -67,7 +71,7 @@ def whiskers(spreads: Sequence[dict]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def bars(
-    axis, labels: Sequence[str], spreads: Sequence[dict], texts: Sequence[str], colours
+    axis: Axes, labels: Sequence[str], spreads: Sequence[dict], texts: Sequence[str], colours
 ) -> None:
     """Horizontal bars from the top: medians, whiskers from minimum to maximum, texts behind."""
     places = np.arange(len(labels))
@@ -84,7 +88,9 @@ def bars(
     axis.set_xlim(min(0, 1.1 * low.min()), 1.35 * max(high.max(), 1e-3))
 
 
-def panels(count: int, columns: int, width: float, height: float, more: float, **shared):
+def panels(
+    count: int, columns: int, width: float, height: float, more: float, **shared
+) -> tuple[Figure, list[Axes]]:
     """A figure with so many panels in columns, and their axes: each so wide and high (in.)."""
     columns = min(columns, count)
     lines = -(-count // columns)
@@ -95,4 +101,4 @@ def panels(count: int, columns: int, width: float, height: float, more: float, *
     for axis in axes.flat[count:]:
         axis.set_visible(False)
         axes[lines - 2, columns - 1].tick_params(labelbottom=True)
-    return figure, axes.flat[:count]
+    return figure, list(axes.flat[:count])

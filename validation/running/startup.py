@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -46,29 +47,27 @@ def measure(
     """
     kinds = {"first": ours, "later": ours, "plain": PLAIN}
     found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
-    error = None
+    result: dict = {"ranks": ranks, "error": None}
+    Path(folder).mkdir(parents=True, exist_ok=True)
     for number in range(1, rounds + 1):
-        place = Path(folder).resolve() / f"{ranks}-{number}"
-        shutil.rmtree(place, ignore_errors=True)
-        nothing_compiled = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(package(), place / "fix_nosquish", ignore=nothing_compiled)
-        for kind, integrator in kinds.items():
-            meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
-            times, error = _start(scene, integrator, place, ranks)
-            meter.end(error)
-            if error:
-                break
-            found[kind].append(times)
-        shutil.rmtree(place, ignore_errors=True)
-        if error:
+        with tempfile.TemporaryDirectory(dir=Path(folder).resolve()) as place:
+            nothing_compiled = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(package(), Path(place) / "fix_nosquish", ignore=nothing_compiled)
+            for kind, integrator in kinds.items():
+                meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
+                times, result["error"] = _start(scene, integrator, Path(place), ranks)
+                meter.end(result["error"])
+                if result["error"]:
+                    break
+                found[kind].append(times)
+        if result["error"]:
             break
-    result = {"ranks": ranks, "error": error}
     for kind, times in found.items():
         if times:
             result[kind] = _spreads(times)
-        pairs = [(a - c, b - d) for (a, b), (c, d) in zip(times, found["plain"])]
-        if pairs and kind != "plain":
-            result[f"{kind}_added"] = _spreads(pairs)
+        more = [(a - c, b - d) for (a, b), (c, d) in zip(times, found["plain"])]
+        if more and kind != "plain":
+            result[f"{kind}_added"] = _spreads(more)
     return result
 
 
@@ -88,23 +87,17 @@ def _start(
     command += ["-log", "none", "-screen", "none"]
     if ranks > 1:
         command = [run.mpirun(), "-np", str(ranks), *command]
-    own = {
-        "PYTHONPATH": str(place),
-        "XDG_CACHE_HOME": str(place / "cache"),
-        "NUMBA_CACHE_DIR": str(place / "cache"),
-    }
-    core = min(os.sched_getaffinity(0))
+    cache = str(place / "cache")
+    own = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": cache, "NUMBA_CACHE_DIR": cache}
+    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "start_new_session": True}
+    if ranks == 1:
+        core = min(os.sched_getaffinity(0))
+        quiet["preexec_fn"] = lambda: os.sched_setaffinity(0, {core})
+    environment = {"OMP_NUM_THREADS": "1", **os.environ, **own}
     begin = time.perf_counter()
     with open(said, "w") as stderr:
         process = subprocess.Popen(
-            command,
-            cwd=scene.folder,
-            env={"OMP_NUM_THREADS": "1", **os.environ, **own},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=stderr,
-            start_new_session=True,
-            preexec_fn=(lambda: os.sched_setaffinity(0, {core})) if ranks == 1 else None,
+            command, cwd=scene.folder, env=environment, stderr=stderr, **quiet
         )
     try:
         _, status, used = os.wait4(process.pid, 0)

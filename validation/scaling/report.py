@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import pandas as pd
 from rich.console import Console
 
 from validation.pages import report
-from validation.pages.figures import MARKS, draw_each
+from validation.pages.figures import MARKS, Drawn, draw_each
 from validation.scaling.measure import COUNTED
 
 COUNTS = "decomposition", "integrator", "ranks", "bodies", *COUNTED
@@ -42,7 +43,7 @@ def show(console: Console, summary: dict, out: Path) -> None:
     report.end(console, summary, out, failures)
 
 
-def scaling(tables, link):
+def scaling(tables: dict[str, pd.DataFrame], link: str) -> Drawn:
     """Bytes per rank and step, and the model's time, against the number of ranks."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
     counts, model = tables["counts"], tables["model"]
