@@ -45,7 +45,7 @@ def test_ratios_are_of_one_round():
         "the other has failed after a round"
     )
     assert rounds.ratio(ours, [], "modify") is None
-    difference = rounds.difference(theirs, ours, lambda one: one.modify)
+    difference = rounds.difference(theirs, ours, "modify")
     assert difference["values"] == [3, 30, 9]
 
 
@@ -65,12 +65,7 @@ def test_numbers_leave_warm_up_and_preparations_out():
     )
     found = rounds.timing(job, result)
     assert found.modify == pytest.approx(200) and found.loop == pytest.approx(500)
-    assert (found.cpu, found.define, found.setups, found.memory) == (
-        94.0,
-        6,
-        [0.5, 0.25],
-        [10, 20],
-    )
+    assert (found.cpu, found.define, found.setups, found.memory) == (94.0, 6, [0.5, 0.25], [10, 20])
 
 
 def test_lengths_of_segments():

@@ -14,6 +14,7 @@ from validation.pages.figures import (
     OTHERS,
     OURS,
     PALE,
+    Drawn,
     bars,
     draw_each,
     panels,
@@ -86,7 +87,7 @@ def goals(summary: dict) -> Drawn:
     axis.axvline(1, color=INK, lw=1)
     ends = "median", "min", "max"
     shares = [[goal["measured"][key] / goal["limit"] for key in ends] for goal in rows]
-    beside = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 8}
+    beside: dict = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 8}
     for height, (goal, (median, low, high)) in enumerate(zip(rows, shares)):
         colour = OURS if goal["met"] else MISSED
         axis.plot([low, high], [height, height], color=colour, lw=1.2)

@@ -31,8 +31,8 @@ class Goal:
     def measured(self, point: dict) -> dict | None:
         """Its number in a point."""
         name = self.against or "nosquish"
-        rows = (row for row in point["integrators"] if row["name"] == name)
-        return next(rows, {}).get(self.number)
+        rows = {row["name"]: row for row in point["integrators"]}
+        return rows.get(name, {}).get(self.number)
 
     @property
     def where(self) -> str:
@@ -92,7 +92,8 @@ def judge(points: list[dict], starts: list[dict]) -> list[dict]:
         and ``met`` (of the median; None: not measured).  Of the loop only the fastest rival counts,
         the one with the largest ratio.
     """
-    judged, loops = [], {}
+    judged: list[dict] = []
+    loops: dict[str, list[dict]] = {}
     for goal in GOALS:
         what = WORDS[goal.number].format(goal.against)
         matching = {place(point): goal.measured(point) for point in points if goal.holds_for(point)}

@@ -22,7 +22,6 @@ from validation.statistics import measures
 OURS = "nosquish"
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
-KIB_PER_MIB = 1024
 Measured = tuple[list[dict], bool]  # rows of the summary, and whether a Ctrl-C cut them short
 
 
@@ -120,21 +119,25 @@ def _scene(point: Point, out: Path, meter: run.Meter, silence: float) -> Measure
     scene = starts.of_size(SCENES[point.part], point.bodies, out / "starts").on_mesh(MESH)
     folder, label = out / "runs" / point.name, f"{point.part} {point.bodies:,} on {point.ranks}"
     integrators = [BENCHMARKED[name] for name in point.integrators]
-    record = {"scene": point.part, "title": scene.subject or scene.title, "bodies": point.bodies}
+    record: dict = {
+        "scene": point.part,
+        "title": scene.subject or scene.title,
+        "bodies": point.bodies,
+    }
     record |= {"ranks": point.ranks, "dt": scene.dt, "units": scene.units, "integrators": []}
 
-    def job(one, runs, part, setups=0):
+    def job(one, runs, part="calibration", setups=0):
         directory = folder / f"{run.folder_name(one.name)}-{part}"
         how = {"ranks": point.ranks, "silence": silence, "positions": False, "setups": setups}
         return run.job(scene, one, directory, runs, dt=scene.dt, every=0, **how)
 
     loop = 1.0
     for one in integrators:  # ours, unless it fails
-        found = rounds.calibrate(lambda runs, one=one: job(one, runs, "calibration"))
-        if isinstance(found, float):
-            loop = found
+        step = rounds.calibrate(partial(job, one))
+        if isinstance(step, float):
+            loop = step
             break
-        if found.interrupted:
+        if step.interrupted:
             return [record | {"atoms": None, "versions": {}}], True
     lengths = rounds.lengths(loop, point.seconds)
     # what moves freely moves for some steps only: nothing keeps its atoms apart
@@ -146,23 +149,19 @@ def _scene(point: Point, out: Path, meter: run.Meter, silence: float) -> Measure
         return job(every[name], runs[name], str(number), rounds.SETUPS)
 
     found, errors, cut = rounds.in_turn(labels, turn, point.rounds, meter)
-    counts = {}
+    counts: dict[str, list[dict]] = {}
     if point.ranks > 1 and not cut:
-        counted = {
-            f"{labels[name]}, messages": job(one, [3, COUNTED], "messages")
-            for name, one in every.items()
-            if name not in errors
-        }
-        counts, cut = _messages(counted, folder / "counts", meter)
-        counts = {name: counts.get(f"{label}, messages") for name, label in labels.items()}
+        counted = [one for one in every.values() if one.name not in errors]
+        jobs = {one.name: job(one, [3, COUNTED], "messages") for one in counted}
+        counts, cut = _messages(jobs, labels, folder / "counts", meter)
     if cut:
         short = [name for name in found if len(found[name]) < point.rounds]
         errors = dict.fromkeys(short, run.INTERRUPTED) | errors
-    for one in integrators:
-        row = {"name": one.name, "label": one.label, "kind": one.kind, "lines": one.commands(scene)}
-        numbers = _numbers(found[one.name], found.get(OURS, []), found[FREE.name], point.bodies)
-        row |= {"error": errors.get(one.name), **numbers}
-        record["integrators"].append(row | _sent(counts.get(one.name), counts.get(FREE.name)))
+    for name in point.integrators:
+        row = {key: getattr(every[name], key) for key in ("name", "label", "kind")}
+        row |= {"lines": every[name].commands(scene), "error": errors.get(name)}
+        row |= _numbers(found[name], found.get(OURS, []), found[FREE.name], point.bodies)
+        record["integrators"].append(row | _sent(counts.get(name), counts.get(FREE.name)))
     versions = [timing.versions for timings in found.values() for timing in timings]
     record |= {"steps": asdict(lengths), "versions": versions[0] if versions else {}}
     record |= {"free": [asdict(one) for one in found[FREE.name]], "atoms": _atoms_in_bodies(folder)}
@@ -174,43 +173,41 @@ def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing], bodies: 
     rivals = [] if own is ours else ours
     return {
         "rounds": [asdict(one) for one in own],
-        "modify": rounds.spread(own, lambda one: one.modify),
-        "modify_per_1000": rounds.spread(own, lambda one: one.modify / bodies * 1000),
+        "modify": rounds.spread(own, "modify"),
+        "modify_per_1000": rounds.spread(own, "modify", 1000 / bodies),
         "modify_ratio": rounds.ratio(rivals, own, "modify"),
-        "loop": rounds.spread(own, lambda one: one.loop),
+        "loop": rounds.spread(own, "loop"),
         "loop_ratio": rounds.ratio(rivals, own, "loop"),
         "cpu": rounds.least_cpu(own),
-        "setup": rounds.difference(own, free, lambda one: one.setups[-1] * 1e3),
-        "first_setup": rounds.difference(own, free, lambda one: (one.define + one.setups[0]) * 1e3),
-        "memory": rounds.difference(own, free, _peak),
-        "memory_in_all": rounds.spread(own, _peak),
+        "setup": rounds.difference(own, free, "setup", 1e3),
+        "first_setup": rounds.difference(own, free, "first_setup", 1e3),
+        "memory": rounds.difference(own, free, "peak"),
+        "memory_in_all": rounds.spread(own, "peak"),
     }
 
 
-def _peak(timing: Timing) -> float:
-    return max(timing.memory) / KIB_PER_MIB
-
-
 def _messages(
-    jobs: dict[str, run.Job], folder: Path, meter: run.Meter
+    jobs: dict[str, run.Job], labels: dict[str, str], folder: Path, meter: run.Meter
 ) -> tuple[dict[str, list[dict]], bool]:
-    """What each rank has sent, by the job's label; and whether a Ctrl-C ended it all."""
-    counts = {}
-    for label, job in jobs.items():
-        meter.begin(label, 1)
+    """What each rank has sent in each job; and whether a Ctrl-C ended it all."""
+    counts: dict[str, list[dict]] = {}
+    for name, job in jobs.items():
+        meter.begin(f"{labels[name]}, messages", 1)
         result = run.run(job, environment=counting.environment(folder))
         meter.end(result.error)
         if result.interrupted:
             return counts, True
         if not result.error:
-            counts[label] = counting.read(folder)
+            counts[name] = counting.read(folder)
     return counts, False
 
 
 def _sent(own: list[dict] | None, free: list[dict] | None) -> dict:
     """Spreads over the ranks of what each sends in a step: in all, by fixes, more than freely."""
-    found = {}
-    for key in ("messages", "bytes", "collectives", "collective_bytes") if own else ():
+    found: dict[str, dict] = {}
+    if not own:
+        return found
+    for key in "messages", "bytes", "collectives", "collective_bytes":
         found[key] = measures.spread(rank[key] / COUNTED for rank in own)
         found[f"fix_{key}"] = measures.spread(rank[f"fix_{key}"] / COUNTED for rank in own)
         if free:
@@ -262,8 +259,8 @@ def _pass(
     shares = rounds.least_cpu(one for times in found.values() for one in times)
     row |= {"error": next(iter(errors.values()), None), "cpu": shares}
     row |= {"lines": {name: job(name, runs).commands for name in names}}
-    row |= {name: rounds.spread(found[name], lambda one: one.modify) for name in names}
-    cost = rounds.difference(found["with"], found["without"], lambda one: one.modify)
+    row |= {name: rounds.spread(found[name], "modify") for name in names}
+    cost = rounds.difference(found["with"], found["without"], "modify")
     return row | {"cost": cost}, cut
 
 
@@ -275,7 +272,8 @@ def _ours(words: str, directory: Path) -> Integrator:
 
 def _start(point: Point, out: Path, meter: run.Meter, silence: float) -> Measured:
     ours, folder = BENCHMARKED[OURS], out / "runs" / "start"
-    return [startup.measure(SCENES["water"], ours, folder, point.ranks, point.rounds, meter)], False
+    row = startup.measure(SCENES["water"], ours, folder, point.ranks, point.rounds, meter)
+    return [row], False
 
 
 def _memory(point: Point, out: Path, meter: run.Meter, silence: float) -> Measured:

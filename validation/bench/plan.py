@@ -60,10 +60,10 @@ def points(
     parts: Iterable[str], ranks: Iterable[int], sizes: Iterable[int], settings: Settings
 ) -> list[Point]:
     """The points of these parts; ``sizes`` are those of the water, other scenes have one."""
-    timed, found = {"rounds": settings.rounds, "seconds": settings.seconds}, []
+    timed, found = (settings.rounds, settings.seconds), []
     for part in parts:
         if part == "passes":
-            found.append(Point(part, **timed))
+            found.append(Point(part, 0, 0, (), *timed))
         elif part == "start":  # a first use takes long: fewer rounds
             found += [Point(part, number, rounds=min(3, settings.rounds)) for number in ranks]
         elif part == "memory":
@@ -72,7 +72,7 @@ def points(
             scene = SCENES[part]
             able = tuple(one for one in settings.integrators if BENCHMARKED[one].can_run(scene))
             own = sizes if scene.cutter else scene.sizes
-            found += [Point(part, number, size, able, **timed) for number in ranks for size in own]
+            found += [Point(part, number, size, able, *timed) for number in ranks for size in own]
     return found
 
 
@@ -109,7 +109,7 @@ _STRESS = (
 # on two ranks, whose border at x = 0 A is between the dimer's molecules, and at -0.8 A goes
 # through one
 _APART, _THROUGH = (("velocity all set 0 0 0", f"balance 1.0 x {share}") for share in (0.5, 0.48))
-_DIMER = {"before": ("processors * 1 1",), "scene": "dimer", "bodies": 2, "ranks": 2}
+_SLABS = ("processors * 1 1",)
 _OFF = " force 1*10 off off off torque 1*10 off off off"
 _BORDER = "a body on two ranks (dimer; less a body on each rank)"
 _ATOMS = "compute stress/atom in each step, which takes the constraint virial too"
@@ -122,5 +122,5 @@ OPTIONAL = (
     Optional("four inner rotations", "mrot 4", " mrot 4"),
     Optional("components switched off", "force and torque off for ten bodies", _OFF),
     Optional("table of bodies", "output 100 FILE", " output 100 v_table"),
-    Optional("exchange with a second rank", _BORDER, more=_THROUGH, less=_APART, **_DIMER),
+    Optional("exchange with a second rank", _BORDER, "", _THROUGH, _APART, _SLABS, "dimer", 2, 2),
 )

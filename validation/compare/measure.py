@@ -147,8 +147,8 @@ def _thermodynamics(row: Row, thermo: dict, begin: float) -> None:
 
 def _cost(row: Row, own: list[rounds.Timing], reference: list[rounds.Timing]) -> None:
     """Modify and loop time per step: spread over the timed segments, and ratios."""
-    row.modify = rounds.spread(own, lambda one: one.modify)
-    row.loop = rounds.spread(own, lambda one: one.loop / 1e3)
+    row.modify = rounds.spread(own, "modify")
+    row.loop = rounds.spread(own, "loop", 1e-3)
     row.cpu = rounds.least_cpu(own)
     row.modify_ratio = rounds.ratio(own, reference, "modify")
     row.loop_ratio = rounds.ratio(own, reference, "loop")

@@ -9,8 +9,8 @@ from validation.pages.figures import INK, MARKS, Drawn, panels
 def long_run(summary: dict, series: dict) -> Drawn:
     """Relative errors against steps, log-log, a column for each time step."""
     lines, columns = len(QUANTITIES), len(ANGLES)
-    figure, axes = panels(lines * columns, columns, 5, 2.25, 0, sharex=True, sharey="row")
-    axes = np.reshape(axes, (lines, columns))
+    figure, flat = panels(lines * columns, columns, 5, 2.25, 0, sharex=True, sharey="row")
+    axes = np.array(flat).reshape(lines, columns)
     for row in summary["runs"]:
         errors = series.get((row["name"], row["step"]))
         if errors is None:

@@ -79,7 +79,7 @@ def long_run(
     rows = []
     for (kind, angle), name in itertools.product(ANGLES.items(), names):
         one, directory = INTEGRATORS[name], folder / f"{run.folder_name(name)}-{kind}"
-        how = {"dt": angle / np.linalg.norm(SPIN), "every": max(1, steps // 200)}
+        how: dict = {"dt": angle / np.linalg.norm(SPIN), "every": max(1, steps // 200)}
         how |= {"silence": silence, "origin": machine.origin(scene, one)}
         more = [line.format(folder=directory) for line in dump]
         meter.begin(f"{one.label}, {kind} step", steps)

@@ -49,7 +49,7 @@ class Meter:
         self.label, self.total, self.start = label, total, time.monotonic()
         self.one = self.progress.add_task(label, total=total)
 
-    def at(self, step: int) -> None:
+    def at(self, step: float) -> None:
         """The run has come to ``step``."""
         self.progress.update(self.one, completed=step)
         self.progress.update(self.all, completed=self.done + step)

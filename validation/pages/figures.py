@@ -80,7 +80,7 @@ def bars(
     axis.barh(places, median, color=colours, height=0.64)
     axis.errorbar(median, places, xerr=reach, fmt="none", ecolor=INK, capsize=2, lw=1)
     for place, top, text in zip(places, high, texts):
-        behind = {"textcoords": "offset points", "va": "center", "fontsize": 8.5}
+        behind: dict = {"textcoords": "offset points", "va": "center", "fontsize": 8.5}
         axis.annotate(text, (max(top, 0), place), (6, 0), **behind)
     axis.set_yticks(places, labels)
     axis.tick_params(axis="y", length=0)

@@ -46,7 +46,7 @@ def cell(row: dict, column: Column, short: bool = False) -> str:
 
 def numbers(row: dict, columns: Iterable[Column]) -> dict:
     """A row's entries as the cells of a CSV file, by their headings; None where there is none."""
-    found = {}
+    found: dict = {}
     for column in columns:
         value = row.get(column.key)
         if column.kind == "number":

@@ -13,6 +13,7 @@ from validation.running import run
 from validation.running.run import Meter
 from validation.statistics import measures
 
+KIB_PER_MIB = 1024
 SETUPS = 2  # `run 0` before the steps: the first one also reads or compiles code
 SEGMENTS = 3  # timed segments of a process
 LEAST = 40  # steps of a segment: the last one writes output, and every tenth or so re-neighbours
@@ -54,6 +55,21 @@ class Timing:
     setups: list = field(default_factory=list)
     memory: list = field(default_factory=list)
     versions: dict = field(default_factory=dict)
+
+    @property
+    def setup(self) -> float:
+        """s of the last `run 0`."""
+        return self.setups[-1]
+
+    @property
+    def first_setup(self) -> float:
+        """s of the fixes' commands and the first `run 0`."""
+        return self.define + self.setups[0]
+
+    @property
+    def peak(self) -> float:
+        """MiB of the rank with the most memory."""
+        return max(self.memory) / KIB_PER_MIB
 
 
 def lengths(loop: float, seconds: float) -> Lengths:
@@ -134,9 +150,10 @@ def timing(job: run.Job, result: run.Result) -> Timing:
     )
 
 
-def spread(rounds: list[Timing], of: Callable[[Timing], float | None]) -> dict | None:
+def spread(rounds: list[Timing], key: str, times: float = 1.0) -> dict | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
-    return _spread(value for value in map(of, rounds) if value is not None)
+    values = (getattr(one, key) for one in rounds)
+    return _spread(value * times for value in values if value is not None)
 
 
 def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> dict | None:
@@ -145,11 +162,10 @@ def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> dict | None:
     return _spread(a / b for a, b in pairs if a is not None and b)
 
 
-def difference(
-    own: list[Timing], other: list[Timing], of: Callable[[Timing], float]
-) -> dict | None:
+def difference(own: list[Timing], other: list[Timing], key: str, times: float = 1.0) -> dict | None:
     """Spread of own minus other, each pair of one round; None if there is no pair."""
-    return _spread(of(a) - of(b) for a, b in zip(own, other))
+    pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(own, other)]
+    return _spread((a - b) * times for a, b in pairs if a is not None and b is not None)
 
 
 def least_cpu(rounds: Iterable[Timing]) -> float | None:

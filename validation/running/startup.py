@@ -55,11 +55,11 @@ def measure(
             shutil.copytree(package(), Path(place) / "fix_nosquish", ignore=nothing_compiled)
             for kind, integrator in kinds.items():
                 meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
-                times, result["error"] = _start(scene, integrator, Path(place), ranks)
+                one, result["error"] = _start(scene, integrator, Path(place), ranks)
                 meter.end(result["error"])
                 if result["error"]:
                     break
-                found[kind].append(times)
+                found[kind].append(one)
         if result["error"]:
             break
     for kind, times in found.items():
@@ -89,7 +89,11 @@ def _start(
         command = [run.mpirun(), "-np", str(ranks), *command]
     cache = str(place / "cache")
     own = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": cache, "NUMBA_CACHE_DIR": cache}
-    quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "start_new_session": True}
+    quiet: dict = {
+        "stdin": subprocess.DEVNULL,
+        "stdout": subprocess.DEVNULL,
+        "start_new_session": True,
+    }
     if ranks == 1:
         core = min(os.sched_getaffinity(0))
         quiet["preexec_fn"] = lambda: os.sched_setaffinity(0, {core})

@@ -16,9 +16,8 @@ def add(verbs) -> None:
         "Needs a C compiler. Ctrl-C keeps what is counted, and the same command goes on from "
         "there.",
     )
-    help = "numbers of MPI ranks (default 1,2,4,8,16)"
-    ranks = {"type": command_line.wholes, "default": (1, 2, 4, 8, 16), "metavar": "N,N"}
-    parser.add_argument("--ranks", **ranks, help=help)
+    help, kind = "numbers of MPI ranks (default 1,2,4,8,16)", command_line.wholes
+    parser.add_argument("--ranks", type=kind, default=(1, 2, 4, 8, 16), metavar="N,N", help=help)
     command_line.out(parser, "results/scaling")
 
 

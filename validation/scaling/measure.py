@@ -11,6 +11,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -100,14 +101,15 @@ def scaling(wanted: Sequence[Case], out: Path, meter: run.Meter) -> dict:
     Its ``counts`` are rows: those of the case, ``bodies``, ``error`` (None, or why there are no
     counts) and `COUNTED`, of a rank and step, mean over both.  Counts that are kept are taken.
     """
-    store, rows = Store(out / "records", "validation.scaling.measure"), []
+    store = Store(out / "records", "validation.scaling.measure")
+    rows: list[dict] = []
     summary = machine.circumstances() | {"interrupted": False, "steps": STEPS}
     for case in wanted:
         meter.begin(case.name, WARM_UP + STEPS)
         origin = store.origin(case, files=[SCENES["water"].folder])
         bodies, error, found = case.ranks * SCENES["water"].unit, None, {}
         try:
-            found = store.once(case.name, origin, lambda case=case: _count(case, out, meter))
+            found = store.once(case.name, origin, partial(_count, case, out, meter))
         except KeyboardInterrupt:
             summary["interrupted"] = True
             break
@@ -125,7 +127,7 @@ def scaling(wanted: Sequence[Case], out: Path, meter: run.Meter) -> dict:
 def _count(case: Case, out: Path, meter: run.Meter) -> dict:
     """`COUNTED`; a ChildProcessError says why there are none."""
     scene, folder = case.scene, out / "runs" / case.name
-    how = {"dt": scene.dt, "every": 0, "ranks": case.ranks, "positions": False}
+    how: dict = {"dt": scene.dt, "every": 0, "ranks": case.ranks, "positions": False}
     integrator = INTEGRATORS[case.integrator]
     job = run.job(scene, integrator, folder / "run", [WARM_UP, STEPS], **how)
     result = run.run(job, meter.at, counting.environment(folder / "counts"))
@@ -141,8 +143,8 @@ def link() -> Link:
     """Between two ranks on this machine, measured with mpi4py's own ping-pong."""
     program = ["-m", "mpi4py.bench", "pingpong", "-m", "8", "-n", "4194304", "-l", "2000"]
     command = [run.mpirun(), "-np", "2", sys.executable, *program]
-    how = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "text": True, "check": True}
-    text = subprocess.run(command, **how).stdout
+    quiet = subprocess.DEVNULL
+    text = subprocess.run(command, stdin=quiet, capture_output=True, text=True, check=True).stdout
     found = re.findall(r"^ *(\d+) +[\d.]+ \| (\S+) ", text, re.M)
     times = {int(size): float(time) for size, time in found}
     fastest = max(size / time for size, time in times.items())
