@@ -4,6 +4,7 @@ Statistical tests pass within five standard errors and use fixed random seeds.
 """
 
 import csv
+import io
 import json
 import subprocess
 import sys
@@ -20,8 +21,11 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
+from rich.console import Console
+
 from validation.compare import measure as compare
 from validation.compare import report
+from validation.pages import report as skeleton
 from validation.pages import tables
 from validation.running import lammps_log, run
 from validation.scenes import Scene
@@ -122,6 +126,23 @@ def test_a_deviation_that_is_a_drift_says_so(slope, said):
         "drift": {"value": slope, "error": 0.02, "freedom": 12.0},
     }
     assert tables.cell(row, column) == f"2.00 ± 0.20{said}"
+
+
+def test_files_and_words_of_a_report(tmp_path):
+    """Locks out whole numbers that an empty cell beside them makes broken ones, an empty table that
+    is printed, and a failure or a Ctrl-C that nothing is said of."""
+    rows = [{"ranks": 1000, "time": 0.1 + 0.2}, {"ranks": None, "time": None}]
+    tables = {"table": skeleton.frame(rows, ["time", "ranks"])}
+    skeleton.write({"interrupted": True}, tmp_path, tables)
+    text = (tmp_path / "table.csv").read_text()
+    assert text == "time,ranks\n0.30000000000000004,1000\n,\n"
+    screen = Console(record=True, width=80, file=io.StringIO())
+    skeleton.table(screen, "nothing", ["a"], [])
+    skeleton.table(screen, "something", ["name", "number"], [["[b]", "7"]], left=[])
+    skeleton.end(screen, {"interrupted": True}, tmp_path, ["rigid: lost [atoms]"])
+    said = screen.export_text()
+    assert "nothing" not in said and "something" in said and "[b]" in said
+    assert "✗ rigid: lost [atoms]" in said and "Interrupted" in said and str(tmp_path) in said
 
 
 def test_drift_of_several_series_and_of_none():

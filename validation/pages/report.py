@@ -10,6 +10,7 @@ from pathlib import Path
 import pandas as pd
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from validation.pages.page import page, save
@@ -70,7 +71,7 @@ def table(
         made.add_column(column, justify="left" if column in words else "right", overflow="fold")
     cells = list(rows)
     for row, style in zip(cells, styles or [None] * len(cells)):
-        made.add_row(*row, style=style)
+        made.add_row(*map(escape, row), style=style)
     if cells:
         console.print(made)
 
