@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -215,17 +214,15 @@ def test_cut_water_has_the_molecules_asked_for():
 
 # ------------------------------------------------------------- from end to end
 
-SETTINGS = plan.Settings(integrators=("nosquish", "rigid/nve"), rounds=2, seconds=0.01)
-
 
 @pytest.fixture
 def small(monkeypatch, tmp_path):
     """A function that runs the benchmark of the dimer on one rank: (summary, what was begun)."""
     monkeypatch.setattr(machine, "package_hash", lambda: "the code")
 
-    def measure(**keywords):
+    def measure(integrators):
         meter = Silent()
-        wanted = plan.points(["dimer"], [1], [], replace(SETTINGS, **keywords))
+        wanted = plan.points(["dimer"], [1], [], integrators, rounds=2, seconds=0.01)
         return bench.bench(wanted, tmp_path / "out", False, meter), meter.begun
 
     return measure

@@ -53,11 +53,12 @@ def run(arguments) -> int:
 
     short = arguments.short
     only = arguments.only or (SHORT if short else BENCHMARKED)
-    names = tuple(command_line.chosen(BENCHMARKED, only))
-    rounds, seconds = (2, 0.2) if short else (5, 1.0)
-    settings = plan.Settings(names, arguments.rounds or rounds, arguments.seconds or seconds)
+    names = command_line.chosen(BENCHMARKED, only)
+    rounds = arguments.rounds or (2 if short else 5)
+    seconds = arguments.seconds or (0.2 if short else 1.0)
     sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
-    points = plan.points(arguments.parts or PARTS, arguments.ranks or (1, 2), sizes, settings)
+    parts, ranks = arguments.parts or PARTS, arguments.ranks or (1, 2)
+    points = plan.points(parts, ranks, sizes, names, rounds, seconds)
     out = command_line.folder(arguments.out, "results/bench", short)
     screen = console.console()
     with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:

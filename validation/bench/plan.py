@@ -9,15 +9,6 @@ from validation.scenes.integrators import BENCHMARKED
 
 
 @dataclass(frozen=True)
-class Settings:
-    """How to measure: names in ``BENCHMARKED``, turns of each, and s of a timed segment."""
-
-    integrators: tuple[str, ...]
-    rounds: int
-    seconds: float
-
-
-@dataclass(frozen=True)
 class Point:
     """A scene of one size on so many ranks, or another part; its result follows from its fields.
 
@@ -26,7 +17,7 @@ class Point:
         ranks: how many, or processes; 0 for the passes, of which each has its own.
         bodies: of a scene.
         integrators: those that can run the scene.
-        rounds, seconds: see `Settings`.
+        rounds: how often each integrator has its turn, and ``seconds`` of a timed segment.
     """
 
     part: str
@@ -57,22 +48,29 @@ class Point:
 
 
 def points(
-    parts: Iterable[str], ranks: Iterable[int], sizes: Iterable[int], settings: Settings
+    parts: Iterable[str],
+    ranks: Iterable[int],
+    sizes: Iterable[int],
+    integrators: Iterable[str],
+    rounds: int,
+    seconds: float,
 ) -> list[Point]:
     """The points of these parts; ``sizes`` are those of the water, other scenes have one."""
-    timed, found = (settings.rounds, settings.seconds), []
+    found = []
     for part in parts:
         if part == "passes":
-            found.append(Point(part, 0, 0, (), *timed))
+            found.append(Point(part, 0, 0, (), rounds, seconds))
         elif part == "start":  # a first use takes long: fewer rounds
-            found += [Point(part, number, rounds=min(3, settings.rounds)) for number in ranks]
+            found += [Point(part, number, rounds=min(3, rounds)) for number in ranks]
         elif part == "memory":
             found += [Point(part, number) for number in ranks]
         else:
             scene = SCENES[part]
-            able = tuple(one for one in settings.integrators if BENCHMARKED[one].can_run(scene))
+            able = tuple(one for one in integrators if BENCHMARKED[one].can_run(scene))
             own = sizes if scene.cutter else scene.sizes
-            found += [Point(part, number, size, able, *timed) for number in ranks for size in own]
+            found += [
+                Point(part, number, size, able, rounds, seconds) for number in ranks for size in own
+            ]
     return found
 
 
