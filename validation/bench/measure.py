@@ -45,7 +45,7 @@ def bench(
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
-    store = Store(out / "measured", "validation.bench.measure")
+    store = Store(out / "records", "validation.bench.measure")
     records, summary = {}, machine.circumstances() | {"interrupted": False}
     for point in wanted:
         origin = store.origin(point, machine.describe()["cpu"], files=point.folders)
