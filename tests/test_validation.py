@@ -23,11 +23,14 @@ for needed in ("rich", "jinja2", "matplotlib"):
 
 from rich.console import Console
 
+from validation import RESULTS
+from validation.bench import report as bench_report
 from validation.compare import measure as compare
 from validation.compare import report
 from validation.pages import report as skeleton
 from validation.pages import tables
 from validation.running import lammps_log, run
+from validation.scaling import report as scaling_report
 from validation.scenes import Scene
 from validation.scenes.data_file import data_file
 from validation.scenes.integrators import Integrator, rigid
@@ -143,6 +146,27 @@ def test_files_and_words_of_a_report(tmp_path):
     said = screen.export_text()
     assert "nothing" not in said and "something" in said and "[b]" in said
     assert "✗ rigid: lost [atoms]" in said and "Interrupted" in said and str(tmp_path) in said
+
+
+@pytest.mark.parametrize(
+    "verb, write",
+    [
+        ("bench", lambda summary, out: bench_report.write(summary, [], out)),
+        ("compare-water", lambda summary, out: report.write(summary, {}, out)),
+        ("scaling", scaling_report.write),
+    ],
+)
+def test_tables_of_committed_summaries(verb, write, tmp_path):
+    """Locks out a column or a number of a table that is lost, renamed or rounded: documents read
+    the committed tables, and the same code has to make them of the committed summaries."""
+    write(json.loads((RESULTS / verb / "summary.json").read_text()), tmp_path)
+    tables = sorted(path.name for path in (RESULTS / verb).glob("*.csv"))
+    assert tables
+    for name in tables:
+        made, known = (
+            list(csv.DictReader((folder / name).open())) for folder in (tmp_path, RESULTS / verb)
+        )
+        assert made == known, name
 
 
 def test_drift_of_several_series_and_of_none():

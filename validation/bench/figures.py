@@ -62,7 +62,7 @@ def _sizes(axis, points):
     """Points on one number of ranks, in order of size."""
     every = [(point["bodies"], row) for point in points for row in point["integrators"]]
     for name, (colour, marker) in MARKS.items():
-        rows = [(n, row) for n, row in every if row["name"] == name and row["modify_per_1000"]]
+        rows = [(n, row) for n, row in every if row["name"] == name and row.get("modify_per_1000")]
         if rows:
             median, reach = whiskers([row["modify_per_1000"] for _, row in rows])
             wide = {"lw": 2.2, "ms": 7, "zorder": 3} if name == "nosquish" else {"lw": 1.2, "ms": 5}
@@ -111,7 +111,7 @@ def goals(summary: dict) -> Drawn:
 def scenes(summary: dict) -> Drawn:
     """Modify of each scene and integrator, a panel for each."""
     rows = {
-        place(point): [row for row in point["integrators"] if row["modify"]]
+        place(point): [row for row in point["integrators"] if row.get("modify")]
         for point in summary["points"]
     }
     rows = {title: some for title, some in rows.items() if some}
@@ -121,7 +121,7 @@ def scenes(summary: dict) -> Drawn:
     for axis, (title, some) in zip(axes, rows.items()):
         texts = [
             _text(row["modify"]["median"])
-            + (f"  ({row['modify_ratio']['median']:.2f})" if row["modify_ratio"] else "")
+            + (f"  ({row['modify_ratio']['median']:.2f})" if row.get("modify_ratio") else "")
             for row in some
         ]
         colours = [OURS if row["kind"] == "ours" else OTHERS for row in some]

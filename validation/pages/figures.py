@@ -85,6 +85,7 @@ def bars(
     axis.set_yticks(places, labels)
     axis.tick_params(axis="y", length=0)
     axis.invert_yaxis()
+    axis.locator_params(axis="x", nbins=6)
     axis.set_xlim(min(0, 1.1 * low.min()), 1.35 * max(high.max(), 1e-3))
 
 
