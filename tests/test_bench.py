@@ -1,11 +1,12 @@
-"""The benchmark: its arithmetic from made-up timings, its scenes, and a small one from end to end."""
+"""The benchmark: its arithmetic from made-up timings, its scenes, and a small one from end to
+end."""
 
 import csv
 import json
 import re
 import subprocess
 import sys
-from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,25 +18,20 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation.bench import bandwidth, goals
+from validation.bench import bandwidth, goals, plan
 from validation.bench import figures as bench_figures
 from validation.bench import measure as bench
 from validation.bench import report as bench_report
-from validation.running import rounds, run
-from validation.scenes import (
-    SCENES,
-    Scene,
-    integrators,
-)
+from validation.running import machine, rounds, run
+from validation.scenes import SCENES, Scene, integrators
 from validation.scenes.integrators import BENCHMARKED, INTEGRATORS, Integrator
 
-
-def timing(**numbers):
-    return {"cpu": 100.0, **numbers}
+timing = partial(rounds.Timing, cpu=100.0)
 
 
 def test_ratios_are_of_one_round():
-    """Locks out a ratio of medians, or of different rounds: on a machine whose speed changes from round to round these are wrong."""
+    """Locks out a ratio of medians, or of different rounds: on a machine whose speed changes from
+    round to round these are wrong."""
     ours = [timing(modify=slow * 1.0) for slow in (1, 10, 3)]
     theirs = [timing(modify=slow * 4.0) for slow in (1, 10, 3)]
     ratio = rounds.ratio(ours, theirs, "modify")
@@ -48,29 +44,27 @@ def test_ratios_are_of_one_round():
         "the other has failed after a round"
     )
     assert rounds.ratio(ours, [], "modify") is None
-    difference = rounds.difference(theirs, ours, lambda one: one["modify"])
+    difference = rounds.difference(theirs, ours, "modify")
     assert difference["values"] == [3, 30, 9]
 
 
 def test_numbers_leave_warm_up_and_preparations_out():
-    """Locks out the warm-up's time, or that of `run 0`, taken for a segment's, and seconds for microseconds."""
+    """Locks out the warm-up's time, or that of `run 0`, taken for a segment's, and seconds for
+    microseconds."""
 
     def log(loop, modify, steps):
         return {"loop": loop, "steps": steps, "cpu": 90.0 + steps, "sections": {"Modify": modify}}
 
-    result = run.Result(None, {}, [log(9, 9, 0), log(9, 9, 0), log(8, 8, 2), log(1e-3, 4e-4, 4), log(2e-3, 8e-4, 4), log(9e-3, 9e-3, 4)], None, {},
-                        memory=[10, 20], seconds={"commands": [1, 2, 4], "setups": [0.5, 0.25], "runs": []})  # fmt: skip
+    segments = log(1e-3, 4e-4, 4), log(2e-3, 8e-4, 4), log(9e-3, 9e-3, 4)
+    logs = [log(9, 9, 0), log(9, 9, 0), log(8, 8, 2), *segments]
+    seconds = {"commands": [1, 2, 4], "setups": [0.5, 0.25], "runs": []}
+    result = run.Result(None, {}, logs, None, {}, memory=[10, 20], seconds=seconds)
     job = run.Job(
         "", "", ["units lj", "fix 1 all nve", "fix 2 all nve"], [2, 4, 4, 4], None, setups=2
     )
-    found = rounds.numbers(job, result)
-    assert found["modify"] == pytest.approx(200) and found["loop"] == pytest.approx(500)
-    assert (found["cpu"], found["define"], found["setups"], found["memory"]) == (
-        94.0,
-        6,
-        [0.5, 0.25],
-        [10, 20],
-    )
+    found = rounds.timing(job, result)
+    assert found.modify == pytest.approx(200) and found.loop == pytest.approx(500)
+    assert (found.cpu, found.define, found.setups, found.memory) == (94.0, 6, [0.5, 0.25], [10, 20])
 
 
 def test_lengths_of_segments():
@@ -97,7 +91,8 @@ def spread(value):
 
 
 def test_goals_are_judged():
-    """Locks out a goal of one size or rank number held against another, and the slowest of LAMMPS's fixes taken for the fastest."""
+    """Locks out a goal of one size or rank number held against another, and the slowest of LAMMPS's
+    fixes taken for the fastest."""
     judged = goals.judge(
         [
             point(
@@ -129,7 +124,8 @@ def test_goals_are_judged():
 
 
 def test_bytes_of_a_step():
-    """Locks out bodies and atoms mixed up: a step of 10 bodies of 3 atoms is one of 10 bodies and 30 atoms."""
+    """Locks out bodies and atoms mixed up: a step of 10 bodies of 3 atoms is one of 10 bodies and
+    30 atoms."""
     body, atom = bandwidth.bytes_per_step(1, 0), bandwidth.bytes_per_step(0, 1)
     assert bandwidth.bytes_per_step(10, 30) == 10 * body + 30 * atom
     # a step must at least read and write x, v, q and p once, and of an atom f, x and v
@@ -158,8 +154,9 @@ def one_step(scene, integrator, folder):
 @pytest.mark.timeout(120)
 @pytest.mark.parametrize("name", SCENES)
 def test_scene_runs_alike_with_ours_and_lammps(name, tmp_path):
-    """Locks out a scene whose bodies are others for ours than for rigid/nve, or whose start is not that of a warm, stable system,
-    and an in.* that does not run, or is another system than the one that is measured."""
+    """Locks out a scene whose bodies are others for ours than for rigid/nve, or whose start is not
+    that of a warm, stable system, and an in.* that does not run, or is another system than the one
+    that is measured."""
     scene = SCENES[name].of_size(SCENES[name].unit)
     results = [
         one_step(scene, INTEGRATORS[one], tmp_path / one.replace("/", "-"))
@@ -184,7 +181,8 @@ def test_scene_runs_alike_with_ours_and_lammps(name, tmp_path):
 
 
 def test_sizes():
-    """Locks out copies that are not the number of bodies asked for, and a scene that claims a size that it cannot have."""
+    """Locks out copies that are not the number of bodies asked for, and a scene that claims a size
+    that it cannot have."""
     water = SCENES["water"]
     for bodies, copies in ((100000, "4 5 5"), (8000, "2 2 2"), (12000, "2 2 3")):
         assert f"replicate {copies}" in water.of_size(bodies).setup
@@ -208,7 +206,7 @@ def test_cut_water_has_the_molecules_asked_for():
     kept, velocities = cut(x, x, 1728)
     assert kept.shape == velocities.shape == (1728, 3, 3)
     assert len(np.unique(np.round(kept[:, 0], 6), axis=0)) == 1728
-    assert 0 <= centre(kept).min() and centre(kept).max() < 1.02 * side(1728)
+    assert centre(kept).min() >= 0 and centre(kept).max() < 1.02 * side(1728)
     # each is a copy of the molecule whose velocities it has, moved by whole boxes
     shift = (kept - velocities) / side(1000)
     np.testing.assert_allclose(shift, np.round(shift), atol=1e-9)
@@ -216,17 +214,15 @@ def test_cut_water_has_the_molecules_asked_for():
 
 # ------------------------------------------------------------- from end to end
 
-SETTINGS = bench.Settings(integrators=("nosquish", "rigid/nve"), rounds=2, seconds=0.01)
-
 
 @pytest.fixture
 def small(monkeypatch, tmp_path):
     """A function that runs the benchmark of the dimer on one rank: (summary, what was begun)."""
-    monkeypatch.setattr(bench, "package_hash", lambda: "the code")
+    monkeypatch.setattr(machine, "package_hash", lambda: "the code")
 
-    def measure(**keywords):
+    def measure(integrators):
         meter = Silent()
-        wanted = bench.points(["dimer"], [1], [], replace(SETTINGS, **keywords))
+        wanted = plan.points(["dimer"], [1], [], integrators, rounds=2, seconds=0.01)
         return bench.bench(wanted, tmp_path / "out", False, meter), meter.begun
 
     return measure
@@ -234,15 +230,18 @@ def small(monkeypatch, tmp_path):
 
 @pytest.mark.timeout(240)
 def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
-    """Locks out a failed integrator that ends the others or hides its cause, rounds that are not in turn, a point that is
-    measured twice, one that is taken over although code or settings have changed, and one of an earlier call that is lost."""
+    """Locks out a failed integrator that ends the others or hides its cause, rounds that are not in
+    turn, a point that is measured twice, one that is taken over although code or settings have
+    changed, and one of an earlier call that is lost."""
     broken = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",), kind="rigid")
     monkeypatch.setitem(BENCHMARKED, "broken", broken)
     summary, begun = small(integrators=("broken", "nosquish", "rigid/nve"))
-    assert [label.rsplit(", ", 2)[1:] for label in begun] == [
-        ["broken", "1/2"], ["fix_nosquish.NVE", "1/2"], ["rigid/nve", "1/2"], ["nve/noforce", "1/2"],
-        ["fix_nosquish.NVE", "2/2"], ["rigid/nve", "2/2"], ["nve/noforce", "2/2"],
-    ]  # fmt: skip
+    turns = [label.rsplit(", ", 2)[1:] for label in begun]
+    assert turns == [["broken", "1/2"]] + [
+        [name, turn]
+        for turn in ("1/2", "2/2")
+        for name in ("fix_nosquish.NVE", "rigid/nve", "nve/noforce")
+    ]
     (one,) = summary["points"]
     failed, ours, theirs = one["integrators"]
     assert "no/such/fix" in failed["error"] and failed["modify"] is None
@@ -257,6 +256,7 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     assert theirs["modify_ratio"]["values"] == pytest.approx(pairs)
     assert (one["bodies"], one["atoms"]) == (2, 6)
 
+    summary["goals"] = goals.judge(summary["points"], summary["starts"])
     bench_report.write(summary, bench_figures.draw(summary, tmp_path), tmp_path)
     table = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert [row["integrator"] for row in table] == ["broken", "fix_nosquish.NVE", "rigid/nve"]
@@ -276,7 +276,7 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
         "a point that an earlier call has measured is not shown"
     )
     monkeypatch.setattr(rounds, "calibrate", lambda make: 1e-5)
-    monkeypatch.setattr(bench, "package_hash", lambda: "other code")
+    monkeypatch.setattr(machine, "package_hash", lambda: "other code")
     assert not bench.bench([], tmp_path / "out", False, Silent())["points"], (
         "a point of other code is shown"
     )

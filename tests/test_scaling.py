@@ -20,7 +20,8 @@ STEPS, EVERY = 12, 4  # and between re-neighbourings
 
 
 def water(ranks):
-    """A data file of molecules like water, turned at random: a row of cubes, one for each rank, each with a layer on its faces."""
+    """A data file of molecules like water, turned at random: a row of cubes, one for each rank,
+    each with a layer on its faces."""
     from validation.scenes.data_file import data_file
 
     rng = np.random.default_rng(5)
@@ -55,7 +56,8 @@ run {EVERY}
 
 
 def arrays(thing, name="", seen=None):
-    """Number of entries of every numpy array that an object holds, by the path of attributes to it."""
+    """Number of entries of every numpy array that an object holds, by the path of attributes to
+    it."""
     seen = {} if seen is None else seen
     if id(thing) in seen:
         return {}
@@ -101,15 +103,25 @@ def start(ranks, folder, program):
     from validation.running import counting
 
     environment = os.environ | counting.environment(folder / "counts")
-    done = subprocess.run([str(BIN / "mpirun"), "-np", str(ranks), sys.executable, *program], cwd=folder, env=environment, text=True,
-                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=120)  # fmt: skip
+    command = [str(BIN / "mpirun"), "-np", str(ranks), sys.executable, *program]
+    done = subprocess.run(
+        command,
+        cwd=folder,
+        env=environment,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=120,
+    )
     assert done.returncode == 0, done.stdout
     return counting.read(folder / "counts")
 
 
 @pytest.fixture(scope="module")
 def counts(tmp_path_factory):
-    """For each number of ranks: what a rank's fix sends in a step, their mean, and the sizes of its arrays, the largest of all ranks'."""
+    """For each number of ranks: what a rank's fix sends in a step, their mean, and the sizes of its
+    arrays, the largest of all ranks'."""
     result, keys = {}, ("messages", "bytes", "collectives", "collective_bytes")
     for ranks in RANKS:
         folder = tmp_path_factory.mktemp(f"ranks{ranks}")
@@ -136,7 +148,8 @@ def test_counts(counts):
 
 
 def test_arrays(counts):
-    """Locks out an array on each rank of the size of the whole system, or with an entry for each rank."""
+    """Locks out an array on each rank of the size of the whole system, or with an entry for each
+    rank."""
     names = [name for name, size in counts[4][1].items() if size > 100]
     assert any(name.endswith(".cells.state") for name in names)
     assert any(".sharers" in name for name in names)
@@ -145,7 +158,8 @@ def test_arrays(counts):
         assert size < 1.4 * before + 16, f"{name}: {size} entries on 16 ranks, {before} on 4"
 
 
-# Each rank sends its right neighbour 10 numbers, five times, and other things that are not to be counted.
+# Each rank sends its right neighbour 10 numbers, five times, and other things that are not to be
+# counted.
 RING = """
 from mpi4py import MPI
 import numpy as np
@@ -176,12 +190,52 @@ world.Alltoallv([data, np.full(world.size, 2)], [got, np.full(world.size, 2)])
 
 
 def test_counter(tmp_path):
-    """Locks out calls that are not counted, or twice, or while the count is off, and sends counted to nobody."""
+    """Locks out calls that are not counted, or twice, or while the count is off, and sends counted
+    to nobody."""
     for rank in start(3, tmp_path, ["-c", RING]):
-        assert rank == {
-            "messages": 5, "bytes": 5 * 80, "collectives": 4, "collective_bytes": 80 + 3 * 8 + 3 * 16,
-            "fix_messages": 0, "fix_bytes": 0, "fix_collectives": 0, "fix_collective_bytes": 0,
-        }  # fmt: skip
+        collectives = {"collectives": 4, "collective_bytes": 80 + 3 * 8 + 3 * 16}
+        of_fixes = ("fix_messages", "fix_bytes", "fix_collectives", "fix_collective_bytes")
+        sent = {"messages": 5, "bytes": 5 * 80, **collectives}
+        assert rank == sent | dict.fromkeys(of_fixes, 0)
+
+
+def test_counts_are_kept_and_modelled(tmp_path, monkeypatch):
+    """Locks out a case that is counted twice, a failed one that is kept or ends the others, a
+    Ctrl-C that loses what was counted, and a model that leaves the sum over all bodies out."""
+    from conftest import Silent
+
+    from validation.scaling import measure
+
+    sent = {"messages": 2.0, "bytes": 3000.0, "collectives": 0.0, "collective_bytes": 0.0}
+    counted, ends = [], {"rigid/nve": ChildProcessError("lost atoms"), 4: KeyboardInterrupt}
+
+    def count(case, *_):
+        counted.append(case)
+        if end := ends.get(case.integrator) or ends.get(case.ranks):
+            raise end
+        return sent
+
+    def scaling(ranks):
+        counted.clear()
+        cases = [one for one in measure.cases(ranks) if one.decomposition == "slab"]
+        return measure.scaling(cases, tmp_path, Silent())
+
+    monkeypatch.setattr(measure, "_count", count)
+    monkeypatch.setattr(measure, "link", lambda: measure.NETWORK)
+    first = scaling([1, 4, 8])
+    assert first["interrupted"] and [row["ranks"] for row in first["counts"]] == [1, 1, 1]
+    assert [row["error"] for row in first["counts"]] == [None, "lost atoms", None]
+    ends.clear()
+    second = scaling([1, 4])
+    assert [(one.integrator, one.ranks) for one in counted] == [
+        ("rigid/nve", 1), ("nosquish", 4), ("rigid/nve", 4), ("rigid/nve/small", 4),
+    ]  # fmt: skip
+    assert not second["interrupted"] and not any(row["error"] for row in second["counts"])
+    seconds = {row["integrator"]: row["seconds"] for row in second["model"] if row["ranks"] == 1000}
+    own = 2 * 1.5e-6 + 3000 / 12e9  # of two messages of together 3000 bytes
+    summed = np.log2(1000) * 1.5e-6 + 2 * 48 * 1e6 / 12e9  # of 48 bytes of each of 10^6 bodies
+    assert seconds["nosquish"] == seconds["rigid/nve/small"] == pytest.approx(own)
+    assert seconds["rigid/nve"] == pytest.approx(own + summed)
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@ Statistical tests pass within five standard errors and use fixed random seeds.
 """
 
 import csv
+import io
 import json
 import subprocess
 import sys
@@ -20,10 +21,16 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
+from rich.console import Console
+
+from validation import RESULTS
+from validation.bench import report as bench_report
 from validation.compare import measure as compare
 from validation.compare import report
+from validation.pages import report as skeleton
 from validation.pages import tables
 from validation.running import lammps_log, run
+from validation.scaling import report as scaling_report
 from validation.scenes import Scene
 from validation.scenes.data_file import data_file
 from validation.scenes.integrators import Integrator, rigid
@@ -68,8 +75,9 @@ STEPS = (
 
 
 def noise_of(rng, series, n, time, step):
-    """White noise (time 0) or AR(1) with this correlation time in samples, with a walk: its variance in a 64th of the series over that of that part's
-    mean without it, as far as that is white; None for a walk alone."""
+    """White noise (time 0) or AR(1) with this correlation time in samples, with a walk: its
+    variance in a 64th of the series over that of that part's mean without it, as far as that is
+    white; None for a walk alone."""
     phi = np.exp(-1 / time) if time else 0.0
     white = rng.normal(size=(series, n))
     white[:, 0] /= np.sqrt(1 - phi**2)
@@ -81,9 +89,11 @@ def noise_of(rng, series, n, time, step):
 @pytest.mark.parametrize("time", [0, 1 / 200, 1 / 50])
 @pytest.mark.parametrize("n", [100, 119, 640])
 def test_drift_error_covers(n, time):
-    """Locks out an error that covers too seldom or too often, whatever the noise: white or correlated, with a walk of any size.
+    """Locks out an error that covers too seldom or too often, whatever the noise: white or
+    correlated, with a walk of any size.
 
-    An error by the most likely walk covered 45 % of weak walks, and two errors 65 %; one that averages over all walks 98 % of white noise.
+    An error by the most likely walk covered 45 % of weak walks, and two errors 65 %; one that
+    averages over all walks 98 % of white noise.
     """
     rng, t = np.random.default_rng(n), np.arange(n) * 0.1
     for step in STEPS:
@@ -102,7 +112,8 @@ def test_drift_error_covers(n, time):
 
 
 def test_deviation_about_the_line():
-    """Locks out a drift that passes for scatter: about the line the deviation is the noise's, with and without a drift."""
+    """Locks out a drift that passes for scatter: about the line the deviation is the noise's, with
+    and without a drift."""
     t, x = np.arange(4000) * 0.1, ar1(4000, 0.5, seed=8)
     assert measures.standard_deviation(x + 0.1 * t).value > 10
     assert measures.about_line(t, x + 0.1 * t) == pytest.approx(measures.about_line(t, x))
@@ -120,8 +131,47 @@ def test_a_deviation_that_is_a_drift_says_so(slope, said):
     assert tables.cell(row, column) == f"2.00 ± 0.20{said}"
 
 
+def test_files_and_words_of_a_report(tmp_path):
+    """Locks out whole numbers that an empty cell beside them makes broken ones, an empty table that
+    is printed, and a failure or a Ctrl-C that nothing is said of."""
+    rows = [{"ranks": 1000, "time": 0.1 + 0.2}, {"ranks": None, "time": None}]
+    tables = {"table": skeleton.frame(rows, ["time", "ranks"])}
+    skeleton.write({"interrupted": True}, tmp_path, tables)
+    text = (tmp_path / "table.csv").read_text()
+    assert text == "time,ranks\n0.30000000000000004,1000\n,\n"
+    screen = Console(record=True, width=80, file=io.StringIO())
+    skeleton.table(screen, "nothing", ["a"], [])
+    skeleton.table(screen, "something", ["name", "number"], [["[b]", "7"]], left=[])
+    skeleton.end(screen, {"interrupted": True}, tmp_path, ["rigid: lost [atoms]"])
+    said = screen.export_text()
+    assert "nothing" not in said and "something" in said and "[b]" in said
+    assert "✗ rigid: lost [atoms]" in said and "Interrupted" in said and str(tmp_path) in said
+
+
+@pytest.mark.parametrize(
+    "verb, write",
+    [
+        ("bench", lambda summary, out: bench_report.write(summary, [], out)),
+        ("compare-water", lambda summary, out: report.write(summary, {}, out)),
+        ("scaling", scaling_report.write),
+    ],
+)
+def test_tables_of_committed_summaries(verb, write, tmp_path):
+    """Locks out a column or a number of a table that is lost, renamed or rounded: documents read
+    the committed tables, and the same code has to make them of the committed summaries."""
+    write(json.loads((RESULTS / verb / "summary.json").read_text()), tmp_path)
+    tables = sorted(path.name for path in (RESULTS / verb).glob("*.csv"))
+    assert tables
+    for name in tables:
+        made, known = (
+            list(csv.DictReader((folder / name).open())) for folder in (tmp_path, RESULTS / verb)
+        )
+        assert made == known, name
+
+
 def test_drift_of_several_series_and_of_none():
-    """Locks out series that are mixed up, and a series without noise that has some or ends in a division by zero."""
+    """Locks out series that are mixed up, and a series without noise that has some or ends in a
+    division by zero."""
     t = np.arange(500) * 0.1
     x = np.cumsum(np.random.default_rng(2).normal(size=(3, 500)), axis=1)
     both = measures.drift(t, x)
@@ -136,7 +186,8 @@ def test_drift_of_several_series_and_of_none():
 
 
 def test_ratio_of_pairs():
-    """Locks out the ratio turned round, and the scatter of the single ratios given as the error of their mean."""
+    """Locks out the ratio turned round, and the scatter of the single ratios given as the error of
+    their mean."""
     rng = np.random.default_rng(6)
     found = np.array(
         [
@@ -169,7 +220,8 @@ def two_times(n, seed):
 
 
 def test_errors_with_two_times():
-    """Locks out a slow part of the noise that is lost behind a fast one, in the error of a mean and in that of a standard deviation.
+    """Locks out a slow part of the noise that is lost behind a fast one, in the error of a mean and
+    in that of a standard deviation.
 
     The variance of the mean is that of both parts by themselves, (0.94 + 0.06 * 2 * 500) / n.
     """
@@ -187,7 +239,8 @@ def test_errors_with_two_times():
 
 @pytest.mark.parametrize("n", [4, 13, 23])
 def test_error_of_the_mean_of_few(n):
-    """Locks out blocks of a short series that leave samples out, or are none: of independent ones the error is 1 / sqrt(n)."""
+    """Locks out blocks of a short series that leave samples out, or are none: of independent ones
+    the error is 1 / sqrt(n)."""
     errors = [measures.mean(ar1(n, 0.0, seed))[1] for seed in range(400)]
     assert np.mean(errors) == pytest.approx(1 / np.sqrt(n), rel=0.25)
 
@@ -201,7 +254,8 @@ def test_error_of_standard_deviation():
 
 @pytest.mark.parametrize("number, table", [(2, 12.706), (4, 3.182), (32, 2.040)])
 def test_margin_of_few_is_students(number, table):
-    """Locks out two standard errors of few values that are called 95 %, where they cover 83 % (two) or 90 % (four); a table of Student's t beside it."""
+    """Locks out two standard errors of few values that are called 95 %, where they cover 83 % (two)
+    or 90 % (four); a table of Student's t beside it."""
     rows = np.random.default_rng(number).normal(size=(4000, number))
     found = [measures.of_few(row) for row in rows]
     assert found[0].margin / found[0].error == pytest.approx(table, rel=1e-3)
@@ -213,7 +267,8 @@ def test_margin_of_few_is_students(number, table):
     "sizes, second", [((4, 4), 1.0), ((2, 32), 0.2), ((3, 5), 3.0), ((4, 200), 3.0)]
 )
 def test_sum_of_numbers_with_few_values_each(sizes, second):
-    """Locks out the larger number of degrees of freedom, or Welch's where a part has one: the interval of a sum of two means then covers too seldom."""
+    """Locks out the larger number of degrees of freedom, or Welch's where a part has one: the
+    interval of a sum of two means then covers too seldom."""
     rng, covered = np.random.default_rng(5), []
     for _ in range(3000):
         one, other = (
@@ -229,7 +284,8 @@ def test_sum_of_numbers_with_few_values_each(sizes, second):
 
 
 def test_quotient_and_power_have_the_freedom_of_their_parts():
-    """Locks out a quotient whose error counts as sure, and a law through points that few values tell."""
+    """Locks out a quotient whose error counts as sure, and a law through points that few values
+    tell."""
     few, many = measures.Estimate(2.0, 0.2, 3), measures.Estimate(-4.0, 0.4)
     assert measures.quotient(few, many)[:2] == pytest.approx((-0.5, 0.05 * np.sqrt(2)), rel=1e-9)
     assert measures.quotient(few, many).margin == pytest.approx(
@@ -360,14 +416,14 @@ def scene(tmp_path_factory):
 
 
 BROKEN = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",))
-SETTINGS = dict(ranks=1, dt=1.0, rounds=1, segment=20, silence=60.0, meter=Silent())
+SETTINGS = compare.Settings(1, 200, 1.0, timing_rounds=1, timing_steps=20, silence=60.0)
 
 
 @pytest.mark.timeout(120)
 def test_comparison_from_end_to_end(scene, tmp_path):
     """Locks out a failed integrator that ends the run, hides its cause, or lacks its row."""
     integrators = [BROKEN, rigid("rigid/nve"), rigid("rigid/nve/small")]
-    summary, series = compare.compare(scene, integrators, tmp_path, steps=200, **SETTINGS)
+    summary, series = compare.compare(scene, integrators, tmp_path, SETTINGS, Silent())
     report.write(summary, series, tmp_path)
 
     broken, reference, small = json.loads((tmp_path / "summary.json").read_text())["integrators"]
@@ -407,7 +463,8 @@ def test_a_hung_run_is_given_up_with_all_its_ranks(scene, tmp_path):
 
 
 def test_a_run_that_was_stopped_is_not_hung(tmp_path, monkeypatch):
-    """Locks out a run given up because it and the harness were stopped for longer than a hung run may be silent."""
+    """Locks out a run given up because it and the harness were stopped for longer than a hung run
+    may be silent."""
     process = subprocess.Popen(["sleep", "1.5"])
     sleep = time.sleep
     monkeypatch.setattr(
@@ -442,8 +499,8 @@ def test_help_is_instant():
 
 
 def test_long_run(tmp_path):
-    """Locks out a run that is done again although it is complete, and a measure that calls a changed body unchanged:
-    in the dump one velocity is multiplied by 1 + 1e-9."""
+    """Locks out a run that is done again although it is complete, and a measure that calls a
+    changed body unchanged: in the dump one velocity is multiplied by 1 + 1e-9."""
     command = [
         sys.executable,
         "-m",

@@ -4,67 +4,41 @@ Both are counted as in the STREAM benchmark: what is read and what is written, w
 that a cache makes on its own account before a write.
 """
 
+import itertools
 import json
 import statistics
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
 
 FLOAT, INDEX = 8, 4  # bytes
 ELEMENTS = 2**24  # of each of three arrays of a process: 128 MiB, far more than a cache
 REPEATS = 15
 
-
-@dataclass(frozen=True)
-class Traffic:
-    """What a pass over the bodies must read and write, in bytes, however it is written.
-
-    Attributes:
-        name: of the pass.
-        body: of each body: its numbers in the order of ``arrays``.
-        atom: of each atom in a body.
-        arrays: in words.
-    """
-
-    name: str
-    body: int
-    atom: int
-    arrays: str
-
-
-PASSES = (
-    Traffic(
-        "step without output",
-        FLOAT * (1 + 3 + 3 + 3 + 4 + 4) + FLOAT * (3 + 3 + 4 + 4),
-        INDEX + FLOAT * (3 + 3) + FLOAT * 3,
-        "reads mass, moments, x, v, q, p, writes x, v, q, p; of an atom reads its index, its place in the body and its force, "
-        "writes its position",
-    ),
+# what a step without output must read and write, in bytes, however it is written
+ARRAYS = (
+    "reads mass, moments, x, v, q, p, writes x, v, q, p; of an atom reads its index, its place in "
+    "the body and its force, writes its position"
 )
+BODY = FLOAT * (1 + 3 + 3 + 3 + 4 + 4) + FLOAT * (3 + 3 + 4 + 4)  # of a body
+ATOM = INDEX + FLOAT * (3 + 3) + FLOAT * 3  # of an atom in a body
 
 
-def bytes_per_step(bodies, atoms):
+def bytes_per_step(bodies: int, atoms: int) -> int:
     """Bytes that so many bodies with so many atoms in all must move in a step."""
-    return sum(bodies * one.body + atoms * one.atom for one in PASSES)
+    return bodies * BODY + atoms * ATOM
 
 
-def measure(processes, repeats=REPEATS, elements=ELEMENTS):
+def measure(processes: int, repeats: int = REPEATS, elements: int = ELEMENTS) -> dict:
     """What each of so many processes can read and write, all at the same time.
 
     Returns:
-        dict: ``copy`` and ``add`` (c = a, c = a + b): GB/s of a process, the median of all, and
-            ``best``,
-        the larger one, which is the stricter measure for a program.
+        ``copy`` and ``add`` (c = a, c = a + b): GB/s of a process, the median of all; ``best``, the
+        larger one, which is the stricter measure for a program; ``processes``, ``array_bytes``.
     """
     # all begin at the same time, and those of one do not end long before the others'
-    command = [
-        sys.executable,
-        __file__,
-        str(time.time() + 1.5 + 0.5 * processes),
-        str(repeats),
-        str(elements),
-    ]
+    begin = time.time() + 1.5 + 0.5 * processes
+    command = [sys.executable, __file__, *map(str, (begin, repeats, elements))]
     running = [
         subprocess.Popen(command, stdout=subprocess.PIPE, text=True) for _ in range(processes)
     ]
@@ -73,28 +47,22 @@ def measure(processes, repeats=REPEATS, elements=ELEMENTS):
         name: statistics.median(rate for one in found for rate in one[name]) / 1e9
         for name in ("copy", "add")
     }
-    return rates | {
-        "best": max(rates.values()),
-        "processes": processes,
-        "array_bytes": FLOAT * elements,
-    }
+    rates["best"] = max(rates.values())
+    return rates | {"processes": processes, "array_bytes": FLOAT * elements}
 
 
-def _stream(begin, repeats, elements):
+def _stream(begin: float, repeats: int, elements: int) -> dict[str, list[float]]:
     """Rates of this process, bytes per s."""
     import numpy as np
 
     a, b, c = (np.full(elements, value) for value in (1.0, 2.0, 0.0))
+    actions = {"copy": (2, lambda: np.copyto(c, a)), "add": (3, lambda: np.add(a, b, out=c))}
     time.sleep(max(0.0, begin - time.time()))
-    rates = {"copy": [], "add": []}
-    for _ in range(repeats):
-        for name, moved, action in (
-            ("copy", 2, lambda: np.copyto(c, a)),
-            ("add", 3, lambda: np.add(a, b, out=c)),
-        ):
-            start = time.perf_counter()
-            action()
-            rates[name].append(moved * a.nbytes / (time.perf_counter() - start))
+    rates: dict[str, list[float]] = {name: [] for name in actions}
+    for _, (name, (moved, action)) in itertools.product(range(repeats), actions.items()):
+        start = time.perf_counter()
+        action()
+        rates[name].append(moved * a.nbytes / (time.perf_counter() - start))
     return rates
 
 

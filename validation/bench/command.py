@@ -19,76 +19,51 @@ def add(verbs) -> None:
         "Writes tables to the terminal and summary.json, table.csv, passes.csv, goals.csv, figures "
         "and a self-contained report.html to the output folder. Ctrl-C keeps what is measured, and "
         "the same command goes on from there: what was measured with the same code, input and "
-        "settings is not measured again. Measured in parts, the output folder gathers them: all "
-        "scenes of the same code and input are shown.",
+        "settings is not measured again. Measured in parts, the output folder gathers them: all of "
+        "the same code and input is shown.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
-    parser.add_argument(
-        "parts",
-        nargs="*",
-        type=command_line.one_of("part", lambda: PARTS),
-        metavar="PART",
-        help=f"what to measure, of: {', '.join(PARTS)} (default: all)",
-    )
-    parser.add_argument(
-        "--ranks",
-        type=command_line.wholes,
-        default=(1, 2),
-        metavar="N,N",
-        help="numbers of MPI ranks (default 1,2)",
-    )
+    help = f"what to measure, of: {', '.join(PARTS)} (default: all)"
+    part = command_line.one_of("part", lambda: PARTS)
+    parser.add_argument("parts", nargs="*", type=part, metavar="PART", help=help)
     sizes = ",".join(map(str, SCENES["water"].sizes))
-    parser.add_argument(
-        "--sizes",
-        type=command_line.wholes,
-        metavar="N,N",
-        help=f"numbers of molecules of the water (default {sizes}; --short: the first)",
-    )
-    command_line.only(
-        parser,
-        BENCHMARKED,
-        f"integrators, of: %(choices)s (default all; --short: {' '.join(SHORT)})",
-    )
-    parser.add_argument(
-        "--rounds",
-        type=command_line.whole,
-        metavar="N",
-        help="turns of each integrator (default 5; --short: 2)",
-    )
-    parser.add_argument(
-        "--seconds",
-        type=command_line.positive,
-        metavar="S",
-        help="length of a timed segment (default 1; --short: 0.2)",
-    )
-    parser.add_argument(
-        "--short", action="store_true", help="some minutes in all, for a first look"
-    )
-    parser.add_argument("--again", action="store_true", help="measure anew what is there already")
+    for option, kind, metavar, help in (
+        ("--ranks", command_line.wholes, "N,N", "numbers of MPI ranks (default 1,2)"),
+        ("--sizes", command_line.wholes, "N,N", f"of molecules (default {sizes}; --short: first)"),
+        ("--rounds", command_line.whole, "N", "turns of each (default 5; --short: 2)"),
+        ("--seconds", command_line.positive, "S", "of a timed segment (default 1; --short: 0.2)"),
+    ):
+        parser.add_argument(option, type=kind, metavar=metavar, help=help)
+    help = f"integrators, of: %(choices)s (default all; --short: {' '.join(SHORT)})"
+    command_line.only(parser, BENCHMARKED, help)
+    for option, help in (
+        ("--short", "some minutes in all, for a first look"),
+        ("--again", "measure anew what is there already"),
+    ):
+        parser.add_argument(option, action="store_true", help=help)
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/bench", short=True)
 
 
 def run(arguments) -> int:
     """Run the verb; the exit status."""
-    from validation.bench import figures, measure, report  # heavy: not for --help
+    from validation.bench import figures, goals, measure, plan, report  # heavy: not for --help
     from validation.pages import console
 
     short = arguments.short
     only = arguments.only or (SHORT if short else BENCHMARKED)
-    settings = measure.Settings(
-        integrators=tuple(command_line.chosen(BENCHMARKED, only)),
-        rounds=arguments.rounds or (2 if short else 5),
-        seconds=arguments.seconds or (0.2 if short else 1.0),
-        silence=arguments.silence,
-    )
+    names = command_line.chosen(BENCHMARKED, only)
+    rounds = arguments.rounds or (2 if short else 5)
+    seconds = arguments.seconds or (0.2 if short else 1.0)
     sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
-    points = measure.points(arguments.parts or PARTS, arguments.ranks, sizes, settings)
+    parts, ranks = arguments.parts or PARTS, arguments.ranks or (1, 2)
+    points = plan.points(parts, ranks, sizes, names, rounds, seconds)
     out = command_line.folder(arguments.out, "results/bench", short)
     screen = console.console()
     with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
-        summary = measure.bench(points, out, arguments.again, meter)
+        summary = measure.bench(points, out, arguments.again, meter, arguments.silence)
+    summary["goals"] = goals.judge(summary["points"], summary["starts"])
     report.write(summary, figures.draw(summary, out), out)
     report.show(screen, summary, out)
     rows = [

@@ -9,7 +9,7 @@ class Goal:
 
     Attributes:
         scene, bodies, ranks: where it is measured; None holds for each that is measured.
-        number: key in a scene's row: ``modify_ratio`` and ``loop_ratio`` (ours over that of
+        number: key of an integrator's row: ``modify_ratio`` and ``loop_ratio`` (ours over that of
             ``against``), ``modify`` (us per step) and ``bound_ratio`` (time over that which the
             memory allows) of ours.
         against: integrator; None for numbers of ours alone.
@@ -23,6 +23,23 @@ class Goal:
     against: str | None
     limit: float
 
+    def holds_for(self, point: dict) -> bool:
+        """Whether it is one of a scene's point."""
+        keys = "scene", "bodies", "ranks"
+        return all(getattr(self, key) in (None, point[key]) for key in keys)
+
+    def measured(self, point: dict) -> dict | None:
+        """Its number in a point."""
+        name = self.against or "nosquish"
+        rows = {row["name"]: row for row in point["integrators"]}
+        return rows.get(name, {}).get(self.number)
+
+    @property
+    def where(self) -> str:
+        """Where it is measured."""
+        found = f"{self.scene} {self.bodies:,}" if self.bodies else f"{self.scene}"
+        return f"{found}, {ranks_of(self.ranks)}" if self.ranks else found
+
 
 _WATER = (
     # bodies, ranks, vs rigid/nve, rigid/nve/small, shake
@@ -33,22 +50,28 @@ _WATER = (
     (100000, 2, 0.25, 0.25, 0.50),
 )
 _RIVALS = "rigid/nve", "rigid/nve/small", "shake"
-
+_LOOPS = (*_RIVALS[:2], "rigid", "rigid/small", "rigid/nve/omp", "rigid/omp", "rigid/small/omp")
 GOALS = (
     *(
         Goal("water", bodies, ranks, "modify_ratio", rival, limit)
         for bodies, ranks, *limits in _WATER
         for rival, limit in zip(_RIVALS, limits)
     ),
-    *(Goal(scene, None, None, "modify_ratio", rival, 0.5) for scene in ("big", "mixed") for rival in _RIVALS[:2]),
+    *(
+        Goal(scene, None, None, "modify_ratio", rival, 0.5)
+        for scene in ("big", "mixed")
+        for rival in _RIVALS[:2]
+    ),
     Goal("dimer", 2, 1, "modify", None, 5.0),
     Goal("water", 100000, None, "bound_ratio", None, 2.5),
-    *(Goal(None, None, None, "loop_ratio", rival, 1.0) for rival in ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small",
-                                                                    "rigid/nve/omp", "rigid/omp", "rigid/small/omp")),
-)  # fmt: skip
+    *(Goal(None, None, None, "loop_ratio", rival, 1.0) for rival in _LOOPS),
+)
 
 # s on one core: a first use, and what a later start adds to LAMMPS's own
-FIRST_USE, LATER_START = (15.0, 0.5)
+STARTS = (
+    ("first use, wall s", 15.0, "first"),
+    ("later start, wall s more than LAMMPS", 0.5, "later_added"),
+)
 
 WORDS = {
     "modify_ratio": "Modify, ours over {}",
@@ -58,88 +81,49 @@ WORDS = {
 }
 
 
-def judge(points, starts):
+def judge(points: list[dict], starts: list[dict]) -> list[dict]:
     """Each goal beside what was measured.
 
     Args:
-        points: records of scenes (see ``bench.ScenePoint``).
-        starts: records of ``startup.measure``.
+        points, starts: of a benchmark's summary.
 
     Returns:
-        list of dict: ``where``, ``what``, ``limit``, ``measured`` (median, min, max; None: not
-        measured), ``met`` (of the median; None: not measured).  Of the loop only the fastest rival
-        counts, the one with the largest ratio.
+        of each ``where``, ``what``, ``limit``, ``measured`` (median, min, max; None: not measured)
+        and ``met`` (of the median; None: not measured).  Of the loop only the fastest rival counts,
+        the one with the largest ratio.
     """
-    judged = []
+    judged: list[dict] = []
+    loops: dict[str, list[dict]] = {}
     for goal in GOALS:
-        matching = [point for point in points if _matches(goal, point)]
-        for point in matching:
-            row = next(
-                (
-                    row
-                    for row in point["integrators"]
-                    if row["name"] == (goal.against or "nosquish")
-                ),
-                {},
-            )
-            judged.append(
-                _judged(
-                    goal,
-                    f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}",
-                    row.get(goal.number),
-                )
-            )
+        what = WORDS[goal.number].format(goal.against)
+        matching = {place(point): goal.measured(point) for point in points if goal.holds_for(point)}
         if not matching and goal.scene:
-            where = " ".join([goal.scene, *([f"{goal.bodies:,}"] if goal.bodies else [])])
-            judged.append(
-                _judged(goal, where + (f", {ranks_of(goal.ranks)}" if goal.ranks else ""), None)
-            )
-    judged = _slowest_loops(judged)
-    one = next((start for start in starts if start["ranks"] == 1), {})
-    for what, limit, key in (
-        ("first use, wall s", FIRST_USE, "first"),
-        ("later start, wall s more than LAMMPS", LATER_START, "later_added"),
-    ):
-        judged.append(_verdict("start, 1 rank, 1 core", what, limit, one.get(key, {}).get("wall")))
+            matching = {goal.where: None}
+        for where, measured in matching.items():
+            one = _judged(where, what, goal.limit, measured, goal.number)
+            if goal.number != "loop_ratio":
+                judged.append(one)
+            elif measured:
+                loops.setdefault(where, []).append(one)
+    judged += [max(some, key=lambda one: one["measured"]["median"]) for some in loops.values()]
+    alone = next((start for start in starts if start["ranks"] == 1), {})
+    for what, limit, key in STARTS:
+        wall = alone.get(key, {}).get("wall")
+        judged.append(_judged("start, 1 rank, 1 core", what, limit, wall))
     return judged
 
 
-def ranks_of(number):
+def _judged(where, what, limit, measured, number=None):
+    met = measured and measured["median"] <= limit
+    goal = {"where": where, "what": what, "limit": limit}
+    return goal | {"measured": measured, "met": met, "number": number}
+
+
+def place(point: dict) -> str:
+    """Scene, bodies and ranks of a point, in words."""
+    return f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}"
+
+
+def ranks_of(number: int) -> str:
     """'1 rank', '2 ranks'."""
     return f"{number} rank" + "s" * (number != 1)
-
-
-def _matches(goal, point):
-    return all(
-        wanted in (None, point[key])
-        for key, wanted in (("scene", goal.scene), ("bodies", goal.bodies), ("ranks", goal.ranks))
-    )
-
-
-def _judged(goal, where, measured):
-    found = _verdict(where, WORDS[goal.number].format(goal.against), goal.limit, measured)
-    return found | {"number": goal.number}
-
-
-def _verdict(where, what, limit, measured):
-    return {
-        "where": where,
-        "what": what,
-        "limit": limit,
-        "measured": measured,
-        "met": measured and measured["median"] <= limit,
-        "number": None,
-    }
-
-
-def _slowest_loops(judged):
-    """Of the ratios of loops at one place only the largest: the fastest of LAMMPS's fixes is what
-    counts."""
-    kept = [one for one in judged if one["number"] != "loop_ratio"]
-    places = {}
-    for one in judged:
-        if one["number"] == "loop_ratio" and one["measured"]:
-            other = places.setdefault(one["where"], one)
-            if one["measured"]["median"] > other["measured"]["median"]:
-                places[one["where"]] = one
-    return kept + list(places.values())

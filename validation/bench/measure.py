@@ -1,447 +1,283 @@
 """What ours and LAMMPS's own fixes cost: time, memory, messages, the optional passes, the start.
 
-The benchmark is made of points, each measured as a whole and kept in a file: a scene of one size on
-one number of ranks, with all integrators in turn; the optional passes; the start; the memory.  A
-point that was measured with the same code, input and settings is not measured again.  The summary
-also has the scenes that earlier calls have left in the folder, if they are of the same code and
-input.
+A point that was measured with the same package, code, inputs and settings is not measured again.
+The summary also has what earlier calls have left in the folder, of the same package and inputs.
 """
 
-import hashlib
-import json
 import os
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
 
-from validation.bench import bandwidth, goals, passes
+from validation.bench import bandwidth
+from validation.bench.plan import OPTIONAL, Optional, Point
 from validation.running import counting, lammps_log, machine, rounds, run, startup
-from validation.running.machine import contents, package_hash
-from validation.scenes import SCENES, starts
-from validation.scenes.integrators import BENCHMARKED, FREE
+from validation.running.rounds import Timing
+from validation.running.store import Store
+from validation.scenes import INPUTS, SCENES, starts
+from validation.scenes.integrators import BENCHMARKED, FREE, Integrator, nosquish
 from validation.statistics import measures
 
 OURS = "nosquish"
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
-KIB_PER_MIB = 1024
+Measured = tuple[list[dict], bool]  # rows of the summary, and whether a Ctrl-C cut them short
 
 
-@dataclass(frozen=True)
-class Settings:
-    """How to measure.
+class Cut(KeyboardInterrupt):
+    """A Ctrl-C; ``record`` is what was measured by then."""
 
-    Attributes:
-        integrators: names in ``BENCHMARKED``.
-        rounds: how often each integrator has its turn.
-        seconds: of a timed segment.
-        silence: s without a sign of life after which a run is given up.
-    """
-
-    integrators: tuple[str, ...]
-    rounds: int
-    seconds: float
-    silence: float = 300.0
+    def __init__(self, record: dict) -> None:
+        self.record = record
 
 
-@dataclass(frozen=True)
-class ScenePoint:
-    """A scene of one size on one number of ranks, with all integrators that can run it."""
-
-    scene: str
-    bodies: int
-    ranks: int
-    settings: Settings
-
-    @property
-    def name(self):
-        """Of the point and its file."""
-        return f"{self.scene}-{self.bodies}-{self.ranks}"
-
-    @property
-    def integrators(self):
-        """Those that can run the scene."""
-        every = (BENCHMARKED[name] for name in self.settings.integrators)
-        return [one for one in every if one.can_run(SCENES[self.scene])]
-
-    @property
-    def turns(self):
-        """Runs that the meter counts."""
-        several = len(self.integrators) + 1
-        return several * (self.settings.rounds + (self.ranks > 1))
-
-    def input(self):
-        """What is measured, plain data; by whom and how often is in `origin`."""
-        scene = SCENES[self.scene]
-        return [
-            contents(scene.folder),
-            scene.setup,
-            scene.others,
-            scene.dt,
-            MESH,
-            COUNTED,
-            rounds.SETUPS,
-            rounds.SEGMENTS,
-            rounds.LEAST,
-        ]
-
-    def origin(self):
-        """All that the result follows from, beside the package: plain data."""
-        return [
-            self.input(),
-            [one.commands(SCENES[self.scene]) for one in self.integrators],
-            self.settings.rounds,
-            self.settings.seconds,
-        ]
-
-    def measure(self, folder, meter):
-        """Run everything.
-
-        Args:
-            folder: of the whole benchmark.
-            meter: a ``console.Meter``.
-
-        Returns:
-            (record, interrupted): plain data; ``integrators`` has a row for each.
-        """
-        scene = self._start(folder)
-        runs_folder = folder / "runs" / self.name
-        label = f"{self.scene} {self.bodies:,} on {self.ranks}"
-
-        def job(one, runs, name, **more):
-            directory = runs_folder / f"{run.folder_name(one.name)}-{name}"
-            return run.job(scene, one, directory, runs, dt=scene.dt, every=0, ranks=self.ranks, silence=self.settings.silence,
-                           positions=False, **more)  # fmt: skip
-
-        everyone = [*self.integrators, FREE]
-        record = {
-            "scene": self.scene, "title": scene.subject or scene.title, "bodies": self.bodies, "ranks": self.ranks,
-            "dt": scene.dt, "units": scene.units,
-        }  # fmt: skip
-        loop = 1.0
-        for one in self.integrators:  # ours, unless it fails
-            found = rounds.calibrate(lambda runs: job(one, runs, "calibration"))
-            if isinstance(found, float):
-                loop = found
-                break
-            if found.interrupted:
-                return record | {"integrators": []}, True
-        lengths = rounds.lengths(loop, self.settings.seconds)
-        record["steps"] = {
-            "warm_up": lengths.warm_up,
-            "segment": lengths.segment,
-            "segments": lengths.segments,
-        }
-
-        jobs = {
-            one.name: (
-                f"{label}, {one.label}",
-                # what moves freely moves for some steps only: nothing keeps its atoms apart
-                lambda number, one=one: job(
-                    one, lengths.runs if one is not FREE else [3], str(number), setups=rounds.SETUPS
-                ),
-            )
-            for one in everyone
-        }
-        found, errors, interrupted = rounds.in_turn(jobs, self.settings.rounds, meter)
-        counts = {}
-        if self.ranks > 1 and not interrupted:
-            for one in everyone:
-                if one.name not in errors:
-                    meter.begin(f"{label}, {one.label}, messages", 1)
-                    environment = counting.environment(runs_folder / "counts")
-                    result = run.run(job(one, [3, COUNTED], "messages"), environment=environment)
-                    meter.end(result.error)
-                    if result.interrupted:
-                        interrupted = True
-                        break
-                    if not result.error:
-                        counts[one.name] = counting.read(runs_folder / "counts")
-        record["atoms"] = _atoms_in_bodies(runs_folder)
-        record["versions"] = next(
-            (one["versions"] for times in found.values() for one in times), {}
-        )
-        record["free"] = found[FREE.name]
-        record["integrators"] = [
-            self._row(one, scene, found, errors.get(one.name), counts, record["atoms"], interrupted)
-            for one in self.integrators
-        ]
-        return record, interrupted
-
-    def _start(self, folder):
-        """The scene of this size; builds its data file if there is none yet."""
-        return starts.of_size(SCENES[self.scene], self.bodies, folder / "starts").on_mesh(MESH)
-
-    def _row(self, one, scene, found, error, counts, atoms, interrupted):
-        """All numbers of one integrator; those that could not be measured are not there."""
-        own, ours, free = found[one.name], found[OURS] if OURS in found else [], found[FREE.name]
-        row = {
-            "name": one.name,
-            "label": one.label,
-            "kind": one.kind,
-            "lines": one.commands(scene),
-            "steps": 0,
-            "rounds": own,
-        }
-        row["error"] = error or (
-            "interrupted" if interrupted and len(own) < self.settings.rounds else None
-        )
-        for key in "modify", "loop":
-            row[key] = rounds.spread(own, key)
-        if row["modify"]:
-            row["modify_per_1000"] = measures.spread(
-                value / self.bodies * 1000 for value in row["modify"]["values"]
-            )
-            row["cpu"] = min((one["cpu"] for one in own if "cpu" in one), default=None)
-        if one.name != OURS:
-            for key in "modify", "loop":
-                row[f"{key}_ratio"] = rounds.ratio(ours, own, key)
-        row["setup"] = _in_ms(rounds.difference(own, free, lambda one: one["setups"][-1]))
-        row["first_setup"] = _in_ms(
-            rounds.difference(own, free, lambda one: one["define"] + one["setups"][0])
-        )
-        row["memory"] = rounds.difference(own, free, lambda one: max(one["memory"]) / KIB_PER_MIB)
-        row["memory_in_all"] = (
-            measures.spread(max(one["memory"]) / KIB_PER_MIB for one in own) if own else None
-        )
-        if one.name in counts:
-            for key in "messages", "bytes", "collectives", "collective_bytes":
-                row[key] = measures.spread(rank[key] / COUNTED for rank in counts[one.name])
-                row[f"fix_{key}"] = measures.spread(
-                    rank[f"fix_{key}"] / COUNTED for rank in counts[one.name]
-                )
-                if FREE.name in counts:
-                    pairs = zip(counts[one.name], counts[FREE.name])
-                    row[f"more_{key}"] = measures.spread(
-                        (a[key] - b[key]) / COUNTED for a, b in pairs
-                    )
-        return row
-
-
-@dataclass(frozen=True)
-class PassesPoint:
-    """The cost of each optional pass."""
-
-    settings: Settings
-    name = "passes"
-
-    @property
-    def turns(self):
-        """Runs that the meter counts."""
-        return 2 * self.settings.rounds * len(passes.OPTIONAL)
-
-    def origin(self):
-        """All that the result follows from, beside the package: plain data."""
-        inputs = [
-            contents(SCENES[name].folder) for name in sorted({one.scene for one in passes.OPTIONAL})
-        ]
-        return [inputs, repr(passes.OPTIONAL), self.settings.rounds, self.settings.seconds]
-
-    def measure(self, folder, meter):
-        """Run everything: (record, interrupted)."""
-        rows, interrupted = [], False
-        for index, optional in enumerate(passes.OPTIONAL):
-            row, interrupted = passes.measure(optional, folder / "runs" / "passes" / str(index), count=self.settings.rounds,
-                                              seconds=self.settings.seconds, silence=self.settings.silence, meter=meter)  # fmt: skip
-            rows.append(row)
-            if interrupted:
-                break
-        return {"passes": rows}, interrupted
-
-
-@dataclass(frozen=True)
-class StartPoint:
-    """What a start costs, on one number of ranks."""
-
-    ranks: int
-    settings: Settings
-
-    @property
-    def name(self):
-        """Of the point and its file."""
-        return f"start-{self.ranks}"
-
-    @property
-    def rounds(self):
-        """A first use takes long: fewer of them."""
-        return min(3, self.settings.rounds)
-
-    @property
-    def turns(self):
-        """Runs that the meter counts."""
-        return 3 * self.rounds
-
-    def origin(self):
-        """All that the result follows from, beside the package: plain data."""
-        return [contents(SCENES["water"].folder), SCENES["water"].setup, self.rounds]
-
-    def measure(self, folder, meter):
-        """Run everything: (record, interrupted)."""
-        record = startup.measure(
-            SCENES["water"],
-            BENCHMARKED[OURS],
-            folder / "runs" / "start",
-            self.ranks,
-            self.rounds,
-            meter,
-        )
-        return {"start": record}, False
-
-
-@dataclass(frozen=True)
-class MemoryPoint:
-    """How fast this machine's memory is, with as many processes as ranks."""
-
-    ranks: int
-    turns = 1
-
-    @property
-    def name(self):
-        """Of the point and its file."""
-        return f"memory-{self.ranks}"
-
-    def origin(self):
-        """All that the result follows from, beside the package: plain data."""
-        return [machine.describe()["cpu"], bandwidth.ELEMENTS, bandwidth.REPEATS]
-
-    def measure(self, folder, meter):
-        """Measure: (record, interrupted)."""
-        meter.begin(f"memory, {self.ranks} process(es)", 1)
-        record = bandwidth.measure(self.ranks)
-        meter.end(None)
-        return {"memory": record}, False
-
-
-def points(parts, ranks, sizes, settings):
-    """The points of these parts.
+def bench(
+    wanted: Iterable[Point], out: Path, again: bool, meter: run.Meter, silence: float = 300.0
+) -> dict:
+    """Measure the points that are not there yet, and collect all that is.
 
     Args:
-        parts: names of scenes, ``passes``, ``start``, ``memory``.
-        ranks: numbers of ranks.
-        sizes: numbers of molecules of the water; other scenes have one size.
-        settings: ``Settings``.
-    """
-    found = []
-    for part in parts:
-        for number in ranks:
-            if part == "start":
-                found.append(StartPoint(number, settings))
-            elif part == "memory":
-                found.append(MemoryPoint(number))
-            elif part != "passes":
-                own = sizes if SCENES[part].cutter else SCENES[part].sizes
-                found += [ScenePoint(part, bodies, number, settings) for bodies in own]
-        if part == "passes":
-            found.append(PassesPoint(settings))
-    return found
-
-
-def bench(wanted, out, again, meter):
-    """Measure the points that are not there yet, and collect all.
-
-    Args:
-        wanted: list of points.
         out: folder for everything.
         again: whether to measure anew what is there.
-        meter: a ``console.Meter`` over the sum of the points' ``turns``.
+        silence: s without a sign of life after which a run is given up.
 
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
-    (out / "measured").mkdir(parents=True, exist_ok=True)
-    code = package_hash()
-    summary = machine.circumstances() | {
-        "interrupted": False,
-        "points": [], "passes": [], "starts": [], "memory": [],
-    }  # fmt: skip
+    store = Store(out / "records", "validation.bench.measure")
+    records, summary = {}, machine.circumstances() | {"interrupted": False}
     for point in wanted:
-        path = out / "measured" / f"{point.name}.json"
-        mark = _hash([code, machine.versions(), point.origin()])
-        kept = json.loads(path.read_text()) if path.exists() else {}
-        if again or kept.get("mark") != mark or not kept["complete"]:
-            if summary["interrupted"]:
-                continue
-            kept = {
-                "mark": mark,
-                "complete": False,
-                "begin": machine.now(),
-                "load": os.getloadavg()[0],
-            }
-            try:
-                record, interrupted = point.measure(out, meter)
-            except KeyboardInterrupt:
-                summary["interrupted"] = True
-                continue
-            kept |= {"complete": not interrupted, "end": machine.now(), "record": record}
-            if isinstance(point, ScenePoint):
-                kept["input"] = _hash([code, machine.versions(), point.input()])
-            path.write_text(json.dumps(kept, ensure_ascii=False) + "\n")
-            summary["interrupted"] |= interrupted
-        else:
-            meter.begin(f"{point.name}, of {kept['begin']}", point.turns)
+        origin = store.origin(point, machine.describe()["cpu"], files=point.folders)
+        kept = None if again else store.kept(point.name, origin)
+        if kept:
+            meter.begin(f"{point.name}, of {kept['date']}", point.turns)
             meter.end(None)
-        _file_away(kept, summary)
-    for path in sorted((out / "measured").glob("*.json")):
-        kept = json.loads(path.read_text())
-        if (
-            path.stem in {point.name for point in wanted}
-            or not kept["complete"]
-            or "input" not in kept
-        ):
-            continue
-        point = ScenePoint(*(kept["record"][key] for key in ("scene", "bodies", "ranks")), None)
-        if kept["input"] == _hash([code, machine.versions(), point.input()]):
-            _file_away(kept, summary)
-    summary["points"].sort(
-        key=lambda point: ([*SCENES].index(point["scene"]), point["bodies"], point["ranks"])
-    )
+        make = partial(_record, point, out, meter, silence)
+        try:
+            records[point.name] = store.once(point.name, origin, make, again)
+        except KeyboardInterrupt as end:
+            summary["interrupted"] = True
+            if isinstance(end, Cut):
+                records[point.name] = end.record
+            break
+    earlier = {name: kept["record"] for name, kept in store.alike().items()}
+    summary |= {"points": [], "passes": [], "starts": [], "memory": []}
+    for record in (earlier | records).values():
+        if record["inputs"] == _inputs(record["inputs"]):
+            summary[record["group"]] += record["rows"]
+    order = list(SCENES)
+    summary["points"].sort(key=lambda one: (order.index(one["scene"]), one["bodies"], one["ranks"]))
+    summary["starts"].sort(key=lambda one: one["ranks"])
+    summary["memory"].sort(key=lambda one: one["processes"])
+    for point in summary["points"]:
+        summary["versions"].update(machine.worker_versions(point["versions"]))
     _relate_to_memory(summary)
-    summary["goals"] = goals.judge(summary["points"], summary["starts"])
     return summary
 
 
-def _hash(data):
-    return hashlib.sha256(json.dumps(data).encode()).hexdigest()
+def _record(point: Point, out: Path, meter: run.Meter, silence: float) -> dict:
+    begin = {"begin": machine.now(), "load": os.getloadavg()[0]}
+    others = {
+        "passes": ("passes", _passes),
+        "start": ("starts", _start),
+        "memory": ("memory", _memory),
+    }
+    group, measure = others.get(point.part, ("points", _scene))
+    rows, cut = measure(point, out, meter, silence)
+    times = begin | {"end": machine.now(), "complete": not cut}
+    inputs = _inputs(folder.name for folder in point.folders)
+    record = {"group": group, "inputs": inputs, "rows": [row | times for row in rows]}
+    if cut:
+        raise Cut(record)
+    return record
 
 
-def _file_away(kept, summary):
-    """Put a point's record where it belongs."""
-    record, times = kept["record"], {key: kept[key] for key in ("begin", "end", "load")}
-    if "integrators" in record:
-        summary["versions"].update(
-            machine.worker_versions(record["versions"]) if "versions" in record else {}
-        )
-        summary["points"].append(record | times | {"complete": kept["complete"]})
-    elif "passes" in record:
-        summary["passes"] += [row | times for row in record["passes"]]
-    elif "start" in record:
-        summary["starts"].append(record["start"] | times)
-    else:
-        summary["memory"].append(record["memory"] | times)
+def _inputs(names: Iterable[str]) -> dict[str, str]:
+    """Hashes of folders of inputs."""
+    return {name: machine.contents(INPUTS / name) for name in names}
 
 
-def _relate_to_memory(summary):
+def _relate_to_memory(summary: dict) -> None:
     """The time that the memory allows for what must move, and ours over it."""
     rates = {one["processes"]: one["best"] * 1e9 for one in summary["memory"]}
     for point in summary["points"]:
-        ours = next((row for row in point["integrators"] if row["name"] == OURS), {})
-        if point.get("atoms"):
-            point["bytes_per_step"] = bandwidth.bytes_per_step(point["bodies"], point["atoms"])
-        if point["ranks"] in rates and "bytes_per_step" in point:
-            bound = point["bytes_per_step"] / point["ranks"] / rates[point["ranks"]] * 1e6
-            point["bound"] = bound
-            if ours.get("modify"):
-                ours["bound_ratio"] = measures.spread(
-                    value / bound for value in ours["modify"]["values"]
-                )
+        if not point["atoms"]:
+            continue
+        moved = bandwidth.bytes_per_step(point["bodies"], point["atoms"])
+        point["bytes_per_step"] = moved
+        if point["ranks"] in rates:
+            point["bound"] = bound = moved / point["ranks"] / rates[point["ranks"]] * 1e6
+            for row in point["integrators"]:
+                if row["name"] == OURS and row["modify"]:
+                    values = row["modify"]["values"]
+                    row["bound_ratio"] = measures.spread(value / bound for value in values)
 
 
-def _atoms_in_bodies(folder):
+def _scene(point: Point, out: Path, meter: run.Meter, silence: float) -> Measured:
+    """All integrators in turn; then, on several ranks, their messages."""
+    scene = starts.of_size(SCENES[point.part], point.bodies, out / "starts").on_mesh(MESH)
+    folder, label = out / "runs" / point.name, f"{point.part} {point.bodies:,} on {point.ranks}"
+    integrators = [BENCHMARKED[name] for name in point.integrators]
+    record: dict = {
+        "scene": point.part,
+        "title": scene.subject or scene.title,
+        "bodies": point.bodies,
+    }
+    record |= {"ranks": point.ranks, "dt": scene.dt, "units": scene.units, "integrators": []}
+
+    def job(one, runs, part="calibration", setups=0):
+        directory = folder / f"{run.folder_name(one.name)}-{part}"
+        how = {"ranks": point.ranks, "silence": silence, "positions": False, "setups": setups}
+        return run.job(scene, one, directory, runs, dt=scene.dt, every=0, **how)
+
+    loop = 1.0
+    for one in integrators:  # ours, unless it fails
+        step = rounds.calibrate(partial(job, one))
+        if isinstance(step, float):
+            loop = step
+            break
+        if step.interrupted:
+            return [record | {"atoms": None, "versions": {}}], True
+    lengths = rounds.lengths(loop, point.seconds)
+    # what moves freely moves for some steps only: nothing keeps its atoms apart
+    runs = dict.fromkeys(point.integrators, lengths.runs) | {FREE.name: [3]}
+    every = {one.name: one for one in (*integrators, FREE)}
+    labels = {name: f"{label}, {one.label}" for name, one in every.items()}
+
+    def turn(name, number):
+        return job(every[name], runs[name], str(number), rounds.SETUPS)
+
+    found, errors, cut = rounds.in_turn(labels, turn, point.rounds, meter)
+    counts: dict[str, list[dict]] = {}
+    if point.ranks > 1 and not cut:
+        counted = [one for one in every.values() if one.name not in errors]
+        jobs = {one.name: job(one, [3, COUNTED], "messages") for one in counted}
+        counts, cut = _messages(jobs, labels, folder / "counts", meter)
+    if cut:
+        short = [name for name in found if len(found[name]) < point.rounds]
+        errors = dict.fromkeys(short, run.INTERRUPTED) | errors
+    for name in point.integrators:
+        row = {key: getattr(every[name], key) for key in ("name", "label", "kind")}
+        row |= {"lines": every[name].commands(scene), "error": errors.get(name)}
+        row |= _numbers(found[name], found.get(OURS, []), found[FREE.name], point.bodies)
+        record["integrators"].append(row | _sent(counts.get(name), counts.get(FREE.name)))
+    versions = [timing.versions for timings in found.values() for timing in timings]
+    record |= {"steps": asdict(lengths), "versions": versions[0] if versions else {}}
+    record |= {"free": [asdict(one) for one in found[FREE.name]], "atoms": _atoms_in_bodies(folder)}
+    return [record], cut
+
+
+def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing], bodies: int) -> dict:
+    """An integrator's numbers, spreads over its rounds; None for those that were not measured."""
+    rivals = [] if own is ours else ours
+    return {
+        "rounds": [asdict(one) for one in own],
+        "modify": rounds.spread(own, "modify"),
+        "modify_per_1000": rounds.spread(own, "modify", 1000 / bodies),
+        "modify_ratio": rounds.ratio(rivals, own, "modify"),
+        "loop": rounds.spread(own, "loop"),
+        "loop_ratio": rounds.ratio(rivals, own, "loop"),
+        "cpu": rounds.least_cpu(own),
+        "setup": rounds.difference(own, free, "setup", 1e3),
+        "first_setup": rounds.difference(own, free, "first_setup", 1e3),
+        "memory": rounds.difference(own, free, "peak"),
+        "memory_in_all": rounds.spread(own, "peak"),
+    }
+
+
+def _messages(
+    jobs: dict[str, run.Job], labels: dict[str, str], folder: Path, meter: run.Meter
+) -> tuple[dict[str, list[dict]], bool]:
+    """What each rank has sent in each job; and whether a Ctrl-C ended it all."""
+    counts: dict[str, list[dict]] = {}
+    for name, job in jobs.items():
+        meter.begin(f"{labels[name]}, messages", 1)
+        result = run.run(job, environment=counting.environment(folder))
+        meter.end(result.error)
+        if result.interrupted:
+            return counts, True
+        if not result.error:
+            counts[name] = counting.read(folder)
+    return counts, False
+
+
+def _sent(own: list[dict] | None, free: list[dict] | None) -> dict:
+    """Spreads over the ranks of what each sends in a step: in all, by fixes, more than freely."""
+    found: dict[str, dict] = {}
+    if not own:
+        return found
+    for key in "messages", "bytes", "collectives", "collective_bytes":
+        found[key] = measures.spread(rank[key] / COUNTED for rank in own)
+        found[f"fix_{key}"] = measures.spread(rank[f"fix_{key}"] / COUNTED for rank in own)
+        if free:
+            more = ((a[key] - b[key]) / COUNTED for a, b in zip(own, free))
+            found[f"more_{key}"] = measures.spread(more)
+    return found
+
+
+def _atoms_in_bodies(folder: Path) -> int | None:
     """How many atoms the bodies have, as the log of a rigid fix says; None if none does."""
-    for log in sorted(folder.glob("*/log.lammps")):
-        found = lammps_log.atoms_in_bodies(log.read_text(errors="replace"))
-        if found is not None:
-            return found
-    return None
+    logs = (log.read_text(errors="replace") for log in sorted(folder.glob("*/log.lammps")))
+    found = map(lammps_log.atoms_in_bodies, logs)
+    return next((number for number in found if number is not None), None)
 
 
-def _in_ms(seconds):
-    return measures.spread(value * 1e3 for value in seconds["values"]) if seconds else None
+def _passes(point: Point, out: Path, meter: run.Meter, silence: float) -> Measured:
+    rows = []
+    for index, optional in enumerate(OPTIONAL):
+        folder = (out / "runs" / "passes" / str(index)).resolve()
+        row, cut = _pass(optional, folder, point, meter, silence)
+        rows.append(row)
+        if cut:
+            return rows, True
+    return rows, False
+
+
+def _pass(
+    optional: Optional, folder: Path, point: Point, meter: run.Meter, silence: float
+) -> tuple[dict, bool]:
+    """Time a pass's two runs in turn: its row, and whether a Ctrl-C ended it."""
+    scene = SCENES[optional.scene].of_size(optional.bodies)
+    scene = replace(scene, setup=(*optional.before, *scene.setup))
+
+    def job(name, runs):
+        words, more = (optional.words, optional.more) if name == "with" else ("", optional.less)
+        ours, how = _ours(words, folder / name), {"ranks": optional.ranks, "silence": silence}
+        how |= {"dt": scene.dt, "every": 0, "positions": False, "more": more}
+        return run.job(scene, ours, folder / name, runs, **how)
+
+    row = {key: getattr(optional, key) for key in ("name", "when", "scene", "bodies", "ranks")}
+    loop = rounds.calibrate(lambda runs: job("without", runs))
+    if not isinstance(loop, float):
+        return row | {"error": loop.error}, loop.interrupted
+    runs, names = rounds.lengths(loop, point.seconds).runs, ("without", "with")
+    labels = {name: f"{optional.name[:18]}, {name}" for name in names}
+    found, errors, cut = rounds.in_turn(
+        labels, lambda name, _: job(name, runs), point.rounds, meter
+    )
+    shares = rounds.least_cpu(one for times in found.values() for one in times)
+    row |= {"error": next(iter(errors.values()), None), "cpu": shares}
+    row |= {"lines": {name: job(name, runs).commands for name in names}}
+    row |= {name: rounds.spread(found[name], "modify") for name in names}
+    cost = rounds.difference(found["with"], found["without"], "modify")
+    return row | {"cost": cost}, cut
+
+
+def _ours(words: str, directory: Path) -> Integrator:
+    ours = nosquish(OURS, "fix_nosquish.NVE", words)
+    table = f"variable table string {directory}/bodies.csv"
+    return replace(ours, lines=(table, *ours.lines)) if "v_table" in words else ours
+
+
+def _start(point: Point, out: Path, meter: run.Meter, silence: float) -> Measured:
+    ours, folder = BENCHMARKED[OURS], out / "runs" / "start"
+    row = startup.measure(SCENES["water"], ours, folder, point.ranks, point.rounds, meter)
+    return [row], False
+
+
+def _memory(point: Point, out: Path, meter: run.Meter, silence: float) -> Measured:
+    meter.begin(f"memory, {point.ranks} process(es)", 1)
+    row = bandwidth.measure(point.ranks)
+    meter.end(None)
+    return [row], False

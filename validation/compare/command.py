@@ -17,7 +17,7 @@ def add(verbs) -> None:
         description="Run the same start with fix_nosquish.NVE and with LAMMPS's own fixes. "
         "Writes a table to the terminal and summary.json, table.csv, series.csv, figures, a "
         "self-contained report.html and every run's log to the output folder. Ctrl-C keeps what "
-        "is computed.",
+        "is computed, and the same command goes on from there.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
@@ -25,19 +25,14 @@ def add(verbs) -> None:
     parser.add_argument("scene", choices=scenes, help="what is simulated: %(choices)s")
     command_line.ranks(parser)
     command_line.number(parser, "--steps", 1500, "N", "length of each trajectory")
-    parser.add_argument(
-        "--dt",
-        type=command_line.positive,
-        metavar="FS",
-        help="time step in fs (default: the scene's)",
-    )
+    help, dt = "time step in fs (default: the scene's)", command_line.positive
+    parser.add_argument("--dt", type=dt, metavar="FS", help=help)
     command_line.only(parser, INTEGRATORS, default=list(INTEGRATORS))
     command_line.number(parser, "--rounds", 3, "N", "timed segments of each integrator")
     command_line.number(parser, "--segment", 200, "N", "steps of a timed segment")
     command_line.silence(parser, 120.0)
-    parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="output folder (default results/compare-SCENE)"
-    )
+    help = "output folder (default results/compare-SCENE)"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=help)
 
 
 def run(arguments) -> int:
@@ -50,21 +45,13 @@ def run(arguments) -> int:
         one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)
     ]
     out = command_line.folder(arguments.out, f"results/compare-{scene.name}")
+    timing = arguments.rounds, arguments.segment, arguments.silence
+    dt = arguments.dt or scene.dt
+    settings = measure.Settings(arguments.ranks, arguments.steps, dt, *timing)
     screen = console.console()
-    each = arguments.steps + arguments.rounds * (measure.WARM_UP + arguments.segment)
-    with console.Meter(screen, len(integrators) * each) as meter:
-        summary, series = measure.compare(
-            scene,
-            integrators,
-            out,
-            ranks=arguments.ranks,
-            steps=arguments.steps,
-            dt=arguments.dt or scene.dt,
-            rounds=arguments.rounds,
-            segment=arguments.segment,
-            silence=arguments.silence,
-            meter=meter,
-        )
+    total = len(integrators) * (settings.steps + settings.timing_rounds)
+    with console.Meter(screen, total) as meter:
+        summary, series = measure.compare(scene, integrators, out, settings, meter)
     report.write(summary, series, out)
     report.show(screen, summary, out)
     return command_line.status(

@@ -1,195 +1,154 @@
 """The same start with every integrator: energy, thermodynamics, trajectory, cost.
 
-First each integrator runs the whole trajectory; then short segments are timed in
-turn (A B C A B C ...), each a fresh process on the same start, so that a change in
-the machine's load meets all of them alike.
+First each integrator runs the whole trajectory; then short segments are timed in turn.
 """
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
 
 import numpy as np
 
-from validation.running import machine, run
-from validation.scenes import FS_PER_PS
-from validation.scenes.integrators import REFERENCE
+from validation.pages.page import plain
+from validation.running import machine, rounds, run
+from validation.scenes import FS_PER_PS, Scene
+from validation.scenes.integrators import REFERENCE, Integrator
 from validation.statistics import measures
+from validation.statistics.estimate import Estimate
 
 DISTANCE_STEPS = 100  # after so many steps trajectories are compared
-DISCARD = 0.05  # fraction of the run that energies and averages leave out
-EVERY = 10  # steps between thermo samples
 WARM_UP = 20  # steps before a timed segment
 
 
-def compare(scene, integrators, out, *, ranks, steps, dt, rounds, segment, silence, meter):
+@dataclass(frozen=True)
+class Settings:
+    """How to compare; ``silence`` in s, after which a run is given up."""
+
+    ranks: int
+    steps: int
+    dt_fs: float
+    timing_rounds: int
+    timing_steps: int
+    silence: float
+    sample_every_steps: int = 10
+    discarded_fraction: float = 0.05  # of the run, that energies and averages leave out
+    reference: str = REFERENCE
+
+    @property
+    def distance_after_steps(self) -> int:
+        """After so many trajectories are compared."""
+        return min(DISTANCE_STEPS, self.steps)
+
+
+@dataclass
+class Row:
+    """An integrator's numbers, in the units of the report; None where not measured."""
+
+    name: str
+    label: str
+    lines: list[str]
+    error: str | None = "not started"
+    steps: int = 0
+    energy_sd: Estimate | None = None
+    energy_sd_line: Estimate | None = None
+    drift: Estimate | None = None
+    temperature: Estimate | None = None
+    pressure: Estimate | None = None
+    rigidity: float | None = None
+    distance: float | None = None
+    modify: dict | None = None
+    loop: dict | None = None
+    cpu: float | None = None
+    modify_ratio: dict | None = None
+    loop_ratio: dict | None = None
+
+
+def compare(
+    scene: Scene, integrators: list[Integrator], out: Path, settings: Settings, meter: run.Meter
+) -> tuple[dict, dict]:
     """Run, measure, summarise.
 
     Args:
-        scene: a ``Scene``.
-        integrators: list of ``Integrator``.
         out: folder for the runs' files.
-        ranks: MPI ranks of each run.
-        steps: length of each trajectory.
-        dt: time step in fs.
-        rounds, segment: how often each is timed, and over how many steps.
-        silence: s without a sign of life after which a run is given up.
-        meter: progress, with ``begin(label, total)``, ``at(step)``, ``end(note)``.
 
     Returns:
-        (summary, series): all numbers as plain data for JSON, and a dict of
-        integrator name to its thermo table.  A Ctrl-C leaves what there is, with
-        ``summary["interrupted"]`` set.
+        (summary, series): all numbers as plain data, and a dict of integrator name to its thermo
+        table.  A Ctrl-C leaves what there is, with ``summary["interrupted"]`` set.
     """
-    summary = _circumstances(scene, ranks, steps, dt, rounds, segment)
-    results = {integrator.name: [] for integrator in integrators}  # trajectory, then timings
+    done: dict[str, run.Result] = {}
 
-    def plan():
-        """(integrator, label, job) of each run, in order; a failed one is not timed."""
-        runs = [min(DISTANCE_STEPS, steps)] + [steps - DISTANCE_STEPS] * (steps > DISTANCE_STEPS)
-        common = dict(dt=dt, ranks=ranks, silence=silence)
-        for one in integrators:
-            folder = out / "runs" / run.folder_name(one.name)
-            yield one, one.label, run.job(scene, one, folder, runs, every=EVERY, **common)
-        for number in range(1, rounds + 1):
-            for one in integrators:
-                if not results[one.name][0].error:
-                    folder = out / "runs" / run.folder_name(one.name) / f"timing-{number}"
-                    label = f"{one.label}, timing {number}/{rounds}"
-                    lengths = [WARM_UP, segment]
-                    yield one, label, run.job(scene, one, folder, lengths, every=0, **common)
+    def job(one, runs, part="", **more):
+        folder = out / "runs" / run.folder_name(one.name) / part
+        common = {"dt": settings.dt_fs, "ranks": settings.ranks, "silence": settings.silence}
+        return run.job(scene, one, folder, runs, **common, **more)
 
-    for one, label, job in plan():
-        meter.begin(label, sum(job.runs))
-        result = run.run(job, meter.at)
+    first = settings.distance_after_steps
+    lengths = [first] + [settings.steps - first] * (settings.steps > first)
+    for one in integrators:
+        meter.begin(one.label, settings.steps)
+        how = {"every": settings.sample_every_steps, "origin": machine.origin(scene, one)}
+        done[one.name] = result = run.once(job(one, lengths, **how), meter.at)
         meter.end(result.error)
-        results[one.name].append(result)
         if result.interrupted:
-            summary["interrupted"] = True
             break
-    for found in results.values():
-        for result in found:
-            summary["versions"].update(machine.worker_versions(result.versions))
-    reference = results.get(REFERENCE, [])
-    summary["integrators"] = [
-        _row(one, scene, results[one.name], reference, steps) for one in integrators
-    ]
-    series = {name: found[0].thermo for name, found in results.items() if found}
-    return summary, {name: thermo for name, thermo in series.items() if thermo}
+    interrupted = any(result.interrupted for result in done.values())
+    known = {one.name: one for one in integrators if not interrupted and not done[one.name].error}
+    labels = {name: f"{one.label}, timing" for name, one in known.items()}
+
+    def turn(name, number):
+        return job(known[name], [WARM_UP, settings.timing_steps], f"timing-{number}", every=0)
+
+    timed, errors, stopped = rounds.in_turn(labels, turn, settings.timing_rounds, meter)
+    summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
+    summary |= {"interrupted": interrupted or stopped, "settings": asdict(settings)}
+    summary["settings"]["distance_after_steps"] = first
+    rows = {one.name: Row(one.name, one.label, one.commands(scene)) for one in integrators}
+    for name, result in done.items():
+        summary["versions"].update(machine.worker_versions(result.versions))
+        _trajectory(rows[name], result, done.get(REFERENCE), settings)
+        _cost(rows[name], timed.get(name, []), timed.get(REFERENCE, []))
+        if name in errors and not rows[name].error:
+            rows[name].error = f"while timed: {errors[name]}"
+    summary["integrators"] = [plain(row) for row in rows.values()]
+    return summary, {name: result.thermo for name, result in done.items() if result.thermo}
 
 
-def _row(integrator, scene, results, reference, steps):
-    """All numbers of one integrator; those that could not be measured are not there."""
-    row = {
-        "name": integrator.name,
-        "label": integrator.label,
-        "lines": integrator.commands(scene),
-        "error": "not started",
-        "steps": 0,
-    }
-    if not results:
-        return row
-    trajectory, timed = results[0], results[1:]
-    row["error"] = trajectory.error
-    if trajectory.thermo:
-        row |= _thermodynamics(trajectory.thermo, steps)
-        if not row["error"] and row["steps"] < steps:
-            row["error"] = "energy is not finite"
-    if trajectory.positions:
-        row |= _geometry(trajectory.positions, reference[0].positions if reference else None)
-    row |= _cost(timed, reference[1:])
-    broken = next((one.error for one in timed if one.error), None)
-    if broken and not row["error"]:
-        row["error"] = f"while timed: {broken}"
-    return row
+def _trajectory(row: Row, result: run.Result, reference: run.Result | None, settings) -> None:
+    """Energy and averages over the part of the series that is kept; the atoms' places."""
+    row.error = result.error
+    if result.thermo:
+        _thermodynamics(row, result.thermo, settings.discarded_fraction * settings.steps)
+        if not row.error and row.steps < settings.steps:
+            row.error = "energy is not finite"
+    if result.positions:
+        own = result.positions
+        box = own["cell"], own["periodic"]
+        pairs = measures.body_pairs(own["bodies"])
+        row.rigidity = float(measures.rigidity_error(own["x"][0], own["x"][-1], pairs, *box))
+        if reference and reference.positions:
+            there = reference.positions["x"][1]
+            row.distance = float(measures.largest_distance(own["x"][1], there, *box))
 
 
-def _thermodynamics(thermo, steps):
-    """Energy and averages over the part of the series that is kept."""
+def _thermodynamics(row: Row, thermo: dict, begin: float) -> None:
     finite = np.isfinite(thermo["TotEng"])
     until = len(finite) if finite.all() else int(np.argmin(finite))
     step = thermo["Step"][:until]
-    row = {"steps": int(step[-1]) if until else 0}
-    kept = np.flatnonzero(step >= DISCARD * steps)
+    row.steps = int(step[-1]) if until else 0
+    kept = np.flatnonzero(step >= begin)
     if len(kept) < 8:  # too few for an error
-        return row
-    time, energy, temperature, pressure = (
-        thermo[name][kept] for name in ("Time", "TotEng", "Temp", "Press")
-    )
-    row["energy_sd"] = measures.standard_deviation(energy).plain()
-    row["energy_sd_line"] = measures.about_line(time, energy).plain()
-    row["drift"] = measures.drift(time / FS_PER_PS, energy).plain()
-    row["temperature"] = measures.mean(temperature).plain()
-    row["pressure"] = measures.mean(pressure).plain()
-    return row
+        return
+    time, energy = thermo["Time"][kept], thermo["TotEng"][kept]
+    row.energy_sd = measures.standard_deviation(energy)
+    row.energy_sd_line = measures.about_line(time, energy)
+    row.drift = measures.drift(time / FS_PER_PS, energy)
+    row.temperature = measures.mean(thermo["Temp"][kept])
+    row.pressure = measures.mean(thermo["Press"][kept])
 
 
-def _geometry(own, reference):
-    """Distance from the reference after the first run, rigidity at the end."""
-    box = own["cell"], own["periodic"]
-    pairs = measures.body_pairs(own["bodies"])
-    row = {"rigidity": float(measures.rigidity_error(own["x"][0], own["x"][-1], pairs, *box))}
-    if reference is not None:
-        row["distance"] = float(measures.largest_distance(own["x"][1], reference["x"][1], *box))
-    return row
-
-
-def _cost(timed, reference_timed):
+def _cost(row: Row, own: list[rounds.Timing], reference: list[rounds.Timing]) -> None:
     """Modify and loop time per step: spread over the timed segments, and ratios."""
-    last = [one.timings[-1] for one in timed if _complete(one)]
-    if not last:
-        return {}
-    row = {
-        "modify": measures.spread(_modify(one) for one in last),
-        "loop": measures.spread(one["loop"] / one["steps"] * 1e3 for one in last),
-    }
-    if all(one["cpu"] is not None for one in last):
-        row["cpu"] = min(one["cpu"] for one in last)
-    pairs = [
-        (own.timings[-1], other.timings[-1])
-        for own, other in zip(timed, reference_timed)
-        if _complete(own) and _complete(other)
-    ]
-    if pairs:
-        row["modify_ratio"] = measures.spread(_modify(a) / _modify(b) for a, b in pairs)
-        row["loop_ratio"] = measures.spread(
-            a["loop"] / a["steps"] / (b["loop"] / b["steps"]) for a, b in pairs
-        )
-    return row
-
-
-def _modify(timing):
-    """Time in LAMMPS's Modify, us per step, average over ranks."""
-    return timing["sections"]["Modify"] / timing["steps"] * 1e6
-
-
-def _complete(result):
-    return not result.error and len(result.timings) == 2
-
-
-def _circumstances(scene, ranks, steps, dt, rounds, segment):
-    """What was asked for, where and with what."""
-    return machine.circumstances() | {
-        "scene": scene.name,
-        "title": scene.title,
-        "interrupted": False,
-        "settings": {
-            "ranks": ranks,
-            "steps": steps,
-            "dt_fs": dt,
-            "sample_every_steps": EVERY,
-            "discarded_fraction": DISCARD,
-            "distance_after_steps": min(DISTANCE_STEPS, steps),
-            "timing_rounds": rounds,
-            "timing_steps": segment,
-            "reference": REFERENCE,
-        },
-        "units": {
-            "energy_sd": "kcal/mol",
-            "energy_sd_line": "kcal/mol",
-            "drift": "kcal/mol/ps",
-            "temperature": "K",
-            "pressure": "atm",
-            "distance": "Angstrom",
-            "rigidity": "Angstrom",
-            "modify": "us/step",
-            "loop": "ms/step",
-            "cpu": "percent of a core per rank",
-        },
-    }
+    row.modify = rounds.spread(own, "modify")
+    row.loop = rounds.spread(own, "loop", 1e-3)
+    row.cpu = rounds.least_cpu(own)
+    row.modify_ratio = rounds.ratio(own, reference, "modify")
+    row.loop_ratio = rounds.ratio(own, reference, "loop")

@@ -27,14 +27,11 @@ def run(arguments) -> int:
     from validation.long import measure, report  # heavy: not for --help
     from validation.pages import console
 
-    screen = console.console()
-    out = command_line.folder(arguments.out, "results/long-run")
-    with console.Meter(screen, 2 * len(arguments.only) * arguments.steps) as meter:
-        rows, series = measure.long_run(
-            out, arguments.steps, arguments.only, meter, arguments.silence
-        )
-    figure = report.write(rows, series, out)
-    report.show(screen, rows)
-    screen.print(f"figure: {figure}")
-    errors = [row["error"] for row in rows]
-    return command_line.status("interrupted" in errors, any(errors))
+    out, screen = command_line.folder(arguments.out, "results/long-run"), console.console()
+    names, steps = arguments.only, arguments.steps
+    with console.Meter(screen, len(measure.ANGLES) * len(names) * steps) as meter:
+        summary, series = measure.long_run(out, steps, names, meter, arguments.silence)
+    report.write(summary, series, out)
+    report.show(screen, summary, out)
+    failed = any(row["error"] for row in summary["runs"])
+    return command_line.status(summary["interrupted"], failed)

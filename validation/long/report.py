@@ -2,52 +2,40 @@
 
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-from rich.box import SIMPLE_HEAD
-from rich.table import Table
+from rich.console import Console
 
-from validation.long.figures import draw
+from validation.long.figures import long_run
 from validation.long.measure import BOUND, QUANTITIES
-from validation.pages.page import save
-from validation.running import machine
+from validation.pages import report
+from validation.pages.figures import draw_each
 from validation.statistics.estimate import Estimate
 
 
-def write(rows, series, out) -> Path:
-    """Write summary.json, table.csv and the figure into the folder ``out``; the figure's path."""
-    save(machine.circumstances() | {"bound": BOUND, "runs": rows}, out)
-    flat = [dict(row) for row in rows]
-    for row in flat:
-        if "energy_drift" in row:
-            drift = Estimate.of(row["energy_drift"])
-            row |= {"energy_drift": drift.value, "energy_drift_margin": drift.margin}
-    pd.DataFrame(flat).to_csv(Path(out) / "table.csv", index=False, float_format="%.3g")
-    return draw(rows, series, out)
+def write(summary: dict, series: dict, out: Path) -> None:
+    """Write summary.json, table.csv and the figure into the folder ``out``."""
+    rows = []
+    for row in summary["runs"]:
+        if drift := row.get("energy_drift"):
+            known = Estimate.of(drift)
+            row = row | {"energy_drift": known.value, "energy_drift_margin": known.margin}
+        rows.append({k: f"{one:.3g}" if isinstance(one, float) else one for k, one in row.items()})
+    report.write(summary, out, {"table": report.frame(rows)})
+    for path, _ in draw_each((long_run,), out, summary, series):
+        path.rename(path.with_name("long-run.png"))
 
 
-def show(console, rows):
+def show(console: Console, summary: dict, out: Path) -> None:
     """Print the table; ± is the half width of the 95 % interval."""
-    table = Table(
-        title=f"Largest relative error of a free body (bound {BOUND:g})",
-        title_justify="left",
-        box=SIMPLE_HEAD,
-    )
-    for column in (
-        "integrator",
-        "turn a step, rad",
-        "steps",
-        *QUANTITIES.values(),
-        "drift of energy in the run",
-        "µs/step",
-    ):
-        table.add_column(column, justify="left" if column == "integrator" else "right")
-    for row in rows:
-        if "steps" in row:
-            table.add_row(
-                row["label"], f"{row['angle']:g}", f"{row['steps']:,}", *(f"{row[key]:.1e}" for key in QUANTITIES),
-                f"{row['energy_drift']['value']:.1e} ± {Estimate.of(row['energy_drift']).margin:.0e}" if "energy_drift" in row else "–", f"{row.get('us_per_step', np.nan):.1f}",
-            )  # fmt: skip
-        if row["error"]:
-            console.print(f"✗ {row['label']}: {row['error']}", markup=False)
-    console.print(table)
+    cells = [
+        [row["label"], f"{row['angle']:g}", f"{row['steps']:,}"]
+        + [f"{row[key]:.1e}" for key in QUANTITIES]
+        + [Estimate.of(row["energy_drift"]).text() if "energy_drift" in row else "–"]
+        + [f"{row['us_per_step']:.1f}" if "us_per_step" in row else "–"]
+        for row in summary["runs"]
+        if "steps" in row
+    ]
+    heads = ["integrator", "turn a step, rad", "steps", *QUANTITIES.values()]
+    heads += ["drift of energy in the run", "µs/step"]
+    report.table(console, f"Largest relative error of a free body (bound {BOUND:g})", heads, cells)
+    failures = [f"{row['label']}: {row['error']}" for row in summary["runs"] if row["error"]]
+    report.end(console, summary, out, failures, "long-run.png")

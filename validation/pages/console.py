@@ -23,8 +23,8 @@ class Meter:
         unit: what is counted.
     """
 
-    def __init__(self, console, total, unit="steps"):
-        self.console, self.unit = console, unit
+    def __init__(self, console: Console, total: int, unit: str = "steps") -> None:
+        self.console, self.unit, self.done = console, unit, 0
         self.progress = Progress(
             TextColumn("{task.description:<34}"),
             BarColumn(),
@@ -36,13 +36,12 @@ class Meter:
             disable=not console.is_terminal,
         )
         self.all = self.progress.add_task("all runs", total=total)
-        self.done = 0
 
-    def __enter__(self):
+    def __enter__(self) -> "Meter":
         self.progress.start()
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_) -> None:
         self.progress.stop()
 
     def begin(self, label: str, total: int) -> None:
@@ -50,7 +49,7 @@ class Meter:
         self.label, self.total, self.start = label, total, time.monotonic()
         self.one = self.progress.add_task(label, total=total)
 
-    def at(self, step: int) -> None:
+    def at(self, step: float) -> None:
         """The run has come to ``step``."""
         self.progress.update(self.one, completed=step)
         self.progress.update(self.all, completed=self.done + step)

@@ -1,6 +1,6 @@
 """What all figures share: colours, marks, style, and how they are drawn into a folder."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -8,6 +8,9 @@ import matplotlib
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 OURS, OTHERS, THIRD, INK, PALE = "#0b6e4f", "#5b7db1", "#c06c3e", "#333333", "#bdbdbd"
 STYLE: dict = {
@@ -36,22 +39,67 @@ MARKS = {  # integrator: colour, marker; pale ones are variants of the one befor
     "rattle": ("#bfa5cf", "v"),
 }
 MISSED = "#b00000"
+Drawn = tuple[Figure, str] | None  # a figure and its caption, or None where there is none to draw
 
 
-def draw_each(functions: Iterable[Callable], out: Path, *data) -> list[tuple[Path, str]]:
-    """Draw figures into a folder, each by a function of the data that gives (figure or None,
-    caption).
+def draw_each(
+    functions: Iterable[Callable[..., Drawn]], out: Path, *data
+) -> list[tuple[Path, str]]:
+    """Draw figures into a folder: list of (PNG path, caption).
 
-    Returns:
-        list of (PNG path, caption).
+    Args:
+        functions: each gives `Drawn` of the data; its name is the file's.
     """
     made = []
     with plt.rc_context(STYLE):
         for function in functions:
-            figure, caption = function(*data)
+            figure, caption = function(*data) or (None, "")
             if figure is not None:
                 path = Path(out) / f"{function.__name__}.png"
                 figure.savefig(path)
                 plt.close(figure)
                 made.append((path, caption))
     return made
+
+
+def whiskers(spreads: Sequence[dict]) -> tuple[np.ndarray, np.ndarray]:
+    """Medians of spreads, and how far minimum and maximum are from them, as for errorbar."""
+    median, low, high = np.array(
+        [[one[part] for one in spreads] for part in ("median", "min", "max")]
+    )
+    return median, np.array([median - low, high - median])
+
+
+def bars(
+    axis: Axes, labels: Sequence[str], spreads: Sequence[dict], texts: Sequence[str], colours
+) -> None:
+    """Horizontal bars from the top: medians, whiskers from minimum to maximum, texts behind."""
+    places = np.arange(len(labels))
+    median, reach = whiskers(spreads)
+    low, high = median - reach[0], median + reach[1]
+    axis.barh(places, median, color=colours, height=0.64)
+    axis.errorbar(median, places, xerr=reach, fmt="none", ecolor=INK, capsize=2, lw=1)
+    for place, top, text in zip(places, high, texts):
+        behind: dict = {"textcoords": "offset points", "va": "center", "fontsize": 8.5}
+        axis.annotate(text, (max(top, 0), place), (6, 0), **behind)
+    axis.set_yticks(places, labels)
+    axis.tick_params(axis="y", length=0)
+    axis.invert_yaxis()
+    axis.locator_params(axis="x", nbins=6)
+    axis.set_xlim(min(0, 1.1 * low.min()), 1.35 * max(high.max(), 1e-3))
+
+
+def panels(
+    count: int, columns: int, width: float, height: float, more: float, **shared
+) -> tuple[Figure, list[Axes]]:
+    """A figure with so many panels in columns, and their axes: each so wide and high (in.)."""
+    columns = min(columns, count)
+    lines = -(-count // columns)
+    size = columns * width, more + lines * height
+    figure, axes = plt.subplots(
+        lines, columns, figsize=size, squeeze=False, layout="constrained", **shared
+    )
+    for axis in axes.flat[count:]:
+        axis.set_visible(False)
+        axes[lines - 2, columns - 1].tick_params(labelbottom=True)
+    return figure, list(axes.flat[:count])

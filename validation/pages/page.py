@@ -1,13 +1,12 @@
 """From plain data to summary.json and to self-contained HTML pages."""
 
 import base64
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 import jinja2
 
-from validation.running import machine
+from validation.running import machine, store
 from validation.statistics.check import bound, measured
 from validation.statistics.estimate import SURE, Estimate
 
@@ -16,17 +15,14 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 def save(summary: dict, out: Path) -> None:
     """Write plain data to summary.json in the folder ``out``, whole or not at all."""
-    path = out / "summary.json"
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
-    part.replace(path)
+    store.write(Path(out) / "summary.json", summary)
 
 
 def page(template: str, path: Path, figures: Sequence[tuple[Path, str]], **values) -> None:
     """Write a self-contained HTML page.
 
     Args:
-        template: its name in ``templates``.
+        template: its name in ``templates``; most fill the blocks of ``base.html``.
         path: of the page.
         figures: list of (PNG path, caption).
         values: what else the template uses.
@@ -48,3 +44,12 @@ def page(template: str, path: Path, figures: Sequence[tuple[Path, str]], **value
         (base64.b64encode(Path(png).read_bytes()).decode(), caption) for png, caption in figures
     ]
     Path(path).write_text(environment.get_template(template).render(figures=embedded, **values))
+
+
+def plain(result) -> dict:
+    """A dataclass as plain data; what is None is left out, but for ``error``."""
+    return {
+        key: value.plain() if isinstance(value, Estimate) else value
+        for key, value in vars(result).items()
+        if value is not None or key == "error"
+    }

@@ -1,5 +1,6 @@
-"""Columns of tables, and their cells as text."""
+"""Columns of tables, and their cells as text and as numbers."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from validation.statistics.estimate import Estimate, rounded
@@ -9,15 +10,21 @@ FREE = 90.0  # percent of a core that a rank must have had
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the comparison: where its numbers are, and what they mean."""
+    """A column of a table: where its numbers are in a row, and how they are called.
+
+    Attributes:
+        kind: ``estimate`` (value, error, freedom), ``spread`` (median, min, max) or ``number``.
+    """
 
     key: str
     title: str
     unit: str
-    # "estimate": value, standard error, its degrees of freedom; "number"; "spread": median, min,
-    # max
-    kind: str
-    meaning: str
+    kind: str = "spread"
+
+    @property
+    def head(self) -> str:
+        """Its heading in the terminal."""
+        return f"{self.title}\n{self.unit}"
 
 
 def cell(row: dict, column: Column, short: bool = False) -> str:
@@ -26,15 +33,31 @@ def cell(row: dict, column: Column, short: bool = False) -> str:
     if value is None:
         return "–"
     if column.kind == "estimate":
-        drift = Estimate.of(row["drift"]) if "drift" in row else Estimate(0.0)
+        drift = Estimate.of(row["drift"]) if row.get("drift") else Estimate(0.0)
         drifts = column.key == "energy_sd" and abs(drift.value) > drift.margin
         return rounded(value["value"], Estimate.of(value).margin) + ", drifts" * drifts
     if column.kind == "number":
         return f"{value:.1e}" if value else "0"
-    digits = 0 if value["median"] >= 100 else 2
-    if short:
-        return f"{value['median']:.{digits}f}"
-    return f"{value['median']:.{digits}f} [{value['min']:.{digits}f}–{value['max']:.{digits}f}]"
+    median, low, high = (
+        f"{value[part]:.{0 if value['median'] >= 100 else 2}f}" for part in ("median", "min", "max")
+    )
+    return median if short else f"{median} [{low}–{high}]"
+
+
+def numbers(row: dict, columns: Iterable[Column]) -> dict:
+    """A row's entries as the cells of a CSV file, by their headings; None where there is none."""
+    found: dict = {}
+    for column in columns:
+        value = row.get(column.key)
+        if column.kind == "number":
+            parts = {"": value}
+        elif column.kind == "estimate":
+            known = Estimate.of(value) if value else None
+            parts = {"": known and known.value, " margin": known and known.margin}
+        else:
+            parts = {f" {part}": value and value[part] for part in ("median", "min", "max")}
+        found |= {f"{column.title}{part} ({column.unit})": one for part, one in parts.items()}
+    return found
 
 
 def busy(summary: dict) -> str | None:

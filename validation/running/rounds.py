@@ -4,8 +4,8 @@ So a change in the machine's load meets all of them alike, and numbers of one ro
 with like.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from validation.running import run
 from validation.running.run import Meter
 from validation.statistics import measures
 
+KIB_PER_MIB = 1024
 SETUPS = 2  # `run 0` before the steps: the first one also reads or compiles code
 SEGMENTS = 3  # timed segments of a process
 LEAST = 40  # steps of a segment: the last one writes output, and every tenth or so re-neighbours
@@ -32,6 +33,45 @@ class Lengths:
         return [self.warm_up] + [self.segment] * self.segments
 
 
+@dataclass(frozen=True)
+class Timing:
+    """What a completed run took: medians of the segments after the warm-up, if it has any.
+
+    Attributes:
+        modify, loop, sections: us per step, of LAMMPS's timing table.
+        cpu: the smallest share of a core in a segment, in percent.
+        steps: of each segment.
+        define, setups: s of the fixes' commands together, and of each `run 0`.
+        memory: KiB of each rank at most.
+        versions: what the worker says of itself.
+    """
+
+    modify: float | None = None
+    loop: float | None = None
+    cpu: float | None = None
+    sections: dict = field(default_factory=dict)
+    steps: list = field(default_factory=list)
+    define: float = 0.0
+    setups: list = field(default_factory=list)
+    memory: list = field(default_factory=list)
+    versions: dict = field(default_factory=dict)
+
+    @property
+    def setup(self) -> float:
+        """s of the last `run 0`."""
+        return self.setups[-1]
+
+    @property
+    def first_setup(self) -> float:
+        """s of the fixes' commands and the first `run 0`."""
+        return self.define + self.setups[0]
+
+    @property
+    def peak(self) -> float:
+        """MiB of the rank with the most memory."""
+        return max(self.memory) / KIB_PER_MIB
+
+
 def lengths(loop: float, seconds: float) -> Lengths:
     """Segments that last so long.
 
@@ -44,13 +84,11 @@ def lengths(loop: float, seconds: float) -> Lengths:
     return Lengths(max(3, min(1000, segment // 5)), segment, segments)
 
 
-def calibrate(
-    make: Callable[[list[int]], run.Job], on_step: Callable[[int], object] = lambda step: None
-) -> float | run.Result:
+def calibrate(make: Callable[[list[int]], run.Job]) -> float | run.Result:
     """s of a step of the job ``make(runs)``, or its ``Result`` if it fails."""
     steps = LEAST
     while True:
-        result = run.run(make([3, steps]), on_step)
+        result = run.run(make([3, steps]))
         if result.error:
             return result
         loop = result.timings[-1]["loop"]
@@ -59,25 +97,24 @@ def calibrate(
         steps = min(10000, int(0.2 * steps / max(loop, 1e-6)))
 
 
-def in_turn(jobs: dict, rounds: int, meter: Meter) -> tuple[dict, dict, bool]:
-    """Run all jobs in each of so many rounds; one that fails is not run again.
-
-    Args:
-        jobs: name to (label, function of the round's number that makes a ``Job``).
-        meter: a ``console.Meter``.
+def in_turn(
+    labels: dict[str, str], make: Callable[[str, int], run.Job], rounds: int, meter: Meter
+) -> tuple[dict[str, list[Timing]], dict[str, str], bool]:
+    """Run the jobs ``make(name, round)`` of all names in each round; one that fails is not run
+    again.
 
     Returns:
-        (found, errors, interrupted): name to the list of its rounds' numbers (see ``numbers``),
-        name to why it failed, and whether a Ctrl-C ended it all.
+        (found, errors, interrupted): name to the `Timing` of each round, name to why it failed, and
+        whether a Ctrl-C ended it all.
     """
-    found: dict[str, list[dict]] = {name: [] for name in jobs}
+    found: dict[str, list[Timing]] = {name: [] for name in labels}
     errors: dict[str, str] = {}
     for number in range(1, rounds + 1):
-        for name, (label, make) in jobs.items():
+        for name, label in labels.items():
             if name in errors:
                 continue
             meter.begin(f"{label}, {number}/{rounds}", 1)
-            job = make(number)
+            job = make(name, number)
             result = run.run(job)
             meter.end(result.error)
             if result.interrupted:
@@ -85,65 +122,57 @@ def in_turn(jobs: dict, rounds: int, meter: Meter) -> tuple[dict, dict, bool]:
             if result.error:
                 errors[name] = result.error
             else:
-                found[name].append(numbers(job, result))
+                found[name].append(timing(job, result))
     return found, errors, False
 
 
-def numbers(job: run.Job, result: run.Result) -> dict:
-    """What is kept of a completed run, as plain data.
-
-    ``modify``, ``loop`` and each of ``sections`` (us per step): medians of the segments after the
-    warm-up;
-    ``cpu``: the smallest share of a core in these, in percent; ``define`` and ``setups``: s that
-    the fixes' commands and each `run 0` took; ``memory``: KiB of each rank at most; ``versions``.
-    """
+def timing(job: run.Job, result: run.Result) -> Timing:
+    """What is kept of a completed run."""
     segments = result.timings[job.setups + 1 :]
-    kept = {
-        "define": sum(
-            time
-            for command, time in zip(job.commands, result.seconds["commands"])
-            if command.startswith("fix ")
-        ),
-        "setups": result.seconds["setups"],
-        "memory": result.memory,
-        "versions": result.versions,
-    }
-    if segments:
-        per_step = [
-            {name: time / one["steps"] * 1e6 for name, time in one["sections"].items()}
-            for one in segments
-        ]
-        kept |= {
-            "sections": {
-                name: float(np.median([one[name] for one in per_step])) for name in per_step[0]
-            },
-            "modify": float(np.median([one["Modify"] for one in per_step])),
-            "loop": float(np.median([one["loop"] / one["steps"] for one in segments])) * 1e6,
-            "steps": [one["steps"] for one in segments],
-        }
-        shares = [one["cpu"] for one in segments if one["cpu"] is not None]
-        if shares:
-            kept["cpu"] = min(shares)
-    return kept
+
+    def median(of):
+        found = [of(one) / one["steps"] for one in segments]
+        return float(np.median(found)) * 1e6 if found else None
+
+    names = segments[0]["sections"] if segments else ()
+    shares = [one["cpu"] for one in segments if one["cpu"] is not None]
+    spent = zip(job.commands, result.seconds["commands"])
+    return Timing(
+        modify=median(lambda one: one["sections"]["Modify"]),
+        loop=median(lambda one: one["loop"]),
+        cpu=min(shares, default=None),
+        sections={name: median(lambda one, name=name: one["sections"][name]) for name in names},
+        steps=[one["steps"] for one in segments],
+        define=sum(time for command, time in spent if command.startswith("fix ")),
+        setups=result.seconds["setups"],
+        memory=result.memory,
+        versions=result.versions,
+    )
 
 
-def spread(rounds: list[dict], key: str) -> dict | None:
+def spread(rounds: list[Timing], key: str, times: float = 1.0) -> dict | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
-    values = [one[key] for one in rounds if key in one]
-    return measures.spread(values) if values else None
+    values = (getattr(one, key) for one in rounds)
+    return _spread(value * times for value in values if value is not None)
 
 
-def ratio(ours: list[dict], theirs: list[dict], key: str) -> dict | None:
+def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> dict | None:
     """Spread of ours over theirs, each pair of one round; None if there is no pair."""
-    pairs = [(a[key], b[key]) for a, b in zip(ours, theirs) if key in a and b.get(key)]
-    return measures.spread(a / b for a, b in pairs) if pairs else None
+    pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(ours, theirs)]
+    return _spread(a / b for a, b in pairs if a is not None and b)
 
 
-def difference(own: list[dict], other: list[dict], of: Callable[[dict], float]) -> dict | None:
-    """Spread of own minus other, each pair of one round; None if there is no pair.
+def difference(own: list[Timing], other: list[Timing], key: str, times: float = 1.0) -> dict | None:
+    """Spread of own minus other, each pair of one round; None if there is no pair."""
+    pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(own, other)]
+    return _spread((a - b) * times for a, b in pairs if a is not None and b is not None)
 
-    Args:
-        of: function of a round's numbers.
-    """
-    pairs = [(of(a), of(b)) for a, b in zip(own, other)]
-    return measures.spread(a - b for a, b in pairs) if pairs else None
+
+def least_cpu(rounds: Iterable[Timing]) -> float | None:
+    """The smallest share of a core, in percent."""
+    return min((one.cpu for one in rounds if one.cpu is not None), default=None)
+
+
+def _spread(values: Iterable[float]) -> dict | None:
+    known = list(values)
+    return measures.spread(known) if known else None

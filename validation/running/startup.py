@@ -8,6 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -36,91 +37,79 @@ def measure(
     """Time the three kinds of start in turn; a Ctrl-C passes through.
 
     Args:
-        scene: a ``Scene``.
-        ours: the ``Integrator``.
         folder: for the runs' files.
         ranks: MPI ranks; one rank has one core to itself, also for what a compiler does in threads.
-        meter: a ``console.Meter``.
 
     Returns:
-        dict: of ``first``, ``later`` and ``plain`` the spreads of ``wall`` and ``cpu`` (s, of all
-            processes
-        together), and ``first_added`` and ``later_added``: wall and cpu more than ``plain`` in the
-        same round; ``error``.
+        of ``first``, ``later`` and ``plain`` the spreads of ``wall`` and ``cpu`` (s, of all
+        processes together), and ``first_added`` and ``later_added``, more than ``plain`` in the
+        same round; ``ranks`` and ``error``.
     """
-    folder = Path(folder).resolve()
-    found: dict[str, list[dict]] = {"first": [], "later": [], "plain": []}
-    error = None
+    kinds = {"first": ours, "later": ours, "plain": PLAIN}
+    found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
+    result: dict = {"ranks": ranks, "error": None}
+    Path(folder).mkdir(parents=True, exist_ok=True)
     for number in range(1, rounds + 1):
-        place = folder / f"{ranks}-{number}"
-        shutil.rmtree(place, ignore_errors=True)
-        shutil.copytree(
-            package(), place / "fix_nosquish", ignore=shutil.ignore_patterns("__pycache__")
-        )
-        environment = {
-            "PYTHONPATH": str(place),
-            "XDG_CACHE_HOME": str(place / "cache"),
-            "NUMBA_CACHE_DIR": str(place / "cache"),
-        }
-        for kind in found:
-            meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
-            wall, cpu, error = _start(
-                scene, PLAIN if kind == "plain" else ours, place, ranks, environment
-            )
-            meter.end(error)
-            if error:
-                break
-            found[kind].append({"wall": wall, "cpu": cpu})
-        shutil.rmtree(place, ignore_errors=True)
-        if error:
+        with tempfile.TemporaryDirectory(dir=Path(folder).resolve()) as place:
+            nothing_compiled = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(package(), Path(place) / "fix_nosquish", ignore=nothing_compiled)
+            for kind, integrator in kinds.items():
+                meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
+                one, result["error"] = _start(scene, integrator, Path(place), ranks)
+                meter.end(result["error"])
+                if result["error"]:
+                    break
+                found[kind].append(one)
+        if result["error"]:
             break
-    result = {"ranks": ranks, "error": error}
     for kind, times in found.items():
         if times:
-            result[kind] = {
-                key: measures.spread(one[key] for one in times) for key in ("wall", "cpu")
-            }
-            pairs = list(zip(times, found["plain"]))
-            if kind != "plain" and pairs:
-                result[f"{kind}_added"] = {
-                    key: measures.spread(a[key] - b[key] for a, b in pairs)
-                    for key in ("wall", "cpu")
-                }
+            result[kind] = _spreads(times)
+        more = [(a - c, b - d) for (a, b), (c, d) in zip(times, found["plain"])]
+        if more and kind != "plain":
+            result[f"{kind}_added"] = _spreads(more)
     return result
 
 
-def _start(scene, integrator, place, ranks, environment):
-    """(wall, cpu, error) of a process that does one step."""
-    script = place / "in.start"
-    script.write_text(
-        "\n".join([*scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""])
-    )
+def _spreads(times: list[tuple[float, float]]) -> dict:
+    return dict(zip(("wall", "cpu"), map(measures.spread, zip(*times))))
+
+
+def _start(
+    scene: Scene, integrator: Integrator, place: Path, ranks: int
+) -> tuple[tuple[float, float], str | None]:
+    """((wall, cpu), error) of a process that does one step."""
+    script, said = place / "in.start", place / "stderr.txt"
+    lines = *scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""
+    script.write_text("\n".join(lines))
     lmp = Path(sys.executable).parent / "lmp"
     command = [str(lmp) if lmp.exists() else "lmp", "-in", str(script)]
     command += ["-log", "none", "-screen", "none"]
     if ranks > 1:
         command = [run.mpirun(), "-np", str(ranks), *command]
-    core = min(os.sched_getaffinity(0))
+    cache = str(place / "cache")
+    own = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": cache, "NUMBA_CACHE_DIR": cache}
+    quiet: dict = {
+        "stdin": subprocess.DEVNULL,
+        "stdout": subprocess.DEVNULL,
+        "start_new_session": True,
+    }
+    if ranks == 1:
+        core = min(os.sched_getaffinity(0))
+        quiet["preexec_fn"] = lambda: os.sched_setaffinity(0, {core})
+    environment = {"OMP_NUM_THREADS": "1", **os.environ, **own}
     begin = time.perf_counter()
-    with open(place / "stderr.txt", "w") as said:
+    with open(said, "w") as stderr:
         process = subprocess.Popen(
-            command,
-            cwd=scene.folder,
-            env={"OMP_NUM_THREADS": "1", **os.environ, **environment},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=said,
-            start_new_session=True,
-            preexec_fn=(lambda: os.sched_setaffinity(0, {core})) if ranks == 1 else None,
+            command, cwd=scene.folder, env=environment, stderr=stderr, **quiet
         )
     try:
         _, status, used = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
     finally:
         run.end(process)
-    wall = time.perf_counter() - begin
-    error = None
-    if process.returncode:
-        told = (place / "stderr.txt").read_text().strip().replace("\n", " ")
-        error = told[-200:] or f"exit code {process.returncode}"
-    return wall, used.ru_utime + used.ru_stime, error
+    times = time.perf_counter() - begin, used.ru_utime + used.ru_stime
+    if not process.returncode:
+        return times, None
+    told = said.read_text().strip().replace("\n", " ")
+    return times, told[-200:] or f"exit code {process.returncode}"

@@ -13,29 +13,24 @@ def add(verbs) -> None:
         description="Count what the fixes hand to MPI in a step of water with 1,000 molecules on "
         "each rank, and what that would cost on up to 100,000 ranks, by a model. Writes "
         "counts.csv, model.csv, summary.json, a figure and a self-contained report.html. "
-        "Needs a C compiler.",
+        "Needs a C compiler. Ctrl-C keeps what is counted, and the same command goes on from "
+        "there.",
     )
-    parser.add_argument(
-        "--ranks",
-        type=command_line.wholes,
-        default=(1, 2, 4, 8, 16),
-        metavar="N,N",
-        help="numbers of MPI ranks (default 1,2,4,8,16)",
-    )
+    help, kind = "numbers of MPI ranks (default 1,2,4,8,16)", command_line.wholes
+    parser.add_argument("--ranks", type=kind, default=(1, 2, 4, 8, 16), metavar="N,N", help=help)
     command_line.out(parser, "results/scaling")
 
 
 def run(arguments) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
-    from validation.running import machine
     from validation.scaling import measure, report  # heavy: not for --help
 
     out, screen = command_line.folder(arguments.out, "results/scaling"), console.console()
-    runs = len(measure.COMPARED) * (len(arguments.ranks) + len({*arguments.ranks, 27}))
-    with console.Meter(screen, runs * (measure.WARM_UP + measure.STEPS)) as meter:
-        rows = measure.scaling(out, arguments.ranks, meter)
-    summary = machine.circumstances() | measure.summary(rows)
+    cases = measure.cases(arguments.ranks)
+    with console.Meter(screen, len(cases) * (measure.WARM_UP + measure.STEPS)) as meter:
+        summary = measure.scaling(cases, out, meter)
     report.write(summary, out)
     report.show(screen, summary, out)
-    return command_line.status(summary["interrupted"], any(row["error"] for row in rows))
+    failed = any(row["error"] for row in summary["counts"])
+    return command_line.status(summary["interrupted"], failed)

@@ -1,71 +1,64 @@
-"""From the counts and the model of `scaling` to files: summary.json, counts.csv, model.csv, a
-figure, report.html."""
+"""From the counts and the model of `scaling` to files and the terminal."""
 
-import csv
+from pathlib import Path
 
 import matplotlib.pyplot as plt
-from rich.table import Table
+import pandas as pd
+from rich.console import Console
 
-from validation.pages.figures import MARKS, draw_each
-from validation.pages.page import page, save
+from validation.pages import report
+from validation.pages.figures import MARKS, Drawn, draw_each
+from validation.scaling.measure import COUNTED
 
-COUNTS = (
-    "decomposition",
-    "integrator",
-    "ranks",
-    "bodies",
-    "messages",
-    "bytes",
-    "collectives",
-    "collective_bytes",
-)
-MODEL = ("link", "decomposition", "integrator", "ranks", "bodies", "seconds")
+COUNTS = "decomposition", "integrator", "ranks", "bodies", *COUNTED
+MODEL = "link", "decomposition", "integrator", "ranks", "bodies", "seconds"
 
 
-def write(summary, out):
-    """Write all files into the folder ``out``.
-
-    Args:
-        summary: with ``counts`` (rows of `scaling.scaling`), ``model`` (rows of `scaling.model`,
-            with the link's name) and ``links``, as plain data.
-    """
-    save(summary, out)
-    for name, columns in ("counts", COUNTS), ("model", MODEL):
-        with open(out / f"{name}.csv", "w", newline="") as file:
-            writer = csv.DictWriter(file, columns, extrasaction="ignore", lineterminator="\n")
-            writer.writeheader()
-            writer.writerows(row for row in summary[name] if not row.get("error"))
-    page("scaling.html", out / "report.html", draw_each((scaling,), out, summary), summary=summary)
+def write(summary: dict, out: Path) -> None:
+    """Write all files of a summary (see `measure.scaling`) into the folder ``out``."""
+    counts = [row for row in summary["counts"] if not row["error"]]
+    tables = {
+        "counts": report.frame(counts, COUNTS),
+        "model": report.frame(summary["model"], MODEL),
+    }
+    figures = draw_each((scaling,), out, tables, summary["links"][0]["name"])
+    report.write(summary, out, tables, "scaling.html", figures)
 
 
-def show(console, summary, out):
+def show(console: Console, summary: dict, out: Path) -> None:
     """Print the counts."""
-    table = Table(*COUNTS, title="handed to MPI by the fixes, per rank and step")
-    for row in summary["counts"]:
-        table.add_row(*(row["error"] or "" if key not in row else f"{row[key]:.4g}" if isinstance(row[key], float) else str(row[key])
-                        for key in COUNTS))  # fmt: skip
-    console.print(table)
-    console.print(f"page: {out / 'report.html'}")
+    words = "decomposition", "integrator"
+    cells = [
+        [f"{row[key]:.4g}" if key in COUNTED else str(row[key]) for key in COUNTS]
+        for row in summary["counts"]
+        if not row["error"]
+    ]
+    title = "Handed to MPI by the fixes, per rank and step"
+    report.table(console, title, COUNTS, cells, words)
+    failed = [row for row in summary["counts"] if row["error"]]
+    failures = [
+        f"{row['integrator']}, {row['decomposition']}, {row['ranks']} ranks: {row['error']}"
+        for row in failed
+    ]
+    report.end(console, summary, out, failures)
 
 
-def scaling(summary):
+def scaling(tables: dict[str, pd.DataFrame], link: str) -> Drawn:
     """Bytes per rank and step, and the model's time, against the number of ranks."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
-    for rows, axis, value in (summary["counts"], left, lambda row: row["bytes"] + row["collective_bytes"]), (
-        [row for row in summary["model"] if row["link"] == summary["links"][0]["name"]], right, lambda row: row["seconds"] * 1e6,
-    ):  # fmt: skip
-        for decomposition, line in ("slab", "--"), ("brick", "-"):
-            for name, (colour, mark) in MARKS.items():
-                some = [
-                    row
-                    for row in rows
-                    if (row["decomposition"], row["integrator"]) == (decomposition, name)
-                    and not row.get("error")
-                ]
-                shown = [row for row in some if value(row) > 0]
-                if shown:
-                    axis.loglog([row["ranks"] for row in shown], [value(row) for row in shown], line, color=colour, marker=mark,
-                                label=f"{name}, {decomposition}")  # fmt: skip
+    counts, model = tables["counts"], tables["model"]
+    counts = counts.assign(value=counts["bytes"] + counts["collective_bytes"])
+    model = model[model["link"] == link].assign(value=lambda rows: rows["seconds"] * 1e6)
+    for rows, axis in (counts, left), (model, right):
+        known = rows[rows["value"] > 0].groupby(["decomposition", "integrator"], sort=False)
+        for (decomposition, name), some in known:
+            colour, mark = MARKS[name]
+            style = {
+                "color": colour,
+                "marker": mark,
+                "ls": "--" if decomposition == "slab" else "-",
+            }
+            axis.loglog(some["ranks"], some["value"], label=f"{name}, {decomposition}", **style)
         axis.set_xlabel("ranks")
     left.set_ylabel("bytes per rank and step")
     right.set_ylabel("µs per step, by the model")
