@@ -207,7 +207,7 @@ STARTS = 4
 def averages(limit, seed, chance=0.0):
     """A sweep's record and points of several schemes whose averages are limit + b dt^2, b the scheme's own, with noise and each start's chance."""
     random = np.random.default_rng(seed)
-    swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("potential",))
+    swept = dataclasses.replace(sweep_plan.SWEEPS["water"], measures=("potential",))
     shared = random.normal(0.0, chance, STARTS)
     found = {}
     for name, slope in (
@@ -220,7 +220,7 @@ def averages(limit, seed, chance=0.0):
             value = (
                 limit + slope * dt**2 + (5.0 if dt > 4 else 0.0) + (1.0 if abs(slope) > 1 else 0.0)
             )  # no law at long steps, or of what drifts
-            found[sweep.Point("water", SWEPT[name], dt)] = [
+            found[sweep_plan.Point("water", SWEPT[name], dt)] = [
                 {
                     "potential": Estimate(
                         value + shared[start] + random.normal(0.0, 0.01), np.hypot(0.01, chance)
@@ -238,8 +238,9 @@ def test_limits_are_those_of_the_symplectic_schemes(chance):
     for seed in range(60):
         swept, found = averages(-9.7, seed, chance)
         limit = sweep_errors.limits(found, swept)["potential"]
-        assert len(limit["starts"]) == STARTS
-        off.append((limit["all"]["value"] + 9.7) / limit["all"]["error"])
+        assert len(limit) == STARTS
+        one = sweep_errors.pooled(limit)
+        off.append((one.value + 9.7) / one.error)
     assert 0.4 < np.std(off) < 1.5 and abs(np.mean(off)) < 0.5
     few = {point: one for point, one in found.items() if point.dt == 1.0}
     assert sweep_errors.limits(few, swept) == {}, "one step has no limit"
@@ -249,7 +250,7 @@ def test_another_model_is_held_against_nothing_of_ours():
     """Locks out shake's freely bending CH3 groups taken for an integrator's error, and mixed into the limit of rigid ones."""
     swept, found = averages(-9.7, 3)
     odd = [{"potential": Estimate(5.0, 0.001)} for _ in range(STARTS)]
-    shake = {sweep.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
+    shake = {sweep_plan.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
     peptide = dataclasses.replace(swept, differs="CH3 bends")
     assert (
         sweep_errors.limits(found | shake, peptide)
@@ -260,20 +261,20 @@ def test_another_model_is_held_against_nothing_of_ours():
     assert all(errors[point] == ({}, {}) for point in shake) and all(
         "potential" in errors[point][0] for point in found
     )
-    assert sweep.SWEEPS["peptide"].measures_of(SWEPT["nosquish"]) == list(
-        sweep.SWEEPS["peptide"].measures
+    assert sweep_plan.SWEEPS["peptide"].measures_of(SWEPT["nosquish"]) == list(
+        sweep_plan.SWEEPS["peptide"].measures
     )
     assert not {"position", "orientation", "potential"} & set(
-        sweep.SWEEPS["peptide"].measures_of(SWEPT["shake-1e-8"])
+        sweep_plan.SWEEPS["peptide"].measures_of(SWEPT["shake-1e-8"])
     )
-    assert {"position", "potential"} < set(sweep.SWEEPS["water"].measures_of(SWEPT["shake-1e-8"]))
+    assert {"position", "potential"} < set(sweep_plan.SWEEPS["water"].measures_of(SWEPT["shake-1e-8"]))
 
 
 def test_what_starts_share_is_no_error():
     """Locks out a point held against the limit of other starts, and each start's chance taken for the integrator's error."""
     swept, found = averages(-9.7, 5, chance=3.0)
     errors, signed = sweep_errors.of_points(found, sweep_errors.limits(found, swept), swept)[
-        sweep.Point("water", SWEPT["rigid"], 4.0)
+        sweep_plan.Point("water", SWEPT["rigid"], 4.0)
     ]
     assert (
         signed["potential"]["value"] == pytest.approx(-31.0, abs=0.1)
@@ -282,7 +283,7 @@ def test_what_starts_share_is_no_error():
     assert 0.001 < errors["potential"]["error"] < 0.1
     two = {point: numbers[:2] for point, numbers in found.items()}
     errors, _ = sweep_errors.of_points(two, sweep_errors.limits(two, swept), swept)[
-        sweep.Point("water", SWEPT["rigid"], 4.0)
+        sweep_plan.Point("water", SWEPT["rigid"], 4.0)
     ]
     assert errors["potential"]["error"] > 2, "two starts scatter little by chance"
 
@@ -292,9 +293,9 @@ def test_what_starts_share_is_no_error():
 def test_noise_is_no_difference_of_g(difference, starts):
     """Locks out a distance between two g(r) that is their noise or what their starts share, one that is lost with it, and an error bar that is wrong."""
     random, bins, off = np.random.default_rng(3), 60, []
-    swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("g_oo",))
+    swept = dataclasses.replace(sweep_plan.SWEEPS["water"], measures=("g_oo",))
     first, second, third = (
-        sweep.Point("water", SWEPT[name], dt)
+        sweep_plan.Point("water", SWEPT[name], dt)
         for name, dt in (("nosquish", 1.0), ("rigid/nve", 0.5), ("shake-1e-4", 2.0))
     )
     for _ in range(100):
@@ -323,7 +324,7 @@ def test_noise_is_no_difference_of_g(difference, starts):
 def test_equipartition_of_correlated_samples(starts):
     """Locks out starts that are taken for one series, correlated samples for independent ones, and a difference of temperatures that is not seen."""
     random, kt, number = np.random.default_rng(5), sweep_errors.BOLTZMANN * 300, 400
-    point = sweep.Point("water", SWEPT["nosquish"], 1.0)
+    point = sweep_plan.Point("water", SWEPT["nosquish"], 1.0)
 
     def found(off):
         each = []
@@ -371,12 +372,12 @@ def test_physical_validation_tells_right_from_wrong():
 @pytest.mark.parametrize("times", [1.0, 1.01, 2.0, 7.0])
 def test_budget(short, times):
     """Locks out a budget that is not kept, runs too short to fail, and a point's own command that would run something else."""
-    scenes = sweep.SHORT_SCENES if short else sweep.SCENES
-    budget = times * (sweep.SHORT_BUDGET if short else sweep.BUDGET)
+    scenes = sweep_plan.SHORT_SCENES if short else sweep_plan.SCENES
+    budget = times * (sweep_plan.SHORT_BUDGET if short else sweep_plan.BUDGET)
     minutes = 0.0
-    for name, one in sweep.lengths(scenes, short, budget).items():
-        swept, points = sweep.SWEEPS[name], sweep.points([name], short)
-        assert sweep.lengths([name], short, float(f"{one.budget:.10g}"))[name] == one
+    for name, one in sweep_plan.lengths(scenes, short, budget).items():
+        swept, points = sweep_plan.sweeps(short)[name], sweep_plan.points([name], short)
+        assert sweep_plan.lengths([name], short, float(f"{one.budget:.10g}"))[name] == one
         assert one.time >= (0.1 if short else swept.least)
         steps = swept.apart * 1000 / swept.scene.dt + 16 * swept.horizon / min(
             point.dt for point in points
@@ -395,21 +396,21 @@ def test_budget(short, times):
 @pytest.mark.parametrize("short", [False, True])
 def test_too_small_a_budget(short):
     """Locks out a sweep that takes longer than it may, or is too short to tell anything, and a message with a number that is refused again."""
-    scenes = sweep.SHORT_SCENES if short else sweep.SCENES
+    scenes = sweep_plan.SHORT_SCENES if short else sweep_plan.SCENES
     with pytest.raises(ValueError, match="needed") as refused:
-        sweep.lengths(scenes, short, 3.0)
+        sweep_plan.lengths(scenes, short, 3.0)
     enough = int(str(refused.value).split()[-3])
-    assert set(sweep.lengths(scenes, short, enough)) == set(scenes)
+    assert set(sweep_plan.lengths(scenes, short, enough)) == set(scenes)
     with pytest.raises(ValueError):
-        sweep.lengths(scenes, short, enough - 1)
+        sweep_plan.lengths(scenes, short, enough - 1)
 
 
 def test_every_step_ends_at_the_horizon():
     """Locks out a trajectory compared at another time than the reference's."""
-    for swept in sweep.SWEEPS.values():
-        for dt in {*swept.steps, *swept.short_steps}:
+    for swept in (*sweep_plan.SWEEPS.values(), *sweep_plan.SHORT_SWEEPS.values()):
+        for dt in swept.steps:
             assert swept.horizon / dt == pytest.approx(round(swept.horizon / dt), abs=1e-9)
-        assert set(swept.measures) <= set(sweep.MEASURES)
+        assert set(swept.measures) <= set(sweep_errors.MEASURES)
 
 
 SMALL = {"starts": 2, "time": 0.3, "minutes": 1.0, "budget": 2.0}
@@ -421,22 +422,19 @@ LIMITS = {"potential", "equipartition"}
 def small(tmp_path_factory):
     """The dimer with few steps: what was run, and the summary, of the first call and of a second one, which asks for one point."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(
-            sweep.SWEEPS,
-            "dimer",
-            dataclasses.replace(sweep.SWEEPS["dimer"], apart=0.3, seconds=1e-4),
-        )
+        quick = dataclasses.replace(sweep_plan.SHORT_SWEEPS["dimer"], apart=0.3, seconds=1e-4)
+        patch.setitem(sweep_plan.SHORT_SWEEPS, "dimer", quick)
         refused = dataclasses.replace(
             SWEPT["rigid"], lines=(*SWEPT["rigid"].lines, 'if "$(dt>0.3)" then "no_such_command"')
         )
         patch.setitem(SWEPT, "rigid", refused)
         out, original, done = tmp_path_factory.mktemp("sweep"), run.run, []
         patch.setattr(run, "run", lambda job, on_step=None: done.append(job) or original(job))
-        points = sweep.points(["dimer"], True, ["nosquish", "rigid", "shake-1e-8"], (*STEPS, 0.6))
-        first = sweep.sweep(points, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
+        points = sweep_plan.points(["dimer"], True, ["nosquish", "rigid", "shake-1e-8"], (*STEPS, 0.6))
+        first = sweep.sweep(points, {"dimer": sweep_plan.Lengths(**SMALL)}, out, Silent(), short=True)
         number = len(done)
         one = [point for point in points if (point.integrator.name, point.dt) == ("rigid", 0.4)]
-        second = sweep.sweep(one, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
+        second = sweep.sweep(one, {"dimer": sweep_plan.Lengths(**SMALL)}, out, Silent(), short=True)
         yield out, done[:number], done[number:], first, second
 
 
@@ -539,7 +537,7 @@ def test_starts_take_turns(small):
 def test_samples_and_segments(small):
     """Locks out output in the timed steps, samples at other steps than told, and costs of other steps than the timed ones."""
     out, *_, summary, _ = small
-    swept = dataclasses.replace(sweep.SWEEPS["dimer"], seconds=1e-4)
+    swept = dataclasses.replace(sweep_plan.SWEEPS["dimer"], seconds=1e-4)
     parts = sweep_plan.parts(swept, 0.2, SMALL["time"])
     kept = run.collect(out / "runs/dimer-short/nosquish/0.2-fs/1")
     samples = range(parts.begin, parts.end + 1, parts.every)
@@ -587,7 +585,7 @@ def test_errors_fall_with_the_square_of_the_step(small):
     )
     scene = summary["scenes"]["dimer"]
     assert scene["degrees_of_freedom"] == 9 and scene["bodies"] == 2
-    assert set(row(summary, "nosquish", 0.4)["errors"]) == set(sweep.SWEEPS["dimer"].measures)
+    assert set(row(summary, "nosquish", 0.4)["errors"]) == set(sweep_plan.SWEEPS["dimer"].measures)
     assert set(scene["limits"]) == LIMITS
 
 
@@ -614,10 +612,10 @@ def test_an_interruption_keeps_what_is_measured(tmp_path, monkeypatch):
             "interrupted", {}, [], None, {}, interrupted=True
         ),
     )
-    points = sweep.points(["dimer", "water"], True)
+    points = sweep_plan.points(["dimer", "water"], True)
     monkeypatch.setattr(sweep.starts, "of_size", lambda scene, bodies, folder: scene)
     summary = sweep.sweep(
-        points, sweep.lengths(["dimer", "water"], True), tmp_path, Silent(), short=True
+        points, sweep_plan.lengths(["dimer", "water"], True), tmp_path, Silent(), short=True
     )
     assert (
         summary["interrupted"]

@@ -16,6 +16,7 @@ from validation.scenes import SCENES
 from validation.scenes.integrators import SWEPT
 from validation.sweep import choice as sweep_choice
 from validation.sweep import figures as sweep_figures
+from validation.sweep import plan as sweep_plan
 from validation.sweep import report as sweep_report
 
 MEASURES = {
@@ -707,7 +708,7 @@ def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil
     assert [(one.scene, one.integrator.name, one.dt) for one in asked["points"]] == [
         ("water", name, dt) for dt in (1, 2) for name in ("nosquish", "rigid")
     ]
-    assert asked["lengths"] == sweep.lengths(["water"], False, 300.0) and (
+    assert asked["lengths"] == sweep_plan.lengths(["water"], False, 300.0) and (
         asked["ranks"],
         asked["silence"],
         asked["short"],
