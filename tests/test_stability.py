@@ -2,7 +2,6 @@
 
 import csv
 import dataclasses
-import fcntl
 import json
 import shutil
 import threading
@@ -35,7 +34,7 @@ from validation.theory.top import free_top
 
 
 def criterion(bound=1.0, side="≤", unit="", **more):
-    return Criterion(("test",), "a number", side, bound, unit, "none", "none", (), **more)
+    return Criterion(side, bound, unit, ("test",), "a number", "none", "none", (), **more)
 
 
 def case(measure, name="test", side="≤", **more):
@@ -54,9 +53,8 @@ def row(found, integrator="nosquish", folder=Path("unused"), length=None, starts
     """The row of a case with an integrator; of another length, if one is given."""
     if length is not None:
         found = dataclasses.replace(found, short=length)
-    *_, last = stability._rows(
-        found, integrator, folder / "none", folder, False, 60.0, Silent(), starts
-    )
+    stand = stability.Stand(found, stability.COMPARED[integrator], folder, 60.0, Silent())
+    *_, last = stability.grown(stand, integrator, False, starts=starts)
     return stability.judged(found, last)
 
 
@@ -187,8 +185,7 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "summary.json").read_text())["cases"] == summary["cases"]
     run_them(["one"], full=True)
     assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
-    other = stability._code()
-    monkeypatch.setattr(stability, "_code", lambda: other[::-1])
+    monkeypatch.setattr(stability.store, "code_of", lambda module: "other")
     summary = run_them(["two"])
     assert [found["name"] for found in summary["cases"]] == ["two"] and len(done) == 9
     monkeypatch.undo()
@@ -205,10 +202,11 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     )
     monkeypatch.setattr(stability.store, "HARNESS", copy)
 
+    cases = {"test": case(None)}
+
     def code():
-        stability._code.cache_clear()
         stability.store.code_of.cache_clear()
-        return stability._code()
+        return stability.Rows(cases, tmp_path, False).place("test", "nosquish")[1]
 
     before = code()
     for shows in "stability/report", "pages/figures", "report/sections", "stability/command":
@@ -233,7 +231,6 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     monkeypatch.setattr(stability.machine, "contents", lambda folder: "another")
     found.add(code())
     assert len(found) == 13
-    stability._code.cache_clear()
     stability.store.code_of.cache_clear()
 
 
@@ -327,9 +324,7 @@ def test_a_case_is_one_process_alone(tmp_path):
         return Number(0.5)
 
     cases = {name: case(measure, name) for name in ("one", "two")}
-    (tmp_path / "runs" / "one").mkdir(parents=True)
-    with open(tmp_path / "runs" / "one" / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with stability.Rows(cases, tmp_path, False).store.locked("one"):
         run_them = threading.Thread(
             target=stability.stability,
             args=(cases, ["one", "two"], tmp_path, False, 60.0, Silent(), ["nosquish"]),
