@@ -44,7 +44,7 @@ def case(measure, name="test", side="≤", **more):
         "bars": "none",
         "short": 1,
         "full": 2,
-        "criteria": {"test": criterion(side=side)},
+        "bounds": {"test": criterion(side=side)},
     }
     return Case(name=name, measure=measure, **usual | more)
 
@@ -507,13 +507,13 @@ def test_rows_of_another_atlas_are_judged_again(tmp_path):
     ran = []
     stricter = dataclasses.replace(
         measured,
-        criteria={"test": criterion(0.1)},
+        bounds={"test": criterion(0.1)},
         measure=lambda stand, length: ran.append(1) or Number(0.7),
     )
     line = take(stricter, "new")
     assert (line["value"], line["verdict"], ran) == (0.5, "fail", [])
     inner = dataclasses.replace(
-        stricter, criteria=stricter.criteria | {"inner": criterion(0.3, inner=True)}
+        stricter, bounds=stricter.bounds | {"inner": criterion(0.3, inner=True)}
     )
     line = take(inner, "other")
     assert (line["value"], line["verdict"], ran) == (0.7, "fail", [1])

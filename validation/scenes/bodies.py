@@ -58,12 +58,8 @@ def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def three_rods(moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shape and masses of six atoms on three axes with these principal moments, axis by axis; no
-    one above the sum of the others.
-
-    Args:
-        moment: (3,), about x, y, z.
-    """
+    """Shape and masses of six atoms on three axes with these principal moments, about x, y, z; no
+    one above the sum of the others."""
     # two atoms of unit mass on each axis: 2 d_k^2 is what this axis adds to the others
     square = np.maximum(0.0, moment.sum() / 2 - moment) / 2
     return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
@@ -75,18 +71,13 @@ def symmetric_top(turn: Rotation, spin: np.ndarray, moment: np.ndarray, time: fl
     and Lifshitz, Mechanics, section 33).
 
     Args:
-        turn: ``Rotation`` from the top's frame to space at time 0.
+        turn: from the top's frame to space at time 0.
         spin: (3,) angular velocity then, in the top's frame.
         moment: (3,) principal moments, the first two equal.
-    Returns:
-        the ``Rotation`` then.
     """
+    circle = Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0])
     about = spin[2] * (1 - moment[2] / moment[0])
-    return (
-        Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0])
-        * turn
-        * Rotation.from_rotvec([0, 0, time * about])
-    )
+    return circle * turn * Rotation.from_rotvec([0, 0, time * about])
 
 
 def scene(

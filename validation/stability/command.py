@@ -16,11 +16,9 @@ def add(verbs) -> None:
         help="where integrators break: time step, heat, cold, odd bodies, contact, ranks, "
         "long runs",
         description="Run cases that some integrator does not bear with fix_nosquish's schemes and "
-        "LAMMPS's own fixes, each judged by a number against a bound. Writes a matrix to the "
-        "terminal and summary.json, table.csv, a figure and a self-contained report.html. Ctrl-C "
-        "keeps what is there, and the same command goes on from there; cases run at other times "
-        "with the same code and lengths are shown too, those of other code or lengths are kept and "
-        "not shown. The same command in several processes at once shares the cases among them.",
+        "LAMMPS's own fixes, each judged by a number against a bound. After a Ctrl-C the same "
+        "command goes on; cases run at other times with the same code and lengths are shown too. "
+        "The same command in several processes at once shares the cases among them.",
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, "
         "130 after Ctrl-C.",
     )

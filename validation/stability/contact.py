@@ -11,24 +11,14 @@ import numpy as np
 
 from validation.scenes import bodies
 from validation.stability.criteria import NS_OF_REDUCED
-from validation.stability.measure import (
-    EXTREME,
-    LINE,
-    Case,
-    Number,
-    Stand,
-    lowest_of_starts,
-    mean_of_starts,
-    of_parts,
-)
+from validation.stability.measure import EXTREME, Case, Number, Stand, lowest_of_starts, of_parts
 from validation.stability.molecules import (
     ALLOWED,
-    DRIFT,
     GRID,
     HEAVY,
     LONGEST,
     OF_DRIFT,
-    SOME,
+    OF_STEP,
     STARTS,
     drift,
     limit,
@@ -122,12 +112,7 @@ def _springs(pairs, stiffness, rest):
 
 
 @Case.of(
-    "mass-ratio",
-    "A body of 1e6 times the mass of those that hit it.",
-    DRIFT,
-    LINE,
-    (40_000, 400_000),
-    **OF_DRIFT,
+    "mass-ratio", "A body of 1e6 times the mass of those that hit it.", 40_000, 400_000, **OF_DRIFT
 )
 def mass_ratio(stand: Stand, steps: int) -> Number:
     """A body a million times as heavy among light ones."""
@@ -140,9 +125,8 @@ def mass_ratio(stand: Stand, steps: int) -> Number:
 @Case.of(
     "contact",
     "Two bodies pressed against each other's r⁻¹² walls by a spring of 300 ε/σ².",
-    DRIFT,
-    LINE,
-    (200_000, 2_000_000),
+    200_000,
+    2_000_000,
     **OF_DRIFT,
 )
 def contact(stand: Stand, steps: int) -> Number:
@@ -160,11 +144,10 @@ def contact(stand: Stand, steps: int) -> Number:
 @Case.of(
     "springs",
     "Two bodies joined by stiff springs from atom to atom, ω the highest frequency.",
-    LONGEST.format("ωΔt", ALLOWED, "100 periods", "5,000") + ", a mean over starts",
-    SOME,
-    (100, 5000),
-    starts=STARTS,
-    together=mean_of_starts,
+    100,
+    5000,
+    criterion=LONGEST.format("ωΔt", ALLOWED, "100 periods", "5,000") + ", a mean over starts",
+    **OF_STEP,
 )
 def springs(stand: Stand, periods: float) -> Number:
     """Two equal bodies with a stiff spring between each two like atoms: the longest Δt times the
@@ -197,9 +180,8 @@ def _limit(stand, scene, steps, periods, omega):
 @Case.of(
     "gradient",
     "Dipolar bodies in a field whose gradient changes it over their own length.",
-    DRIFT,
-    LINE,
-    (10_000, 500_000),
+    10_000,
+    500_000,
     **OF_DRIFT,
 )
 def gradient(stand: Stand, steps: int) -> Number:
@@ -227,9 +209,10 @@ def gradient(stand: Stand, steps: int) -> Number:
     "beyond-skin",
     "Bodies that collide while all fly along by 0.5 to 4 σ in a step, on two ranks; the neighbour "
     "skin is 0.4 σ.",
-    "largest distance from the same bodies without that flight",
-    EXTREME,
-    (50, 500),
+    50,
+    500,
+    criterion="largest distance from the same bodies without that flight",
+    bars=EXTREME,
 )
 def beyond_skin(stand: Stand, steps: int) -> Number:
     """The same liquid at rest and flying by `FLIGHTS` in a step, on two ranks: how far apart, in
@@ -247,10 +230,11 @@ def beyond_skin(stand: Stand, steps: int) -> Number:
 @Case.of(
     "far-away",
     "Bodies that collide, 1e6 box lengths from the origin.",
-    "larger of: distance from the same bodies at the origin; relative change of the pressure; each "
-    "over its bound",
-    EXTREME,
-    (100, 100),
+    100,
+    100,
+    criterion="larger of: distance from the same bodies at the origin; relative change of the "
+    "pressure; each over its bound",
+    bars=EXTREME,
 )
 def far_away(stand: Stand, steps: int) -> Number:
     """The same bodies in a box at the origin and in one far off."""
@@ -269,10 +253,11 @@ def far_away(stand: Stand, steps: int) -> Number:
     "ranks",
     "Fast bodies of a dense liquid, each atom with dozens in reach, on 1, 2, 4 and 8 ranks, owners "
     "new every other step.",
-    "largest distance from the trajectory of one rank, over how far that one gets when its start "
-    "is moved by rounding, 1e-15 σ",
-    EXTREME,
-    (40, 200),
+    40,
+    200,
+    criterion="largest distance from the trajectory of one rank, over how far that one gets when "
+    "its start is moved by rounding, 1e-15 σ",
+    bars=EXTREME,
     few=HEAVY,
 )
 def ranks(stand: Stand, steps: int) -> Number:
@@ -300,10 +285,11 @@ def ranks(stand: Stand, steps: int) -> Number:
     "resonance",
     "Rigid bodies that collide, each with a loose atom on a stiff spring, the stiffest bond of the "
     "scene, of frequency ω.",
-    LONGEST.format("ωΔt, from 0.9 by 0.01,", ALLOWED, "50 periods", "1,000")
+    50,
+    1000,
+    criterion=LONGEST.format("ωΔt, from 0.9 by 0.01,", ALLOWED, "50 periods", "1,000")
     + ", the lowest of all starts",
-    GRID,
-    (50, 1000),
+    bars=GRID,
     starts=STARTS,
     together=lowest_of_starts,
     every=True,

@@ -65,17 +65,21 @@ KNOWN = "changed after results were known"
 EARLY = "changed after short runs, before the long ones"
 
 
-def _at_most(bound, cases, unit=""):
+_Place = tuple[str, float, str, tuple[str, ...]]
+
+
+def _at_most(bound: float, cases: str, unit: str = "") -> _Place:
     return "≤", bound, unit, tuple(cases.split())
 
 
-def _at_least(bound, cases, unit=""):
+def _at_least(bound: float, cases: str, unit: str = "") -> _Place:
     return "≥", bound, unit, tuple(cases.split())
 
 
 def _change(cases, text, reason, bound=None):
     """A `Change` of `SET`; the text has old and new."""
-    return Change(SET, tuple(cases.split()), *text.split(" → "), reason, bound)
+    old, new = text.split(" → ")
+    return Change(SET, tuple(cases.split()), old, new, reason, bound)
 
 
 def _kept(cases, text, bound):

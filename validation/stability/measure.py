@@ -35,14 +35,14 @@ LOST = {"fail", "blow-up"}
 _WORDS = {True: "pass", False: "fail", None: "cannot tell"}
 
 # in the order of the table's columns
-_SWEPT = ("matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid", "rigid/small")
-_SWEPT = (*_SWEPT, "shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8")
-COMPARED = {"nosquish": INTEGRATORS["nosquish"]}
-COMPARED |= {name: SWEPT[name.replace(" ", "-")] for name in _SWEPT}
-# without those that are much like another
-FEW = tuple(name for name in COMPARED if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
 # the paper's other schemes, here to be compared with: not made for speed
 SLOW = ("matubayasi-nakahara", "gear")
+_RIGID = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
+_HELD = "shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8"
+COMPARED = {"nosquish": INTEGRATORS["nosquish"]}
+COMPARED |= {name: SWEPT[name.replace(" ", "-")] for name in (*SLOW, *_RIGID, *_HELD)}
+# without those that are much like another
+FEW = tuple(name for name in COMPARED if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
 LESS = " (reference 12 and Gear: a tenth of that)"
 # why a number has the error bar that it has, or none
 LINE = "standard error of the mean slope of seven stretches of the run, from their scatter"
@@ -67,12 +67,11 @@ class Number:
     @classmethod
     def of(cls, estimate: Estimate, note: str = "") -> "Number":
         """An estimate with a note."""
-        return cls(*map(float, estimate[:2]), note, estimate.freedom and float(estimate.freedom))
+        return cls(float(estimate.value), float(estimate.error), note, estimate.freedom)
 
 
 def of_parts(parts: Mapping[str, float], note: str) -> Number:
-    """The `Number` of a case with several criteria, each with a bound from above: name of a
-    criterion to a number in its unit."""
+    """The `Number` of a case with several criteria, each with a bound from above, by name."""
     parts = {name: float(value) for name, value in parts.items()}
     return Number(_largest(parts), note=note, parts=parts)
 
@@ -129,25 +128,24 @@ class Case:
     measure: Callable[["Stand", Any], Number]
     short: Any  # lengths; what they count is the function's own
     full: Any
-    few: tuple[str, ...] = FEW  # names of the integrators with ``--short``
-    tenth: tuple[str, ...] = ()  # names of those with a tenth of the length with ``--full``
+    few: tuple[str, ...] = FEW  # names of the integrators with --short
+    tenth: tuple[str, ...] = ()  # names of those with a tenth of the length with --full
     # how many at least and at most, between which a row gets more until its verdict is sure
     starts: tuple[int, int] = (1, 1)
     together: Callable[[Sequence[Number]], Number] = the_one  # of the starts, the row's
     # whether all starts have to hold, of which there are to be `ENOUGH_STARTS` to say so
     every: bool = False
-    criteria: dict[str, Criterion] = None  # by name; by default those that name the case
-
-    def __post_init__(self):
-        if self.criteria is None:
-            object.__setattr__(self, "criteria", criteria.of_case(self.name))
+    bounds: dict[str, Criterion] | None = None  # by name, other than those that name the case
 
     @classmethod
-    def of(
-        cls, name: str, physics: str, criterion: str, bars: str, lengths: tuple, **more
-    ) -> Callable[[Callable], "Case"]:
-        """A decorator that makes a case of its measure; the lengths are the short and the full."""
-        return lambda measure: cls(name, physics, criterion, bars, measure, *lengths, **more)
+    def of(cls, name: str, physics: str, short: Any, full: Any, **more) -> Callable:
+        """A decorator that makes a case of its measure."""
+        return lambda measure: cls(name, physics, measure=measure, short=short, full=full, **more)
+
+    @property
+    def criteria(self) -> dict[str, Criterion]:
+        """All that bound its numbers, by name."""
+        return criteria.of_case(self.name) if self.bounds is None else self.bounds
 
     @property
     def judged(self) -> list[Criterion]:
@@ -161,18 +159,14 @@ class Case:
         return found | {"rounding": criteria.rounding(1)}
 
     @property
-    def _bounds(self):
-        return self.judged[0].within() if len(self.judged) == 1 else (None, 1.0)
-
-    @property
     def low(self) -> float | None:
         """The bound from below, or None."""
-        return self._bounds[0]
+        return self.judged[0].within()[0] if len(self.judged) == 1 else None
 
     @property
     def high(self) -> float | None:
-        """The bound from above, or None."""
-        return self._bounds[1]
+        """The bound from above, or None; of several criteria 1, as of a ratio."""
+        return self.judged[0].within()[1] if len(self.judged) == 1 else 1.0
 
     @property
     def unit(self) -> str:
@@ -252,7 +246,6 @@ class Stand:
 
         Args:
             label: of the run's folder.
-            runs: numbers of steps, one after the other.
             more: LAMMPS commands before the first run; ``{folder}`` is the run's.
             files: what the run follows from beside the scene.
             integrator: another one than the stand's.
@@ -262,16 +255,13 @@ class Stand:
             the result, which may have broken after its first line of output, and its folder.
 
         Raises:
-            CannotRun: if LAMMPS, the fix or the scene refuses before the first step.
-            BlowUp: if it broke before then.
+            CannotRun, BlowUp: if it is refused, or broke, before the first step.
             KeyboardInterrupt: after a Ctrl-C.
         """
         integrator = integrator or self.integrator
         if not integrator.can_run(scene):
-            raise CannotRun(
-                f"{integrator.label}: there is no cluster of bonds and angles that holds these "
-                "bodies"
-            )
+            why = "there is no cluster of bonds and angles that holds these bodies"
+            raise CannotRun(f"{integrator.label}: {why}")
         folder = (self.folder / run.folder_name(label)).resolve()
         more = [line.format(folder=folder) for line in more]
         origin = machine.origin(scene, integrator, *files)
@@ -292,14 +282,8 @@ class Stand:
 
 
 class Rows:
-    """All rows of an output folder, by names of case and integrator.
-
-    Args:
-        cases: name to `Case`, all that there are.
-        out: folder.
-        full: whether with full lengths.
-        take: folder of another atlas, whose rows stand in for those that are not there.
-    """
+    """All rows of an output folder, by names of case and integrator; rows of another atlas in the
+    folder ``take`` stand in for those that are not there."""
 
     def __init__(self, cases: Mapping[str, Case], out: Path, full: bool, take: Path | None = None):
         self.cases, self.out, self.full = cases, out, full
@@ -365,17 +349,15 @@ def stability(
     meanwhile.
 
     Args:
-        cases, out, full, take: as `Rows` has them; what is taken is judged anew and not run.
-        names: of the cases to run.
+        cases: all that there are.  names: of those to run.
+        full: whether with full lengths.
         silence: s without a sign of life after which a run is given up.
-        meter: counts rows.
         only: names of integrators; None for all that the cases name.
-        starts: how many at least, of cases that have several; None for as many as each verdict
-            needs.
+        starts: how many at least, of cases that have several; None for as many as each needs.
+        take: see `Rows`; what is taken is judged anew and not run.
 
     Returns:
-        plain data: ``cases``, each with its ``rows``; ``summary``, what is told of all;
-        ``interrupted``; circumstances.
+        plain data: ``cases``, each with its ``rows``; ``summary``, see `told`; circumstances.
     """
     summary = machine.circumstances() | {"interrupted": False, "full": full, "cases": []}
     rows = Rows(cases, out, full, take)
@@ -410,15 +392,9 @@ def plan(
 def grown(
     stand: Stand, name: str, full: bool, row: dict | None = None, starts: int | None = None
 ) -> Iterator[dict]:
-    """Run a case with an integrator; its row, as plain data without verdict, after each start that
-    it did not have yet.
-
-    Args:
-        stand: in the case's folder; it gets one there.
-        name: in `COMPARED`.
-        row: as far as it is known.
-        starts: see `stability`.
-    """
+    """Run a case with an integrator, of that name in `COMPARED`; its row, as far as it is known, as
+    plain data without verdict, after each start that it did not have yet.  The stand is in the
+    case's folder, and gets one there."""
     case, length = stand.case, stand.case.length(full, name)
     stand.ranks = 1 if full else 2  # in full, cases side by side make the better use of cores
     stand.folder /= run.folder_name(name)
@@ -511,12 +487,8 @@ def _fill(summary, cases, rows):
 
 def told(cases: Sequence[dict]) -> list[dict]:
     """What all rows together say: dictionaries of ``what``, ``holds`` (None: cannot tell, as ours
-    has not run) and ``where``, names of cases.
-
-    Args:
-        cases: plain data, each with ``rows`` and ``integrators``, the names of those that it is to
-            be run with.
-    """
+    has not run) and ``where``, names of cases; of these, plain data, count ``rows`` and
+    ``integrators``, the names of those that each is to be run with."""
     found, ours, theirs, lost = {}, {}, {}, {}
     for case in cases:
         name, rows = case["name"], case["rows"]

@@ -1,7 +1,6 @@
 """Molecules from the scenes: how long a step they bear, heat, cold, very many steps.  LAMMPS units
 ``real``: Angstrom, fs, kcal/mol."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +31,7 @@ ALLOWED = criteria.CRITERIA["stable, few"].bound
 OF_MANY = criteria.CRITERIA["stable, many"].bound
 GIVEN_UP = 10  # times that, by which the energy is off when a run is ended
 MOST = 4000  # steps that a step limit of many molecules is worth
+UP_TO = f"5 ps, or {MOST:,} steps if that is less"
 LONGEST = (
     "longest {} at which the energy changes by less than {:.0%} of the kinetic energy, from the "
     "first to the last fifth of {} (--full: {})"
@@ -48,34 +48,27 @@ PAPER_DIMER = 0.3  # fs, of the paper's figure 2a, for hydrogens of 0.1 amu
 FINE = 1.1  # ratio of one time step to the next
 BODIES = 512  # of water
 DRIFT = "|drift of the energy| over the mean kinetic energy"
-OF_DRIFT = {"starts": DRIFTS, "together": drift_of_starts}
+OF_DRIFT = {"criterion": DRIFT, "bars": LINE, "starts": DRIFTS, "together": drift_of_starts}
+OF_STEP = {"starts": STARTS, "together": mean_of_starts, "bars": SOME}
 SPACING = 2000  # steps between the dimer's starts
+Dts = np.ndarray | list[float]
 # integrators of the costly cases' short form
 HEAVY = ("nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4")
 
 
 def limit(
-    stand: Stand,
-    scene: Scene,
-    steps_of_time: Sequence[float],
-    time: float,
-    unit: float = 1.0,
-    name: str = " fs",
-    **how,
+    stand: Stand, scene: Scene, dts: Dts, time: float, unit: float = 1.0, name: str = " fs", **how
 ) -> Number:
     """The time step up to which runs keep their energy: it is never off by `GIVEN_UP` times
     `ALLOWED` of the kinetic energy, nor differs between the first and the last fifth of the run by
-    more than `ALLOWED` of that.
-
-    All time steps are tried in one LAMMPS run, from the shortest, until one breaks it.
+    more than `ALLOWED` of that.  All are tried in one LAMMPS run, until one breaks it.
 
     Args:
-        scene: of the stand's start.  steps_of_time: ascending, in the scene's unit of time.
-        time: that each run covers, in that unit.
+        scene: of the stand's start.  dts: time steps, ascending.  time: that each run covers.
         unit: that the limit is given in.  name: of it, after a blank.
         how: as ``Stand.run`` has it.
     """
-    dts = np.asarray(steps_of_time)
+    dts = np.asarray(dts)
     change, error = changes(stand, scene, f"start {stand.start + 1}", dts, time, ALLOWED, **how)
     stable = change < ALLOWED
     bad = len(dts) if stable.all() else int(np.argmin(stable))
@@ -84,15 +77,10 @@ def limit(
     return _between(dts / unit, bad, error, more, name)
 
 
-def halved(
-    stand: Stand, scene: Scene, steps_of_time: Sequence[float], time: float, allowed: float, **how
-) -> Number:
+def halved(stand: Stand, scene: Scene, dts: Dts, time: float, allowed: float, **how) -> Number:
     """As `limit`, for a costly scene: from one start, of up to `MOST` steps, by bisection, and with
-    a step of half the limit after it.
-
-    If that is bad then the limit is below it.
-    """
-    dts, tried = np.asarray(steps_of_time), {}
+    a step of half the limit after it; if that is bad then the limit is below it."""
+    tried: dict[int, str | None] = {}
 
     def bad_at(k):
         if k not in tried:
@@ -137,17 +125,8 @@ def changes(
     stand: Stand, scene: Scene, label: str, dts: np.ndarray, time: float, allowed: float, **how
 ) -> tuple[np.ndarray, str | None]:
     """By how much of the kinetic energy at the start the energy differs between the first and the
-    last fifth of a run.
-
-    Args:
-        dts: time steps, all tried in one LAMMPS run in this order.
-        time: that each covers.
-        allowed: a run is ended when the energy is off by `GIVEN_UP` times this.
-
-    Returns:
-        (time steps,), infinite for a run that is not complete and for those after it; and what
-        ended it.
-    """
+    last fifth of runs, one for each time step, in one LAMMPS run that ends when the energy is off
+    by `GIVEN_UP` times what is allowed.  Infinite where one is not complete; and what ended it."""
     counts = np.maximum(SAMPLES, np.round(time / dts).astype(int) // SAMPLES * SAMPLES)
     apart = 2 * int(counts.max())  # between the runs' numbers of steps
     state = f"id {scene_starts.STATE} modify {scene_starts.EXACT}"
@@ -175,14 +154,8 @@ def changes(
 def drift(
     stand: Stand, scene: Scene, steps: int, ns: float, every: int, note: str = "", **how
 ) -> Number:
-    """Change of the energy, by a straight line, over the mean kinetic energy, per ns.
-
-    Args:
-        ns: in the scene's unit of time.
-        every: steps between samples.
-        note: with places for the temperature at the start and at the end.
-        how: as ``Stand.run`` has it.
-    """
+    """Change of the energy, by a straight line, over the mean kinetic energy, per ns, which is so
+    many of the scene's units of time; the note has places for the temperature at start and end."""
     how = {"dt": scene.dt, **how}
     result, _ = stand.run(scene, f"start {stand.start + 1}", [steps], every=every, **how)
     thermo = result.thermo
@@ -193,16 +166,9 @@ def drift(
 def later(
     stand: Stand, scene: Scene, steps: int, dt: float, starts: tuple[int, int], more=(), **how
 ) -> tuple[Scene, Path]:
-    """The scene so many steps later, as fix_nosquish.NVE moves it, again so many for each further
-    start; the same for all integrators.
-
-    Args:
-        starts: of the case, the most of them the second.
-        more: LAMMPS commands.  how: as ``Stand.run`` has it.
-
-    Returns:
-        the scene of the stand's start, and the file that it is from.
-    """
+    """The scene of the stand's start, and the file that it is from: so many steps later, as
+    fix_nosquish.NVE moves it, again so many for each further start; the same for all integrators.
+    The most starts of the case are the second of ``starts``."""
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
     more = [*more, *scene_starts.to_dump(state, steps)]
@@ -225,9 +191,10 @@ def water(stand: Stand) -> Scene:
 @Case.of(
     "water-dt",
     f"{BODIES} TIP3P molecules at 295 K.",
-    LONGEST.format("Δt", OF_MANY, "0.2 ps", f"5 ps, or {MOST:,} steps if that is less"),
-    ONE,
-    ((0.2 * FS_PER_PS, 0.5), (5 * FS_PER_PS, 0.25)),
+    (0.2 * FS_PER_PS, 0.5),
+    (5 * FS_PER_PS, 0.25),
+    criterion=LONGEST.format("Δt", OF_MANY, "0.2 ps", UP_TO),
+    bars=ONE,
     few=HEAVY,
 )
 def water_dt(stand: Stand, length: tuple[float, float]) -> Number:
@@ -239,9 +206,10 @@ def water_dt(stand: Stand, length: tuple[float, float]) -> Number:
 @Case.of(
     "peptide-dt",
     "A helix in 1,417 TIP3P molecules, partly rigid, with flexible bonds between the rigid groups.",
-    LONGEST.format("Δt", OF_MANY, "0.1 ps", f"5 ps, or {MOST:,} steps if that is less"),
-    ONE,
-    ((0.1 * FS_PER_PS, 1.0), (5 * FS_PER_PS, 0.5)),
+    (0.1 * FS_PER_PS, 1.0),
+    (5 * FS_PER_PS, 0.5),
+    criterion=LONGEST.format("Δt", OF_MANY, "0.1 ps", UP_TO),
+    bars=ONE,
     few=HEAVY,
 )
 def peptide_dt(stand: Stand, length: tuple[float, float]) -> Number:
@@ -271,11 +239,10 @@ def dimer_dt(mass: float) -> Case:
         f"dimer-{mass:g}",
         f"The bound water dimer with hydrogens of {mass:g} amu, which turn the faster the lighter "
         "they are.",
-        LONGEST.format("Δt", ALLOWED, *times) + ", a mean over starts",
-        SOME,
-        (1 * FS_PER_PS, 25 * FS_PER_PS),
-        starts=STARTS,
-        together=mean_of_starts,
+        1 * FS_PER_PS,
+        25 * FS_PER_PS,
+        criterion=LONGEST.format("Δt", ALLOWED, *times) + ", a mean over starts",
+        **OF_STEP,
     )
     def measure(stand, time):
         scene, state = later(stand, dimer_of(mass), SPACING, PAPER_DIMER * root, STARTS)
@@ -296,9 +263,8 @@ def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
 @Case.of(
     "water-hot",
     f"{BODIES} TIP3P molecules at 1500 K and 1 g/cm³, 2 fs.",
-    DRIFT,
-    LINE,
-    (1.6 * FS_PER_PS, 8 * FS_PER_PS),
+    1.6 * FS_PER_PS,
+    8 * FS_PER_PS,
     few=HEAVY,
     **OF_DRIFT,
 )
@@ -310,9 +276,8 @@ def water_hot(stand: Stand, time: float) -> Number:
 @Case.of(
     "water-cold",
     f"{BODIES} TIP3P molecules, cooled to 1 K, 4 fs.",
-    DRIFT,
-    LINE,
-    (8 * FS_PER_PS, 10 * FS_PER_PS),
+    8 * FS_PER_PS,
+    10 * FS_PER_PS,
     few=HEAVY,
     **OF_DRIFT,
 )
@@ -324,10 +289,11 @@ def water_cold(stand: Stand, time: float) -> Number:
 @Case.of(
     "long-dimer",
     f"The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full{LESS}.",
-    "largest of: change of the mean energy from the first tenth to the last, in parts of the "
-    "kinetic energy; relative changes of momenta and of distances; each over its bound",
-    EXTREME,
-    (200_000, 50_000_000),
+    200_000,
+    50_000_000,
+    criterion="largest of: change of the mean energy from the first tenth to the last, in parts of "
+    "the kinetic energy; relative changes of momenta and of distances; each over its bound",
+    bars=EXTREME,
     tenth=SLOW,
 )
 def long_dimer(stand: Stand, steps: int) -> Number:

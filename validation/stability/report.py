@@ -180,8 +180,13 @@ def matrix(summary: dict) -> tuple[Figure | None, str]:
         Patch(facecolor=colour, edgecolor=INK, lw=0.5, label=f"{name} {sign}".strip())
         for name, (colour, sign, _) in LOOKS.items()
     ]
-    place = {"loc": "upper left", "bbox_to_anchor": (0, -0.01), "ncols": len(LOOKS)}
-    axis.legend(handles=patches, frameon=False, **place)
+    axis.legend(
+        handles=patches,
+        loc="upper left",
+        bbox_to_anchor=(0, -0.01),
+        ncols=len(LOOKS),
+        frameon=False,
+    )
     return figure, READ
 
 

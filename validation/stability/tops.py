@@ -32,15 +32,12 @@ TOPS = (
     "largest of: relative change of energy; that of angular momentum; distance from the exact "
     "motion after 1,000 rad; each over its bound"
 )
+OF_TOPS = {"criterion": TOPS, "bars": EXTREME, "short": 20_000, "full": 2_000_000}
 
 
 def _row_of(stand, name, shapes, spins, **more):
-    """A scene of bodies side by side, each turned at random.
-
-    Args:
-        shapes: list of (positions, masses).  spins: as many angular velocities in the shape's
-            frame.
-    """
+    """A scene of bodies side by side, each turned alike, of shapes (positions, masses) and angular
+    velocities in the shapes' frame."""
     found = [
         bodies.body(*shape, place=_place(k), turn=ATTITUDE, spin=ATTITUDE.apply(spin))
         for k, (shape, spin) in enumerate(zip(shapes, spins))
@@ -107,9 +104,7 @@ def _kept(stand, moments, labels, steps):
 @Case.of(
     "needles",
     "Free tops from a sphere to a needle, I₃/I₁ from 1 to 1e-12, 0.05 rad a step.",
-    TOPS,
-    EXTREME,
-    (20_000, 2_000_000),
+    **OF_TOPS,
 )
 def needles(stand: Stand, steps: int) -> Number:
     """Moments (1, 1, r)."""
@@ -120,9 +115,7 @@ def needles(stand: Stand, steps: int) -> Number:
 @Case.of(
     "disks",
     "Free tops from a sphere to a disk, (I₁ + I₂ − I₃)/I₃ from 1 to 1e-12, 0.05 rad a step.",
-    TOPS,
-    EXTREME,
-    (20_000, 2_000_000),
+    **OF_TOPS,
 )
 def disks(stand: Stand, steps: int) -> Number:
     """Moments (1 + t, 1 + t, 2): a ball of six atoms for t = 1."""
@@ -134,9 +127,10 @@ def disks(stand: Stand, steps: int) -> Number:
     "degenerate",
     "Sphere, needle and disk, and again with moments within 1e-12 of the same, 1,000 rad at 0.05 "
     "rad a step.",
-    "largest distance of an atom from the exact motion",
-    EXTREME,
-    (COMPARED_AT, COMPARED_AT),
+    COMPARED_AT,
+    COMPARED_AT,
+    criterion="largest distance of an atom from the exact motion",
+    bars=EXTREME,
 )
 def degenerate(stand: Stand, steps: int) -> Number:
     """Tops with two or three equal moments, and with moments apart by `SPLIT` in a run of their
@@ -158,10 +152,11 @@ def degenerate(stand: Stand, steps: int) -> Number:
 @Case.of(
     "turn-per-step",
     "The same free top at 19 speeds, |ω|Δt from 1e-8 to 10 rad.",
-    f"largest |ω|Δt up to which |ΔE/E| is below (|ω|Δt)² and {SWING}, beside rounding",
-    "none: the largest of the speeds tried, each √10 times the one before; each run gives the same "
-    "every time",
-    (10_000, 1_000_000),
+    10_000,
+    1_000_000,
+    criterion=f"largest |ω|Δt up to which |ΔE/E| is below (|ω|Δt)² and {SWING}, beside rounding",
+    bars="none: the largest of the speeds tried, each √10 times the one before; each run gives the "
+    "same every time",
 )
 def turn_per_step(stand: Stand, steps: int) -> Number:
     """The largest |ω|Δt up to which the energy is off by no more than (|ω|Δt)², nor `SWING`, beside
@@ -190,10 +185,11 @@ def turn_per_step(stand: Stand, steps: int) -> Number:
     "Free tops about the middle axis, which is unstable, tilted from it by 0.1 and 0.001: they "
     "turn over again and again, as Jacobi's elliptic functions tell; 1e6 turns with --full"
     f"{LESS}.",
-    "larger relative error of the phase, so of the mean time between two turns over; where their "
-    "count is not sure, of that time at the end",
-    "from the scatter of the times between two turns over in a window",
-    (10_000, 1_000_000),
+    10_000,
+    1_000_000,
+    criterion="larger relative error of the phase, so of the mean time between two turns over; "
+    "where their count is not sure, of that time at the end",
+    bars="from the scatter of the times between two turns over in a window",
     tenth=SLOW,
 )
 def middle_axis(stand: Stand, turns: int) -> Number:
@@ -206,16 +202,16 @@ def middle_axis(stand: Stand, turns: int) -> Number:
     axes = bodies.moments(*BENT)[1]
     spins = [axes @ (MIDDLE * np.array([tilt, 1.0, tilt])) for tilt in TILTS]
     scene = _row_of(stand, "tops", [BENT] * len(TILTS), spins, bonded=True)
-    ends = (*10.0 ** np.arange(3, np.log10(turns) - 1e-9), turns)
-    window, *ends = (round(one * 2 * np.pi / MIDDLE / EVERY) * EVERY for one in (WINDOW, *ends))
+    at = WINDOW, *10.0 ** np.arange(3, np.log10(turns) - 1e-9), turns
+    window, *ends = (round(one * 2 * np.pi / MIDDLE / EVERY) * EVERY for one in at)
     more = [*motion.dump(EVERY), f"run {window}"]
     for start, end in zip((window, *ends), ends):
         more += [f"dump_modify atoms every {NEVER}", f"run {end - window - start}"]
         more += [f"dump_modify atoms every {EVERY}", f"run {window}"]
     every = max(1, ends[-1] // 200)
     _, folder = stand.run(scene, "run", [window], dt=1.0, every=every, more=more[:-1])
-    at = motion.frames(folder)[0]
-    windows = np.split(np.arange(len(at)), 1 + np.flatnonzero(np.diff(at) > EVERY))
+    steps = motion.frames(folder)[0]
+    windows = np.split(np.arange(len(steps)), 1 + np.flatnonzero(np.diff(steps) > EVERY))
     found = []
     for tilt, (mass, x, v) in zip(TILTS, _each(folder, 3)):
         r = x - np.einsum("i,fij->fj", mass, x)[:, None] / mass.sum()
@@ -223,7 +219,7 @@ def middle_axis(stand: Stand, turns: int) -> Number:
         # the axis lies in the plane of the atoms
         weights = np.linalg.lstsq(shape.T, axes[:, 1], rcond=None)[0]
         along = np.einsum("fj,i,fij->f", motion.conserved(mass, x, v)[2], weights, r)
-        times = [_turns_over(at[k], along[k]) for k in windows]
+        times = [_turns_over(steps[k], along[k]) for k in windows]
         found.append(_phase(times, exact_interval(tilt), ends[-1]))
     note = "; ".join(f"tilted by {tilt:g}: {one.note}" for tilt, one in zip(TILTS, found))
     return replace(max(found, key=lambda one: one.value), note=note)
@@ -277,9 +273,11 @@ def _turns_over(time, values):
 @Case.of(
     "long-tops",
     "100 free tops at 0.05 rad a step: 1e6 steps, 1e8 body-steps, with --full.",
-    "largest of the relative changes of energy, momenta and distances, each over its bound",
-    EXTREME,
-    (20_000, 1_000_000),
+    20_000,
+    1_000_000,
+    criterion="largest of the relative changes of energy, momenta and distances, each over its "
+    "bound",
+    bars=EXTREME,
 )
 def long_tops(stand: Stand, steps: int) -> Number:
     """100 asymmetric tops."""

@@ -22,28 +22,18 @@ Targets = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Choice:
-    """The fastest way to reach the targets.
-
-    Attributes:
-        targets: measure to what its error has to be below.
-        best: the simplest of the ``fastest`` and those that tie with it; None if none meets all
-            targets for sure.  Where that is this package's with keywords, its default at the same
-            step is, if its errors are not above the variant's within that one's error bars: it may
-            not meet the targets for sure itself.
-        fastest: the point that meets all targets for sure and has the smallest least run time.
-        ties: further points that tie with it, from the fastest: they meet all targets for sure, and
-            their least run time is not above its median.
-        perhaps: points of which there is no telling whether they meet the targets, or which are not
-            timed, as fast as the best one or faster.
-        resolved: whether the targets are not below the `resolution`.
-    """
+    """The fastest way to reach the targets."""
 
     targets: Targets
+    # the simplest of the fastest and those that tie with it; None if none meets all targets for
+    # sure; see also `_plain`
     best: dict | None
-    fastest: dict | None = None
+    fastest: dict | None = None  # that meets all targets for sure with the smallest least run time
+    # the others that do, and whose least run time is not above its median, from the fastest
     ties: tuple[dict, ...] = ()
+    # those as fast as the best one of which there is no telling, or which are not timed
     perhaps: tuple[dict, ...] = ()
-    resolved: bool = True
+    resolved: bool = True  # whether the targets are not below the `resolution`
 
     @property
     def verdict(self) -> str:
@@ -76,12 +66,9 @@ def is_zero(point: dict, measure: str) -> bool:
 
 
 def meets(point: dict, targets: Targets) -> bool | None:
-    """Whether all errors of a point are within the targets.
-
-    Returns:
-        True if they are with their 95 % margins, False if one less its margin is above or does not
-        apply or the point failed, None if there is no telling.
-    """
+    """Whether all errors of a point are within the targets: True if they are with their 95 %
+    margins, False if one less its margin is above or does not apply or the point failed, None if
+    there is no telling."""
     if point["failed"] or not targets.keys().isdisjoint(point.get("without", ())):
         return False
     verdicts = [_within(point["errors"].get(name), target) for name, target in targets.items()]
@@ -109,8 +96,9 @@ def choose(points: Iterable[dict], targets: Targets) -> Choice:
 
 
 def _plain(best, perhaps, targets):
-    """The default in the place of its variant with keywords, where no error of it is above the
-    variant's: a keyword has to be seen to help."""
+    """The default in the place of its variant with keywords, at the same step, where no error of it
+    is above the variant's within that one's error bars: a keyword has to be seen to help.  It may
+    not meet the targets for sure itself."""
     if best is None or not best["ours"] or best["integrator"] == DEFAULT:
         return best
 
@@ -142,7 +130,7 @@ def nearest(points: Iterable[dict], targets: Targets) -> tuple[dict, float] | No
     """The point that is the least above the targets, and how many times its worst `bound` is above;
     None if no point has all these errors."""
     excess = [(max(bound(one, key) / most for key, most in targets.items()), one) for one in points]
-    factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
+    factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, {}))
     return (point, factor) if factor < math.inf else None
 
 
@@ -166,11 +154,9 @@ def front(points: Iterable[dict], measure: str) -> list[dict]:
 
 
 def ladder(points: Sequence[dict], measure: str) -> list[float]:
-    """Targets over which the choice changes: 1, 2, 5 times powers of ten, or these powers alone.
-
-    From the last one that no point meets for sure to the first one that the fastest point of the
-    `front` meets, without those below the `resolution`.
-    """
+    """Targets over which the choice changes, 1, 2, 5 times powers of ten, or these powers alone:
+    from the last one that no point meets for sure to the first one that the fastest point of the
+    `front` meets, without those below the `resolution`."""
     least = resolution(points, measure)
     return [rung for rung in _rungs(points, measure) if rung >= least]
 
@@ -191,21 +177,18 @@ def _rungs(points, measure):
 def fastest(
     points: Sequence[dict], measures: Iterable[str]
 ) -> list[tuple[str, float, Choice, Choice]]:
-    """For each of the measures, a `Choice` for each rung of its `ladder`: list of (measure, target,
-    `Choice`, that of `ours`).
-
-    A target below the `resolution` is there once, without a best point.
-    """
+    """For each rung of each measure's `ladder` (measure, target, `Choice`, that of `ours`); a
+    target below the `resolution` is there once, without a best point."""
     found = []
     for measure in measures:
         resolved = ladder(points, measure)
         below = [rung for rung in _rungs(points, measure) if rung not in resolved]
-        for target in below[-1:]:
-            none = Choice({measure: target}, None, resolved=False)
-            found.append((measure, target, none, none))
-        for target in resolved:
+        for target in (*below[-1:], *resolved):
             wanted = {measure: target}
-            found.append((measure, target, choose(points, wanted), ours(points, wanted)))
+            choices = choose(points, wanted), ours(points, wanted)
+            if target not in resolved:
+                choices = (Choice(wanted, None, resolved=False),) * 2
+            found.append((measure, target, *choices))
     return found
 
 
@@ -216,6 +199,5 @@ def _by_words(point):
 
 
 def _by_cost(point):
-    """From the fastest; of equal ones the longer step first, then by name; those that are not timed
-    last."""
+    """From the fastest; of equal ones the longer step first, then by name; untimed ones last."""
     return point["cost"]["min"] if point["cost"] else math.inf, -point["dt"], point["integrator"]

@@ -16,13 +16,10 @@ def add(verbs) -> None:
         help="error against run time: every integrator with every time step",
         description="Run ours, the comparison schemes and LAMMPS's rigid, shake and rattle fixes "
         "with time steps from very short to beyond what is stable, from the same equilibrated "
-        "starts, and draw their errors against their run times. Writes tables to the terminal and "
-        "summary.json, points.csv, fastest.csv, figures and a self-contained report.html to the "
-        "output folder. Ctrl-C keeps what is measured, and the same command goes on from there: "
-        "what was measured with the same code, input and settings is not measured again. Swept one "
-        "after the other with the same code and budget, the output folder gathers scenes, "
-        "integrators and steps; with another budget a scene is measured anew, in the old one's "
-        "place.",
+        "starts, and draw their errors against their run times. After a Ctrl-C the same command "
+        "goes on: what was measured with the same code, input and settings is not measured again. "
+        "With the same code and budget, the output folder gathers scenes, integrators and steps; "
+        "with another budget a scene is measured anew, in the old one's place.",
         epilog="A step that is too long fails; that is a result. Exit status: 0 if each integrator "
         "has a step that does not fail, 1 if one has none, 130 after Ctrl-C.",
     )

@@ -112,7 +112,6 @@ def of_run(
 
     Args:
         result: complete.  reference: the reference solution's, which ends at the horizon.
-        dt: fs.
         asked: names of the measures; nothing else is computed.
 
     Returns:
@@ -128,8 +127,8 @@ def of_run(
     energy, time = thermo["TotEng"], thermo["Step"] * dt / FS_PER_PS
     kelvin, total = thermo["Temp"].mean(), degrees_of_freedom(result)
     motion, at = Motion(result.positions), parts.at_horizon
-    # LAMMPS's degrees of freedom are three less, for the momentum is kept: these are translations,
-    # of bodies and free atoms alike
+    exact = reference.positions["x"][-1] if reference.positions else None
+    # LAMMPS's are three less, for the momentum is kept: of translations, free atoms' alike
     moving = 3 * motion.count * (1 - 1 / (motion.count + motion.free))
     turning = total - 3 * (motion.count + motion.free - 1)
     kinetic = np.array([thermo["v_translation"], thermo["v_rotation"]])
@@ -140,8 +139,8 @@ def of_run(
         "energy_sd_line": lambda: measures.about_line(time, energy),
         "drift": lambda: measures.drift(time, energy).times(kt_per_ns),
         "paper": lambda: measures.mean(np.abs(energy - energy.mean()) / abs(energy.mean())),
-        "position": lambda: motion.distance(at, reference.positions["x"][-1]),
-        "orientation": lambda: motion.angle(at, reference.positions["x"][-1]),
+        "position": lambda: motion.distance(at, exact),
+        "orientation": lambda: motion.angle(at, exact),
         "potential": lambda: measures.mean(thermo["PotEng"] / motion.count),
         "equipartition": lambda: measures.mean(
             2 / BOLTZMANN * (kinetic[0] / moving - kinetic[1] / turning)

@@ -4,6 +4,7 @@ budget allows."""
 from bisect import bisect
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from math import ceil
 
 from validation.running.rounds import LEAST
@@ -26,11 +27,12 @@ SHORT_TIME = 0.1  # ps of it at least, of --short
 MESH = "1e-6"
 OURS = "nosquish"
 # --short leaves out mrot, tolerances, and fixes that only distribute the work otherwise
-SHORT = (OURS, "matubayasi-nakahara", "gear", "rigid/nve", "rigid/nve/small", "rigid")
-SHORT = (*SHORT, "shake-1e-4", "shake-1e-8", "rattle-1e-4")
+_RIGID = "rigid/nve", "rigid/nve/small", "rigid"
+_HELD = "shake-1e-4", "shake-1e-8", "rattle-1e-4"
+SHORT = (OURS, "matubayasi-nakahara", "gear", *_RIGID, *_HELD)
 
-COMMON = ("energy_sd", "energy_sd_line", "drift", "paper", "position", "orientation", "potential")
-COMMON = (*COMMON, "equipartition")
+ENERGY = ("energy_sd", "energy_sd_line", "drift", "paper")
+COMMON = (*ENERGY, "position", "orientation", "potential", "equipartition")
 # held against a solution, or limits, of ours and the rigid fixes
 AGAINST = ("position", "orientation", "potential", "equipartition", "pressure")
 HELD = ("bond", "angle")
@@ -147,8 +149,8 @@ class Lengths:
 
 @dataclass(frozen=True)
 class Parts:
-    """A run, one part after the other, in steps: to the horizon; a timed segment; the sampled part,
-    frame by frame; another timed segment, as what disturbs one may spare the other."""
+    """Steps of a run: to the horizon; of a timed segment; of the sampled part, frame by frame; of
+    another timed segment, as what disturbs one may spare the other."""
 
     horizon: int
     timed: int
@@ -208,8 +210,6 @@ def points(
     """What is measured, in the order in which it runs from each start.
 
     Args:
-        names: of ``SCENES``.
-        short: whether with the steps and integrators of --short.
         only: names in ``SWEPT``; None is all.
         steps: fs; None is the scene's own.
 
@@ -258,8 +258,8 @@ def lengths(
     found = {}
     for name in names:
         part = budget * least[name] / whole
-        n = bisect(TIMES, part * (1 + 1e-9), key=lambda time, name=name: minutes(name, short, time))
-        found[name] = Lengths(sweeps(short)[name].starts, TIMES[n - 1], part, budget)
+        time = TIMES[bisect(TIMES, part * (1 + 1e-9), key=partial(minutes, name, short)) - 1]
+        found[name] = Lengths(sweeps(short)[name].starts, time, part, budget)
     return found
 
 
