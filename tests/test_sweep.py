@@ -1,6 +1,7 @@
 """The sweep: what is run and when not, and errors against values that are known."""
 
 import dataclasses
+import itertools
 import shlex
 from pathlib import Path
 
@@ -36,7 +37,8 @@ SHAPES = {  # one atom, two, three in a line, three, four
 
 
 def placed(seed):
-    """Bodies of all `SHAPES` before and after known motions: (before, after, body of each atom, mass, distances, angles)."""
+    """Bodies of all `SHAPES` before and after known motions: (before, after, body of each atom,
+    mass, distances, angles)."""
     random = np.random.default_rng(seed)
     before, after, bodies, masses, distances, angles = [], [], [], [], [], []
     for body, shape in enumerate([*SHAPES.values()] * 3, 1):
@@ -73,15 +75,24 @@ def placed(seed):
 def motion(x, bodies, mass, v=None, bonds=(), angles=()):
     """A `Motion` of frames ``x``, folded into the cell."""
     x = np.asarray(x) % np.diag(CELL)
-    return sweep_structure.Motion({
-        "x": x, "v": np.zeros_like(x) if v is None else np.asarray(v), "mass": mass, "bodies": bodies, "cell": CELL, "periodic": np.ones(3, bool),
-        "bonds": np.array(bonds, int).reshape(-1, 2), "angles": np.array(angles, int).reshape(-1, 3),
-    })  # fmt: skip
+    return sweep_structure.Motion(
+        {
+            "x": x,
+            "v": np.zeros_like(x) if v is None else np.asarray(v),
+            "mass": mass,
+            "bodies": bodies,
+            "cell": CELL,
+            "periodic": np.ones(3, bool),
+            "bonds": np.array(bonds, int).reshape(-1, 2),
+            "angles": np.array(angles, int).reshape(-1, 3),
+        }
+    )
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_distance_and_angle_from_a_reference(seed):
-    """Locks out bodies compared where a periodic face cuts them, reflections taken for rotations, linear bodies' own axis, small angles lost."""
+    """Locks out bodies compared where a periodic face cuts them, reflections taken for rotations,
+    linear bodies' own axis, small angles lost."""
     before, after, bodies, mass, distances, angles = placed(seed)
     found = motion([before, after], bodies, mass)
     exact = before % np.diag(CELL)
@@ -101,7 +112,8 @@ def test_distance_and_angle_from_a_reference(seed):
 
 
 def test_bond_and_angle_errors_are_the_largest():
-    """Locks out a mean for the largest, bonds between bodies, and angles of bodies that fix shake cannot hold as a whole."""
+    """Locks out a mean for the largest, bonds between bodies, and angles of bodies that fix shake
+    cannot hold as a whole."""
     water = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     four = SHAPES[5] + 5.0
     start = np.concatenate([water, four])
@@ -172,7 +184,8 @@ def result(energy=None, error=None, kinetic=10.0, step=None):
 
 
 def test_what_a_failure_is():
-    """Locks out an explosion that LAMMPS survives, taken for a measurement; and an energy that merely fluctuates, taken for one."""
+    """Locks out an explosion that LAMMPS survives, taken for a measurement; and an energy that
+    merely fluctuates, taken for one."""
     allowed = 30 / 2 * sweep_errors.BOLTZMANN * 300
     assert sweep_errors.degrees_of_freedom(result()) == 30
     assert sweep_errors.failure(result([0.0, 0.9 * allowed, -0.9 * allowed]), 300.0) is None
@@ -182,7 +195,8 @@ def test_what_a_failure_is():
 
 
 def test_a_point_has_the_larger_error():
-    """Locks out errors of short runs that do not see what differs from start to start, and scatter of few starts that is small by chance."""
+    """Locks out errors of short runs that do not see what differs from start to start, and scatter
+    of few starts that is small by chance."""
     assert sweep_errors.pooled([Estimate(1.0, 0.3), Estimate(1.0, 0.4)])[:2] == pytest.approx(
         (1.0, 0.25)
     )
@@ -195,7 +209,8 @@ def test_a_point_has_the_larger_error():
 
 @pytest.mark.parametrize("starts", [2, 4])
 def test_few_starts_have_an_honest_scatter(starts):
-    """Locks out an interval from the scatter of two or four values that is called one of 95 %, and covers 83 or 90."""
+    """Locks out an interval from the scatter of two or four values that is called one of 95 %, and
+    covers 83 or 90."""
     values = np.random.default_rng(1).normal(0.0, 1.0, (2000, starts))
     found = [sweep_errors.pooled([Estimate(value) for value in row]) for row in values]
     assert np.mean([abs(one.value) < one.margin for one in found]) == pytest.approx(0.95, abs=0.015)
@@ -205,7 +220,8 @@ STARTS = 4
 
 
 def averages(limit, seed, chance=0.0):
-    """A sweep's record and points of several schemes whose averages are limit + b dt^2, b the scheme's own, with noise and each start's chance."""
+    """A sweep's record and points of several schemes whose averages are limit + b dt^2, b the
+    scheme's own, with noise and each start's chance."""
     random = np.random.default_rng(seed)
     swept = dataclasses.replace(sweep_plan.SWEEPS["water"], measures=("potential",))
     shared = random.normal(0.0, chance, STARTS)
@@ -233,7 +249,8 @@ def averages(limit, seed, chance=0.0):
 
 @pytest.mark.parametrize("chance", [0.0, 0.3])
 def test_limits_are_those_of_the_symplectic_schemes(chance):
-    """Locks out a limit from schemes that drift or from steps too long for the law, one slope for all schemes, and an error that is none."""
+    """Locks out a limit from schemes that drift or from steps too long for the law, one slope for
+    all schemes, and an error that is none."""
     off = []
     for seed in range(60):
         swept, found = averages(-9.7, seed, chance)
@@ -247,7 +264,8 @@ def test_limits_are_those_of_the_symplectic_schemes(chance):
 
 
 def test_another_model_is_held_against_nothing_of_ours():
-    """Locks out shake's freely bending CH3 groups taken for an integrator's error, and mixed into the limit of rigid ones."""
+    """Locks out shake's freely bending CH3 groups taken for an integrator's error, and mixed into
+    the limit of rigid ones."""
     swept, found = averages(-9.7, 3)
     odd = [{"potential": Estimate(5.0, 0.001)} for _ in range(STARTS)]
     shake = {sweep_plan.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
@@ -267,11 +285,14 @@ def test_another_model_is_held_against_nothing_of_ours():
     assert not {"position", "orientation", "potential"} & set(
         sweep_plan.SWEEPS["peptide"].measures_of(SWEPT["shake-1e-8"])
     )
-    assert {"position", "potential"} < set(sweep_plan.SWEEPS["water"].measures_of(SWEPT["shake-1e-8"]))
+    assert {"position", "potential"} < set(
+        sweep_plan.SWEEPS["water"].measures_of(SWEPT["shake-1e-8"])
+    )
 
 
 def test_what_starts_share_is_no_error():
-    """Locks out a point held against the limit of other starts, and each start's chance taken for the integrator's error."""
+    """Locks out a point held against the limit of other starts, and each start's chance taken for
+    the integrator's error."""
     swept, found = averages(-9.7, 5, chance=3.0)
     errors, signed = sweep_errors.of_points(found, sweep_errors.limits(found, swept), swept)[
         sweep_plan.Point("water", SWEPT["rigid"], 4.0)
@@ -291,7 +312,8 @@ def test_what_starts_share_is_no_error():
 @pytest.mark.parametrize("starts", [1, 4])
 @pytest.mark.parametrize("difference", [0.0, 0.05])
 def test_noise_is_no_difference_of_g(difference, starts):
-    """Locks out a distance between two g(r) that is their noise or what their starts share, one that is lost with it, and an error bar that is wrong."""
+    """Locks out a distance between two g(r) that is their noise or what their starts share, one
+    that is lost with it, and an error bar that is wrong."""
     random, bins, off = np.random.default_rng(3), 60, []
     swept = dataclasses.replace(sweep_plan.SWEEPS["water"], measures=("g_oo",))
     first, second, third = (
@@ -322,7 +344,8 @@ def test_noise_is_no_difference_of_g(difference, starts):
 
 @pytest.mark.parametrize("starts", [1, 4])
 def test_equipartition_of_correlated_samples(starts):
-    """Locks out starts that are taken for one series, correlated samples for independent ones, and a difference of temperatures that is not seen."""
+    """Locks out starts that are taken for one series, correlated samples for independent ones, and
+    a difference of temperatures that is not seen."""
     random, kt, number = np.random.default_rng(5), sweep_errors.BOLTZMANN * 300, 400
     point = sweep_plan.Point("water", SWEPT["nosquish"], 1.0)
 
@@ -349,7 +372,8 @@ def test_equipartition_of_correlated_samples(starts):
 
 
 def test_physical_validation_tells_right_from_wrong():
-    """Locks out data given to physical_validation in other units or degrees of freedom, and a result that is read wrongly."""
+    """Locks out data given to physical_validation in other units or degrees of freedom, and a
+    result that is read wrongly."""
     random, kt = np.random.default_rng(4), sweep_errors.BOLTZMANN * 300
     energies = random.gamma(3.0, kt, 20000)
     assert sweep_structure.distribution(energies, 300.0) < 4
@@ -371,7 +395,8 @@ def test_physical_validation_tells_right_from_wrong():
 @pytest.mark.parametrize("short", [False, True])
 @pytest.mark.parametrize("times", [1.0, 1.01, 2.0, 7.0])
 def test_budget(short, times):
-    """Locks out a budget that is not kept, runs too short to fail, and a point's own command that would run something else."""
+    """Locks out a budget that is not kept, runs too short to fail, and a point's own command that
+    would run something else."""
     scenes = sweep_plan.SHORT_SCENES if short else sweep_plan.SCENES
     budget = times * (sweep_plan.SHORT_BUDGET if short else sweep_plan.BUDGET)
     minutes = 0.0
@@ -395,7 +420,8 @@ def test_budget(short, times):
 
 @pytest.mark.parametrize("short", [False, True])
 def test_too_small_a_budget(short):
-    """Locks out a sweep that takes longer than it may, or is too short to tell anything, and a message with a number that is refused again."""
+    """Locks out a sweep that takes longer than it may, or is too short to tell anything, and a
+    message with a number that is refused again."""
     scenes = sweep_plan.SHORT_SCENES if short else sweep_plan.SCENES
     with pytest.raises(ValueError, match="needed") as refused:
         sweep_plan.lengths(scenes, short, 3.0)
@@ -420,7 +446,8 @@ LIMITS = {"potential", "equipartition"}
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    """The dimer with few steps: what was run, and the summary, of the first call and of a second one, which asks for one point."""
+    """The dimer with few steps: what was run, and the summary, of the first call and of a second
+    one, which asks for one point."""
     with pytest.MonkeyPatch.context() as patch:
         quick = dataclasses.replace(sweep_plan.SHORT_SWEEPS["dimer"], apart=0.3, seconds=1e-4)
         patch.setitem(sweep_plan.SHORT_SWEEPS, "dimer", quick)
@@ -430,8 +457,12 @@ def small(tmp_path_factory):
         patch.setitem(SWEPT, "rigid", refused)
         out, original, done = tmp_path_factory.mktemp("sweep"), run.run, []
         patch.setattr(run, "run", lambda job, on_step=None: done.append(job) or original(job))
-        points = sweep_plan.points(["dimer"], True, ["nosquish", "rigid", "shake-1e-8"], (*STEPS, 0.6))
-        first = sweep.sweep(points, {"dimer": sweep_plan.Lengths(**SMALL)}, out, Silent(), short=True)
+        points = sweep_plan.points(
+            ["dimer"], True, ["nosquish", "rigid", "shake-1e-8"], (*STEPS, 0.6)
+        )
+        first = sweep.sweep(
+            points, {"dimer": sweep_plan.Lengths(**SMALL)}, out, Silent(), short=True
+        )
         number = len(done)
         one = [point for point in points if (point.integrator.name, point.dt) == ("rigid", 0.4)]
         second = sweep.sweep(one, {"dimer": sweep_plan.Lengths(**SMALL)}, out, Silent(), short=True)
@@ -448,7 +479,8 @@ def row(summary, name, dt):
 
 @pytest.mark.timeout(180)
 def test_a_failure_ends_the_longer_steps(small):
-    """Locks out longer steps after a blow-up, a failed point taken as measured, and a failure that is run again from the next start."""
+    """Locks out longer steps after a blow-up, a failed point taken as measured, and a failure that
+    is run again from the next start."""
     _, done, again, summary, _ = small
     failed = row(summary, "rigid", 0.4)
     assert (
@@ -471,7 +503,8 @@ def test_a_failure_ends_the_longer_steps(small):
 
 
 def test_what_is_there_is_measured_too(small):
-    """Locks out one point's sweep that forgets the others, or that has no limits and g(r) to be held against."""
+    """Locks out one point's sweep that forgets the others, or that has no limits and g(r) to be
+    held against."""
     *_, first, second = small
     assert (
         second["scenes"]["dimer"]["begun"] == first["scenes"]["dimer"]["begun"]
@@ -489,7 +522,8 @@ def test_what_is_there_is_measured_too(small):
 
 
 def test_a_hang_is_kept(tmp_path, monkeypatch):
-    """Locks out a hang that is waited for again each time, and one that is taken for a hang where more time is allowed now."""
+    """Locks out a hang that is waited for again each time, and one that is taken for a hang where
+    more time is allowed now."""
     scene, original, done = (
         dataclasses.replace(SCENES["dimer"], setup=(*SCENES["dimer"].setup, "shell sleep 60")),
         run.run,
@@ -515,7 +549,8 @@ def test_a_hang_is_kept(tmp_path, monkeypatch):
 
 
 def test_starts_take_turns(small):
-    """Locks out repeats of a point that follow each other, and points of other starts than their names tell."""
+    """Locks out repeats of a point that follow each other, and points of other starts than their
+    names tell."""
     _, done, *_ = small
     names = [
         Path(job.directory).relative_to(Path(job.directory).parents[2]).as_posix()
@@ -535,7 +570,8 @@ def test_starts_take_turns(small):
 
 
 def test_samples_and_segments(small):
-    """Locks out output in the timed steps, samples at other steps than told, and costs of other steps than the timed ones."""
+    """Locks out output in the timed steps, samples at other steps than told, and costs of other
+    steps than the timed ones."""
     out, *_, summary, _ = small
     swept = dataclasses.replace(sweep_plan.SWEEPS["dimer"], seconds=1e-4)
     parts = sweep_plan.parts(swept, 0.2, SMALL["time"])
@@ -555,7 +591,8 @@ def test_samples_and_segments(small):
 
 
 def test_temperatures_are_the_atoms(small):
-    """Locks out kinetic energies of bodies that are LAMMPS's own fix's, or of another step than the positions."""
+    """Locks out kinetic energies of bodies that are LAMMPS's own fix's, or of another step than the
+    positions."""
     out, *_ = small
     for name in "nosquish", "shake-1e-8":
         kept = run.collect(out / f"runs/dimer-short/{name}/0.2-fs/1")
@@ -569,7 +606,8 @@ def test_temperatures_are_the_atoms(small):
 
 
 def test_errors_fall_with_the_square_of_the_step(small):
-    """Locks out a reference at another time or from another start, and errors of a scheme that are another's."""
+    """Locks out a reference at another time or from another start, and errors of a scheme that are
+    another's."""
     out, *_, summary, _ = small
     reference = run.collect(out / "runs/dimer-short/reference/1").thermo["Step"]
     assert set(np.diff(reference)) == {100}, "no sign of life from a long run"
@@ -594,7 +632,7 @@ def test_command_of_a_point(small):
     *_, summary, _ = small
     words = shlex.split(row(summary, "shake-1e-8", 0.4)["command"])
     assert words[:4] == ["python", "-m", "validation", "sweep"] and "--short" in words
-    given = dict(zip(words, words[1:]))
+    given = dict(itertools.pairwise(words))
     assert (words[4], given["--only"], given["--steps"], given["--budget"]) == (
         "dimer",
         "shake-1e-8",

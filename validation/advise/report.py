@@ -5,14 +5,12 @@ import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
 from validation import RESULTS
 from validation.statistics.estimate import SURE
 from validation.sweep.choice import Targets, choose, each, meets, nearest, ours, resolution
-from validation.sweep.report import ONE_START, error_of, named, names, over, seconds
+from validation.sweep.report import ONE_START, error_of, named, names, over, seconds, table
 
 FOLDERS = (Path("results/sweep"), RESULTS / "sweep")  # looked into in this order
 LONGER = 4  # times as long halves an error
@@ -43,8 +41,8 @@ def load(folder: Path | None = None) -> tuple[dict, Path]:
 
 
 def again(summary: dict, folder: Path, name: str, times: int = 1) -> str:
-    """The command that sweeps a scene into that folder, as the rest of it was swept; ``times`` as
-    long, into a folder of its own."""
+    """The command that sweeps a scene into that folder, as the rest was; ``times`` as long, into
+    one of its own."""
     folder = FOLDERS[0] if folder == FOLDERS[-1] else folder
     scenes = summary["scenes"]
     known = [scenes[name]] if name in scenes else list(scenes.values())[:1]
@@ -76,16 +74,8 @@ def scene_of(summary: dict, folder: Path, name: str, targets: Targets) -> dict:
 
 
 def advise(console: Console, summary: dict, folder: Path, name: str, targets: Targets) -> bool:
-    """Print which integrator and time step reach the targets the fastest, and what else there is to
-    know.
-
-    Args:
-        summary: of a sweep.  folder: where it is.
-        name: of a scene in it.
-        targets: measure to the largest error.
-
-    Returns:
-        whether some point meets the targets.
+    """Print which integrator and time step reach the targets the fastest in a scene of a sweep, and
+    what else there is to know; whether some point meets the targets.
 
     Raises:
         LookupError: see `scene_of`.
@@ -199,11 +189,8 @@ def _above(factor):
 def _table(points, targets):
     """The fastest point of each integrator that meets the targets; else the nearest."""
     title = "Each integrator's fastest step that reaches this, else the nearest"
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    table.add_column("integrator", overflow="fold")
-    for head in "step, fs", "s per ns", *targets:
-        table.add_column(head, justify="right")
-    table.add_column("")
+    result = table(title, "integrator", ["step, fs", "s per ns", *targets])
+    result.add_column("")
     choices = each(points, targets).items()
 
     def time(pair):
@@ -220,8 +207,8 @@ def _table(points, targets):
             why = "failed" if all(one["failed"] for one in own) else "not measured"
             cells = [*["–"] * (2 + len(targets)), why]
         style = "bold" if point and point["ours"] else None if choice.best else "dim"
-        table.add_row(own[0]["label"], *cells, style=style)
-    return table
+        result.add_row(own[0]["label"], *cells, style=style)
+    return result
 
 
 def _title(summary, key):

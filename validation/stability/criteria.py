@@ -365,6 +365,10 @@ CRITERIA = {
 }
 
 
+# of several criteria at once: each number over its own bound
+EACH = Criterion(*_at_most(1.0, ""), "the largest of all, each over its bound", "", "", ())
+
+
 def of_case(name: str) -> dict[str, Criterion]:
     """Criteria of a case, by name."""
     return {key: one for key, one in CRITERIA.items() if name in one.cases}

@@ -153,6 +153,11 @@ class Case:
         return [one for one in self.criteria.values() if not one.inner]
 
     @property
+    def _bound(self):
+        """Of the number: its criterion's, or that each part is below its own."""
+        return self.judged[0] if len(self.judged) == 1 else criteria.EACH
+
+    @property
     def inner(self) -> dict[str, float]:
         """Bounds that what is measured follows from."""
         found = {key: one.bound for key, one in self.criteria.items() if one.inner}
@@ -161,17 +166,17 @@ class Case:
     @property
     def low(self) -> float | None:
         """The bound from below, or None."""
-        return self.judged[0].within()[0] if len(self.judged) == 1 else None
+        return self._bound.within()[0]
 
     @property
     def high(self) -> float | None:
-        """The bound from above, or None; of several criteria 1, as of a ratio."""
-        return self.judged[0].within()[1] if len(self.judged) == 1 else 1.0
+        """The bound from above, or None."""
+        return self._bound.within()[1]
 
     @property
     def unit(self) -> str:
         """Of the number; empty for a ratio."""
-        return self.judged[0].unit if len(self.judged) == 1 else ""
+        return self._bound.unit
 
     @property
     def bound(self) -> str:
@@ -197,8 +202,8 @@ class Case:
         """pass, fail, or cannot tell where the 95 % interval of the starts' number reaches over the
         bound, or there are too few that hold."""
         one = self.number(numbers)
-        number, bounds = (one.value, one.error), (self.low, self.high)
-        holds = Check(self.name, "", self.criterion, *number, *bounds, freedom=one.freedom).holds
+        number = one.value, one.error, *self._bound.within()
+        holds = Check(self.name, "", self.criterion, *number, freedom=one.freedom).holds
         few = self.every and len(numbers) < criteria.ENOUGH_STARTS
         return _WORDS[None if holds and few else holds]
 
@@ -217,11 +222,7 @@ class Stand:
     seconds: float = field(default=0.0)  # that steps have taken
 
     def run(self, scene: Scene, label: str, runs: list[int], **how) -> tuple[Result, Path]:
-        """As `attempt`, but the result is complete.
-
-        Raises:
-            BlowUp: also if it broke later, or its energy is not finite.
-        """
+        """As `attempt`, but a `BlowUp`, too, if it broke later or its energy is not finite."""
         result, folder = self.attempt(scene, label, runs, **how)
         steps = result.thermo.get("Step", np.zeros(1))
         if result.error:
@@ -232,15 +233,7 @@ class Stand:
         return result, folder
 
     def attempt(
-        self,
-        scene: Scene,
-        label: str,
-        runs: list[int],
-        *,
-        more=(),
-        files=(),
-        integrator=None,
-        **how,
+        self, scene: Scene, label: str, runs: list[int], *, more=(), files=(), by=None, **how
     ) -> tuple[Result, Path]:
         """Do the runs, or take over what is there.
 
@@ -248,7 +241,7 @@ class Stand:
             label: of the run's folder.
             more: LAMMPS commands before the first run; ``{folder}`` is the run's.
             files: what the run follows from beside the scene.
-            integrator: another one than the stand's.
+            by: another integrator than the stand's.
             how: as ``run.job`` has it.
 
         Returns:
@@ -258,7 +251,7 @@ class Stand:
             CannotRun, BlowUp: if it is refused, or broke, before the first step.
             KeyboardInterrupt: after a Ctrl-C.
         """
-        integrator = integrator or self.integrator
+        integrator = by or self.integrator
         if not integrator.can_run(scene):
             why = "there is no cluster of bonds and angles that holds these bodies"
             raise CannotRun(f"{integrator.label}: {why}")

@@ -172,7 +172,7 @@ def later(
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
     more = [*more, *scene_starts.to_dump(state, steps)]
-    how = {"integrator": COMPARED["nosquish"], "dt": dt, "every": steps // 20, "more": more, **how}
+    how = {"by": COMPARED["nosquish"], "dt": dt, "every": steps // 20, "more": more, **how}
     outer.run(scene, "start", [starts[1] * steps], **how)
     return scene_starts.from_dump(scene, state, (stand.start + 1) * steps), state
 

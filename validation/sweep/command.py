@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     screen = console.console()
     with console.Meter(screen, plan.total(points, lengths), "runs") as meter:
         summary = measure.sweep(points, lengths, out, meter, arguments.ranks, silence, short)
-    failed = {}  # of each integrator with each scene, whether all its steps did
+    failed: dict[tuple, bool] = {}  # of each integrator with each scene, whether all its steps did
     for name, scene in summary["scenes"].items():
         for point in scene["points"]:
             key = name, point["integrator"]

@@ -116,18 +116,17 @@ def of_run(
 
     Returns:
         of the measures an ``Estimate``, or where only all starts together give one, what it is made
-        of: ``g_oo`` (blocks, bins); ``convergence`` the energy's deviations from its mean,
-        (samples,); ``ke_distribution`` energies of single bodies; ``pv_equipartition`` kinetic
-        energies of translation and rotation, (2, samples).  Also ``cost`` and ``cpu``, lists: s per
-        simulated ns of each timed segment; ``temperature``; degrees of freedom: ``all``, ``moving``
-        and ``turning``.
+        of: ``g_oo`` (blocks, bins); ``convergence`` the energy less its mean, (samples,);
+        ``ke_distribution`` of bodies; ``pv_equipartition`` of translation and rotation, (2,
+        samples).  ``cost`` and ``cpu``: s per simulated ns of each timed segment; ``temperature``;
+        degrees of freedom: ``all``, ``moving`` and ``turning``.
     """
     sampled = (result.thermo["Step"] >= parts.begin) & (result.thermo["Step"] <= parts.end)
     thermo = {name: values[sampled] for name, values in result.thermo.items()}
     energy, time = thermo["TotEng"], thermo["Step"] * dt / FS_PER_PS
     kelvin, total = thermo["Temp"].mean(), degrees_of_freedom(result)
     motion, at = Motion(result.positions), parts.at_horizon
-    exact = reference.positions["x"][-1] if reference.positions else None
+    exact = (reference.positions or {})["x"][-1]
     # LAMMPS's are three less, for the momentum is kept: of translations, free atoms' alike
     moving = 3 * motion.count * (1 - 1 / (motion.count + motion.free))
     turning = total - 3 * (motion.count + motion.free - 1)

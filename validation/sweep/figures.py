@@ -58,7 +58,8 @@ def styles(points: Iterable[dict]) -> dict[str, dict]:
     The beginning of the name says colour and marker; dashes tell those with the same beginning
     apart, from the first that occurs.
     """
-    found, used = {}, {}
+    found: dict[str, dict] = {}
+    used: dict[str, int] = {}
     spare = itertools.cycle(("#6b6b6b", marker) for marker in "*hp<>d")
     for point in points:
         name = point["integrator"]

@@ -2,7 +2,7 @@
 to the terminal."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import pandas as pd
@@ -44,7 +44,8 @@ def write(summary: dict, out: Path) -> None:
     ]
     for name, table in ("points", points), ("fastest", rows):
         pd.DataFrame(table, dtype=object).to_csv(out / f"{name}.csv", index=False)
-    figures, places = [], {}
+    figures: list[tuple[Path, str]] = []
+    places = {}
     for name, drawn in draw(summary, out).items():
         places[name] = range(len(figures), len(figures) + len(drawn))
         figures += drawn
@@ -210,7 +211,7 @@ def _show_integrators(console, name, scene, measures):
     main = [measure for measure in MAIN if measure in scene["measures"]][:1]
     heads = ["steps, fs", "fails from, fs", "longest step\ns per ns"]
     heads += [f"{one}\n{measures[one]['unit']}" for one in main]
-    table = _table(f"{name}: {scene['title']}", "integrator", heads)
+    shown = table(f"{name}: {scene['title']}", "integrator", heads)
     points, failures = sorted(scene["points"], key=lambda point: point["dt"]), []
     for key in dict.fromkeys(point["integrator"] for point in scene["points"]):
         row = [point for point in points if point["integrator"] == key]
@@ -220,18 +221,18 @@ def _show_integrators(console, name, scene, measures):
         cells = [row[0]["label"], steps, f"{bad['dt']:g}" if bad else "–"]
         if good:
             cells += [seconds(good[-1]["cost"]), *(error_of(good[-1], one) for one in main)]
-        table.add_row(*cells, style="bold" if row[0]["ours"] else None)
+        shown.add_row(*cells, style="bold" if row[0]["ours"] else None)
         if bad:
             failures.append(f"✗ {named(bad)}: {bad['failed']}")
-    console.print(table)
+    console.print(shown)
     for failure in failures:
         console.print(failure, markup=False, soft_wrap=True)
 
 
 def _show_fastest(console, name, scene, measures):
     heads = ["below", "use", "s per ns", "a tie with", "ours / fastest"]
-    table = _table(f"{name}: fastest way to an error, sure by {SURE}", "error of", heads)
-    for column in (table.columns[2], table.columns[4]):
+    shown = table(f"{name}: fastest way to an error, sure by {SURE}", "error of", heads)
+    for column in (shown.columns[2], shown.columns[4]):
         column.justify = "left"
     before = None
     for measure, target, choice, ours in distinct(fastest(scene["points"], scene["measures"])):
@@ -242,13 +243,14 @@ def _show_fastest(console, name, scene, measures):
         words = [named(best), seconds(best["cost"])] if best else [doubt, "–"]
         style = ("bold" if best["ours"] else None) if best else "dim"
         rest = names(choice.ties, 2), over(ours.best, choice.fastest)
-        table.add_row(title, f"{target:g}", *words, *rest, style=style)
-    console.print(table)
+        shown.add_row(title, f"{target:g}", *words, *rest, style=style)
+    console.print(shown)
 
 
-def _table(title, first, heads):
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    table.add_column(first, overflow="fold")
+def table(title: str, first: str, heads: Iterable[str]) -> Table:
+    """A table for the terminal: a column of names, and further ones."""
+    found = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    found.add_column(first, overflow="fold")
     for head in heads:
-        table.add_column(head, justify="right", overflow="fold")
-    return table
+        found.add_column(head, justify="right", overflow="fold")
+    return found
