@@ -25,6 +25,7 @@ from validation.statistics.measures import Estimate
 from validation.sweep import errors as sweep_errors
 from validation.sweep import measure as sweep
 from validation.sweep import plan as sweep_plan
+from validation.sweep.errors import Numbers
 
 CELL = np.diag([20.0, 22.0, 24.0])
 SHAPES = {  # one atom, two, three in a line, three, four
@@ -224,7 +225,7 @@ def averages(limit, seed, chance=0.0):
     scheme's own, with noise and each start's chance."""
     random = np.random.default_rng(seed)
     swept = dataclasses.replace(sweep_plan.SWEEPS["water"], measures=("potential",))
-    shared = random.normal(0.0, chance, STARTS)
+    shared, bar = random.normal(0.0, chance, STARTS), np.hypot(0.01, chance)
     found = {}
     for name, slope in (
         ("nosquish", 0.02),
@@ -237,12 +238,8 @@ def averages(limit, seed, chance=0.0):
                 limit + slope * dt**2 + (5.0 if dt > 4 else 0.0) + (1.0 if abs(slope) > 1 else 0.0)
             )  # no law at long steps, or of what drifts
             found[sweep_plan.Point("water", SWEPT[name], dt)] = [
-                {
-                    "potential": Estimate(
-                        value + shared[start] + random.normal(0.0, 0.01), np.hypot(0.01, chance)
-                    )
-                }
-                for start in range(STARTS)
+                Numbers({"potential": Estimate(value + chance + noise, bar)})
+                for chance, noise in zip(shared, random.normal(0.0, 0.01, STARTS))
             ]
     return swept, found
 
@@ -267,7 +264,7 @@ def test_another_model_is_held_against_nothing_of_ours():
     """Locks out shake's freely bending CH3 groups taken for an integrator's error, and mixed into
     the limit of rigid ones."""
     swept, found = averages(-9.7, 3)
-    odd = [{"potential": Estimate(5.0, 0.001)} for _ in range(STARTS)]
+    odd = [Numbers({"potential": Estimate(5.0, 0.001)}) for _ in range(STARTS)]
     shake = {sweep_plan.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
     peptide = dataclasses.replace(swept, differs="CH3 bends")
     assert (
@@ -324,7 +321,7 @@ def test_noise_is_no_difference_of_g(difference, starts):
         shared = random.normal(0.0, 0.3, (starts, 1, bins))  # of all runs from a start
         found = {
             point: [
-                {"g_oo": 1.0 + chance + added + random.normal(0.0, 0.05, (5, bins))}
+                Numbers({"g_oo": 1.0 + chance + added + random.normal(0.0, 0.05, (5, bins))})
                 for chance in shared
             ]
             for point, added in ((first, 0.0), (second, 0.0), (third, difference))
@@ -357,14 +354,9 @@ def test_equipartition_of_correlated_samples(starts):
             for k in range(1, number):
                 noise[:, k] += 0.9 * noise[:, k - 1]
             energies = 750 * kt * (1 + 0.02 * noise + off * np.array([[1.0], [-1.0]]))
-            each.append(
-                {
-                    "pv_equipartition": energies,
-                    "moving": 1500,
-                    "turning": 1500,
-                    "temperature": 300 * energies.mean() / (750 * kt),
-                }
-            )
+            kelvin = 300 * energies.mean() / (750 * kt)
+            one = Numbers({"pv_equipartition": energies}, temperature=kelvin)
+            each.append(dataclasses.replace(one, moving=1500, turning=1500))
         return sweep_errors._equipartition(point, {point: each})[0]
 
     assert np.mean([found(0.0) > 3 for _ in range(60)]) < 0.05

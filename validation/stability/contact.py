@@ -10,19 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from validation.scenes import bodies
+from validation.stability import molecules
 from validation.stability.criteria import NS_OF_REDUCED
 from validation.stability.measure import EXTREME, Case, Number, Stand, lowest_of_starts, of_parts
-from validation.stability.molecules import (
-    ALLOWED,
-    GRID,
-    HEAVY,
-    LONGEST,
-    OF_DRIFT,
-    OF_STEP,
-    STARTS,
-    drift,
-    limit,
-)
 from validation.statistics import motion
 
 REPULSIVE = (
@@ -88,7 +78,7 @@ def _alone(stand, name, found, setup, size, dt):
 
 def _drift(stand, scene, steps):
     """Change of the energy, over the mean kinetic energy, in a ns of argon."""
-    return drift(stand, scene, steps, NS_OF_REDUCED, max(1, steps // 1000))
+    return molecules.drift(stand, scene, steps, NS_OF_REDUCED, max(1, steps // 1000))
 
 
 def _end(stand, scene, label, steps, every=None, **how):
@@ -112,7 +102,11 @@ def _springs(pairs, stiffness, rest):
 
 
 @Case.of(
-    "mass-ratio", "A body of 1e6 times the mass of those that hit it.", 40_000, 400_000, **OF_DRIFT
+    "mass-ratio",
+    "A body of 1e6 times the mass of those that hit it.",
+    40_000,
+    400_000,
+    **molecules.OF_DRIFT,
 )
 def mass_ratio(stand: Stand, steps: int) -> Number:
     """A body a million times as heavy among light ones."""
@@ -127,7 +121,7 @@ def mass_ratio(stand: Stand, steps: int) -> Number:
     "Two bodies pressed against each other's r⁻¹² walls by a spring of 300 ε/σ².",
     200_000,
     2_000_000,
-    **OF_DRIFT,
+    **molecules.OF_DRIFT,
 )
 def contact(stand: Stand, steps: int) -> Number:
     """Two bodies that a spring presses together, centre to centre."""
@@ -146,12 +140,12 @@ def contact(stand: Stand, steps: int) -> Number:
     "Two bodies joined by stiff springs from atom to atom, ω the highest frequency.",
     100,
     5000,
-    criterion=LONGEST.format("ωΔt", ALLOWED, "100 periods", "5,000") + ", a mean over starts",
-    **OF_STEP,
+    criterion=molecules.LONGEST.format("ωΔt", molecules.ALLOWED, "100 periods", "5,000")
+    + ", a mean over starts",
+    **molecules.OF_STEP,
 )
 def springs(stand: Stand, periods: float) -> Number:
-    """Two equal bodies with a stiff spring between each two like atoms: the longest Δt times the
-    highest frequency, for so many periods from each start."""
+    """Two equal bodies with a stiff spring between each two like atoms."""
     stiffness = 1000.0
     cross = np.array([[[0, -z, y], [z, 0, -x], [-y, x, 0]] for x, y, z in ARMS])
     jacobian = np.concatenate([np.tile(np.eye(3), (3, 1, 1)), -cross], axis=2)
@@ -174,7 +168,9 @@ def springs(stand: Stand, periods: float) -> Number:
 
 def _limit(stand, scene, steps, periods, omega):
     """The longest ωΔt of those steps."""
-    return limit(stand, scene, steps / omega, periods * 2 * np.pi / omega, 1 / omega, name="")
+    return molecules.limit(
+        stand, scene, steps / omega, periods * 2 * np.pi / omega, 1 / omega, name=""
+    )
 
 
 @Case.of(
@@ -182,7 +178,7 @@ def _limit(stand, scene, steps, periods, omega):
     "Dipolar bodies in a field whose gradient changes it over their own length.",
     10_000,
     500_000,
-    **OF_DRIFT,
+    **molecules.OF_DRIFT,
 )
 def gradient(stand: Stand, steps: int) -> Number:
     """Dipoles in a field that changes over their length, and a trap that keeps them there."""
@@ -215,8 +211,7 @@ def gradient(stand: Stand, steps: int) -> Number:
     bars=EXTREME,
 )
 def beyond_skin(stand: Stand, steps: int) -> Number:
-    """The same liquid at rest and flying by `FLIGHTS` in a step, on two ranks: how far apart, in
-    the frame that flies with it?"""
+    """Compared in the frame that flies with them."""
     liquid, ends = _liquid(stand, "flight", 4, BOX, seed=8, dt=DT), {}
     for flight in (0.0, *FLIGHTS):
         velocity = flight / DT * ALONG
@@ -258,15 +253,11 @@ def far_away(stand: Stand, steps: int) -> Number:
     criterion="largest distance from the trajectory of one rank, over how far that one gets when "
     "its start is moved by rounding, 1e-15 σ",
     bars=EXTREME,
-    few=HEAVY,
+    few=molecules.HEAVY,
 )
 def ranks(stand: Stand, steps: int) -> Number:
-    """How far from the trajectory of one rank, over how far that is from itself with every atom
-    moved by `ROUNDING` at the start?
-
-    Each atom feels dozens, and many a body is parted among ranks: what is added up, is added up in
-    another order for each number of ranks.
-    """
+    """Many a body is parted among ranks: what is added up, is so in another order for each number
+    of ranks."""
     scene = _liquid(stand, "dense", 4, 0.64 * BOX, seed=8, dt=DT, least=0.9, more=DENSE)
     shift = f"displace_atoms all random {ROUNDING} {ROUNDING} {ROUNDING} 4928"
     moved = replace(scene, setup=(*scene.setup, shift))
@@ -287,16 +278,17 @@ def ranks(stand: Stand, steps: int) -> Number:
     "scene, of frequency ω.",
     50,
     1000,
-    criterion=LONGEST.format("ωΔt, from 0.9 by 0.01,", ALLOWED, "50 periods", "1,000")
+    criterion=molecules.LONGEST.format(
+        "ωΔt, from 0.9 by 0.01,", molecules.ALLOWED, "50 periods", "1,000"
+    )
     + ", the lowest of all starts",
-    bars=GRID,
-    starts=STARTS,
+    bars=molecules.GRID,
+    starts=molecules.STARTS,
     together=lowest_of_starts,
     every=True,
 )
 def resonance(stand: Stand, periods: float) -> Number:
-    """Bodies with a loose atom each on a stiff spring, ω its frequency: up to which step is the
-    energy kept?"""
+    """The spring is across the arm of its atom."""
     stiffness, rest, count, loose, arm = 5000.0, 1.0, 6, 1.0, ARMS[1]
     # across, so that the spring turns the body
     outward = np.array([arm[1], -arm[0], 0.0]) / np.linalg.norm(arm)
@@ -309,7 +301,7 @@ def resonance(stand: Stand, periods: float) -> Number:
     rng, found, atoms = np.random.default_rng(12 + stand.start), [], []
     for k in range(count):
         turn, place = bodies.turned(k), 3.2 * np.array([k % 2, k // 2 % 2, k // 4]) + 1.6
-        how = {"velocity": rng.normal(size=3), "spin": rng.normal(size=3)}
+        how = {key: rng.normal(size=3) for key in ("velocity", "spin")}
         found.append(bodies.body(bodies.BENT, bodies.MASSES, place=place, turn=turn, **how))
         there, velocity = place + turn.apply(arm + rest * outward), rng.normal(size=3)
         atoms.append(bodies.body(np.zeros((1, 3)), [loose], place=there, velocity=velocity))

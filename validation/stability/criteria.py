@@ -65,15 +65,8 @@ KNOWN = "changed after results were known"
 EARLY = "changed after short runs, before the long ones"
 
 
-_Place = tuple[str, float, str, tuple[str, ...]]
-
-
-def _at_most(bound: float, cases: str, unit: str = "") -> _Place:
-    return "≤", bound, unit, tuple(cases.split())
-
-
-def _at_least(bound: float, cases: str, unit: str = "") -> _Place:
-    return "≥", bound, unit, tuple(cases.split())
+def _place(side: str, bound: float, cases: str, unit="") -> tuple[str, float, str, tuple[str, ...]]:
+    return side, bound, unit, tuple(cases.split())
 
 
 def _change(cases, text, reason, bound=None):
@@ -104,7 +97,7 @@ def _dimer(name, mass):
     """A dimer's criterion."""
     bound = round(6.0 * mass**0.5, 2)
     return Criterion(
-        *_at_least(bound, name, "fs"),
+        *_place("≥", bound, name, "fs"),
         "longest stable step, mean over starts",
         f"water's 6 fs times the root of {mass:g}, the hydrogen's mass in amu: times of the "
         f"rotation go with it ({LIBRATION})",
@@ -115,7 +108,7 @@ def _dimer(name, mass):
 
 CRITERIA = {
     "drift": Criterion(
-        *_at_most(0.02, "water-hot water-cold mass-ratio contact gradient", "1/ns"),
+        *_place("≤", 0.02, "water-hot water-cold mass-ratio contact gradient", "1/ns"),
         "|drift of the energy| over the mean kinetic energy",
         "1 % of kT in each degree of freedom a ns is 2 % of the kinetic energy a ns; it warms by "
         "1 %, as half of the heat is kinetic; "
@@ -139,7 +132,7 @@ CRITERIA = {
         ),
     ),
     "stable, many": Criterion(
-        *_at_most(0.02, "water-dt peptide-dt"),
+        *_place("≤", 0.02, "water-dt peptide-dt"),
         "change of the energy in a run that counts as stable, over the kinetic energy",
         "1 % in the temperature, as half of the heat is kinetic",
         "who equilibrates for some ps, and would notice 1 % in the temperature",
@@ -147,7 +140,7 @@ CRITERIA = {
         inner=True,
     ),
     "stable, few": Criterion(
-        *_at_most(0.1, "dimer-1 dimer-0.1 dimer-0.01 springs resonance"),
+        *_place("≤", 0.1, "dimer-1 dimer-0.1 dimer-0.01 springs resonance"),
         "change of the energy in a run that counts as stable, over the kinetic energy",
         "the energy of few oscillators swings by (ωΔt)²/4, a quarter at ωΔt = 1; a fifth of the "
         "run has 10 samples, so its mean is off by a quarter over √10, 8 %; what is unstable "
@@ -157,7 +150,7 @@ CRITERIA = {
         inner=True,
     ),
     "water's step": Criterion(
-        *_at_least(6.0, "water-dt", "fs"),
+        *_place("≥", 6.0, "water-dt", "fs"),
         "longest stable step",
         LIBRATION,
         "who runs rigid water at the longest step that others have published",
@@ -165,14 +158,14 @@ CRITERIA = {
     ),
     **{f"{name}'s step": _dimer(name, mass) for name, mass in _MASSES.items()},
     "peptide's step": Criterion(
-        *_at_least(3.0, "peptide-dt", "fs"),
+        *_place("≥", 3.0, "peptide-dt", "fs"),
         "longest stable step",
         "the paper's step; six steps of a bond of 1,650 cm⁻¹, a period of 20 fs, are 3.4 fs",
         "who repeats the paper's runs",
         _kept("peptide-dt", "3 fs", 3.0),
     ),
     "springs' step": Criterion(
-        *_at_least(SIXTH, "springs"),
+        *_place("≥", SIXTH, "springs"),
         "longest stable ωΔt, mean over starts",
         SIX,
         "who makes six steps in the fastest period",
@@ -186,7 +179,7 @@ CRITERIA = {
         ),
     ),
     "resonance's step": Criterion(
-        *_at_least(SIXTH, "resonance"),
+        *_place("≥", SIXTH, "resonance"),
         f"longest stable ωΔt, the lowest of {ENOUGH_STARTS} starts",
         f"{SIX}; the lowest of the starts, as limits lie at resonances, in groups, and a mean is "
         f"where none breaks; of {ENOUGH_STARTS} that hold, another does not with a chance of 1 in "
@@ -212,7 +205,7 @@ CRITERIA = {
         ),
     ),
     "top's energy": Criterion(
-        *_at_most(2.5e-3, "needles disks long-tops"),
+        *_place("≤", 2.5e-3, "needles disks long-tops"),
         "largest relative change of a free top's energy",
         "(|ω|Δt)² at 0.05 rad: the error of a scheme of second order, with a coefficient of 1 "
         "(velocity Verlet of an oscillator has 1/4); it does not grow",
@@ -225,7 +218,7 @@ CRITERIA = {
         ),
     ),
     "speeds' energy": Criterion(
-        *_at_most(1.0, "turn-per-step"),
+        *_place("≤", 1.0, "turn-per-step"),
         "largest relative change of a free top's energy, over (|ω|Δt)², beside rounding",
         "as of needles, at each speed, beside twice the rounding of momenta, as the energy is "
         "their square: where (|ω|Δt)² is less than that, up to 3e-5 rad in 1e6 steps, it is a test "
@@ -250,7 +243,7 @@ CRITERIA = {
         inner=True,
     ),
     "turn": Criterion(
-        *_at_least(0.1, "turn-per-step", "rad"),
+        *_place("≥", 0.1, "turn-per-step", "rad"),
         "longest |ω|Δt up to which the energy is as a scheme of second order has it",
         "rigid TIP3P at 300 K turns about its axis of least moment, 0.6 amu Å², by √(kT/I) = 0.02 "
         "rad a fs; at 5 fs that is 0.1 rad",
@@ -258,7 +251,7 @@ CRITERIA = {
         _kept("turn-per-step", "0.1 rad", 0.1),
     ),
     "rounding": Criterion(
-        *_at_most(2 * EPS, "needles disks long-tops long-dimer"),
+        *_place("≤", 2 * EPS, "needles disks long-tops long-dimer"),
         "relative change of what is kept exactly (momentum, angular momentum), in a step",
         "four roundings of half an ulp in a step, all to one side; beside them 1e4 ulps for what "
         "is read: atoms lie up to 1e3 σ from the origin, on arms of half a σ",
@@ -276,7 +269,7 @@ CRITERIA = {
         ),
     ),
     "orientation": Criterion(
-        *_at_most(0.1, "needles disks degenerate", "σ"),
+        *_place("≤", 0.1, "needles disks degenerate", "σ"),
         "largest distance of an atom from the exact motion after 1,000 rad",
         "1 − cos φ ≤ 1 %: φ ≤ 0.1415 rad; the longest arm is 0.7071 σ",
         "who would notice 1 % in the correlation of orientations, ⟨u(0)·u(t)⟩",
@@ -291,14 +284,14 @@ CRITERIA = {
         ),
     ),
     "tumbling": Criterion(
-        *_at_most(1e-2, "middle-axis"),
+        *_place("≤", 1e-2, "middle-axis"),
         "relative error of the mean time between two turns over",
         "(|ω|Δt)² at 0.1 rad, the error of a scheme of second order with a coefficient of 1",
         "who would notice 1 % in the rate of tumbling",
         _kept("middle-axis", "0.01", 0.01),
     ),
     "shape": Criterion(
-        *_at_most(1.0, "long-tops long-dimer"),
+        *_place("≤", 1.0, "long-tops long-dimer"),
         "largest relative change of a distance in a body, over what was asked for",
         "of shake and rattle, the tolerance that they are given; of a rigid integrator, rounding "
         "as of momenta",
@@ -313,7 +306,7 @@ CRITERIA = {
         ),
     ),
     "long run": Criterion(
-        *_at_most(0.02, "long-dimer"),
+        *_place("≤", 0.02, "long-dimer"),
         "change of the mean energy from the first tenth of the run to the last, over the kinetic "
         "energy",
         "1 % in the temperature of the whole run, as half of the heat is kinetic",
@@ -321,7 +314,7 @@ CRITERIA = {
         (_change("long-dimer", "0.01 → 0.02", FOLLOWS, 0.02),),
     ),
     "far place": Criterion(
-        *_at_most(1e-6, "far-away", "σ"),
+        *_place("≤", 1e-6, "far-away", "σ"),
         "largest distance from the same bodies at the origin",
         "1e7 σ from the origin a position is rounded by 0.9e-9 σ; 100 steps to one side, in three "
         "directions, are 1.6e-7 σ; collisions amplify that e^(3 · 0.4) = 3.3-fold, with an "
@@ -330,7 +323,7 @@ CRITERIA = {
         _kept("far-away", "1e-6 σ", 1e-6),
     ),
     "far pressure": Criterion(
-        *_at_most(1e-3, "far-away"),
+        *_place("≤", 1e-3, "far-away"),
         "largest relative change of the pressure against the same bodies at the origin",
         "three digits, to which pressures of simple liquids are published; rounding there is far "
         "below",
@@ -338,7 +331,7 @@ CRITERIA = {
         _kept("far-away", "0.001", 1e-3),
     ),
     "flight": Criterion(
-        *_at_most(1e-8, "beyond-skin", "σ"),
+        *_place("≤", 1e-8, "beyond-skin", "σ"),
         "largest distance from the same bodies without that flight",
         "a velocity of 1,000 σ/τ is rounded by 5.7e-14 σ/τ; 500 steps to one side move a body by "
         "half of that in 2 τ: 2.8e-11 σ; collisions amplify it e^(3 · 2) = 400-fold, with an "
@@ -347,7 +340,7 @@ CRITERIA = {
         _kept("beyond-skin", "1e-8 σ", 1e-8),
     ),
     "order of sums": Criterion(
-        *_at_most(1e3, "ranks"),
+        *_place("≤", 1e3, "ranks"),
         "largest distance from the trajectory of one rank, over that of a start moved by 1e-15 σ",
         "each step rounds a position by 1e-15 σ, and a velocity of 40 σ/τ by 3.6e-15 σ/τ, which "
         "moves a body by 2.8e-15 σ in 0.8 τ: 4 times the start's move; 200 steps to one side are "
@@ -366,7 +359,7 @@ CRITERIA = {
 
 
 # of several criteria at once: each number over its own bound
-EACH = Criterion(*_at_most(1.0, ""), "the largest of all, each over its bound", "", "", ())
+EACH = Criterion(*_place("≤", 1.0, ""), "the largest of all, each over its bound", "", "", ())
 
 
 def of_case(name: str) -> dict[str, Criterion]:

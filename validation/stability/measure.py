@@ -3,10 +3,8 @@ LAMMPS's rigid and constraint fixes.
 
 A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stability`
 runs cases with integrators, row by row.  A row keeps what was measured, from each start; it is
-judged against the bounds of ``criteria`` whenever it is shown.  Rows are in a store: one that is
-there is not run again, those of other code or lengths stay and are not shown, and of a row that was
-interrupted the runs that are complete are taken over. Several processes may run with the same
-output folder: one alone has a case, and what it saves has the others' rows in it.
+judged against the bounds of ``criteria`` whenever it is shown.  Several processes may run with the
+same output folder: one alone has a case, and what it saves has the others' rows in it.
 """
 
 import json

@@ -133,8 +133,7 @@ def disks(stand: Stand, steps: int) -> Number:
     bars=EXTREME,
 )
 def degenerate(stand: Stand, steps: int) -> Number:
-    """Tops with two or three equal moments, and with moments apart by `SPLIT` in a run of their
-    own: how far from the exact motion, which is that of the equal ones but for some 1e-9 σ?"""
+    """The exact motion of both is that of the equal ones, but for some 1e-9 σ."""
     ends, far = [], {}
     for name, split in ("equal", 0.0), ("split", SPLIT):
         apart = split * np.array([1, -0.5, 0.3])
@@ -159,8 +158,7 @@ def degenerate(stand: Stand, steps: int) -> Number:
     "same every time",
 )
 def turn_per_step(stand: Stand, steps: int) -> Number:
-    """The largest |ω|Δt up to which the energy is off by no more than (|ω|Δt)², nor `SWING`, beside
-    rounding; where (|ω|Δt)² is less than rounding, it is rounding that is judged."""
+    """Where (|ω|Δt)² is less than rounding, it is rounding that is judged."""
     off, spin = np.full(len(STEPS), np.inf), bodies.moments(*BENT)[1] @ SPIN
     for some in (np.flatnonzero(STEPS < APART), *np.flatnonzero(STEPS >= APART)[:, None]):
         name = f"tops up to {STEPS[some[-1]]:.2g}"
@@ -193,7 +191,7 @@ def turn_per_step(stand: Stand, steps: int) -> Number:
     tenth=SLOW,
 )
 def middle_axis(stand: Stand, turns: int) -> Number:
-    """How far the phase of tops that turn over again and again has gone, against the exact one.
+    """How far the phase has gone, against the exact one.
 
     Times of turning over are taken in windows of `WINDOW` turns, the first at the start, then up to
     1e3, 1e4 ... turns.  How often it has turned over between two windows follows from the mean time
@@ -280,7 +278,7 @@ def _turns_over(time, values):
     bars=EXTREME,
 )
 def long_tops(stand: Stand, steps: int) -> Number:
-    """100 asymmetric tops."""
+    """All asymmetric."""
     spins = np.random.default_rng(6).normal(size=(100, 3))
     spins *= TURN / np.linalg.norm(spins, axis=1)[:, None]
     scene = _row_of(stand, "tops", [BENT] * len(spins), spins, bonded=True)

@@ -7,6 +7,7 @@ steps of zero length, extrapolated, start by start.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
@@ -83,7 +84,25 @@ MEASURES = {
     name: {"title": title, "unit": unit, "relative_to": relative_to, "log": True}
     for name, (title, unit, relative_to) in _TOLD.items()
 }
-Found = Mapping[Point, Sequence[dict]]  # of each start its numbers, see `of_run`
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """All numbers of a run."""
+
+    # of the measures an ``Estimate``, or where only all starts together give one, what it is made
+    # of: ``g_oo`` (blocks, bins); ``convergence`` the energy less its mean, (samples,);
+    # ``ke_distribution`` of bodies; ``pv_equipartition`` of translation and rotation, (2, samples)
+    measures: dict
+    cost: Sequence[float] = ()  # s per simulated ns of each timed segment, of the clock
+    cpu: Sequence[float] = ()  # and of all cores
+    temperature: float = 0.0  # K
+    freedom: int = 0  # degrees of it, and those of translation and of rotation
+    moving: float = 0.0
+    turning: float = 0.0
+
+
+Found = Mapping[Point, Sequence[Numbers]]  # of each start
 
 
 def failure(result: Result, temperature: float) -> str | None:
@@ -107,20 +126,9 @@ def degrees_of_freedom(result: Result) -> int:
 
 def of_run(
     result: Result, reference: Result, dt: float, parts: Parts, asked: Sequence[str]
-) -> dict:
-    """All numbers of a run.
-
-    Args:
-        result: complete.  reference: the reference solution's, which ends at the horizon.
-        asked: names of the measures; nothing else is computed.
-
-    Returns:
-        of the measures an ``Estimate``, or where only all starts together give one, what it is made
-        of: ``g_oo`` (blocks, bins); ``convergence`` the energy less its mean, (samples,);
-        ``ke_distribution`` of bodies; ``pv_equipartition`` of translation and rotation, (2,
-        samples).  ``cost`` and ``cpu``: s per simulated ns of each timed segment; ``temperature``;
-        degrees of freedom: ``all``, ``moving`` and ``turning``.
-    """
+) -> Numbers:
+    """The numbers of a complete run, of the measures that are asked for; the reference solution
+    ends at the horizon."""
     sampled = (result.thermo["Step"] >= parts.begin) & (result.thermo["Step"] <= parts.end)
     thermo = {name: values[sampled] for name, values in result.thermo.items()}
     energy, time = thermo["TotEng"], thermo["Step"] * dt / FS_PER_PS
@@ -153,13 +161,13 @@ def of_run(
         "ke_distribution": lambda: motion.kinetic(parts.frames)[::apart].ravel(),
         "pv_equipartition": lambda: kinetic,
     }
-    found = {name: makers[name]() for name in asked} | {"cost": [], "cpu": []}
+    cost, cpu = [], []
     for one in (result.timings[index] for index in parts.segments):
-        seconds = one["loop"] / one["steps"] / dt * FS_PER_NS
-        found["cost"].append(seconds)
+        cost.append(one["loop"] / one["steps"] / dt * FS_PER_NS)
         if one["cpu"] is not None:
-            found["cpu"].append(seconds * one["ranks"] * one["cpu"] / 100)
-    return found | {"temperature": kelvin, "all": total, "moving": moving, "turning": turning}
+            cpu.append(cost[-1] * one["ranks"] * one["cpu"] / 100)
+    found = {name: makers[name]() for name in asked}
+    return Numbers(found, cost, cpu, kelvin, total, moving, turning)
 
 
 def pooled(starts: Sequence[Estimate]) -> Estimate:
@@ -188,7 +196,10 @@ def limits(found: Found, swept: Sweep) -> dict[str, list[Estimate]]:
     if not number or np.linalg.matrix_rank(matrix) < 1 + len(names):
         return {}
     return {
-        name: [_limit(matrix, [found[one][start][name] for one in used]) for start in range(number)]
+        name: [
+            _limit(matrix, [found[one][start].measures[name] for one in used])
+            for start in range(number)
+        ]
         for name in set(AVERAGES) & set(swept.measures)
     }
 
@@ -212,11 +223,8 @@ def _limit(matrix, averages):
 
 
 def _off_limit(averages, limit):
-    """An average less its limit, start by start.
-
-    Of ``ENOUGH`` starts that is their scatter, which knows how much of a start's chance both share;
-    else, too large then, as if they shared none.
-    """
+    """An average less its limit, start by start; its error is, of ``ENOUGH`` starts, their scatter,
+    which knows how much of a start's chance both share, else, too large, as if they shared none."""
     pairs = list(zip(averages, limit))
     off = [Estimate(one.value - at.value, *measures.combined(one[1:], at[1:])) for one, at in pairs]
     return measures.of_few([one.value for one in off]) if len(off) >= ENOUGH else pooled(off)
@@ -241,7 +249,7 @@ def _of_point(point, found, limits, swept):
             continue
         if name in AVERAGES and name not in limits:
             continue
-        each = [one[name] for one in found[point]]
+        each = [one.measures[name] for one in found[point]]
         if name in AVERAGES:
             one = _off_limit(each, limits[name])
         else:
@@ -259,9 +267,8 @@ def _pair_distribution(point, found):
     """The rms difference from the mean of the symplectic schemes at steps up to `SMALL`, without
     what noise makes of it; None without these.
 
-    It is taken start by start, for runs from one start are like each other: the mean product of the
-    differences from two starts has no noise of its own. Its error is by the jackknife over starts.
-    Of fewer than ``ENOUGH`` starts their blocks stand for starts, which shares the start's chance.
+    The mean product of the differences from two starts has no noise of its own. Its error is by the
+    jackknife over starts; of fewer than ``ENOUGH`` their blocks stand for starts.
     """
     held = [
         one for one in found if _is_good(one) and one.dt <= SMALL and one != point and found[one]
@@ -269,8 +276,9 @@ def _pair_distribution(point, found):
     if not held:
         return None
     starts = range(min(len(found[one]) for one in (point, *held)))
-    means = [np.mean([found[one][start]["g_oo"] for one in held], axis=0) for start in starts]
-    off = np.array([found[point][start]["g_oo"] - means[start] for start in starts])
+    g = {one: [numbers.measures["g_oo"] for numbers in found[one]] for one in (point, *held)}
+    means = [np.mean([g[one][start] for one in held], axis=0) for start in starts]
+    off = np.array([g[point][start] - means[start] for start in starts])
     off = off.mean(axis=1) if len(starts) >= ENOUGH else off.reshape(-1, off.shape[-1])
     products = off @ off.T / off.shape[1]
     n, own = len(products), np.diag(products)
@@ -291,20 +299,21 @@ def _convergence(point, found):
     if not shorter:
         return None
     pair = point, max(shorter, key=lambda one: one.dt)
-    series = {one.dt: np.concatenate([each["convergence"] for each in found[one]]) for one in pair}
-    widths = (pooled([numbers["energy_sd"] for numbers in found[one]]) for one in pair)
+    known = {one: [numbers.measures for numbers in found[one]] for one in pair}
+    series = {one.dt: np.concatenate([each["convergence"] for each in known[one]]) for one in pair}
+    widths = (pooled([each["energy_sd"] for each in known[one]]) for one in pair)
     scaled = measures.quotient(*widths).times((pair[1].dt / pair[0].dt) ** 2)
     return scaled._replace(value=structure.convergence(series))
 
 
 def _kelvin(numbers):
-    return np.mean([one["temperature"] for one in numbers])
+    return np.mean([one.temperature for one in numbers])
 
 
 def _distribution(point, found):
     """Of all starts together, in standard deviations."""
     numbers = found[point]
-    energies = np.concatenate([one["ke_distribution"] for one in numbers])
+    energies = np.concatenate([one.measures["ke_distribution"] for one in numbers])
     return Estimate(structure.distribution(energies, _kelvin(numbers)), 1.0)
 
 
@@ -313,9 +322,9 @@ def _equipartition(point, found):
     deviations."""
     numbers, series = found[point], []
     for one in numbers:
-        pair = one["pv_equipartition"]
+        pair = one.measures["pv_equipartition"]
         series.append(pair[:, :: ceil(max(map(measures.statistical_inefficiency, pair)))])
-    freedom = numbers[0]["moving"], numbers[0]["turning"]
+    freedom = numbers[0].moving, numbers[0].turning
     series = np.concatenate(series, axis=1)
     return Estimate(structure.equipartition(*series, *freedom, _kelvin(numbers)), 1.0)
 

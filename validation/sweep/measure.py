@@ -48,10 +48,8 @@ def sweep(
 
     Args:
         points, lengths: what is asked for, see ``plan``.
-        out: folder; runs go to its folder ``runs``.
-        ranks: MPI ranks of what is larger than the dimer.
+        ranks: of what is larger than the dimer.
         silence: s without a sign of life after which a run is given up.
-        short: whether with the small starts of --short.
 
     Returns:
         plain data; after a Ctrl-C with what was complete, and ``interrupted`` true.
@@ -98,11 +96,7 @@ class _Scene:
         self.freedom = None  # degrees of it
 
     def measure(self, out: Path) -> None:
-        """Run and measure all points.
-
-        Raises:
-            KeyboardInterrupt: a run was interrupted.
-        """
+        """Run and measure all points, until a Ctrl-C."""
         self.scene = starts.of_size(self.scene, self.swept.bodies, out / "starts")
         self.folder = out / "runs" / (f"{self.name}-short" if self.short else self.name)
         dumps = self._starts()
@@ -173,7 +167,7 @@ class _Scene:
         numbers = errors.of_run(result, reference, point.dt, one, asked)
         self.found[point].append(numbers)
         if self.swept.same(integrator):
-            self.freedom = numbers["all"]
+            self.freedom = numbers.freedom
 
     def _job(self, point, dump, runs, name, more):
         files = [dump[0]] if dump[0].exists() else []  # else LAMMPS says so
@@ -228,10 +222,9 @@ class _Scene:
         found, failures, integrator = self.found[point], self.failures[point], point.integrator
         one = parts(self.swept, point.dt, self.lengths.time)
         asked = self.swept.measures_of(integrator)
-        times = {
-            key: [value for numbers in found for value in numbers[key]] if fails is None else []
-            for key in ("cost", "cpu")
-        }
+        good = found if fails is None else []
+        cost = [seconds for numbers in good for seconds in numbers.cost]
+        cpu = [seconds for numbers in good for seconds in numbers.cpu]
         return {
             "integrator": integrator.name,
             "label": integrator.label,
@@ -243,7 +236,8 @@ class _Scene:
             "starts": len(found) + len(failures),
             "failed": None if fails is None else [*failures, f"fails with {fails:g} fs"][0],
             "failures": len(failures),
-            **{key: measures.spread(some) if some else None for key, some in times.items()},
+            "cost": measures.spread(cost) if cost else None,
+            "cpu": measures.spread(cpu) if cpu else None,
             "errors": errors,
             "signed": signed,
             "without": [name for name in self.swept.measures if name not in asked],

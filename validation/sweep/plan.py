@@ -207,11 +207,8 @@ def points(
     only: Sequence[str] | None = None,
     steps: Sequence[float] | None = None,
 ) -> list[Point]:
-    """What is measured, in the order in which it runs from each start.
-
-    Args:
-        only: names in ``SWEPT``; None is all.
-        steps: fs; None is the scene's own.
+    """What is measured, in the order in which it runs from each start, with integrators of these
+    names and these time steps, fs; None is the scene's own.
 
     Raises:
         ValueError: a step does not divide a scene's horizon.
@@ -233,19 +230,14 @@ def points(
 def lengths(
     names: Iterable[str], short: bool = False, budget: float | None = None
 ) -> dict[str, Lengths]:
-    """How much is done of each scene, so that all of them are done within the budget, as far as the
-    nominal costs are right.
+    """How much is done of each scene, so that all of them are done within the budget, minutes, by
+    the nominal costs: the same budget gives the same runs.
 
     The scenes share it as they would the least budget, whether they are named or not, so that they
-    can be swept one by one into the same folder.  Costs are taken from `Sweep`, not measured: the
-    same budget gives the same runs.
-
-    Args:
-        budget: minutes of all scenes (of --short: of ``SHORT_SCENES``); None is the usual one.
+    can be swept one by one into the same folder.
 
     Raises:
-        ValueError: the budget is too little for runs of the least length; the message says how much
-            it has to be.
+        ValueError: the budget is too little; the message says how much it has to be.
     """
     budget = budget or (SHORT_BUDGET if short else BUDGET)
     least = {name: minutes(name, short, one.least) for name, one in sweeps(short).items()}

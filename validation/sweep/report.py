@@ -70,11 +70,8 @@ def gathered(summary: dict, out: Path) -> dict:
     """The summary of a sweep with the scenes that earlier sweeps of the same code left in the
     folder ``out``; each keeps when it was ``swept``.
 
-    The code is the package, this harness and LAMMPS.  A scene that older code has measured is left
-    out: its runs are still there, for a new sweep of it. Of a scene that was swept twice with the
-    same lengths from the same starts, the sweep that knows more runs stays: one of some points,
-    which knows those of the earlier ones too, and not one that was interrupted before it had come
-    to them.
+    Of a scene that was swept twice with the same lengths from the same starts, the sweep that knows
+    more runs stays, so not one that was interrupted before it had come to them.
     """
     swept = {key: summary[key] for key in ("command", "date", "interrupted")}
     scenes = {name: scene | {"swept": swept} for name, scene in summary["scenes"].items()}
