@@ -9,7 +9,7 @@ same output folder: one alone has a case, and what it saves has the others' rows
 
 import json
 import shlex
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -370,14 +370,11 @@ def stability(
 
 
 def plan(
-    cases: Mapping[str, Case],
-    names: Collection[str],
-    full: bool,
-    only: Collection[str] | None = None,
+    cases: Mapping[str, Case], names: Iterable[str], full: bool, only: Collection[str] | None = None
 ) -> list[tuple[str, str]]:
     """(case, integrator), names, in the order in which they run."""
     wanted = {name: only or cases[name].integrators(full) for name in names}
-    return [(name, one) for name in names for one in COMPARED if one in wanted[name]]
+    return [(name, one) for name, those in wanted.items() for one in COMPARED if one in those]
 
 
 def grown(
