@@ -1,4 +1,5 @@
-"""Every command of the harness that it prints as advice is one that its own command line accepts."""
+"""Every command of the harness that it prints as advice is one that its own command line
+accepts."""
 
 import functools
 import html
@@ -29,7 +30,8 @@ COMMITTED = ROOT / "validation" / "results"
 
 
 def commands(text):
-    """The commands in a text, page or JSON: each ends with its line, sentence, code or JSON string, or where the next one begins."""
+    """The commands in a text, page or JSON: each ends with its line, sentence, code or JSON string,
+    or where the next one begins."""
     found = re.findall(r"python -m validation ([^\n<`;\"\\]*)", text)
     return sorted(
         {re.sub(r"[.,:)]+$", "", one.split("python -m")[0].strip()) for one in found} - {"", "VERB"}
@@ -61,15 +63,30 @@ def assert_accepted(text, least=1):
 
 def test_commands_are_found():
     """Locks out a search that passes because it finds nothing, and one that takes everything."""
-    text = "Use `python -m validation sweep water`; this: python -m validation sweep butter.\n<td>python -m validation advise water</td>"
+    text = (
+        "Use `python -m validation sweep water`; this: python -m validation sweep butter.\n"
+        "<td>python -m validation advise water</td>"
+    )
     assert commands(text) == ["advise water", "sweep butter", "sweep water"]
     assert [bool(refused(words)) for words in commands(text)] == [True, True, False]
 
 
-@pytest.mark.parametrize("asked", ["advise butter --target energy_sd=1", "sweep butter", "advise mixed --target energy_sd=1", "stability butter",
-                                   "stability --only butter", "theory butter", "bench butter", "compare butter"])  # fmt: skip
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "advise butter --target energy_sd=1",
+        "sweep butter",
+        "advise mixed --target energy_sd=1",
+        "stability butter",
+        "stability --only butter",
+        "theory butter",
+        "bench butter",
+        "compare butter",
+    ],
+)
 def test_unknown_names_are_refused_at_once(capsys, asked):
-    """Locks out a name that nothing knows found out late, or never, and a refusal that does not tell the names that there are."""
+    """Locks out a name that nothing knows found out late, or never, and a refusal that does not
+    tell the names that there are."""
     assert refused(asked)
     told = capsys.readouterr().err
     assert "choose from" in told and asked.split()[1].removeprefix("--") in told
@@ -134,7 +151,9 @@ def test_what_is_written_down():
     assert_accepted((ROOT / "README.md").read_text())
     pages = (path.read_text() for path in (ROOT / "docs").rglob("*.md"))
     assert_accepted("\n".join(pages), least=20)
-    for path in (ROOT / "validation" / "templates").glob("*.html"):
+    templates = list((ROOT / "validation" / "pages" / "templates").glob("*.html"))
+    assert templates, "they are elsewhere: nothing is checked"
+    for path in templates:
         wrong = [
             why
             for why in map(refused, commands(re.sub(r"{{.*?}}", "water", path.read_text())))

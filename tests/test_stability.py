@@ -1,8 +1,8 @@
-"""The stability atlas: verdicts, rows that are kept, numbers that are known otherwise, and that cases tell integrators apart."""
+"""The stability atlas: verdicts, rows that are kept, numbers that are known otherwise, and that
+cases tell integrators apart."""
 
 import csv
 import dataclasses
-import fcntl
 import json
 import shutil
 import threading
@@ -36,7 +36,7 @@ from validation.theory.top import free_top
 
 
 def criterion(bound=1.0, side="≤", unit="", **more):
-    return Criterion(("test",), "a number", side, bound, unit, "none", "none", (), **more)
+    return Criterion(side, bound, unit, ("test",), "a number", "none", "none", (), **more)
 
 
 def case(measure, name="test", side="≤", **more):
@@ -46,7 +46,7 @@ def case(measure, name="test", side="≤", **more):
         "bars": "none",
         "short": 1,
         "full": 2,
-        "criteria": {"test": criterion(side=side)},
+        "bounds": {"test": criterion(side=side)},
     }
     return Case(name=name, measure=measure, **usual | more)
 
@@ -55,9 +55,8 @@ def row(found, integrator="nosquish", folder=Path("unused"), length=None, starts
     """The row of a case with an integrator; of another length, if one is given."""
     if length is not None:
         found = dataclasses.replace(found, short=length)
-    *_, last = stability._rows(
-        found, integrator, folder / "none", folder, False, 60.0, Silent(), starts
-    )
+    stand = stability.Stand(found, stability.COMPARED[integrator], folder, 60.0, Silent())
+    *_, last = stability.grown(stand, integrator, False, starts=starts)
     return stability.judged(found, last)
 
 
@@ -85,8 +84,8 @@ def raises(error):
     ],
 )
 def test_verdicts(tmp_path, measure, side, verdict):
-    """Locks out a number that is not finite and passes, an error bar that is forgotten, a lower bound taken for an upper one, and an analysis of a broken
-    run that ends the atlas."""
+    """Locks out a number that is not finite and passes, an error bar that is forgotten, a lower
+    bound taken for an upper one, and an analysis of a broken run that ends the atlas."""
     found = row(case(measure, side=side), folder=tmp_path)
     assert found["verdict"] == verdict
     assert (found["value"] is None) == (verdict in stability.BROKEN)
@@ -109,7 +108,8 @@ def rows(**verdicts):
 
 @pytest.mark.parametrize("size", [1e80, 1e150, 1e200])
 def test_drift_of_what_blew_up(size):
-    """Locks out squares that overflow: the slope of a series that explodes is that of the same one with numbers of order one, times its size."""
+    """Locks out squares that overflow: the slope of a series that explodes is that of the same one
+    with numbers of order one, times its size."""
     t = np.linspace(0.0, 1.0, 1000)
     x = np.exp(40 * (t - 1)) + 1e-3 * np.sin(1e5 * t)
     with np.errstate(all="ignore"):
@@ -136,8 +136,9 @@ def test_drift_of_what_blew_up(size):
     ],
 )
 def test_what_all_rows_say(verdicts, holds):
-    """Locks out a blow-up of ours that is not told, one that is told though every LAMMPS fix has it, a case that tells nothing apart, or only Gear
-    from all others, and a yes of what has not been run."""
+    """Locks out a blow-up of ours that is not told, one that is told though every LAMMPS fix has
+    it, a case that tells nothing apart, or only Gear from all others, and a yes of what has not
+    been run."""
     told = stability.told([rows(**verdicts)])
     assert tuple(line["holds"] for line in told) == holds
     assert [line["where"] for line in told] == [[] if line["holds"] else ["test"] for line in told]
@@ -162,7 +163,8 @@ def test_a_case_that_is_not_complete_is_not_called_blunt():
 
 
 def test_rows_are_kept(tmp_path, monkeypatch):
-    """Locks out rows that are lost by a Ctrl-C or run again after it, those of other cases forgotten, and those of other lengths taken."""
+    """Locks out rows that are lost by a Ctrl-C or run again after it, those of other cases
+    forgotten, and those of other lengths taken."""
     done = []
 
     def measure(stand, length):
@@ -172,9 +174,11 @@ def test_rows_are_kept(tmp_path, monkeypatch):
         return Number(0.5)
 
     cases = {name: case(measure, name) for name in ("one", "two")}
-    run_them = lambda names, full=False: stability.stability(
-        cases, names, tmp_path, full, 60.0, Silent(), ["nosquish", "rigid"]
-    )
+
+    def run_them(names, full=False):
+        only = ["nosquish", "rigid"]
+        return stability.stability(cases, names, tmp_path, full, 60.0, Silent(), only)
+
     summary = run_them(["one"])
     assert summary["interrupted"] and [len(found["rows"]) for found in summary["cases"]] == [1]
     summary = run_them(["one"])
@@ -188,8 +192,7 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "summary.json").read_text())["cases"] == summary["cases"]
     run_them(["one"], full=True)
     assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
-    other = stability._code()
-    monkeypatch.setattr(stability, "_code", lambda: other[::-1])
+    monkeypatch.setattr(stability.store, "code_of", lambda module: "other")
     summary = run_them(["two"])
     assert [found["name"] for found in summary["cases"]] == ["two"] and len(done) == 9
     monkeypatch.undo()
@@ -199,17 +202,19 @@ def test_rows_are_kept(tmp_path, monkeypatch):
 
 
 def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
-    """Locks out rows that stay though a module that made them, or a scene, is another; and rows that are lost by what only shows."""
+    """Locks out rows that stay though a module that made them, or a scene, is another; and rows
+    that are lost by what only shows."""
     copy = tmp_path / "validation"
     shutil.copytree(
         ROOT / "validation", copy, ignore=shutil.ignore_patterns("results", "__pycache__")
     )
     monkeypatch.setattr(stability.store, "HARNESS", copy)
 
+    cases = {"test": case(None)}
+
     def code():
-        stability._code.cache_clear()
         stability.store.code_of.cache_clear()
-        return stability._code()
+        return stability.Rows(cases, tmp_path, False).place("test", "nosquish")[1]
 
     before = code()
     for shows in "stability/report", "pages/figures", "report/sections", "stability/command":
@@ -234,12 +239,12 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     monkeypatch.setattr(stability.machine, "contents", lambda folder: "another")
     found.add(code())
     assert len(found) == 13
-    stability._code.cache_clear()
     stability.store.code_of.cache_clear()
 
 
 def test_a_length_of_some_is_a_tenth(tmp_path):
-    """Locks out slow schemes that run for all the length, a tenth that others get, and a row of one length that passes for another's."""
+    """Locks out slow schemes that run for all the length, a tenth that others get, and a row of one
+    length that passes for another's."""
     done = {}
 
     def measure(stand, length):
@@ -290,7 +295,8 @@ def tile(value, error, verdict="pass", **bounds):
     ],
 )
 def test_tiles(value, error, verdict, bounds, text):
-    """Locks out a figure that ranks noise: what it shows of a number is what is judged, the number and two errors, or its error beside it."""
+    """Locks out a figure that ranks noise: what it shows of a number is what is judged, the number
+    and two errors, or its error beside it."""
     assert tile(value, error, verdict, **bounds)[2] == text
 
 
@@ -301,7 +307,8 @@ def test_tiles_are_no_darker_by_chance():
 
 
 def test_cases_side_by_side(tmp_path):
-    """Locks out rows that another process has saved meanwhile and that this one's summary loses, and a command that makes only a part of them."""
+    """Locks out rows that another process has saved meanwhile and that this one's summary loses,
+    and a command that makes only a part of them."""
 
     def run_them(name):
         return stability.stability(cases, [name], tmp_path, False, 60.0, Silent(), ["nosquish"])
@@ -320,7 +327,8 @@ def test_cases_side_by_side(tmp_path):
 
 
 def test_a_case_is_one_process_alone(tmp_path):
-    """Locks out two processes in one case's folder, and one that waits while there are other cases."""
+    """Locks out two processes in one case's folder, and one that waits while there are other
+    cases."""
     done = []
 
     def measure(stand, length):
@@ -328,9 +336,7 @@ def test_a_case_is_one_process_alone(tmp_path):
         return Number(0.5)
 
     cases = {name: case(measure, name) for name in ("one", "two")}
-    (tmp_path / "runs" / "one").mkdir(parents=True)
-    with open(tmp_path / "runs" / "one" / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with stability.Rows(cases, tmp_path, False).store.locked("one"):
         run_them = threading.Thread(
             target=stability.stability,
             args=(cases, ["one", "two"], tmp_path, False, 60.0, Silent(), ["nosquish"]),
@@ -354,7 +360,8 @@ def test_bodies_have_the_moments_that_they_are_named_after(moment):
 
 @pytest.mark.parametrize("tilt", stability_tops.TILTS)
 def test_time_between_turns_over(tilt):
-    """Locks out a wrong exact answer: the exact motion, position by position, turns over as often."""
+    """Locks out a wrong exact answer: the exact motion, position by position, turns over as
+    often."""
     moments, _ = stability_bodies.moments(stability_bodies.BENT, stability_bodies.MASSES)
     start = moments * stability_tops.MIDDLE * np.array([tilt, 1.0, tilt])
     exact = stability_tops.exact_interval(tilt)
@@ -369,7 +376,8 @@ def test_time_between_turns_over(tilt):
 
 @pytest.mark.parametrize("moment", [(1.0, 1.0, 1.0), (1.0, 1.0, 0.1), (1.0, 1.0, 1.9)])
 def test_exact_symmetric_top(moment):
-    """Locks out a wrong exact answer: angular momentum and energy stay, and Euler's equations hold at each moment."""
+    """Locks out a wrong exact answer: angular momentum and energy stay, and Euler's equations hold
+    at each moment."""
     moment, spin, turn = np.array(moment), np.array([0.6, -0.5, 0.7]), stability_bodies.turned(1)
     h = 1e-4
     for time in 0.0, 1.0, 30.0:
@@ -388,7 +396,8 @@ def test_exact_symmetric_top(moment):
 
 @pytest.mark.parametrize("pace, sure", [(1.0, True), (1.0 + 1e-3, True), (None, False)])
 def test_phase_of_turning_over(pace, sure):
-    """Locks out turns over that are miscounted between windows, and a count that is taken for sure though the pace changes."""
+    """Locks out turns over that are miscounted between windows, and a count that is taken for sure
+    though the pace changes."""
     exact, rng = 100.0, np.random.default_rng(3)
     paces = [pace, pace, pace] if pace else [1.0, 1.001, 1.002]
     windows, at = [], 0
@@ -402,7 +411,8 @@ def test_phase_of_turning_over(pace, sure):
 
 
 def test_every_case_has_criteria():
-    """Locks out a case without a criterion that judges it, a criterion of no case, and one without derivation or need."""
+    """Locks out a case without a criterion that judges it, a criterion of no case, and one without
+    derivation or need."""
     for found in CASES.values():
         assert found.judged and all(one.side == "≤" for one in found.judged[1:]), found.name
     assert {name for one in CRITERIA.values() for name in one.cases} == set(CASES)
@@ -411,7 +421,8 @@ def test_every_case_has_criteria():
 
 
 def test_changed_bounds_are_dated():
-    """Locks out a bound that is changed without a dated entry that says so, and one whose cases have none."""
+    """Locks out a bound that is changed without a dated entry that says so, and one whose cases
+    have none."""
     for name, one in CRITERIA.items():
         assert one.changes[-1].bound == one.bound, (
             f"{name}: add a Change with the new bound, its date and reason"
@@ -428,7 +439,8 @@ def test_changed_bounds_are_dated():
 
 
 def test_committed_rows_are_judged_by_the_bounds_of_today():
-    """Locks out a bound that is changed in the table alone, and results that other bounds have judged."""
+    """Locks out a bound that is changed in the table alone, and results that other bounds have
+    judged."""
     summary = json.loads(
         (ROOT / "validation" / "results" / "stability" / "summary.json").read_text()
     )
@@ -448,7 +460,8 @@ def test_committed_rows_are_judged_by_the_bounds_of_today():
 
 
 def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
-    """Locks out a verdict that stays unsure though there could be more starts, starts that are run again, and more looks than doublings."""
+    """Locks out a verdict that stays unsure though there could be more starts, starts that are run
+    again, and more looks than doublings."""
     done = []
 
     def measure(stand, length):
@@ -456,9 +469,11 @@ def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
         return Number([0.2, 1.4, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2, 0.2][stand.start])
 
     found = case(measure, starts=(4, 19), together=stability.mean_of_starts)
-    run_it = lambda starts=None: stability.stability(
-        {"test": found}, ["test"], tmp_path, False, 60.0, Silent(), ["nosquish"], starts
-    )
+
+    def run_it(starts=None):
+        cases, only = {"test": found}, ["nosquish"]
+        return stability.stability(cases, ["test"], tmp_path, False, 60.0, Silent(), only, starts)
+
     (line,) = run_it()["cases"][0]["rows"]
     assert done == list(range(8)) and line["verdict"] == "pass" and len(line["numbers"]) == 8
     run_it()
@@ -471,7 +486,8 @@ def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
 
 
 def test_all_starts_have_to_hold(tmp_path):
-    """Locks out a mean of limits that lie in groups, a pass of a few starts, and starts that go on after one has failed."""
+    """Locks out a mean of limits that lie in groups, a pass of a few starts, and starts that go on
+    after one has failed."""
 
     def of(values):
         found = case(
@@ -503,23 +519,28 @@ def test_drifts_of_starts_have_a_sign():
 
 
 def test_rows_of_another_atlas_are_judged_again(tmp_path):
-    """Locks out rows that are run again for a new bound, old verdicts that stay, and rows that other inner bounds made."""
+    """Locks out rows that are run again for a new bound, old verdicts that stay, and rows that
+    other inner bounds made."""
     measured = case(lambda stand, length: Number(0.5))
     stability.stability(
         {"test": measured}, ["test"], tmp_path / "old", False, 60.0, Silent(), ["nosquish"]
     )
-    take = lambda found, out: stability.stability({"test": found}, ["test"], tmp_path / out, False, 60.0, Silent(), ["nosquish"],
-                                                  take=tmp_path / "old")["cases"][0]["rows"][0]  # fmt: skip
+
+    def take(found, out):
+        cases, how = {"test": found}, {"only": ["nosquish"], "take": tmp_path / "old"}
+        found = stability.stability(cases, ["test"], tmp_path / out, False, 60.0, Silent(), **how)
+        return found["cases"][0]["rows"][0]
+
     ran = []
     stricter = dataclasses.replace(
         measured,
-        criteria={"test": criterion(0.1)},
+        bounds={"test": criterion(0.1)},
         measure=lambda stand, length: ran.append(1) or Number(0.7),
     )
     line = take(stricter, "new")
     assert (line["value"], line["verdict"], ran) == (0.5, "fail", [])
     inner = dataclasses.replace(
-        stricter, criteria=stricter.criteria | {"inner": criterion(0.3, inner=True)}
+        stricter, bounds=stricter.bounds | {"inner": criterion(0.3, inner=True)}
     )
     line = take(inner, "other")
     assert (line["value"], line["verdict"], ran) == (0.7, "fail", [1])
@@ -562,7 +583,8 @@ def test_cases_tell_integrators_apart(tmp_path, name, length, passes, does_not):
 
 
 def test_ranks_tell_integrators_apart(tmp_path):
-    """Locks out a liquid in which nothing is added up over ranks, so that they agree to the last bit whatever is run."""
+    """Locks out a liquid in which nothing is added up over ranks, so that they agree to the last
+    bit whatever is run."""
     found = row(CASES["ranks"], "rigid/nve", tmp_path, 10)
     assert found["verdict"] == "pass" and found["value"] > 0.0, found
     found = row(CASES["ranks"], "rattle 1e-4", tmp_path, 10)
@@ -570,8 +592,9 @@ def test_ranks_tell_integrators_apart(tmp_path):
 
 
 def test_limit_of_springs(tmp_path):
-    """Locks out a limit in other units, or one that is the first or last step tried: velocity Verlet of an oscillator breaks at ω Δt = 2, Gear's
-    scheme far below; and the energy's swing below the limit, which grows but is no drift, is not taken for a break."""
+    """Locks out a limit in other units, or one that is the first or last step tried: velocity
+    Verlet of an oscillator breaks at ω Δt = 2, Gear's scheme far below; and the energy's swing
+    below the limit, which grows but is no drift, is not taken for a break."""
     found = row(CASES["springs"], "nosquish", tmp_path, 30)
     assert 1.6 < found["value"] < 2.0, found
     assert row(CASES["springs"], "gear", tmp_path, 30)["value"] < 0.6
@@ -597,7 +620,8 @@ def changing(monkeypatch, bears):
 
 @pytest.mark.parametrize("good", range(48))
 def test_limit_by_halving(monkeypatch, good):
-    """Locks out a bisection that ends elsewhere than trying all steps does, tries more than need be, or invents a limit below the first step."""
+    """Locks out a bisection that ends elsewhere than trying all steps does, tries more than need
+    be, or invents a limit below the first step."""
     steps = np.arange(0.5, 12.1, 0.25)
     tried = changing(monkeypatch, lambda dt, scene: dt < 0.4 + 0.25 * good)
     found = stability_molecules.halved(None, None, steps, 1.0, 0.02)
@@ -612,14 +636,16 @@ def test_limit_by_halving(monkeypatch, good):
 
 
 def test_limit_of_steps_that_are_bad_below_good_ones(monkeypatch):
-    """Locks out a limit of the step where shorter steps break too, as where an energy drifts with any step."""
+    """Locks out a limit of the step where shorter steps break too, as where an energy drifts with
+    any step."""
     changing(monkeypatch, lambda dt, scene: 4.0 < dt < 8.1 or dt < 0.6)
     found = stability_molecules.halved(None, None, np.arange(0.5, 12.1, 0.5), 1.0, 0.02)
     assert (found.value, found.error) == (0.75, 0.125) and "again at 8 fs" in found.note
 
 
 def test_limit_is_a_mean_over_starts(monkeypatch):
-    """Locks out an error bar without what another start gives, or one for which four starts were as good as many."""
+    """Locks out an error bar without what another start gives, or one for which four starts were as
+    good as many."""
     changing(monkeypatch, lambda dt, scene: dt < scene)
     starts = [
         stability_molecules.limit(Stand0, one, np.arange(1.0, 12.0), 1.0)
@@ -666,7 +692,8 @@ def test_dimer_of_other_masses_has_the_same_energy(tmp_path):
 
 
 def test_refused_bodies_are_not_run(tmp_path):
-    """Locks out shake on bodies that it cannot hold, and a refusal of LAMMPS that passes for a blow-up."""
+    """Locks out shake on bodies that it cannot hold, and a refusal of LAMMPS that passes for a
+    blow-up."""
     assert row(CASES["needles"], "shake 1e-8", tmp_path)["verdict"] == "cannot run"
 
     def measure(stand, length):
@@ -678,7 +705,8 @@ def test_refused_bodies_are_not_run(tmp_path):
 
 
 def test_command(tmp_path, monkeypatch, capsys):
-    """Locks out files that are missing or hold less than was run, a page with links to other files, and unknown names that are taken."""
+    """Locks out files that are missing or hold less than was run, a page with links to other files,
+    and unknown names that are taken."""
     monkeypatch.setattr(run, "run", lambda *_: pytest.fail("nothing is to be run"))
     out = str(tmp_path)
     assert (
@@ -709,8 +737,8 @@ def test_command(tmp_path, monkeypatch, capsys):
     assert 'src="http' not in page and 'href="http' not in page
     shown = capsys.readouterr().out
     assert (
-        "Ours has no blow-up that any LAMMPS fix survives: cannot tell, ours has no row yet (needles, disks)"
-        in shown
+        "Ours has no blow-up that any LAMMPS fix survives: cannot tell, ours has no row yet "
+        "(needles, disks)" in shown
     )
     for words in ["nonsense"], ["needles", "--only", "nonsense"]:
         with pytest.raises(SystemExit):
@@ -719,7 +747,8 @@ def test_command(tmp_path, monkeypatch, capsys):
 
 
 def test_list_names_all_cases(capsys):
-    """Locks out a case without its physics, number, bound, reason, and what its error bar is or why it has none."""
+    """Locks out a case without its physics, number, bound, reason, and what its error bar is or why
+    it has none."""
     stability_report.list_cases(console.console(), CASES)
     shown = capsys.readouterr().out
     for found in CASES.values():
@@ -729,7 +758,8 @@ def test_list_names_all_cases(capsys):
 
 
 def test_page_claims_what_the_table_gives():
-    """Locks out a page that claims another verdict than the committed rows, as these are judged by the bounds of today."""
+    """Locks out a page that claims another verdict than the committed rows, as these are judged by
+    the bounds of today."""
     summary = json.loads(
         (ROOT / "validation" / "results" / "stability" / "summary.json").read_text()
     )

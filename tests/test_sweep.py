@@ -1,6 +1,7 @@
 """The sweep: what is run and when not, and errors against values that are known."""
 
 import dataclasses
+import itertools
 import shlex
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from validation.statistics.measures import Estimate
 from validation.sweep import errors as sweep_errors
 from validation.sweep import measure as sweep
 from validation.sweep import plan as sweep_plan
+from validation.sweep.errors import Numbers
 
 CELL = np.diag([20.0, 22.0, 24.0])
 SHAPES = {  # one atom, two, three in a line, three, four
@@ -36,7 +38,8 @@ SHAPES = {  # one atom, two, three in a line, three, four
 
 
 def placed(seed):
-    """Bodies of all `SHAPES` before and after known motions: (before, after, body of each atom, mass, distances, angles)."""
+    """Bodies of all `SHAPES` before and after known motions: (before, after, body of each atom,
+    mass, distances, angles)."""
     random = np.random.default_rng(seed)
     before, after, bodies, masses, distances, angles = [], [], [], [], [], []
     for body, shape in enumerate([*SHAPES.values()] * 3, 1):
@@ -73,15 +76,24 @@ def placed(seed):
 def motion(x, bodies, mass, v=None, bonds=(), angles=()):
     """A `Motion` of frames ``x``, folded into the cell."""
     x = np.asarray(x) % np.diag(CELL)
-    return sweep_structure.Motion({
-        "x": x, "v": np.zeros_like(x) if v is None else np.asarray(v), "mass": mass, "bodies": bodies, "cell": CELL, "periodic": np.ones(3, bool),
-        "bonds": np.array(bonds, int).reshape(-1, 2), "angles": np.array(angles, int).reshape(-1, 3),
-    })  # fmt: skip
+    return sweep_structure.Motion(
+        {
+            "x": x,
+            "v": np.zeros_like(x) if v is None else np.asarray(v),
+            "mass": mass,
+            "bodies": bodies,
+            "cell": CELL,
+            "periodic": np.ones(3, bool),
+            "bonds": np.array(bonds, int).reshape(-1, 2),
+            "angles": np.array(angles, int).reshape(-1, 3),
+        }
+    )
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_distance_and_angle_from_a_reference(seed):
-    """Locks out bodies compared where a periodic face cuts them, reflections taken for rotations, linear bodies' own axis, small angles lost."""
+    """Locks out bodies compared where a periodic face cuts them, reflections taken for rotations,
+    linear bodies' own axis, small angles lost."""
     before, after, bodies, mass, distances, angles = placed(seed)
     found = motion([before, after], bodies, mass)
     exact = before % np.diag(CELL)
@@ -101,7 +113,8 @@ def test_distance_and_angle_from_a_reference(seed):
 
 
 def test_bond_and_angle_errors_are_the_largest():
-    """Locks out a mean for the largest, bonds between bodies, and angles of bodies that fix shake cannot hold as a whole."""
+    """Locks out a mean for the largest, bonds between bodies, and angles of bodies that fix shake
+    cannot hold as a whole."""
     water = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     four = SHAPES[5] + 5.0
     start = np.concatenate([water, four])
@@ -172,7 +185,8 @@ def result(energy=None, error=None, kinetic=10.0, step=None):
 
 
 def test_what_a_failure_is():
-    """Locks out an explosion that LAMMPS survives, taken for a measurement; and an energy that merely fluctuates, taken for one."""
+    """Locks out an explosion that LAMMPS survives, taken for a measurement; and an energy that
+    merely fluctuates, taken for one."""
     allowed = 30 / 2 * sweep_errors.BOLTZMANN * 300
     assert sweep_errors.degrees_of_freedom(result()) == 30
     assert sweep_errors.failure(result([0.0, 0.9 * allowed, -0.9 * allowed]), 300.0) is None
@@ -182,7 +196,8 @@ def test_what_a_failure_is():
 
 
 def test_a_point_has_the_larger_error():
-    """Locks out errors of short runs that do not see what differs from start to start, and scatter of few starts that is small by chance."""
+    """Locks out errors of short runs that do not see what differs from start to start, and scatter
+    of few starts that is small by chance."""
     assert sweep_errors.pooled([Estimate(1.0, 0.3), Estimate(1.0, 0.4)])[:2] == pytest.approx(
         (1.0, 0.25)
     )
@@ -195,7 +210,8 @@ def test_a_point_has_the_larger_error():
 
 @pytest.mark.parametrize("starts", [2, 4])
 def test_few_starts_have_an_honest_scatter(starts):
-    """Locks out an interval from the scatter of two or four values that is called one of 95 %, and covers 83 or 90."""
+    """Locks out an interval from the scatter of two or four values that is called one of 95 %, and
+    covers 83 or 90."""
     values = np.random.default_rng(1).normal(0.0, 1.0, (2000, starts))
     found = [sweep_errors.pooled([Estimate(value) for value in row]) for row in values]
     assert np.mean([abs(one.value) < one.margin for one in found]) == pytest.approx(0.95, abs=0.015)
@@ -205,10 +221,11 @@ STARTS = 4
 
 
 def averages(limit, seed, chance=0.0):
-    """A sweep's record and points of several schemes whose averages are limit + b dt^2, b the scheme's own, with noise and each start's chance."""
+    """A sweep's record and points of several schemes whose averages are limit + b dt^2, b the
+    scheme's own, with noise and each start's chance."""
     random = np.random.default_rng(seed)
-    swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("potential",))
-    shared = random.normal(0.0, chance, STARTS)
+    swept = dataclasses.replace(sweep_plan.SWEEPS["water"], measures=("potential",))
+    shared, bar = random.normal(0.0, chance, STARTS), np.hypot(0.01, chance)
     found = {}
     for name, slope in (
         ("nosquish", 0.02),
@@ -220,36 +237,35 @@ def averages(limit, seed, chance=0.0):
             value = (
                 limit + slope * dt**2 + (5.0 if dt > 4 else 0.0) + (1.0 if abs(slope) > 1 else 0.0)
             )  # no law at long steps, or of what drifts
-            found[sweep.Point("water", SWEPT[name], dt)] = [
-                {
-                    "potential": Estimate(
-                        value + shared[start] + random.normal(0.0, 0.01), np.hypot(0.01, chance)
-                    )
-                }
-                for start in range(STARTS)
+            found[sweep_plan.Point("water", SWEPT[name], dt)] = [
+                Numbers({"potential": Estimate(value + chance + noise, bar)})
+                for chance, noise in zip(shared, random.normal(0.0, 0.01, STARTS))
             ]
     return swept, found
 
 
 @pytest.mark.parametrize("chance", [0.0, 0.3])
 def test_limits_are_those_of_the_symplectic_schemes(chance):
-    """Locks out a limit from schemes that drift or from steps too long for the law, one slope for all schemes, and an error that is none."""
+    """Locks out a limit from schemes that drift or from steps too long for the law, one slope for
+    all schemes, and an error that is none."""
     off = []
     for seed in range(60):
         swept, found = averages(-9.7, seed, chance)
         limit = sweep_errors.limits(found, swept)["potential"]
-        assert len(limit["starts"]) == STARTS
-        off.append((limit["all"]["value"] + 9.7) / limit["all"]["error"])
+        assert len(limit) == STARTS
+        one = sweep_errors.pooled(limit)
+        off.append((one.value + 9.7) / one.error)
     assert 0.4 < np.std(off) < 1.5 and abs(np.mean(off)) < 0.5
     few = {point: one for point, one in found.items() if point.dt == 1.0}
     assert sweep_errors.limits(few, swept) == {}, "one step has no limit"
 
 
 def test_another_model_is_held_against_nothing_of_ours():
-    """Locks out shake's freely bending CH3 groups taken for an integrator's error, and mixed into the limit of rigid ones."""
+    """Locks out shake's freely bending CH3 groups taken for an integrator's error, and mixed into
+    the limit of rigid ones."""
     swept, found = averages(-9.7, 3)
-    odd = [{"potential": Estimate(5.0, 0.001)} for _ in range(STARTS)]
-    shake = {sweep.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
+    odd = [Numbers({"potential": Estimate(5.0, 0.001)}) for _ in range(STARTS)]
+    shake = {sweep_plan.Point("water", SWEPT["shake-1e-8"], dt): odd for dt in (1.0, 2.0)}
     peptide = dataclasses.replace(swept, differs="CH3 bends")
     assert (
         sweep_errors.limits(found | shake, peptide)
@@ -260,20 +276,23 @@ def test_another_model_is_held_against_nothing_of_ours():
     assert all(errors[point] == ({}, {}) for point in shake) and all(
         "potential" in errors[point][0] for point in found
     )
-    assert sweep.SWEEPS["peptide"].measures_of(SWEPT["nosquish"]) == list(
-        sweep.SWEEPS["peptide"].measures
+    assert sweep_plan.SWEEPS["peptide"].measures_of(SWEPT["nosquish"]) == list(
+        sweep_plan.SWEEPS["peptide"].measures
     )
     assert not {"position", "orientation", "potential"} & set(
-        sweep.SWEEPS["peptide"].measures_of(SWEPT["shake-1e-8"])
+        sweep_plan.SWEEPS["peptide"].measures_of(SWEPT["shake-1e-8"])
     )
-    assert {"position", "potential"} < set(sweep.SWEEPS["water"].measures_of(SWEPT["shake-1e-8"]))
+    assert {"position", "potential"} < set(
+        sweep_plan.SWEEPS["water"].measures_of(SWEPT["shake-1e-8"])
+    )
 
 
 def test_what_starts_share_is_no_error():
-    """Locks out a point held against the limit of other starts, and each start's chance taken for the integrator's error."""
+    """Locks out a point held against the limit of other starts, and each start's chance taken for
+    the integrator's error."""
     swept, found = averages(-9.7, 5, chance=3.0)
     errors, signed = sweep_errors.of_points(found, sweep_errors.limits(found, swept), swept)[
-        sweep.Point("water", SWEPT["rigid"], 4.0)
+        sweep_plan.Point("water", SWEPT["rigid"], 4.0)
     ]
     assert (
         signed["potential"]["value"] == pytest.approx(-31.0, abs=0.1)
@@ -282,7 +301,7 @@ def test_what_starts_share_is_no_error():
     assert 0.001 < errors["potential"]["error"] < 0.1
     two = {point: numbers[:2] for point, numbers in found.items()}
     errors, _ = sweep_errors.of_points(two, sweep_errors.limits(two, swept), swept)[
-        sweep.Point("water", SWEPT["rigid"], 4.0)
+        sweep_plan.Point("water", SWEPT["rigid"], 4.0)
     ]
     assert errors["potential"]["error"] > 2, "two starts scatter little by chance"
 
@@ -290,18 +309,19 @@ def test_what_starts_share_is_no_error():
 @pytest.mark.parametrize("starts", [1, 4])
 @pytest.mark.parametrize("difference", [0.0, 0.05])
 def test_noise_is_no_difference_of_g(difference, starts):
-    """Locks out a distance between two g(r) that is their noise or what their starts share, one that is lost with it, and an error bar that is wrong."""
+    """Locks out a distance between two g(r) that is their noise or what their starts share, one
+    that is lost with it, and an error bar that is wrong."""
     random, bins, off = np.random.default_rng(3), 60, []
-    swept = dataclasses.replace(sweep.SWEEPS["water"], measures=("g_oo",))
+    swept = dataclasses.replace(sweep_plan.SWEEPS["water"], measures=("g_oo",))
     first, second, third = (
-        sweep.Point("water", SWEPT[name], dt)
+        sweep_plan.Point("water", SWEPT[name], dt)
         for name, dt in (("nosquish", 1.0), ("rigid/nve", 0.5), ("shake-1e-4", 2.0))
     )
     for _ in range(100):
         shared = random.normal(0.0, 0.3, (starts, 1, bins))  # of all runs from a start
         found = {
             point: [
-                {"g_oo": 1.0 + chance + added + random.normal(0.0, 0.05, (5, bins))}
+                Numbers({"g_oo": 1.0 + chance + added + random.normal(0.0, 0.05, (5, bins))})
                 for chance in shared
             ]
             for point, added in ((first, 0.0), (second, 0.0), (third, difference))
@@ -321,9 +341,10 @@ def test_noise_is_no_difference_of_g(difference, starts):
 
 @pytest.mark.parametrize("starts", [1, 4])
 def test_equipartition_of_correlated_samples(starts):
-    """Locks out starts that are taken for one series, correlated samples for independent ones, and a difference of temperatures that is not seen."""
+    """Locks out starts that are taken for one series, correlated samples for independent ones, and
+    a difference of temperatures that is not seen."""
     random, kt, number = np.random.default_rng(5), sweep_errors.BOLTZMANN * 300, 400
-    point = sweep.Point("water", SWEPT["nosquish"], 1.0)
+    point = sweep_plan.Point("water", SWEPT["nosquish"], 1.0)
 
     def found(off):
         each = []
@@ -333,14 +354,9 @@ def test_equipartition_of_correlated_samples(starts):
             for k in range(1, number):
                 noise[:, k] += 0.9 * noise[:, k - 1]
             energies = 750 * kt * (1 + 0.02 * noise + off * np.array([[1.0], [-1.0]]))
-            each.append(
-                {
-                    "pv_equipartition": energies,
-                    "moving": 1500,
-                    "turning": 1500,
-                    "temperature": 300 * energies.mean() / (750 * kt),
-                }
-            )
+            kelvin = 300 * energies.mean() / (750 * kt)
+            one = Numbers({"pv_equipartition": energies}, temperature=kelvin)
+            each.append(dataclasses.replace(one, moving=1500, turning=1500))
         return sweep_errors._equipartition(point, {point: each})[0]
 
     assert np.mean([found(0.0) > 3 for _ in range(60)]) < 0.05
@@ -348,7 +364,8 @@ def test_equipartition_of_correlated_samples(starts):
 
 
 def test_physical_validation_tells_right_from_wrong():
-    """Locks out data given to physical_validation in other units or degrees of freedom, and a result that is read wrongly."""
+    """Locks out data given to physical_validation in other units or degrees of freedom, and a
+    result that is read wrongly."""
     random, kt = np.random.default_rng(4), sweep_errors.BOLTZMANN * 300
     energies = random.gamma(3.0, kt, 20000)
     assert sweep_structure.distribution(energies, 300.0) < 4
@@ -370,13 +387,14 @@ def test_physical_validation_tells_right_from_wrong():
 @pytest.mark.parametrize("short", [False, True])
 @pytest.mark.parametrize("times", [1.0, 1.01, 2.0, 7.0])
 def test_budget(short, times):
-    """Locks out a budget that is not kept, runs too short to fail, and a point's own command that would run something else."""
-    scenes = sweep.SHORT_SCENES if short else sweep.SCENES
-    budget = times * (sweep.SHORT_BUDGET if short else sweep.BUDGET)
+    """Locks out a budget that is not kept, runs too short to fail, and a point's own command that
+    would run something else."""
+    scenes = sweep_plan.SHORT_SCENES if short else sweep_plan.SCENES
+    budget = times * (sweep_plan.SHORT_BUDGET if short else sweep_plan.BUDGET)
     minutes = 0.0
-    for name, one in sweep.lengths(scenes, short, budget).items():
-        swept, points = sweep.SWEEPS[name], sweep.points([name], short)
-        assert sweep.lengths([name], short, float(f"{one.budget:.10g}"))[name] == one
+    for name, one in sweep_plan.lengths(scenes, short, budget).items():
+        swept, points = sweep_plan.sweeps(short)[name], sweep_plan.points([name], short)
+        assert sweep_plan.lengths([name], short, float(f"{one.budget:.10g}"))[name] == one
         assert one.time >= (0.1 if short else swept.least)
         steps = swept.apart * 1000 / swept.scene.dt + 16 * swept.horizon / min(
             point.dt for point in points
@@ -394,22 +412,23 @@ def test_budget(short, times):
 
 @pytest.mark.parametrize("short", [False, True])
 def test_too_small_a_budget(short):
-    """Locks out a sweep that takes longer than it may, or is too short to tell anything, and a message with a number that is refused again."""
-    scenes = sweep.SHORT_SCENES if short else sweep.SCENES
+    """Locks out a sweep that takes longer than it may, or is too short to tell anything, and a
+    message with a number that is refused again."""
+    scenes = sweep_plan.SHORT_SCENES if short else sweep_plan.SCENES
     with pytest.raises(ValueError, match="needed") as refused:
-        sweep.lengths(scenes, short, 3.0)
+        sweep_plan.lengths(scenes, short, 3.0)
     enough = int(str(refused.value).split()[-3])
-    assert set(sweep.lengths(scenes, short, enough)) == set(scenes)
+    assert set(sweep_plan.lengths(scenes, short, enough)) == set(scenes)
     with pytest.raises(ValueError):
-        sweep.lengths(scenes, short, enough - 1)
+        sweep_plan.lengths(scenes, short, enough - 1)
 
 
 def test_every_step_ends_at_the_horizon():
     """Locks out a trajectory compared at another time than the reference's."""
-    for swept in sweep.SWEEPS.values():
-        for dt in {*swept.steps, *swept.short_steps}:
+    for swept in (*sweep_plan.SWEEPS.values(), *sweep_plan.SHORT_SWEEPS.values()):
+        for dt in swept.steps:
             assert swept.horizon / dt == pytest.approx(round(swept.horizon / dt), abs=1e-9)
-        assert set(swept.measures) <= set(sweep.MEASURES)
+        assert set(swept.measures) <= set(sweep_errors.MEASURES)
 
 
 SMALL = {"starts": 2, "time": 0.3, "minutes": 1.0, "budget": 2.0}
@@ -419,24 +438,26 @@ LIMITS = {"potential", "equipartition"}
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory):
-    """The dimer with few steps: what was run, and the summary, of the first call and of a second one, which asks for one point."""
+    """The dimer with few steps: what was run, and the summary, of the first call and of a second
+    one, which asks for one point."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(
-            sweep.SWEEPS,
-            "dimer",
-            dataclasses.replace(sweep.SWEEPS["dimer"], apart=0.3, seconds=1e-4),
-        )
+        quick = dataclasses.replace(sweep_plan.SHORT_SWEEPS["dimer"], apart=0.3, seconds=1e-4)
+        patch.setitem(sweep_plan.SHORT_SWEEPS, "dimer", quick)
         refused = dataclasses.replace(
             SWEPT["rigid"], lines=(*SWEPT["rigid"].lines, 'if "$(dt>0.3)" then "no_such_command"')
         )
         patch.setitem(SWEPT, "rigid", refused)
         out, original, done = tmp_path_factory.mktemp("sweep"), run.run, []
         patch.setattr(run, "run", lambda job, on_step=None: done.append(job) or original(job))
-        points = sweep.points(["dimer"], True, ["nosquish", "rigid", "shake-1e-8"], (*STEPS, 0.6))
-        first = sweep.sweep(points, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
+        points = sweep_plan.points(
+            ["dimer"], True, ["nosquish", "rigid", "shake-1e-8"], (*STEPS, 0.6)
+        )
+        first = sweep.sweep(
+            points, {"dimer": sweep_plan.Lengths(**SMALL)}, out, Silent(), short=True
+        )
         number = len(done)
         one = [point for point in points if (point.integrator.name, point.dt) == ("rigid", 0.4)]
-        second = sweep.sweep(one, {"dimer": sweep.Lengths(**SMALL)}, out, Silent(), short=True)
+        second = sweep.sweep(one, {"dimer": sweep_plan.Lengths(**SMALL)}, out, Silent(), short=True)
         yield out, done[:number], done[number:], first, second
 
 
@@ -450,7 +471,8 @@ def row(summary, name, dt):
 
 @pytest.mark.timeout(180)
 def test_a_failure_ends_the_longer_steps(small):
-    """Locks out longer steps after a blow-up, a failed point taken as measured, and a failure that is run again from the next start."""
+    """Locks out longer steps after a blow-up, a failed point taken as measured, and a failure that
+    is run again from the next start."""
     _, done, again, summary, _ = small
     failed = row(summary, "rigid", 0.4)
     assert (
@@ -473,7 +495,8 @@ def test_a_failure_ends_the_longer_steps(small):
 
 
 def test_what_is_there_is_measured_too(small):
-    """Locks out one point's sweep that forgets the others, or that has no limits and g(r) to be held against."""
+    """Locks out one point's sweep that forgets the others, or that has no limits and g(r) to be
+    held against."""
     *_, first, second = small
     assert (
         second["scenes"]["dimer"]["begun"] == first["scenes"]["dimer"]["begun"]
@@ -491,7 +514,8 @@ def test_what_is_there_is_measured_too(small):
 
 
 def test_a_hang_is_kept(tmp_path, monkeypatch):
-    """Locks out a hang that is waited for again each time, and one that is taken for a hang where more time is allowed now."""
+    """Locks out a hang that is waited for again each time, and one that is taken for a hang where
+    more time is allowed now."""
     scene, original, done = (
         dataclasses.replace(SCENES["dimer"], setup=(*SCENES["dimer"].setup, "shell sleep 60")),
         run.run,
@@ -517,7 +541,8 @@ def test_a_hang_is_kept(tmp_path, monkeypatch):
 
 
 def test_starts_take_turns(small):
-    """Locks out repeats of a point that follow each other, and points of other starts than their names tell."""
+    """Locks out repeats of a point that follow each other, and points of other starts than their
+    names tell."""
     _, done, *_ = small
     names = [
         Path(job.directory).relative_to(Path(job.directory).parents[2]).as_posix()
@@ -537,9 +562,10 @@ def test_starts_take_turns(small):
 
 
 def test_samples_and_segments(small):
-    """Locks out output in the timed steps, samples at other steps than told, and costs of other steps than the timed ones."""
+    """Locks out output in the timed steps, samples at other steps than told, and costs of other
+    steps than the timed ones."""
     out, *_, summary, _ = small
-    swept = dataclasses.replace(sweep.SWEEPS["dimer"], seconds=1e-4)
+    swept = dataclasses.replace(sweep_plan.SWEEPS["dimer"], seconds=1e-4)
     parts = sweep_plan.parts(swept, 0.2, SMALL["time"])
     kept = run.collect(out / "runs/dimer-short/nosquish/0.2-fs/1")
     samples = range(parts.begin, parts.end + 1, parts.every)
@@ -557,7 +583,8 @@ def test_samples_and_segments(small):
 
 
 def test_temperatures_are_the_atoms(small):
-    """Locks out kinetic energies of bodies that are LAMMPS's own fix's, or of another step than the positions."""
+    """Locks out kinetic energies of bodies that are LAMMPS's own fix's, or of another step than the
+    positions."""
     out, *_ = small
     for name in "nosquish", "shake-1e-8":
         kept = run.collect(out / f"runs/dimer-short/{name}/0.2-fs/1")
@@ -571,7 +598,8 @@ def test_temperatures_are_the_atoms(small):
 
 
 def test_errors_fall_with_the_square_of_the_step(small):
-    """Locks out a reference at another time or from another start, and errors of a scheme that are another's."""
+    """Locks out a reference at another time or from another start, and errors of a scheme that are
+    another's."""
     out, *_, summary, _ = small
     reference = run.collect(out / "runs/dimer-short/reference/1").thermo["Step"]
     assert set(np.diff(reference)) == {100}, "no sign of life from a long run"
@@ -587,7 +615,7 @@ def test_errors_fall_with_the_square_of_the_step(small):
     )
     scene = summary["scenes"]["dimer"]
     assert scene["degrees_of_freedom"] == 9 and scene["bodies"] == 2
-    assert set(row(summary, "nosquish", 0.4)["errors"]) == set(sweep.SWEEPS["dimer"].measures)
+    assert set(row(summary, "nosquish", 0.4)["errors"]) == set(sweep_plan.SWEEPS["dimer"].measures)
     assert set(scene["limits"]) == LIMITS
 
 
@@ -596,7 +624,7 @@ def test_command_of_a_point(small):
     *_, summary, _ = small
     words = shlex.split(row(summary, "shake-1e-8", 0.4)["command"])
     assert words[:4] == ["python", "-m", "validation", "sweep"] and "--short" in words
-    given = dict(zip(words, words[1:]))
+    given = dict(itertools.pairwise(words))
     assert (words[4], given["--only"], given["--steps"], given["--budget"]) == (
         "dimer",
         "shake-1e-8",
@@ -614,10 +642,10 @@ def test_an_interruption_keeps_what_is_measured(tmp_path, monkeypatch):
             "interrupted", {}, [], None, {}, interrupted=True
         ),
     )
-    points = sweep.points(["dimer", "water"], True)
+    points = sweep_plan.points(["dimer", "water"], True)
     monkeypatch.setattr(sweep.starts, "of_size", lambda scene, bodies, folder: scene)
     summary = sweep.sweep(
-        points, sweep.lengths(["dimer", "water"], True), tmp_path, Silent(), short=True
+        points, sweep_plan.lengths(["dimer", "water"], True), tmp_path, Silent(), short=True
     )
     assert (
         summary["interrupted"]

@@ -16,6 +16,7 @@ from validation.scenes import SCENES
 from validation.scenes.integrators import SWEPT
 from validation.sweep import choice as sweep_choice
 from validation.sweep import figures as sweep_figures
+from validation.sweep import plan as sweep_plan
 from validation.sweep import report as sweep_report
 
 MEASURES = {
@@ -70,14 +71,29 @@ def point(integrator="a", dt=1.0, cost=(1.0,), failed=None, ours=False, **errors
         else None
     )
     return {
-        "integrator": integrator, "label": integrator, "dt": dt, "steps": 1000, "ps": 10.0, "starts": 3, "failures": 3 * bool(failed), "failed": failed,
-        "ours": ours, "cost": spread, "cpu": spread, "signed": {}, "lines": [f"fix 1 all {integrator}"], "command": f"sweep --only {integrator}",
-        "errors": {name: {"value": value, "error": error} for name, (value, error) in errors.items()},
-    }  # fmt: skip
+        "integrator": integrator,
+        "label": integrator,
+        "dt": dt,
+        "steps": 1000,
+        "ps": 10.0,
+        "starts": 3,
+        "failures": 3 * bool(failed),
+        "failed": failed,
+        "ours": ours,
+        "cost": spread,
+        "cpu": spread,
+        "signed": {},
+        "lines": [f"fix 1 all {integrator}"],
+        "command": f"sweep --only {integrator}",
+        "errors": {
+            name: {"value": value, "error": error} for name, (value, error) in errors.items()
+        },
+    }
 
 
 def synthetic(name="water"):
-    """A summary as of a sweep: errors c dt^2 + floor with noise, run times as 1/dt, and steps beyond the stable ones failed."""
+    """A summary as of a sweep: errors c dt^2 + floor with noise, run times as 1/dt, and steps
+    beyond the stable ones failed."""
     scene, rng = SCENES[name], np.random.default_rng(1)
     points = []
     for integrator, step, factor, longest in INTEGRATED:
@@ -105,11 +121,31 @@ def synthetic(name="water"):
                 }
             )
     return {
-        "command": "python -m validation sweep water", "date": "2026-01-01", "machine": {"cpu": "a processor"}, "versions": {"lammps": "2025"},
-        "interrupted": False, "ranks": 2, "lengths": {name: {"starts": 3, "time": 10.0, "minutes": 100.0, "budget": 300.0}}, "measures": MEASURES, "code": ["package", "harness"],
-        "scenes": {name: {"title": scene.title, "bodies": 1000, "degrees_of_freedom": 6000, "measures": list(SIZES), "starts": 3, "ranks": 2,
-                          "begun": "hash", "differs": None, "error": None, "limits": {"potential": {"value": -9.6, "error": 0.01}}, "points": points}},
-    }  # fmt: skip
+        "command": "python -m validation sweep water",
+        "date": "2026-01-01",
+        "machine": {"cpu": "a processor"},
+        "versions": {"lammps": "2025"},
+        "interrupted": False,
+        "ranks": 2,
+        "lengths": {name: {"starts": 3, "time": 10.0, "minutes": 100.0, "budget": 300.0}},
+        "measures": MEASURES,
+        "code": ["package", "harness"],
+        "scenes": {
+            name: {
+                "title": scene.title,
+                "bodies": 1000,
+                "degrees_of_freedom": 6000,
+                "measures": list(SIZES),
+                "starts": 3,
+                "ranks": 2,
+                "begun": "hash",
+                "differs": None,
+                "error": None,
+                "limits": {"potential": {"value": -9.6, "error": 0.01}},
+                "points": points,
+            }
+        },
+    }
 
 
 # ---- choices against a search over everything
@@ -119,7 +155,8 @@ NORMAL = 1.959963984540054  # standard errors to each side that hold 95 % of a n
 
 
 def by_hand(points, targets):
-    """Best, ties and perhaps as a `Choice` should have them, by plain comparisons of every point with every other: sets of places in the list."""
+    """Best, ties and perhaps as a `Choice` should have them, by plain comparisons of every point
+    with every other: sets of places in the list."""
     verdicts = []
     for one in points:
         sure, never = not one["failed"], bool(one["failed"])
@@ -148,24 +185,36 @@ def by_hand(points, targets):
         n for n in best if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in best)
     ]
     perhaps = [
-        n for n, (sure, never) in enumerate(verdicts)
-        if not never and n not in good and (points[n]["cost"] is None or points[n]["cost"]["min"] <= usual)
-    ]  # fmt: skip
+        n
+        for n, (sure, never) in enumerate(verdicts)
+        if not never
+        and n not in good
+        and (points[n]["cost"] is None or points[n]["cost"]["min"] <= usual)
+    ]
     for n in (
         perhaps if best and points[best[0]]["integrator"] == "nosquish-2" else ()
     ):  # its keyword is seen to help, or not
         with_it, without = points[best[0]], points[n]
-        if without["integrator"] == "nosquish" and without["dt"] == with_it["dt"] and without["cost"] and all(
-            name in without["errors"] and without["errors"][name]["error"] is not None
-            and without["errors"][name]["value"] <= with_it["errors"][name]["value"] + NORMAL * with_it["errors"][name]["error"] for name in targets
-        ):  # fmt: skip
+        if (
+            without["integrator"] == "nosquish"
+            and without["dt"] == with_it["dt"]
+            and without["cost"]
+            and all(
+                name in without["errors"]
+                and without["errors"][name]["error"] is not None
+                and without["errors"][name]["value"]
+                <= with_it["errors"][name]["value"] + NORMAL * with_it["errors"][name]["error"]
+                for name in targets
+            )
+        ):
             best = [n]
             break
     return best, sorted(n for n in tied if n not in best), [n for n in perhaps if n not in best]
 
 
 def some_points(rng, count=12, names="abc"):
-    """Random points of a few integrators: failed, not timed, without a measure or an error bar among them."""
+    """Random points of a few integrators: failed, not timed, without a measure or an error bar
+    among them."""
     found = []
     for n in range(count):
         errors = {
@@ -211,8 +260,10 @@ def disagreements(cases=300):
         targets = {name: 10 ** rng.uniform(-2, 1.3) for name in ("x", "y")[: rng.integers(1, 3)]}
         choice = sweep_choice.choose(points, targets)
         best, ties, perhaps = by_hand(points, targets)
-        places = [[n for n, one in enumerate(points) if any(one is other for other in chosen)]
-                  for chosen in ([choice.best] if choice.best else [], choice.ties, choice.perhaps)]  # fmt: skip
+        places = [
+            [n for n, one in enumerate(points) if any(one is other for other in chosen)]
+            for chosen in ([choice.best] if choice.best else [], choice.ties, choice.perhaps)
+        ]
         if places != [best, ties, perhaps] or choice.verdict != (
             "met" if best else "cannot tell" if perhaps else "not met"
         ):
@@ -221,7 +272,8 @@ def disagreements(cases=300):
 
 
 def test_choice_is_that_of_a_search():
-    """Locks out a choice that is not the fastest, forgets a measure, or names wrong ties or doubts."""
+    """Locks out a choice that is not the fastest, forgets a measure, or names wrong ties or
+    doubts."""
     assert not disagreements()
 
 
@@ -269,7 +321,8 @@ def test_a_wrong_choice_is_found(monkeypatch, mistake):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_worse_and_failed_points_change_nothing(seed):
-    """Locks out a choice that depends on points that are slower and less accurate, or that failed."""
+    """Locks out a choice that depends on points that are slower and less accurate, or that
+    failed."""
     rng = np.random.default_rng(seed)
     points, targets = some_points(rng), {"x": 3.0, "y": 5.0}
     before = sweep_choice.choose(points, targets)
@@ -288,7 +341,8 @@ def test_worse_and_failed_points_change_nothing(seed):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_front_is_what_is_chosen(seed):
-    """Locks out a front with a beaten point or without a chosen one, and a ladder that misses a choice or starts where something is met."""
+    """Locks out a front with a beaten point or without a chosen one, and a ladder that misses a
+    choice or starts where something is met."""
     points = some_points(np.random.default_rng(100 + seed))
     chosen = [
         sweep_choice.choose(points, {"x": target}).best for target in np.geomspace(1e-3, 1e3, 400)
@@ -333,7 +387,8 @@ def test_front_is_what_is_chosen(seed):
 
 
 def test_a_bar_across_the_target_is_not_met():
-    """Locks out a point whose value is below the target and whose error bar is not; and one above that is called out of the question."""
+    """Locks out a point whose value is below the target and whose error bar is not; and one above
+    that is called out of the question."""
     fast, slow = point("a", cost=[1.0], x=(0.9, 0.06)), point("b", cost=[5.0], x=(0.5, 0.06))
     choice = sweep_choice.choose([fast, slow], {"x": 1.0})
     assert choice.best is slow and choice.perhaps == (fast,)
@@ -354,7 +409,8 @@ def test_a_bar_across_the_target_is_not_met():
 
 
 def test_a_tie_goes_to_the_default():
-    """Locks out a keyword (mrot 2), or a fix with more words, that is recommended for 1 % of noise in time or in error."""
+    """Locks out a keyword (mrot 2), or a fix with more words, that is recommended for 1 % of noise
+    in time or in error."""
     plain = point("nosquish", 2.0, [1.01, 1.1], ours=True, x=(0.90, 0.02)) | {
         "lines": ["fix 1 all python/move 'fix_nosquish.NVE all molecule'"]
     }
@@ -410,7 +466,8 @@ def advise(capsys, folder, *targets, scene="water"):
 
 
 def test_advice_is_the_choice(capsys, folder):
-    """Locks out advice that is not the choice, input lines of another integrator or step, and targets of which only one is looked at."""
+    """Locks out advice that is not the choice, input lines of another integrator or step, and
+    targets of which only one is looked at."""
     points = synthetic()["scenes"]["water"]["points"]
     seen = set()
     for targets in (
@@ -439,7 +496,8 @@ def test_advice_is_the_choice(capsys, folder):
 
 
 def test_advice_where_nothing_is_good_enough(capsys, folder):
-    """Locks out advice that names a point above its target, or does not say how far the nearest one is or that there is no telling."""
+    """Locks out advice that names a point above its target, or does not say how far the nearest one
+    is or that there is no telling."""
     points = synthetic()["scenes"]["water"]["points"]
     status, text = advise(capsys, folder, "energy_sd=0.001")
     point, factor = min(
@@ -456,8 +514,8 @@ def test_advice_where_nothing_is_good_enough(capsys, folder):
     )
     assert status == 1 and "No point of the sweep reaches this." in text and "timestep" not in text
     assert (
-        f"The nearest one: {sweep_report.named(point)}, with its 95 % margin {factor:.3g} times the target"
-        in text
+        f"The nearest one: {sweep_report.named(point)}, with its 95 % margin {factor:.3g} times "
+        "the target" in text
     )
     value, error = (point["errors"]["energy_sd"][part] for part in ("value", "error"))
     status, text = advise(capsys, folder, f"energy_sd={value + error}")
@@ -496,7 +554,8 @@ def test_advice_without_a_sweep(capsys, tmp_path):
 
 
 def test_tables_hold_every_point(folder):
-    """Locks out points that are dropped on the way to a file, failed ones first of all, and a fastest way that is not the choice."""
+    """Locks out points that are dropped on the way to a file, failed ones first of all, and a
+    fastest way that is not the choice."""
     points = synthetic()["scenes"]["water"]["points"]
     with open(folder / "points.csv") as file:
         rows = list(csv.DictReader(file))
@@ -535,7 +594,8 @@ def test_tables_hold_every_point(folder):
 
 
 def test_a_folder_gathers_scenes(tmp_path):
-    """Locks out a sweep of one scene that wipes out another one's, a scene of older code beside a new one, and an old scene in a new one's place."""
+    """Locks out a sweep of one scene that wipes out another one's, a scene of older code beside a
+    new one, and an old scene in a new one's place."""
 
     def sweep(name, date, code="some", points=None, **changed):
         summary = synthetic(name) | {"date": date, "code": code, "interrupted": points == 0}
@@ -576,7 +636,8 @@ def all_failed(points):
 
 @pytest.mark.parametrize("spoil", [nothing, all_failed])
 def test_pages_of_nothing(tmp_path, capsys, spoil):
-    """Locks out a crash at the end of a sweep that was interrupted at once or in which everything fails: of an empty maximum, axis or row."""
+    """Locks out a crash at the end of a sweep that was interrupted at once or in which everything
+    fails: of an empty maximum, axis or row."""
     summary = synthetic()
     scene = summary["scenes"]["water"]
     scene |= {
@@ -598,7 +659,8 @@ def test_pages_of_nothing(tmp_path, capsys, spoil):
 
 
 def test_figures_mark_failures_and_doubts():
-    """Locks out failures that are drawn as points or not at all, and an error bar that hides that an error may be zero."""
+    """Locks out failures that are drawn as points or not at all, and an error bar that hides that
+    an error may be zero."""
     summary = synthetic()
     scene = summary["scenes"]["water"]
     scene["points"][0]["errors"]["energy_sd"] = {"value": 1e-9, "error": 0.01}
@@ -640,7 +702,8 @@ def test_figures_mark_failures_and_doubts():
 
 
 def test_a_panel_of_noise_is_left_out():
-    """Locks out a panel in which hardly a point can be told from zero, one that is dropped and not told of, and tolerances among the main lines."""
+    """Locks out a panel in which hardly a point can be told from zero, one that is dropped and not
+    told of, and tolerances among the main lines."""
     scene = synthetic()["scenes"]["water"]
     good = [one for one in scene["points"] if not one["failed"]]
     for n, one in enumerate(good):
@@ -680,7 +743,8 @@ def broken(points):
     ("interrupted", "spoil", "status"), [(False, list, 0), (False, broken, 1), (True, broken, 130)]
 )
 def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil, status):
-    """Locks out an exit status that hides an integrator without a result or a Ctrl-C, files that are not written then, and words that are lost."""
+    """Locks out an exit status that hides an integrator without a result or a Ctrl-C, files that
+    are not written then, and words that are lost."""
     sweep = pytest.importorskip(
         "validation.sweep.measure", reason="the extra 'validation' is not installed"
     )
@@ -696,7 +760,10 @@ def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil
 
     monkeypatch.setattr(sweep, "sweep", done)
     monkeypatch.setattr(sweep_report, "draw", lambda summary, out: {"water": []})  # takes its time
-    words = f"sweep water --only nosquish rigid --steps 1,2 --ranks 2 --budget 300 --silence 7 --out {tmp_path / 'there'}"
+    words = (
+        "sweep water --only nosquish rigid --steps 1,2 --ranks 2 --budget 300 --silence 7 "
+        f"--out {tmp_path / 'there'}"
+    )
     assert __main__.main(words.split()) == status
     assert {path.name for path in (tmp_path / "there").glob("*.*")} >= {
         "summary.json",
@@ -707,7 +774,7 @@ def test_sweep_ends_as_it_says(monkeypatch, tmp_path, capsys, interrupted, spoil
     assert [(one.scene, one.integrator.name, one.dt) for one in asked["points"]] == [
         ("water", name, dt) for dt in (1, 2) for name in ("nosquish", "rigid")
     ]
-    assert asked["lengths"] == sweep.lengths(["water"], False, 300.0) and (
+    assert asked["lengths"] == sweep_plan.lengths(["water"], False, 300.0) and (
         asked["ranks"],
         asked["silence"],
         asked["short"],

@@ -20,12 +20,8 @@ def add(verbs) -> None:
         epilog="Exit status: 0 if some point meets the targets with its 95 % margins, 1 if none "
         "does, 2 if there is no sweep, no such scene or measure.",
     )
-    parser.add_argument(
-        "scene",
-        type=command_line.one_of("scene", scenes),
-        metavar="SCENE",
-        help="a scene of the sweep",
-    )
+    scene = command_line.one_of("scene", scenes)
+    parser.add_argument("scene", type=scene, metavar="SCENE", help="a scene of the sweep")
     parser.add_argument(
         "--target",
         nargs="+",
@@ -35,14 +31,8 @@ def add(verbs) -> None:
         help="largest errors, in the measures' units, as in energy_sd=0.5 drift=0.01; "
         "an unknown measure lists all",
     )
-    parser.add_argument(
-        "--from",
-        type=Path,
-        dest="folder",
-        metavar="DIR",
-        help="folder of the sweep (default results/sweep, else the one that comes with this "
-        "checkout)",
-    )
+    text = "folder of the sweep (default results/sweep, else the one that comes with this checkout)"
+    parser.add_argument("--from", type=Path, dest="folder", metavar="DIR", help=text)
 
 
 def _target(word):
@@ -52,7 +42,7 @@ def _target(word):
     return measure, command_line.positive(value)
 
 
-def run(arguments) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.advise.report import advise, load  # heavy: not for --help
     from validation.pages.console import console

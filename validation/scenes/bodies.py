@@ -58,12 +58,8 @@ def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def three_rods(moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shape and masses of six atoms on three axes with these principal moments, axis by axis; no
-    one above the sum of the others.
-
-    Args:
-        moment: (3,), about x, y, z.
-    """
+    """Shape and masses of six atoms on three axes with these principal moments, about x, y, z; no
+    one above the sum of the others."""
     # two atoms of unit mass on each axis: 2 d_k^2 is what this axis adds to the others
     square = np.maximum(0.0, moment.sum() / 2 - moment) / 2
     return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
@@ -75,18 +71,13 @@ def symmetric_top(turn: Rotation, spin: np.ndarray, moment: np.ndarray, time: fl
     and Lifshitz, Mechanics, section 33).
 
     Args:
-        turn: ``Rotation`` from the top's frame to space at time 0.
+        turn: from the top's frame to space at time 0.
         spin: (3,) angular velocity then, in the top's frame.
         moment: (3,) principal moments, the first two equal.
-    Returns:
-        the ``Rotation`` then.
     """
+    circle = Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0])
     about = spin[2] * (1 - moment[2] / moment[0])
-    return (
-        Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0])
-        * turn
-        * Rotation.from_rotvec([0, 0, time * about])
-    )
+    return circle * turn * Rotation.from_rotvec([0, 0, time * about])
 
 
 def scene(
@@ -105,10 +96,8 @@ def scene(
 
     Args:
         folder: where to: into a folder called ``name`` there.
-        bodies: list of `Body`.
         setup: LAMMPS commands after read_data.
         box: (3,) lengths.  corner: the lowest one.
-        dt: time step.
         bonded: whether the bodies are `BENT`, with bonds and angle so that fix shake takes them;
             single atoms may follow.
         more: as ``Scene`` has it.
@@ -116,40 +105,34 @@ def scene(
     # of its own: what else comes there would change the hash of what its runs follow from
     folder = Path(folder) / name
     folder.mkdir(parents=True, exist_ok=True)
-    mass = np.concatenate([one.mass for one in bodies])
-    x, v = (np.concatenate([getattr(one, key) for one in bodies]) for key in ("x", "v"))
-    charge = np.concatenate(
-        [np.zeros(len(one.mass)) if one.charge is None else one.charge for one in bodies]
+    sizes = [len(one.mass) for one in bodies]
+    mass, x, v = (
+        np.concatenate([getattr(one, key) for one in bodies]) for key in ("mass", "x", "v")
     )
-    molecule = np.concatenate([[k] * len(one.mass) for k, one in enumerate(bodies, 1)])
+    charge = [np.zeros(len(one.mass)) if one.charge is None else one.charge for one in bodies]
+    molecule = np.repeat(np.arange(1, len(bodies) + 1), sizes)
     kinds, kind = np.unique(mass, return_inverse=True)
     box, corner = np.broadcast_to(box, 3).astype(float), np.array(corner, float)
     image = np.floor((x - corner) / box).astype(int)
-    x = x - image * box
-    n = sum(len(one.mass) > 1 for one in bodies)
-    first = 3 * np.arange(n)
+    n = sum(size > 1 for size in sizes)
+    atoms = [molecule, kind + 1, np.concatenate(charge), x - image * box, image]
     terms: dict[str, list] = {
-        "bonds": [(1, one + 1, one + 1 + other) for one in first for other in (1, 2)],
-        "angles": [(1, one + 2, one + 1, one + 3) for one in first],
+        "bonds": [(1, one + 1, one + 1 + other) for one in range(0, 3 * n, 3) for other in (1, 2)],
+        "angles": [(1, one + 2, one + 1, one + 3) for one in range(0, 3 * n, 3)],
     }
+    bounds = np.stack([corner, corner + box], axis=1)
     content = data_file(
-        "full",
-        [molecule, kind + 1, charge, x, image],
-        np.stack([corner, corner + box], axis=1),
-        mass=kinds,
-        velocities=[v],
-        terms=terms if bonded else None,
+        "full", atoms, bounds, mass=kinds, velocities=[v], terms=terms if bonded else None
     )
     data = folder / "data.bodies"
     if not data.exists() or data.read_text() != content:
         data.write_text(content)
-    held = (f"bond_coeff 1 {BOND}", f"angle_coeff 1 {ANGLE}") if bonded else ()
     styles = ("bond_style zero", "angle_style zero") if bonded else ()
-    return Scene(
-        name=name, title="", folder=folder.resolve(), bodies="molecule", units="lj", dt=dt, unit=n,
-        constraints=SHAKEN if bonded else None,
-        setup=("units lj", "atom_style full", "atom_modify map yes", *styles, "read_data data.bodies", *held, *setup), **{"group": "all"} | more,
-    )  # fmt: skip
+    held = (f"bond_coeff 1 {BOND}", f"angle_coeff 1 {ANGLE}") if bonded else ()
+    read = "units lj", "atom_style full", "atom_modify map yes", *styles, "read_data data.bodies"
+    more = {"group": "all", "constraints": SHAKEN if bonded else None, **more}
+    more |= {"folder": folder.resolve(), "setup": (*read, *held, *setup), "dt": dt, "unit": n}
+    return Scene(name=name, title="", bodies="molecule", units="lj", **more)
 
 
 def turned(seed: int) -> Rotation:

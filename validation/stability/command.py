@@ -1,5 +1,7 @@
 """``stability``: its words, and what they run."""
 
+import argparse
+from collections.abc import Collection
 from pathlib import Path
 
 from validation import command_line
@@ -14,67 +16,50 @@ def add(verbs) -> None:
         help="where integrators break: time step, heat, cold, odd bodies, contact, ranks, "
         "long runs",
         description="Run cases that some integrator does not bear with fix_nosquish's schemes and "
-        "LAMMPS's own fixes, each judged by a number against a bound. Writes a matrix to the "
-        "terminal and summary.json, table.csv, a figure and a self-contained report.html. Ctrl-C "
-        "keeps what is there, and the same command goes on from there; cases run at other times "
-        "with the same code and lengths are shown too, those of other code or lengths are kept and "
-        "not shown. The same command in several processes at once shares the cases among them.",
+        "LAMMPS's own fixes, each judged by a number against a bound. After a Ctrl-C the same "
+        "command goes on; cases run at other times with the same code and lengths are shown too. "
+        "The same command in several processes at once shares the cases among them.",
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, "
         "130 after Ctrl-C.",
     )
-    parser.add_argument(
-        "cases",
-        nargs="*",
-        type=command_line.one_of("case", _cases),
-        metavar="CASE",
-        help="which (default: all); --list names them",
+    case, compared = command_line.one_of("case", _cases), command_line.one_of("integrator", _names)
+    text = "which (default: all); --list names them"
+    parser.add_argument("cases", nargs="*", type=case, metavar="CASE", help=text)
+    text = "name all cases, with their physics, and end"
+    parser.add_argument("--list", action="store_true", help=text)
+    full = (
+        "one and a half to three hours of one core; start it once for each core to share the cases"
     )
-    parser.add_argument(
-        "--list", action="store_true", help="name all cases, with their physics, and end"
+    command_line.short_or_full(parser, full)
+    text = "integrators, as the table of --list names them (default: all that a case is run with)"
+    parser.add_argument("--only", nargs="+", type=compared, metavar="NAME", help=text)
+    text = (
+        "at least N starts where a case has several (default: until the verdict is sure, or there "
+        "are as many as the case may have)"
     )
-    command_line.short_or_full(
-        parser,
-        "one and a half to three hours of one core; start it once for each core to share the cases",
+    parser.add_argument("--starts", type=int, metavar="N", help=text)
+    text = (
+        "rows of the atlas in DIR stand in for those that are not in the output folder: they are "
+        "judged by the bounds of today and not run again"
     )
-    parser.add_argument(
-        "--only",
-        nargs="+",
-        type=command_line.one_of("integrator", _compared),
-        metavar="NAME",
-        help="integrators, as the table of --list names them "
-        "(default: all that a case is run with)",
-    )
-    parser.add_argument(
-        "--starts",
-        type=int,
-        metavar="N",
-        help="at least N starts where a case has several (default: until the verdict is sure, "
-        "or there are as many as the case may have)",
-    )
-    parser.add_argument(
-        "--take",
-        type=Path,
-        metavar="DIR",
-        help="rows of the atlas in DIR stand in for those that are not in the output folder: "
-        "they are judged by the bounds of today and not run again",
-    )
+    parser.add_argument("--take", type=Path, metavar="DIR", help=text)
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/stability", short=True)
 
 
-def _cases():
+def _cases() -> Collection[str]:
     from validation.stability.cases import CASES  # heavy: not for --help
 
     return CASES
 
 
-def _compared():
+def _names() -> Collection[str]:
     from validation.stability.measure import COMPARED  # heavy: not for --help
 
     return COMPARED
 
 
-def run(arguments) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.stability import measure, report  # heavy: not for --help
@@ -86,10 +71,11 @@ def run(arguments) -> int:
         return 0
     names, full = command_line.chosen(CASES, arguments.cases), arguments.full
     out = command_line.folder(arguments.out, "results/stability", not full)
-    rows = len(measure.plan(CASES, names, full, arguments.only))
-    with console.Meter(screen, rows, "rows") as meter:
-        summary = measure.stability(CASES, names, out, full, arguments.silence, meter,
-                                    arguments.only, arguments.starts, arguments.take)  # fmt: skip
+    known = {key: getattr(arguments, key) for key in ("silence", "only", "starts", "take")}
+    with console.Meter(
+        screen, len(measure.plan(CASES, names, full, known["only"])), "rows"
+    ) as meter:
+        summary = measure.stability(CASES, names, out, full, meter=meter, **known)
     report.write(summary, out)
     report.show(screen, summary, out)
     return command_line.status(summary["interrupted"], summary["summary"][0]["holds"] is False)

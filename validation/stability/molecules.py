@@ -2,14 +2,14 @@
 ``real``: Angstrom, fs, kcal/mol."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from validation.scenes import FS_PER_PS, SCENES, starts
+from validation.scenes import FS_PER_PS, SCENES, Scene
 from validation.scenes import peptide as paper_peptide
-from validation.scenes.starts import from_dump, to_dump
+from validation.scenes import starts as scene_starts
 from validation.stability import criteria
-from validation.stability.criteria import CRITERIA
 from validation.stability.measure import (
     COMPARED,
     EXTREME,
@@ -18,6 +18,7 @@ from validation.stability.measure import (
     SLOW,
     Case,
     Number,
+    Stand,
     drift_of_starts,
     mean_of_starts,
     of_parts,
@@ -26,10 +27,15 @@ from validation.stability.tops import kept
 from validation.statistics import measures, motion
 
 # of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
-ALLOWED, OF_MANY = CRITERIA["stable, few"].bound, CRITERIA["stable, many"].bound
+ALLOWED = criteria.CRITERIA["stable, few"].bound
+OF_MANY = criteria.CRITERIA["stable, many"].bound
 GIVEN_UP = 10  # times that, by which the energy is off when a run is ended
 MOST = 4000  # steps that a step limit of many molecules is worth
-LONGEST = "longest {} at which the energy changes by less than {:.0%} of the kinetic energy, from the first to the last fifth of {} (--full: {})"
+UP_TO = f"5 ps, or {MOST:,} steps if that is less"
+LONGEST = (
+    "longest {} at which the energy changes by less than {:.0%} of the kinetic energy, from the "
+    "first to the last fifth of {} (--full: {})"
+)
 GRID = (
     "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
 )
@@ -42,27 +48,27 @@ PAPER_DIMER = 0.3  # fs, of the paper's figure 2a, for hydrogens of 0.1 amu
 FINE = 1.1  # ratio of one time step to the next
 BODIES = 512  # of water
 DRIFT = "|drift of the energy| over the mean kinetic energy"
-FS_PER_NS = 1000 * FS_PER_PS
+OF_DRIFT = {"criterion": DRIFT, "bars": LINE, "starts": DRIFTS, "together": drift_of_starts}
+OF_STEP = {"starts": STARTS, "together": mean_of_starts, "bars": SOME}
 SPACING = 2000  # steps between the dimer's starts
+Dts = np.ndarray | list[float]
 # integrators of the costly cases' short form
 HEAVY = ("nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4")
 
 
-def limit(stand, scene, steps_of_time, time, unit=1.0, name=" fs", **how):
+def limit(
+    stand: Stand, scene: Scene, dts: Dts, time: float, unit: float = 1.0, name: str = " fs", **how
+) -> Number:
     """The time step up to which runs keep their energy: it is never off by `GIVEN_UP` times
     `ALLOWED` of the kinetic energy, nor differs between the first and the last fifth of the run by
-    more than `ALLOWED` of that.
-
-    All time steps are tried in one LAMMPS run, from the shortest, until one breaks it.
+    more than `ALLOWED` of that.  All are tried in one LAMMPS run, until one breaks it.
 
     Args:
-        scene: a ``Scene``, of the stand's start.  steps_of_time: ascending, in the scene's unit of
-            time.
-        time: that each run covers, in that unit.
+        scene: of the stand's start.  dts: time steps, ascending.  time: that each run covers.
         unit: that the limit is given in.  name: of it, after a blank.
         how: as ``Stand.run`` has it.
     """
-    dts = np.asarray(steps_of_time)
+    dts = np.asarray(dts)
     change, error = changes(stand, scene, f"start {stand.start + 1}", dts, time, ALLOWED, **how)
     stable = change < ALLOWED
     bad = len(dts) if stable.all() else int(np.argmin(stable))
@@ -71,30 +77,17 @@ def limit(stand, scene, steps_of_time, time, unit=1.0, name=" fs", **how):
     return _between(dts / unit, bad, error, more, name)
 
 
-def halved(stand, scene, steps_of_time, time, allowed, **how):
+def halved(stand: Stand, scene: Scene, dts: Dts, time: float, allowed: float, **how) -> Number:
     """As `limit`, for a costly scene: from one start, of up to `MOST` steps, by bisection, and with
-    a step of half the limit after it.
-
-    If that is bad then the limit is below it.
-    """
-    dts, tried = np.asarray(steps_of_time), {}
+    a step of half the limit after it; if that is bad then the limit is below it."""
+    tried: dict[int, str | None] = {}
 
     def bad_at(k):
         if k not in tried:
-            (change,), error = changes(
-                stand,
-                scene,
-                f"{dts[k]:g} fs",
-                dts[k : k + 1],
-                min(time, MOST * dts[k]),
-                allowed,
-                **how,
-            )
-            tried[k] = (
-                None
-                if change < allowed
-                else error or f"energy off by {change:.2g} of the kinetic energy"
-            )
+            label, until = f"{dts[k]:g} fs", min(time, MOST * dts[k])
+            (off,), error = changes(stand, scene, label, dts[k : k + 1], until, allowed, **how)
+            why = error or f"energy off by {off:.2g} of the kinetic energy"
+            tried[k] = None if off < allowed else why
         return tried[k]
 
     bad, more = len(dts), ""
@@ -116,257 +109,211 @@ def halved(stand, scene, steps_of_time, time, allowed, **how):
 def _between(dts, first, error, more, name=" fs"):
     """The limit where ``dts[first]`` is the first bad step."""
     if first == 0:
-        return Number(
-            0.0,
-            0.0,
-            f"not even at {dts[0]:.4g}{name}, the shortest step tried"
-            + (f": {error}" if error else ""),
-        )
+        why = f": {error}" if error else ""
+        return Number(0.0, note=f"not even at {dts[0]:.4g}{name}, the shortest step tried{why}")
+    longest = dts[first - 1]
+    good = f"stable at {longest:.4g}{name}"
     if first == len(dts):
-        return Number(
-            dts[-1],
-            0.0,
-            f"stable at {dts[-1]:.4g}{name}, the longest step tried, so no error: the limit is at least that",
-        )
-    longest, shortest = dts[first - 1], dts[first]
-    return Number(
-        (shortest + longest) / 2,
-        (shortest - longest) / 4,
-        f"stable at {longest:.4g}{name}, not at {shortest:.4g}{name}{more}",
-    )
+        told = "the longest step tried, so no error: the limit is at least that"
+        return Number(longest, note=f"{good}, {told}")
+    shortest = dts[first]
+    note = f"{good}, not at {shortest:.4g}{name}{more}"
+    return Number((shortest + longest) / 2, (shortest - longest) / 4, note)
 
 
-def changes(stand, scene, label, dts, time, allowed, **how):
+def changes(
+    stand: Stand, scene: Scene, label: str, dts: np.ndarray, time: float, allowed: float, **how
+) -> tuple[np.ndarray, str | None]:
     """By how much of the kinetic energy at the start the energy differs between the first and the
-    last fifth of a run.
-
-    Args:
-        dts: time steps, all tried in one LAMMPS run in this order.
-        time: that each covers.
-        allowed: a run is ended when the energy is off by `GIVEN_UP` times this.
-    Returns:
-        (time steps,), infinite for a run that is not complete and for those after it; and what
-        ended it.
-    """
+    last fifth of runs, one for each time step, in one LAMMPS run that ends when the energy is off
+    by `GIVEN_UP` times what is allowed.  Infinite where one is not complete; and what ended it."""
     counts = np.maximum(SAMPLES, np.round(time / dts).astype(int) // SAMPLES * SAMPLES)
     apart = 2 * int(counts.max())  # between the runs' numbers of steps
-    lines = [f'write_dump all custom "{{folder}}/start" id {starts.STATE} modify {starts.EXACT}', "run 0",
-             "variable first equal $(etotal)", f"variable most equal $(ke*{GIVEN_UP * allowed})",
-             "variable far equal 1-(abs(etotal-v_first)<v_most)"]  # fmt: skip
+    state = f"id {scene_starts.STATE} modify {scene_starts.EXACT}"
+    lines = [f'write_dump all custom "{{folder}}/start" {state}', "run 0"]
+    lines += ["variable first equal $(etotal)", f"variable most equal $(ke*{GIVEN_UP * allowed})"]
+    lines += ["variable far equal 1-(abs(etotal-v_first)<v_most)"]
     for k, (dt, steps) in enumerate(zip(dts, counts), 1):
         every = steps // SAMPLES
-        lines += [
-            starts.read("{folder}/start", 0), f"reset_timestep {-(-k * apart // every) * every}", f"timestep {dt:.6g}",
-            f"thermo {every}", f"fix far all halt {every} v_far > 0.5 error hard", f"run {steps}", "unfix far",
-        ]  # fmt: skip
+        begin = -(-k * apart // every) * every
+        lines += [scene_starts.read("{folder}/start", 0), f"reset_timestep {begin}"]
+        lines += [f"timestep {dt:.6g}", f"thermo {every}"]
+        lines += [f"fix far all halt {every} v_far > 0.5 error hard", f"run {steps}", "unfix far"]
     result, _ = stand.attempt(scene, label, [0], more=lines, dt=dts[0], every=1, **how)
-    found = np.full(len(dts), np.inf)
+    found, fifth = np.full(len(dts), np.inf), SAMPLES // 5
     for k in range(1, len(dts) + 1):
         mine = result.thermo.get("Step", np.empty(0)) // apart == k
         total, kinetic = result.thermo["TotEng"][mine], result.thermo["KinEng"][mine]
         if mine.sum() == SAMPLES + 1 and np.isfinite(total).all():
-            fifth = SAMPLES // 5
             found[k - 1] = abs(total[-fifth:].mean() - total[:fifth].mean()) / kinetic[0]
-    why = (
-        f"energy off by {GIVEN_UP * allowed:g} of the kinetic energy"
-        if "Fix halt" in (result.error or "")
-        else result.error
-    )
-    return found, why
+    if "Fix halt" in (result.error or ""):
+        return found, f"energy off by {GIVEN_UP * allowed:g} of the kinetic energy"
+    return found, result.error
 
 
-def coarse(scene):
+def drift(
+    stand: Stand, scene: Scene, steps: int, ns: float, every: int, note: str = "", **how
+) -> Number:
+    """Change of the energy, by a straight line, over the mean kinetic energy, per ns, which is so
+    many of the scene's units of time; the note has places for the temperature at start and end."""
+    how = {"dt": scene.dt, **how}
+    result, _ = stand.run(scene, f"start {stand.start + 1}", [steps], every=every, **how)
+    thermo = result.thermo
+    slope = measures.drift(thermo["Time"], thermo["TotEng"]).times(ns / thermo["KinEng"].mean())
+    return Number.of(slope, note.format(thermo["Temp"][0], thermo["Temp"][-1]))
+
+
+def later(
+    stand: Stand, scene: Scene, steps: int, dt: float, starts: tuple[int, int], more=(), **how
+) -> tuple[Scene, Path]:
+    """The scene of the stand's start, and the file that it is from: so many steps later, as
+    fix_nosquish.NVE moves it, again so many for each further start; the same for all integrators.
+    The most starts of the case are the second of ``starts``."""
+    outer = replace(stand, folder=stand.folder.parent)
+    state = (outer.folder / "start" / "state.dump").resolve()
+    more = [*more, *scene_starts.to_dump(state, steps)]
+    how = {"by": COMPARED["nosquish"], "dt": dt, "every": steps // 20, "more": more, **how}
+    outer.run(scene, "start", [starts[1] * steps], **how)
+    return scene_starts.from_dump(scene, state, (stand.start + 1) * steps), state
+
+
+def coarse(scene: Scene) -> Scene:
     """The scene with a coarser mesh, which stability does not ask for."""
     return scene.on_mesh("1e-4")
 
 
-def water(stand):
+def water(stand: Stand) -> Scene:
     """Some water, the same for all integrators."""
-    return coarse(starts.of_size(SCENES["water"], BODIES, stand.folder.parent / "data"))
+    folder = stand.folder.parent / "data"
+    return coarse(scene_starts.of_size(SCENES["water"], BODIES, folder))
 
 
-def water_dt(stand, length):
-    time, between = length
-    return halved(
-        stand, water(stand), np.arange(0.5, 12.1, between), time, OF_MANY, ranks=stand.ranks
-    )
+@Case.of(
+    "water-dt",
+    f"{BODIES} TIP3P molecules at 295 K.",
+    (0.2 * FS_PER_PS, 0.5),
+    (5 * FS_PER_PS, 0.25),
+    criterion=LONGEST.format("Δt", OF_MANY, "0.2 ps", UP_TO),
+    bars=ONE,
+    few=HEAVY,
+)
+def water_dt(stand: Stand, length: tuple[float, float]) -> Number:
+    """Of the length the time, and between two steps tried."""
+    steps = np.arange(0.5, 12.1, length[1])
+    return halved(stand, water(stand), steps, length[0], OF_MANY, ranks=stand.ranks)
 
 
-def peptide_dt(stand, length):
-    time, between = length
-    return halved(
-        stand,
-        coarse(paper_peptide.scene()),
-        np.arange(0.5, 8.1, between),
-        time,
-        OF_MANY,
-        ranks=stand.ranks,
-    )
+@Case.of(
+    "peptide-dt",
+    "A helix in 1,417 TIP3P molecules, partly rigid, with flexible bonds between the rigid groups.",
+    (0.1 * FS_PER_PS, 1.0),
+    (5 * FS_PER_PS, 0.5),
+    criterion=LONGEST.format("Δt", OF_MANY, "0.1 ps", UP_TO),
+    bars=ONE,
+    few=HEAVY,
+)
+def peptide_dt(stand: Stand, length: tuple[float, float]) -> Number:
+    """As `water_dt`."""
+    scene, steps = coarse(paper_peptide.scene()), np.arange(0.5, 8.1, length[1])
+    return halved(stand, scene, steps, length[0], OF_MANY, ranks=stand.ranks)
 
 
-def dimer_of(mass):
+def dimer_of(mass: float) -> Scene:
     """The dimer with hydrogens of this mass and the kinetic energy that it has with its own."""
-    scene = SCENES["dimer"]
-    rows = (
-        (scene.folder / "data.dimer")
-        .read_text()
-        .split("Velocities")[1]
-        .split("Bonds")[0]
-        .splitlines()
-    )
-    v = np.array([row.split()[1:] for row in rows if row.strip()], float)
+    scene, oxygen, own = SCENES["dimer"], 15.9994, 0.1
+    text = (scene.folder / "data.dimer").read_text().split("Velocities")[1].split("Bonds")[0]
+    v = np.array([row.split()[1:] for row in text.splitlines() if row.strip()], float)
     square = (v**2).sum(axis=1).reshape(2, 3).sum(axis=0)
-    oxygen, own = 15.9994, 0.1
     before, after = (oxygen * square[0] + m * square[1:].sum() for m in (own, mass))
     faster = [f"variable v{c} atom v{c}*{np.sqrt(before / after):.17g}" for c in "xyz"]
-    return replace(
-        scene, setup=(*scene.setup, f"mass 2 {mass:g}", *faster, "velocity all set v_vx v_vy v_vz")
-    )
+    more = f"mass 2 {mass:g}", *faster, "velocity all set v_vx v_vy v_vz"
+    return replace(scene, setup=(*scene.setup, *more))
 
 
-def dimer_dt(mass):
+def dimer_dt(mass: float) -> Case:
     """The case of one mass of hydrogen, amu."""
     root = np.sqrt(mass)  # all times of the rotation scale with it
+    times = f"{1 * root:.1g} ps", f"{25 * root:.2g} ps"
 
+    @Case.of(
+        f"dimer-{mass:g}",
+        f"The bound water dimer with hydrogens of {mass:g} amu, which turn the faster the lighter "
+        "they are.",
+        1 * FS_PER_PS,
+        25 * FS_PER_PS,
+        criterion=LONGEST.format("Δt", ALLOWED, *times) + ", a mean over starts",
+        **OF_STEP,
+    )
     def measure(stand, time):
-        scene, state = later(stand, dimer_of(mass), SPACING, PAPER_DIMER * root, starts=STARTS)
+        scene, state = later(stand, dimer_of(mass), SPACING, PAPER_DIMER * root, STARTS)
         return limit(stand, scene, root * FINE ** np.arange(32), root * time, files=[state])
 
-    return Case(
-        f"dimer-{mass:g}", f"The bound water dimer with hydrogens of {mass:g} amu, which turn the faster the lighter they are.",
-        LONGEST.format("Δt", ALLOWED, f"{1 * root:.1g} ps", f"{25 * root:.2g} ps") + ", a mean over starts",
-        SOME, measure, 1 * FS_PER_PS, 25 * FS_PER_PS, starts=STARTS, together=mean_of_starts,
-    )  # fmt: skip
+    return measure
 
 
-def later(stand, scene, steps, dt, *, starts, more=(), **how):
-    """The scene so many steps later, as fix_nosquish.NVE moves it, again so many for each further
-    start; the same for all integrators.
-
-    Args:
-        starts: of the case, the most of them the second.
-        more: LAMMPS commands.  how: as ``Stand.run`` has it.
-    Returns:
-        the scene of the stand's start, and the file that it is from.
-    """
-    outer = replace(stand, folder=stand.folder.parent)
-    state = (outer.folder / "start" / "state.dump").resolve()
-    more = [*more, *to_dump(state, steps)]
-    outer.run(
-        scene,
-        "start",
-        [starts[1] * steps],
-        integrator=COMPARED["nosquish"],
-        dt=dt,
-        every=steps // 20,
-        more=more,
-        **how,
-    )
-    return from_dump(scene, state, (stand.start + 1) * steps), state
+def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
+    """Its `drift` after Langevin dynamics."""
+    bath, steps = f"{temperature} {temperature} {damping} 4928", round(warm_time / warm_dt)
+    more, how = [f"fix heat all langevin {bath}"], {"ranks": stand.ranks}
+    scene, state = later(stand, water(stand), steps, warm_dt, DRIFTS, more, **how)
+    how |= {"dt": dt, "files": [state], "note": "{:.3g} K at the start, {:.3g} K at the end"}
+    return drift(stand, scene, round(time / dt), 1000 * FS_PER_PS, 5, **how)
 
 
-def _change(stand, temperature, time, dt, warm_time, warm_dt, damping):
-    """Energy gained or lost per ns, in parts of the mean kinetic energy, by a straight line, after
-    Langevin dynamics."""
-    bath = f"fix heat all langevin {temperature} {temperature} {damping} 4928"
-    scene, state = later(
-        stand,
-        water(stand),
-        round(warm_time / warm_dt),
-        warm_dt,
-        starts=DRIFTS,
-        more=[bath],
-        ranks=stand.ranks,
-    )
-    result, _ = stand.run(
-        scene,
-        f"start {stand.start + 1}",
-        [round(time / dt)],
-        dt=dt,
-        every=5,
-        ranks=stand.ranks,
-        files=[state],
-    )
-    heat = result.thermo["Temp"]
-    slope = measures.drift(result.thermo["Time"] / FS_PER_NS, result.thermo["TotEng"]).times(
-        1 / result.thermo["KinEng"].mean()
-    )
-    return Number(
-        slope.value,
-        slope.error,
-        f"{heat[0]:.3g} K at the start, {heat[-1]:.3g} K at the end",
-        slope.freedom,
-    )
+@Case.of(
+    "water-hot",
+    f"{BODIES} TIP3P molecules at 1500 K and 1 g/cm³, 2 fs.",
+    1.6 * FS_PER_PS,
+    8 * FS_PER_PS,
+    few=HEAVY,
+    **OF_DRIFT,
+)
+def water_hot(stand: Stand, time: float) -> Number:
+    """Heated for 0.2 ps."""
+    return _water_drift(stand, 1500.0, time, 2.0, 200.0, 0.5, 50.0)
 
 
-def water_hot(stand, time):
-    return _change(stand, 1500.0, time, 2.0, 200.0, 0.5, 50.0)
+@Case.of(
+    "water-cold",
+    f"{BODIES} TIP3P molecules, cooled to 1 K, 4 fs.",
+    8 * FS_PER_PS,
+    10 * FS_PER_PS,
+    few=HEAVY,
+    **OF_DRIFT,
+)
+def water_cold(stand: Stand, time: float) -> Number:
+    """Cooled for 10 ps."""
+    return _water_drift(stand, 1.0, time, 4.0, 10_000.0, 4.0, 200.0)
 
 
-def water_cold(stand, time):
-    return _change(stand, 1.0, time, 4.0, 10_000.0, 4.0, 200.0)
-
-
-def long_dimer(stand, steps):
+@Case.of(
+    "long-dimer",
+    f"The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full{LESS}.",
+    200_000,
+    50_000_000,
+    criterion="largest of: change of the mean energy from the first tenth to the last, in parts of "
+    "the kinetic energy; relative changes of momenta and of distances; each over its bound",
+    bars=EXTREME,
+    tenth=SLOW,
+)
+def long_dimer(stand: Stand, steps: int) -> Number:
     """Two molecules that stay bound."""
-    result, folder = stand.run(
-        SCENES["dimer"],
-        "run",
-        [steps],
-        dt=PAPER_DIMER,
-        every=max(1, steps // 2000),
-        more=motion.dump(steps // 20),
-    )
+    how = {"dt": PAPER_DIMER, "every": max(1, steps // 2000), "more": motion.dump(steps // 20)}
+    result, folder = stand.run(SCENES["dimer"], "run", [steps], **how)
+    energy, kinetic = result.thermo["TotEng"], result.thermo["KinEng"].mean()
+    tenth = len(energy) // 10
+    heat = abs(energy[-tenth:].mean() - energy[:tenth].mean()) / kinetic
     _, mass, x, v = motion.frames(folder)
-    tenth = len(result.thermo["TotEng"]) // 10
-    energy = (
-        abs(result.thermo["TotEng"][-tenth:].mean() - result.thermo["TotEng"][:tenth].mean())
-        / result.thermo["KinEng"].mean()
-    )
-    _, momentum, angular = motion.conserved(mass, x, v)
-    sizes = (
-        np.linalg.norm(mass[:, None] * v[0], axis=1).sum(),
-        np.linalg.norm(mass[:, None] * np.cross(x[0], v[0]), axis=1).sum(),
-    )
-    lost = [
-        np.linalg.norm(a - a[0], axis=1).max() / size for a, size in zip((momentum, angular), sizes)
-    ]
-    shape = max(
-        np.abs(d / d[0] - 1).max() for d in (motion.distances(x[:, :3]), motion.distances(x[:, 3:]))
-    )
-    found = {
-        "energy": energy,
-        "momentum": lost[0],
-        "angular momentum": lost[1],
-        "|q|, by the distances": shape,
-    }
-    note = ", ".join(f"{key} {value:.1e}" for key, value in found.items())
-    return of_parts({"long run": energy, **kept(stand, steps, max(lost), shape)}, note)
+    lost, p = [], mass[:, None] * v[0]
+    for vectors, each in zip(motion.conserved(mass, x, v)[1:], (p, np.cross(x[0], p))):
+        size = np.linalg.norm(each, axis=1).sum()
+        lost.append(np.linalg.norm(vectors - vectors[0], axis=1).max() / size)
+    pairs = [motion.distances(x[:, some]) for some in (slice(3), slice(3, None))]
+    shape = max(np.abs(d / d[0] - 1).max() for d in pairs)
+    keys = "energy", "momentum", "angular momentum", "|q|, by the distances"
+    told = (f"{key} {value:.1e}" for key, value in zip(keys, (heat, *lost, shape)))
+    return of_parts({"long run": heat, **kept(stand, steps, max(lost), shape)}, ", ".join(told))
 
 
-CASES = (
-    Case(
-        "water-dt", f"{BODIES} TIP3P molecules at 295 K.",
-        LONGEST.format("Δt", OF_MANY, "0.2 ps", f"5 ps, or {MOST:,} steps if that is less"),
-        ONE, water_dt, (0.2 * FS_PER_PS, 0.5), (5 * FS_PER_PS, 0.25), few=HEAVY,
-    ),
-    *(dimer_dt(mass) for mass in (1.0, 0.1, 0.01)),
-    Case(
-        "peptide-dt", "A helix in 1,417 TIP3P molecules, partly rigid, with flexible bonds between the rigid groups.",
-        LONGEST.format("Δt", OF_MANY, "0.1 ps", f"5 ps, or {MOST:,} steps if that is less"),
-        ONE, peptide_dt, (0.1 * FS_PER_PS, 1.0), (5 * FS_PER_PS, 0.5), few=HEAVY,
-    ),
-    Case(
-        "water-hot", f"{BODIES} TIP3P molecules at 1500 K and 1 g/cm³, 2 fs.", DRIFT, LINE, water_hot, 1.6 * FS_PER_PS, 8 * FS_PER_PS,
-        few=HEAVY, starts=DRIFTS, together=drift_of_starts,
-    ),
-    Case(
-        "water-cold", f"{BODIES} TIP3P molecules, cooled to 1 K, 4 fs.", DRIFT, LINE, water_cold, 8 * FS_PER_PS, 10 * FS_PER_PS,
-        few=HEAVY, starts=DRIFTS, together=drift_of_starts,
-    ),
-    Case(
-        "long-dimer", f"The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full{LESS}.",
-        "largest of: change of the mean energy from the first tenth to the last, in parts of the kinetic energy; relative changes of momenta and of "
-        "distances; each over its bound", EXTREME, long_dimer, 200_000, 50_000_000, tenth=SLOW,
-    ),
-)  # fmt: skip
+DIMERS = tuple(dimer_dt(mass) for mass in (1.0, 0.1, 0.01))
+CASES = water_dt, *DIMERS, peptide_dt, water_hot, water_cold, long_dimer

@@ -1,15 +1,13 @@
 """Which measured point of a sweep is the fastest that is accurate enough.  Pure functions; nothing
 between two points is guessed.
 
-A point is one integrator with one time step, as plain data (see ``sweep``); of it are used
-``integrator``, ``dt`` (fs), ``failed``, ``ours``, ``lines`` (of the input script), ``cost`` (min
-and median of its run time, s per simulated ns; None if not timed), ``errors`` (measure to value and
-standard error) and ``without`` (measures that do not apply to it). Targets are a dictionary from
-measure to the largest error that is good enough, in the measure's unit.
+A point is one integrator with one time step, as ``measure`` tells it in plain data.  Targets are a
+dictionary from measure to the largest error that is good enough, in the measure's unit.
 """
 
 import math
 import statistics
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from validation.statistics.check import Check
@@ -19,35 +17,26 @@ from validation.statistics.estimate import Estimate
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"
 DEFAULT = "nosquish"  # the integrator that a tie goes to: this package's, without keywords
 DECADES = 3.0  # a ladder of targets that spans more has one rung in each decade, else three
+Targets = Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The fastest way to reach the targets.
+    """The fastest way to reach the targets."""
 
-    Attributes:
-        targets: measure to what its error has to be below.
-        best: the simplest of the ``fastest`` and those that tie with it; None if none meets all
-            targets for sure.  Where that is this package's with keywords, its default at the same
-            step is, if its errors are not above the variant's within that one's error bars: it may
-            not meet the targets for sure itself.
-        fastest: the point that meets all targets for sure and has the smallest least run time.
-        ties: further points that tie with it, from the fastest: they meet all targets for sure, and
-            their least run time is not above its median.
-        perhaps: points of which there is no telling whether they meet the targets, or which are not
-            timed, as fast as the best one or faster.
-        resolved: whether the targets are not below the `resolution`.
-    """
-
-    targets: dict
+    targets: Targets
+    # the simplest of the fastest and those that tie with it; None if none meets all targets for
+    # sure; see also `_plain`
     best: dict | None
-    fastest: dict | None = None
-    ties: tuple = ()
-    perhaps: tuple = ()
-    resolved: bool = True
+    fastest: dict | None = None  # that meets all targets for sure with the smallest least run time
+    # the others that do, and whose least run time is not above its median, from the fastest
+    ties: tuple[dict, ...] = ()
+    # those as fast as the best one of which there is no telling, or which are not timed
+    perhaps: tuple[dict, ...] = ()
+    resolved: bool = True  # whether the targets are not below the `resolution`
 
     @property
-    def verdict(self):
+    def verdict(self) -> str:
         """``met``; else ``cannot tell`` if some point may meet the targets, and ``not met`` if none
         does; or that they are not resolved."""
         if not self.resolved:
@@ -55,28 +44,34 @@ class Choice:
         return "met" if self.best else "cannot tell" if self.perhaps else "not met"
 
 
-def bound(point, measure):
-    """What an error is at most for sure: value + its 95 % margin; infinite if the point failed, or
-    if one of the two is not known."""
+def _known(point, measure):
+    """A point's error, if it has one with an error bar; else None."""
     found = point["errors"].get(measure)
     if point["failed"] or found is None or found["error"] is None:
-        return math.inf
-    most = found["value"] + Estimate.of(found).margin
+        return None
+    return Estimate.of(found)
+
+
+def bound(point: dict, measure: str) -> float:
+    """What an error is at most for sure: value + its 95 % margin; infinite if it is not known."""
+    found = _known(point, measure)
+    most = found.value + found.margin if found else math.inf
     return most if math.isfinite(most) else math.inf
 
 
-def meets(point, targets):
-    """Whether all errors of a point are within the targets.
+def is_zero(point: dict, measure: str) -> bool:
+    """Whether an error is known, and cannot be told from zero by its 95 % margin."""
+    found = _known(point, measure)
+    return found is not None and found.value < found.margin
 
-    Returns:
-        True if they are with their 95 % margins, False if one less its margin is above or does not
-        apply or the point failed, None if there is no telling.
-    """
+
+def meets(point: dict, targets: Targets) -> bool | None:
+    """Whether all errors of a point are within the targets: True if they are with their 95 %
+    margins, False if one less its margin is above or does not apply or the point failed, None if
+    there is no telling."""
     if point["failed"] or not targets.keys().isdisjoint(point.get("without", ())):
         return False
-    verdicts = [
-        _within(point["errors"].get(measure), target) for measure, target in targets.items()
-    ]
+    verdicts = [_within(point["errors"].get(name), target) for name, target in targets.items()]
     return False if False in verdicts else None if None in verdicts else True
 
 
@@ -86,152 +81,114 @@ def _within(found, target):
     return Check("", "", "", **found, high=target).holds
 
 
-def choose(points, targets):
+def choose(points: Iterable[dict], targets: Targets) -> Choice:
     """The `Choice` among points."""
     verdicts = [(point, meets(point, targets)) for point in points]
     good = sorted((point for point, met in verdicts if met and point["cost"]), key=_by_cost)
     usual = good[0]["cost"]["median"] if good else math.inf
-    perhaps = [
-        point for point, met in verdicts
-        if (met is None or (met and not point["cost"])) and (not point["cost"] or point["cost"]["min"] <= usual)
-    ]  # fmt: skip
+    unsure = [point for point, met in verdicts if met is None or (met and not point["cost"])]
+    perhaps = [one for one in unsure if not one["cost"] or one["cost"]["min"] <= usual]
     tied = [point for point in good if point["cost"]["min"] <= usual]
     best = _plain(min(tied, key=_by_words, default=None), perhaps, targets)
-    perhaps = [point for point in perhaps if point is not best]
-    ties = [point for point in tied if point is not best]
-    return Choice(
-        dict(targets),
-        best,
-        good[0] if good else None,
-        tuple(ties),
-        tuple(sorted(perhaps, key=_by_cost)),
-    )
+    ties = tuple(point for point in tied if point is not best)
+    perhaps = sorted((point for point in perhaps if point is not best), key=_by_cost)
+    return Choice(dict(targets), best, good[0] if good else None, ties, tuple(perhaps))
 
 
 def _plain(best, perhaps, targets):
-    """The default in the place of its variant with keywords, where no error of it is above the
-    variant's: a keyword has to be seen to help."""
+    """The default in the place of its variant with keywords, at the same step, where no error of it
+    is above the variant's within that one's error bars: a keyword has to be seen to help.  It may
+    not meet the targets for sure itself."""
     if best is None or not best["ours"] or best["integrator"] == DEFAULT:
         return best
+
+    def as_good(point):
+        errors = point["errors"]
+        return all(key in errors and errors[key]["value"] <= bound(best, key) for key in targets)
+
     for point in perhaps:
-        if (
-            point["integrator"] == DEFAULT
-            and point["dt"] == best["dt"]
-            and point["cost"]
-            and meets(point, targets) is None
-        ):
-            if all(
-                measure in point["errors"]
-                and point["errors"][measure]["value"] <= bound(best, measure)
-                for measure in targets
-            ):
-                return point
+        same = point["integrator"] == DEFAULT and point["dt"] == best["dt"]
+        if same and point["cost"] and meets(point, targets) is None and as_good(point):
+            return point
     return best
 
 
-def ours(points, targets):
+def ours(points: Iterable[dict], targets: Targets) -> Choice:
     """The `Choice` among this package's own points."""
     return choose([point for point in points if point["ours"]], targets)
 
 
-def each(points, targets):
+def each(points: Sequence[dict], targets: Targets) -> dict[str, Choice]:
     """The `Choice` of each integrator among its own points, by its name."""
-    names = dict.fromkeys(point["integrator"] for point in points)
-    return {
-        name: choose([point for point in points if point["integrator"] == name], targets)
-        for name in names
-    }
+    found: dict[str, list[dict]] = {}
+    for point in points:
+        found.setdefault(point["integrator"], []).append(point)
+    return {name: choose(own, targets) for name, own in found.items()}
 
 
-def nearest(points, targets):
+def nearest(points: Iterable[dict], targets: Targets) -> tuple[dict, float] | None:
     """The point that is the least above the targets, and how many times its worst `bound` is above;
     None if no point has all these errors."""
-    excess = [
-        (max(bound(point, measure) / target for measure, target in targets.items()), point)
-        for point in points
-    ]
-    factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
+    excess = [(max(bound(one, key) / most for key, most in targets.items()), one) for one in points]
+    factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, {}))
     return (point, factor) if factor < math.inf else None
 
 
-def is_zero(point, measure):
-    """Whether a point's error cannot be told from zero by its 95 % margin; not if it is not
-    known."""
-    found = point["errors"].get(measure)
-    return (
-        not point["failed"]
-        and found is not None
-        and found["error"] is not None
-        and found["value"] < Estimate.of(found).margin
-    )
-
-
-def resolution(points, measure):
+def resolution(points: Iterable[dict], measure: str) -> float:
     """What errors that cannot be told from zero are at most, their median; 0 if there are none.
     Which of these is below a smaller target is chance."""
-    return statistics.median(
-        [bound(point, measure) for point in points if is_zero(point, measure)] or [0.0]
-    )
+    zero = [bound(point, measure) for point in points if is_zero(point, measure)]
+    return statistics.median(zero or [0.0])
 
 
-def front(points, measure):
+def front(points: Iterable[dict], measure: str) -> list[dict]:
     """The points that no other one beats in both run time and `bound`, from the fastest: those that
     are chosen for some target; none of `CHECKS`."""
     found, least = [], math.inf
-    for point in sorted(
-        (point for point in points if point["cost"] and measure not in CHECKS), key=_by_cost
-    ):
+    timed = [point for point in points if point["cost"] and measure not in CHECKS]
+    for point in sorted(timed, key=_by_cost):
         if bound(point, measure) < least:
             found.append(point)
             least = bound(point, measure)
     return found
 
 
-def ladder(points, measure):
-    """Targets over which the choice changes: 1, 2, 5 times powers of ten, or these powers alone.
-
-    From the last one that no point meets for sure to the first one that the fastest point of the
-    `front` meets, without those below the `resolution`.
-    """
+def ladder(points: Sequence[dict], measure: str) -> list[float]:
+    """Targets over which the choice changes, 1, 2, 5 times powers of ten, or these powers alone:
+    from the last one that no point meets for sure to the first one that the fastest point of the
+    `front` meets, without those below the `resolution`."""
     least = resolution(points, measure)
     return [rung for rung in _rungs(points, measure) if rung >= least]
 
 
 def _rungs(points, measure):
-    bounds = [
-        most for most in (bound(point, measure) for point in front(points, measure)) if most > 0
-    ]
+    bounds = [most for point in front(points, measure) if (most := bound(point, measure)) > 0]
     if not bounds:
         return []
     first, last = math.log10(min(bounds)), math.log10(max(bounds))
     digits = (1,) if last - first > DECADES else (1, 2, 5)
-    rungs = [
-        float(f"{digit}e{power}")
-        for power in range(math.floor(first) - 1, math.ceil(last) + 2)
-        for digit in digits
-    ]
+    powers = range(math.floor(first) - 1, math.ceil(last) + 2)
+    rungs = [float(f"{digit}e{power}") for power in powers for digit in digits]
     low = max(rung for rung in rungs if rung < min(bounds))
     high = min(rung for rung in rungs if rung >= max(bounds))
     return [rung for rung in rungs if low <= rung <= high]
 
 
-def fastest(points, measures):
-    """For each of the measures, a `Choice` for each rung of its `ladder`: list of (measure, target,
-    `Choice`, that of `ours`).
-
-    A target below the `resolution` is there once, without a best point.
-    """
+def fastest(
+    points: Sequence[dict], measures: Iterable[str]
+) -> list[tuple[str, float, Choice, Choice]]:
+    """For each rung of each measure's `ladder` (measure, target, `Choice`, that of `ours`); a
+    target below the `resolution` is there once, without a best point."""
     found = []
     for measure in measures:
         resolved = ladder(points, measure)
         below = [rung for rung in _rungs(points, measure) if rung not in resolved]
-        for target in below[-1:]:
-            none = Choice({measure: target}, None, resolved=False)
-            found.append((measure, target, none, none))
-        found += [
-            (measure, target, choose(points, {measure: target}), ours(points, {measure: target}))
-            for target in resolved
-        ]
+        for target in (*below[-1:], *resolved):
+            wanted = {measure: target}
+            choices = choose(points, wanted), ours(points, wanted)
+            if target not in resolved:
+                choices = (Choice(wanted, None, resolved=False),) * 2
+            found.append((measure, target, *choices))
     return found
 
 
@@ -242,6 +199,5 @@ def _by_words(point):
 
 
 def _by_cost(point):
-    """From the fastest; of equal ones the longer step first, then by name; those that are not timed
-    last."""
+    """From the fastest; of equal ones the longer step first, then by name; untimed ones last."""
     return point["cost"]["min"] if point["cost"] else math.inf, -point["dt"], point["integrator"]

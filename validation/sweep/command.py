@@ -1,5 +1,8 @@
 """``sweep``: its words, and what they run."""
 
+import argparse
+from collections.abc import Collection
+
 from validation import command_line
 from validation.scenes.integrators import SWEPT
 
@@ -13,92 +16,66 @@ def add(verbs) -> None:
         help="error against run time: every integrator with every time step",
         description="Run ours, the comparison schemes and LAMMPS's rigid, shake and rattle fixes "
         "with time steps from very short to beyond what is stable, from the same equilibrated "
-        "starts, and draw their errors against their run times. Writes tables to the terminal and "
-        "summary.json, points.csv, fastest.csv, figures and a self-contained report.html to the "
-        "output folder. Ctrl-C keeps what is measured, and the same command goes on from there: "
-        "what was measured with the same code, input and settings is not measured again. Swept one "
-        "after the other with the same code and budget, the output folder gathers scenes, "
-        "integrators and steps; with another budget a scene is measured anew, in the old one's "
-        "place.",
+        "starts, and draw their errors against their run times. After a Ctrl-C the same command "
+        "goes on: what was measured with the same code, input and settings is not measured again. "
+        "With the same code and budget, the output folder gathers scenes, integrators and steps; "
+        "with another budget a scene is measured anew, in the old one's place.",
         epilog="A step that is too long fails; that is a result. Exit status: 0 if each integrator "
         "has a step that does not fail, 1 if one has none, 130 after Ctrl-C.",
     )
-    parser.add_argument(
-        "scenes",
-        nargs="*",
-        type=command_line.one_of("scene", scenes),
-        metavar="SCENE",
-        help="what to simulate (default: all; --short: the small ones)",
-    )
+    scene = command_line.one_of("scene", scenes)
+    text = "what to simulate (default: all; --short: the small ones)"
+    parser.add_argument("scenes", nargs="*", type=scene, metavar="SCENE", help=text)
     command_line.ranks(parser, 1, "what is larger than the dimer")
-    parser.add_argument(
-        "--budget",
-        type=command_line.positive,
-        metavar="MINUTES",
-        help="how long all scenes may take on one core, by what a step nominally costs; of scenes "
-        "that are named each has its part of it (default: five hours; --short: some minutes)",
+    text = (
+        "how long all scenes may take on one core, by what a step nominally costs; of scenes "
+        "that are named each has its part of it (default: five hours; --short: some minutes)"
     )
-    parser.add_argument(
-        "--short",
-        action="store_true",
-        help="fewer time steps, some minutes in all, for a first look",
-    )
+    parser.add_argument("--budget", type=command_line.positive, metavar="MINUTES", help=text)
+    text = "fewer time steps, some minutes in all, for a first look"
+    parser.add_argument("--short", action="store_true", help=text)
     command_line.only(parser, SWEPT, "integrators, of: %(choices)s (default all)")
-    parser.add_argument(
-        "--steps",
-        type=command_line.positives,
-        metavar="FS,FS",
-        help="time steps in fs (default: the scene's)",
+    text = "time steps in fs (default: the scene's)"
+    parser.add_argument("--steps", type=command_line.positives, metavar="FS,FS", help=text)
+    text = (
+        "give a run up that wrote nothing for S seconds, as fixes do that hang when they blow up "
+        "(default 120; --short: 30)"
     )
-    parser.add_argument(
-        "--silence",
-        type=command_line.positive,
-        metavar="S",
-        help="give a run up that wrote nothing for S seconds, as fixes do that hang when they "
-        "blow up (default 120; --short: 30)",
-    )
+    parser.add_argument("--silence", type=command_line.positive, metavar="S", help=text)
     command_line.out(parser, "results/sweep", short=True)
 
 
-def scenes():
+def scenes() -> Collection[str]:
     """Names of what can be swept."""
     from validation.sweep.plan import SCENES  # heavy: not for --help
 
     return SCENES
 
 
-def run(arguments) -> int:
+def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.sweep import measure, plan, report  # heavy: not for --help
 
     short = arguments.short
-    names = command_line.chosen(
-        plan.SCENES, arguments.scenes or (plan.SHORT_SCENES if short else None)
-    )
+    wanted = arguments.scenes or (plan.SHORT_SCENES if short else None)
+    names = command_line.chosen(plan.SCENES, wanted)
     try:
         lengths = plan.lengths(names, short, arguments.budget)
         points = plan.points(names, short, arguments.only, arguments.steps)
     except ValueError as error:
         arguments.parser.error(str(error))
     out = command_line.folder(arguments.out, "results/sweep", short)
+    silence = arguments.silence or (30.0 if short else 120.0)
     screen = console.console()
     with console.Meter(screen, plan.total(points, lengths), "runs") as meter:
-        summary = measure.sweep(
-            points,
-            lengths,
-            out,
-            meter,
-            arguments.ranks,
-            arguments.silence or (30.0 if short else 120.0),
-            short,
-        )
-    swept = [
-        (name, point) for name, scene in summary["scenes"].items() for point in scene["points"]
-    ]
+        summary = measure.sweep(points, lengths, out, meter, arguments.ranks, silence, short)
+    failed: dict[tuple, bool] = {}  # of each integrator with each scene, whether all its steps did
+    for name, scene in summary["scenes"].items():
+        for point in scene["points"]:
+            key = name, point["integrator"]
+            failed[key] = failed.get(key, True) and bool(point["failed"])
     summary = report.gathered(summary, out)
     report.write(summary, out)
     report.show(screen, summary, out)
-    good = {(name, point["integrator"]) for name, point in swept if not point["failed"]}
-    without = any((name, point["integrator"]) not in good for name, point in swept)
-    return command_line.status(summary["interrupted"], not swept or without)
+    return command_line.status(summary["interrupted"], not failed or any(failed.values()))
