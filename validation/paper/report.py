@@ -9,9 +9,10 @@ from rich.console import Console
 from rich.table import Table
 
 from validation.pages.page import page, save
+from validation.pages.said import Figure, Said, of_checks
 from validation.paper.figures import SHOWN, draw, thin
 from validation.paper.measure import TITLES, Found
-from validation.paper.plan import AVERAGE_MEASURE, LIQUID
+from validation.paper.plan import AVERAGE_MEASURE, LIQUID, STATEMENTS
 from validation.statistics import check
 from validation.statistics.estimate import Estimate
 
@@ -81,3 +82,19 @@ def show(console: Console, summary: dict, out: Path) -> None:
     if summary["interrupted"]:
         console.print("Interrupted: the same command goes on from here.")
     console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
+
+
+def say(summary: dict) -> Said:
+    """For the report of all verbs."""
+    failed = [f"{row['name']}: {row['error']}" for row in summary["rows"] if row["error"]]
+    lines = [f"Not complete: {'; '.join(failed)}."] * bool(failed)
+    figures = [
+        Figure(
+            f"figure_{name}.png",
+            f"Figure {name}, run again. The paper says of its own:",
+            STATEMENTS[scene],
+        )
+        for name, scene in {"2a": "dimer", "2b": "liquid", "3": "peptide"}.items()
+    ]
+    noun = "numbers that bear on what the paper says of its test problems"
+    return of_checks(summary, TITLES, noun, lines=lines, figures=figures)

@@ -6,6 +6,7 @@ import numpy as np
 
 from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, draw_each
 from validation.pages.page import page, save
+from validation.pages.said import Figure, Said, of_checks
 from validation.statistics import check
 
 TITLES = {
@@ -205,3 +206,13 @@ def recursion(data):
         "Two oscillators (m = ω = 1) by velocity Verlet, and by a scheme that adds to the force one of order Δt² without potential. That scheme is "
         "reversible and keeps phase-space volume, too, but (2.30) cannot be met, and the energy drifts at the rate that (2.30) tells."
     )
+
+
+def say(summary: dict) -> Said:
+    """For the report of all verbs."""
+    captions = {
+        "reversal.png": "Distance from the start after N steps and back.",
+        "conserved.png": "Spread of the energy and of the conserved quantity.",
+    }
+    figures = [Figure(*one) for one in captions.items()]
+    return of_checks(summary, TITLES, "numbers that the paper's theory bounds", figures=figures)
