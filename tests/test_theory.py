@@ -270,9 +270,9 @@ def test_reversal(monkeypatch, tmp_path):
         ("1e-4", "1e-12"),
     )
     some = [
-        (one, tolerance)
-        for one, tolerance in theory_reversal.INTEGRATORS
-        if one.name in free or tolerance in map(float, tolerances)
+        one
+        for one in theory_reversal.INTEGRATORS
+        if one.name in free or one.tolerance in map(float, tolerances)
     ]
     monkeypatch.setattr(theory_reversal, "INTEGRATORS", some)
     monkeypatch.setattr(theory_reversal, "TOLERANCES", tolerances)

@@ -89,7 +89,7 @@ def _short(cases):
     passed = Counter(row["label"] for row in rows if row["verdict"] == "pass")
     ours = next((row["label"] for row in rows if row["integrator"] == OURS), None)
     theirs = {row["label"] for row in rows if row["integrator"].split()[0] in LAMMPS}
-    best = max((label for label in ran if label in theirs), key=passed.get, default=None)
+    best = max((one for one in ran if one in theirs), key=lambda one: passed[one], default=None)
     told = [f"{label} {passed[label]} of {ran[label]}" for label in (ours, best) if label]
     most = ", the most of LAMMPS’s fixes" * (best is not None)
     return f"passed for sure, of the cases that a fix can run: {', '.join(told)}{most}."

@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import null_space
 
+from validation.statistics.estimate import Estimate
+
 POINTS = 32  # on the circle; a singularity at three times its radius adds an error of 3^-32
 
 
@@ -170,8 +172,7 @@ def restricted(J, basis):
     )
 
 
-def slope(x, y):
-    """The exponent of y ~ x^exponent and its standard error, from a straight line through the
-    logarithms."""
+def slope(x, y) -> Estimate:
+    """The exponent of y ~ x^exponent, from a straight line through the logarithms."""
     (exponent, _), covariance = np.polyfit(np.log(x), np.log(y), 1, cov=True)
-    return float(exponent), float(np.sqrt(covariance[0, 0]))
+    return Estimate(float(exponent), float(np.sqrt(covariance[0, 0])), len(x) - 2)
