@@ -56,9 +56,13 @@ def fourth_order(motion):
     """A symmetric second-order step made fourth order: three steps, the middle one backwards in
     time."""
     outer = 1 / (2 - 2 ** (1 / 3))
-    return lambda x, time: motion(
-        motion(motion(x, outer * time), (1 - 2 * outer) * time), outer * time
-    )
+
+    def step(x, time):
+        for part in (outer, 1 - 2 * outer, outer):
+            x = motion(x, part * time)
+        return x
+
+    return step
 
 
 def taylor(function, order, radius):
@@ -66,10 +70,7 @@ def taylor(function, order, radius):
 
     Args:
         function: takes complex times (n,), gives an array (..., n).
-        order: which coefficient.
         radius: of the circle, a time.
-    Returns:
-        complex array (...).
     """
     times = radius * np.exp(2j * np.pi * np.arange(POINTS) / POINTS)
     return (function(times) * times**-order).mean(axis=-1)
@@ -97,9 +98,8 @@ def leading_term(parts, radius):
         wide, total = x[..., None], 0.0
         for k, (energy, motion) in enumerate(parts[:-1]):
             inner = parts[k + 1 :]
-            total += sum(twice(part.energy, motion, wide) for part in inner) - 2 * twice(
-                energy, strang(inner), wide
-            )
+            total += sum(twice(part.energy, motion, wide) for part in inner)
+            total -= 2 * twice(energy, strang(inner), wide)
         return -total / 24 if np.iscomplexobj(x) else -total.real / 24
 
     return term
@@ -115,17 +115,11 @@ def recursion_terms(step, exact, energy, second, x, radius):
         exact: any step of fourth order for the same equations.
         energy, second: H^(0) and H^(1), functions of a state.
         x: states (n, ...).
-        radius: see `taylor`.
-    Returns:
-        array (2, ...).
     """
     x = x[..., None]
     field = taylor(lambda s: step(x, s) - exact(x, s), 3, radius).real[..., None]
-    terms = (
-        taylor(lambda s: second(exact(x, s)), 1, radius),
-        taylor(lambda s: energy(x + s * field), 1, radius),
-    )
-    return np.stack(terms).real
+    first = taylor(lambda s: second(exact(x, s)), 1, radius)
+    return np.stack([first, taylor(lambda s: energy(x + s * field), 1, radius)]).real
 
 
 def jacobian(function, x):
@@ -156,20 +150,16 @@ def restricted(J, basis):
     """What (2.42) becomes on a constrained phase space.
 
     There the form of two directions u, v is u^T g v, and a step is symplectic if it keeps it: B^T
-    J^T g J B = B^T g B for a basis B.
+    J^T g J B = B^T g B for a basis B, of `tangent`.
 
-    Args:
-        J: Jacobian.
-        basis: of `tangent`.
     Returns:
         (2-norm of the difference of the two sides, the factor by which the step changes the volume
         that belongs to the form).
     """
-    g = metric(len(J) // 2)
-    after, before = (J @ basis).T @ g @ (J @ basis), basis.T @ g @ basis
-    return float(np.linalg.norm(after - before, 2)), float(
-        np.sqrt(np.linalg.det(after) / np.linalg.det(before))
-    )
+    g, moved = metric(len(J) // 2), J @ basis
+    after, before = moved.T @ g @ moved, basis.T @ g @ basis
+    volume = np.sqrt(np.linalg.det(after) / np.linalg.det(before))
+    return float(np.linalg.norm(after - before, 2)), float(volume)
 
 
 def slope(x, y) -> Estimate:

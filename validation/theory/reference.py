@@ -47,9 +47,8 @@ class Dimer:
         centre = np.einsum("ba,iba->ib", mass, r) / self.mass
         momentum, d = np.einsum("ba,iba->ib", mass, v), r - centre[:, :, None]
         spin = np.einsum("ba,iba->ib", mass, np.cross(d, v, axis=0))
-        inertia = np.einsum("ba,iba,iba->b", mass, d, d)[:, None, None] * np.eye(3) - np.einsum(
-            "ba,iba,jba->bij", mass, d, d
-        )
+        inertia = np.einsum("ba,iba,iba->b", mass, d, d)[:, None, None] * np.eye(3)
+        inertia -= np.einsum("ba,iba,jba->bij", mass, d, d)
         moments, axes = np.linalg.eigh(inertia)
         axes = axes[:, :, ::-1]
         axes[:, :, 2] *= np.linalg.det(axes)[:, None]
@@ -57,11 +56,9 @@ class Dimer:
         self.moments, self.sites = moments[:, ::-1].T, np.einsum("bij,iba->jba", axes, d)
         p = 2 * multiply(q, np.concatenate([np.zeros((1, 2)), np.einsum("bij,ib->jb", axes, spin)]))
         self.start, self.atoms = self.join(momentum, p, centre, q), Atoms(self, mass, r, v)
-        one, two = (kind[0][:, None], kind[1])
-        self._epsilon, self._sigma = (
-            np.sqrt(epsilon[one] * epsilon[two]),
-            (sigma[one] + sigma[two]) / 2,
-        )
+        one, two = kind[0][:, None], kind[1]
+        self._epsilon = np.sqrt(epsilon[one] * epsilon[two])
+        self._sigma = (sigma[one] + sigma[two]) / 2
         self._charge = COULOMB * charge[0][:, None] * charge[1]
 
     @staticmethod
@@ -84,17 +81,15 @@ class Dimer:
 
     def pair(self, r):
         """Of atoms at (3, 2, 3, ...): their potential energy, and the forces on them."""
-        epsilon, sigma, charge = (
-            _beside(value, r, 3) for value in (self._epsilon, self._sigma, self._charge)
-        )
+        pairs = self._epsilon, self._sigma, self._charge
+        epsilon, sigma, charge = (_beside(value, r, 3) for value in pairs)
         delta = r[:, 0, :, None] - r[:, 1, None]
         r2 = (delta * delta).sum(axis=0)
         sixth, electric = (sigma**2 / r2) ** 3, charge / np.sqrt(r2)
         between = (24 * epsilon * (2 * sixth * sixth - sixth) + electric) / r2 * delta
         energy = 4 * epsilon * (sixth * sixth - sixth) + electric
-        return energy.sum(axis=(0, 1)), np.stack(
-            [between.sum(axis=2), -between.sum(axis=1)], axis=1
-        )
+        forces = np.stack([between.sum(axis=2), -between.sum(axis=1)], axis=1)
+        return energy.sum(axis=(0, 1)), forces
 
     def potential(self, x):
         """phi, kcal/mol."""
@@ -105,9 +100,9 @@ class Dimer:
         (2.9)."""
         forces = self.pair(self.positions(x))[1]
         *_, q = self.split(x)
-        return forces.sum(axis=2), np.cross(
-            _beside(self.sites, x), np.einsum("jib...,jba...->iba...", to_space(q), forces), axis=0
-        ).sum(axis=2)
+        turned = np.einsum("jib...,jba...->iba...", to_space(q), forces)
+        torques = np.cross(_beside(self.sites, x), turned, axis=0)
+        return forces.sum(axis=2), torques.sum(axis=2)
 
     def kick(self, x, time):
         """The motion under phi alone (2.58, 2.60)."""
@@ -129,16 +124,14 @@ class Dimer:
     def rotational(self, k, x):
         """h_k of both bodies (2.18)."""
         _, p, _, q = self.split(x)
-        return (rotor.dot(p, PERMUTE[k](q)) ** 2 / (8 * _beside(self.moments[k - 1], x))).sum(
-            axis=0
-        )
+        energies = rotor.dot(p, PERMUTE[k](q)) ** 2 / (8 * _beside(self.moments[k - 1], x))
+        return energies.sum(axis=0)
 
     def rotate(self, k, x, time):
         """The motion under h_k alone (2.56)."""
         momenta, p, centres, q = self.split(x)
-        q, p = rotor.rotation(
-            q, p, PERMUTE[k](q), PERMUTE[k](p), 0.25 / _beside(self.moments[k - 1], x), time, True
-        )
+        rate = 0.25 / _beside(self.moments[k - 1], x)
+        q, p = rotor.rotation(q, p, PERMUTE[k](q), PERMUTE[k](p), rate, time, True)
         return self.join(momenta, np.stack(p), centres, np.stack(q))
 
     def rotate_freely(self, x, time):
@@ -158,10 +151,8 @@ class Dimer:
     def parts(self, mrot=1):
         """The force, and all that moves without it, outermost first, as NO_SQUISH has them
         (2.53)."""
-        return [
-            Part(self.potential, self.kick),
-            Part(self.kinetic, composed(self.translate, repeated(self.rotate_freely, mrot))),
-        ]
+        free = composed(self.translate, repeated(self.rotate_freely, mrot))
+        return [Part(self.potential, self.kick), Part(self.kinetic, free)]
 
     def energy(self, x):
         """H (2.14), with the kinetic energy of the centres."""
@@ -199,9 +190,8 @@ class Dimer:
         w = _third(_second(w, moments, time / 2), moments, time / 2)
         forces, torques = self.loads(self.join(momenta, p, centres, q))
         momenta, spin = momenta + time / 2 * forces, moments * w + time / 2 * torques
-        return self.join(
-            momenta, 2 * multiply(q, np.stack([w0 + 0 * size, *spin])) / rotor.dot(q, q), centres, q
-        )
+        p = 2 * multiply(q, np.stack([w0 + 0 * size, *spin])) / rotor.dot(q, q)
+        return self.join(momenta, p, centres, q)
 
     def constraints(self, x):
         """What is zero where |q| = 1 and w_0 = 0 (2.55), (4, ...)."""
@@ -222,10 +212,8 @@ class Atoms:
     def __init__(self, dimer, mass, r, v):
         self.dimer, self.mass = dimer, mass.ravel()
         self.start = np.concatenate([(mass * v).ravel(), r.ravel()])
-        self.square = {
-            (i, j): ((r.reshape(3, 6)[:, i] - r.reshape(3, 6)[:, j]) ** 2).sum()
-            for i, j in self.BONDS
-        }
+        x = r.reshape(3, 6)
+        self.square = {(i, j): ((x[:, i] - x[:, j]) ** 2).sum() for i, j in self.BONDS}
 
     def shake_rattle(self, x, time, tolerance):
         """One step of velocity Verlet with SHAKE for positions and RATTLE for velocities, bond
@@ -251,28 +239,23 @@ class Atoms:
             off = (delta * (v[:, i] - v[:, j])).sum(axis=0)
             return off * time, off / self.square[i, j] * delta
 
-        v = self._rounds(along, v, tolerance)
-        return np.concatenate(
-            [(_beside(self.mass, x) * v).reshape(18, *x.shape[1:]), r.reshape(18, *x.shape[1:])]
-        )
+        momenta = _beside(self.mass, x) * self._rounds(along, v, tolerance)
+        return np.concatenate([part.reshape(18, *x.shape[1:]) for part in (momenta, r)])
 
     def constraints(self, x):
         """What is zero where distances are kept and velocities along them vanish, (12, ...)."""
         v, r = self._split(x)
         bonds = [(r[:, i] - r[:, j], v[:, i] - v[:, j], self.square[i, j]) for i, j in self.BONDS]
-        return np.stack(
-            [(d * d).sum(axis=0) - square for d, _, square in bonds]
-            + [(d * u).sum(axis=0) for d, u, _ in bonds]
-        )
+        lengths = [(d * d).sum(axis=0) - square for d, _, square in bonds]
+        return np.stack([*lengths, *((d * u).sum(axis=0) for d, u, _ in bonds)])
 
     def _split(self, x):
         p, r = (part.reshape(3, 6, *x.shape[1:]) for part in np.split(x, 2))
         return p / _beside(self.mass, x), r
 
     def _accelerations(self, r):
-        return self.dimer.pair(r.reshape(3, 2, 3, *r.shape[2:]))[1].reshape(r.shape) / _beside(
-            self.mass, r, 2
-        )
+        forces = self.dimer.pair(r.reshape(3, 2, 3, *r.shape[2:]))[1]
+        return forces.reshape(r.shape) / _beside(self.mass, r, 2)
 
     def _rounds(self, wrong, y, tolerance):
         """Correct y (3, 6, ...) until ``wrong`` (how far off a bond is, and along what its atoms
@@ -384,22 +367,16 @@ def _beside(values, x, axes=1):
 def _read(scene):
     """Of a scene of two molecules of three atoms: masses, charges, types (2, 3), positions and
     velocities (3, 2, 3), and epsilon and sigma by type."""
-    words = dict(
-        line.split(maxsplit=1)
-        for line in scene.setup
-        if line.startswith(("read_data ", "include "))
-    )
-    data, field = ((scene.folder / words[key]).read_text() for key in ("read_data", "include"))
-    table = {title: np.loadtxt(rows.splitlines(), ndmin=2) for title, rows in re.findall(
-        r"^(Masses|Atoms|Velocities)\b.*\n\n((?:.+\n)+)", data, re.MULTILINE)}  # fmt: skip
-    atoms, velocities = (
-        table[name][table[name][:, 0].argsort()] for name in ("Atoms", "Velocities")
-    )
+    starts = "read_data ", "include "
+    words = dict(line.split(maxsplit=1) for line in scene.setup if line.startswith(starts))
+    data, field = ((scene.folder / words[key.strip()]).read_text() for key in starts)
+    sections = re.findall(r"^(Masses|Atoms|Velocities)\b.*\n\n((?:.+\n)+)", data, re.MULTILINE)
+    table = {title: np.loadtxt(rows.splitlines(), ndmin=2) for title, rows in sections}
+    sorted_ = (table[name][table[name][:, 0].argsort()] for name in ("Atoms", "Velocities"))
+    atoms, velocities = sorted_
     kind, of_type = atoms[:, 2].astype(int).reshape(2, 3), dict(table["Masses"])
-    pairs = {
-        int(i): (float(e), float(s))
-        for i, e, s in re.findall(r"^pair_coeff\s+(\d+)\s+\1\s+(\S+)\s+(\S+)", field, re.MULTILINE)
-    }
+    lines = re.findall(r"^pair_coeff\s+(\d+)\s+\1\s+(\S+)\s+(\S+)", field, re.MULTILINE)
+    pairs = {int(i): (float(e), float(s)) for i, e, s in lines}
     epsilon, sigma = np.array([pairs.get(i, (0, 0)) for i in range(max(pairs) + 1)]).T
     r, v = (rows.T.reshape(3, 2, 3) for rows in (atoms[:, 4:7], velocities[:, 1:4] / FS))
     return np.vectorize(of_type.get)(kind), atoms[:, 3].reshape(2, 3), kind, r, v, epsilon, sigma

@@ -73,15 +73,17 @@ def reverse(scene: Scene, integrator: Integrator, out: Path, silence: float = 12
     job.commands.append(dump.format(folder, "start"))
     job.commands.extend(f"variable {c} atom -v{c}" for c in "xyz")
     for n in STEPS:
-        job.commands += [
-            f'read_dump "{folder}/start" 0 x y z vx vy vz replace yes',
-            "reset_timestep 0",
-            f"run {n}",
-            dump.format(folder, f"there-{n}"),
-            "velocity all set v_x v_y v_z",
-            f"run {n}",
-            dump.format(folder, f"back-{n}"),
-        ]
+        job.commands.extend(
+            [
+                f'read_dump "{folder}/start" 0 x y z vx vy vz replace yes',
+                "reset_timestep 0",
+                f"run {n}",
+                dump.format(folder, f"there-{n}"),
+                "velocity all set v_x v_y v_z",
+                f"run {n}",
+                dump.format(folder, f"back-{n}"),
+            ]
+        )
     error = run.once(job).error
     if error == run.INTERRUPTED:
         raise KeyboardInterrupt
