@@ -59,11 +59,11 @@ CASES: dict[str, Case] = {}
 ROUNDING = "rounding, after the motion has made it grow"
 
 
-def case(name: str, most: float, *, what: str, why: str = ROUNDING) -> Callable:
-    """A decorator that makes a function the measure of a `Case`."""
+def case(name: str, most: float, why: str = ROUNDING) -> Callable:
+    """A decorator that makes a function the measure of a `Case`, which its docstring describes."""
 
     def of(measure):
-        CASES[name] = Case(name, measure, most, why=why, what=what)
+        CASES[name] = Case(name, measure, most, why=why, what=" ".join(measure.__doc__.split()))
         return measure
 
     return of
@@ -146,21 +146,18 @@ def _worst(system, one, other):
     return found[kind], f"the largest is of {kind}"
 
 
-@case(
-    "tops-runs",
-    1e-9,
-    what="symmetric tops (methane, cubes, benzene …), 100 steps in one run or in two: largest "
-    "distance",
-)
+@case("tops-runs", 1e-9)
 def _tops_in_two_runs(simulate, fix):
+    """symmetric tops (methane, cubes, benzene …), 100 steps in one run or in two: largest
+    distance"""
     system = tops()
     two, one = simulate(system, fix, 50, dt=2, after="run 50"), simulate(system, fix, 100, dt=2)
     return _worst(system, two, one)
 
 
-@case("tops-restart", 1e-9, what="the same, with a restart file in the middle: largest distance")
+@case("tops-restart", 1e-9)
 def tops_restarted(simulate: Callable, fix: str, ranks: int = 1) -> tuple[float, str]:
-    """A case; on so many MPI ranks after the restart."""
+    """the same, with a restart file in the middle: largest distance"""
     system, file = tops(), f"half.{ranks}"
     whole = simulate(system, fix, 100, dt=2)
     simulate(system, fix, 50, dt=2, after=f"write_restart {file}")
@@ -175,31 +172,28 @@ def _rod(length):
     return boxes.assemble([("rod", place, np.ones(12, int)), pair], 10 * np.eye(3))
 
 
-def _wrapped(length):
-    def measure(simulate, fix):
-        near = _rod(length)
-        far = simulate(moved_images(near, (511, 0, 0)), fix, 50)
-        return apart(far, simulate(near, fix, 50), near.h)
-
-    return measure
+def _wrapped(simulate, fix, length):
+    near = _rod(length)
+    far = simulate(moved_images(near, (511, 0, 0)), fix, 50)
+    return apart(far, simulate(near, fix, 50), near.h)
 
 
-case(
-    "images-quarter",
-    1e-10,
-    what="a rod of 0.4 box lengths where image counters run over (511 to −512), 50 steps: largest "
-    "distance from the same with counters near 0",
-)(_wrapped(4.0))
-case("images-half", 1e-10, what="the same, a rod of 0.7 box lengths")(_wrapped(7.0))
+@case("images-quarter", 1e-10)
+def _quarter(simulate, fix):
+    """a rod of 0.4 box lengths where image counters run over (511 to −512), 50 steps: largest
+    distance from the same with counters near 0"""
+    return _wrapped(simulate, fix, 4.0)
 
 
-@case(
-    "plane",
-    0.0,
-    why="nothing drives it",
-    what="two dimensions, heat bath, no enforce2d, 10,000 steps: largest |z| + |vz|",
-)
+@case("images-half", 1e-10)
+def _half(simulate, fix):
+    """the same, a rod of 0.7 box lengths"""
+    return _wrapped(simulate, fix, 7.0)
+
+
+@case("plane", 0.0, why="nothing drives it")
 def _out_of_the_plane(simulate, fix):
+    """two dimensions, heat bath, no enforce2d, 10,000 steps: largest |z| + |vz|"""
     # single atoms are not a rigid fix's to keep there
     bodies = mixture("planar pair row", side=4, dimension=2)
     before = 'variable out atom "abs(z)+abs(vz)"\ncompute out all reduce max v_out\n'
@@ -221,53 +215,44 @@ def _respa(simulate, fix):
     return [apart(run, exact, system.h) for run in runs]
 
 
-@case(
-    "respa-order",
-    0.09,
-    why="1/16 in the limit of short steps, for a scheme of second order",
-    what="r-RESPA of two levels: what is left of the error when the outer step is a quarter as "
-    "long",
-)
+@case("respa-order", 0.09, why="1/16 in the limit of short steps, for a scheme of second order")
 def _respa_falls(simulate, fix):
+    """r-RESPA of two levels: what is left of the error when the outer step is a quarter as long"""
     first, _, last = _respa(simulate, fix)
     return last / first
 
 
-@case(
-    "respa-error",
-    1e-5,
-    why="second order; the bound is that of the test before these results",
-    what="the same: distance from small steps of Verlet with outer steps of 0.004",
-)
+@case("respa-error", 1e-5, why="second order; the bound is that of the test before these results")
 def _respa_error(simulate, fix):
+    """the same: distance from small steps of Verlet with outer steps of 0.004"""
     return _respa(simulate, fix)[-1]
 
 
 SHIFTS = [(0.3, 0, 0), (123.456, -7.89, 1e3), (1e4 / 3, 1e4 / 7, -1e4)]
 
 
-def _shifted(boundary):
+def _shifted(simulate, fix, boundary):
     """The pressure tensor, at step 0 and 5."""
-
-    def measure(simulate, fix):
-        h, kinds = 12.0 * np.eye(3), "solid planar pair row"
-        bodies = _lattice(kinds, 3, lambda site: 3.0 + 2.55 * site, h, 6)
-        system, tensors = boxes.assemble(bodies, h, setup=f"boundary {boundary}"), []
-        for d in (0, 0, 0), *SHIFTS:
-            move = "displace_atoms all move {:.17g} {:.17g} {:.17g} units box".format(*d)
-            tensors.append(boxes.tensor(simulate(system, fix, 5, every=5, before=move)))
-        start, *moved = tensors
-        return max(np.abs(one - start).max() for one in moved) / np.abs(start).max()
-
-    return measure
+    h, kinds, tensors = 12.0 * np.eye(3), "solid planar pair row", []
+    bodies = _lattice(kinds, 3, lambda site: 3.0 + 2.55 * site, h, 6)
+    system = boxes.assemble(bodies, h, setup=f"boundary {boundary}")
+    for d in (0, 0, 0), *SHIFTS:
+        move = "displace_atoms all move {:.17g} {:.17g} {:.17g} units box".format(*d)
+        tensors.append(boxes.tensor(simulate(system, fix, 5, every=5, before=move)))
+    start, *moved = tensors
+    return max(np.abs(one - start).max() for one in moved) / np.abs(start).max()
 
 
-case(
-    "origin-periodic",
-    1e-9,
-    what="all atoms moved by up to 10⁴ lengths in a periodic box: relative change of the pressure",
-)(_shifted("p p p"))
-case("origin-free", 1e-9, what="the same in a box that shrinks around them")(_shifted("s s s"))
+@case("origin-periodic", 1e-9)
+def _periodic(simulate, fix):
+    """all atoms moved by up to 10⁴ lengths in a periodic box: relative change of the pressure"""
+    return _shifted(simulate, fix, "p p p")
+
+
+@case("origin-free", 1e-9)
+def _free(simulate, fix):
+    """the same in a box that shrinks around them"""
+    return _shifted(simulate, fix, "s s s")
 
 
 def momenta(simulate: Callable, fix: str, ranks: int = 1, steps: int = 10000) -> list[float]:
@@ -285,21 +270,15 @@ def momenta(simulate: Callable, fix: str, ranks: int = 1, steps: int = 10000) ->
     return [changes[name] / sizes[name] for name in "PL"]
 
 
-@case(
-    "angular-momentum",
-    1e-12,
-    what="no box, 10,000 steps: relative change of the total angular momentum",
-)
+@case("angular-momentum", 1e-12)
 def _angular_momentum(simulate, fix):
+    """no box, 10,000 steps: relative change of the total angular momentum"""
     return momenta(simulate, fix)[1]
 
 
-@case(
-    "fix-momentum",
-    1e-10,
-    what="fix momentum: the centre of mass's velocity in the ten steps after, over that before",
-)
+@case("fix-momentum", 1e-10)
 def _momentum_comes_back(simulate, fix):
+    """fix momentum: the centre of mass's velocity in the ten steps after, over that before"""
     names = "vx", "vy", "vz"
     lines = [f"variable {name} equal vcm(all,{name[1]})" for name in names]
     first, last = "velocity all set 0.5 0.3 -0.2 sum yes", "fix 5 all momentum 10 linear 1 1 1"
@@ -315,34 +294,24 @@ def _temperatures(simulate, fix, steps, before, every):
     return simulate(bodies, fix, steps, before=before, every=every).thermo["Temp"] / 3.0
 
 
-@case(
-    "temp-rescale",
-    1e-6,
-    what="fix temp/rescale to 3.0, free bodies: how far the temperature is off in the next ten "
-    "steps, relative",
-)
+@case("temp-rescale", 1e-6)
 def _rescaled(simulate, fix):
+    """fix temp/rescale to 3.0, free bodies: how far the temperature is off in the next ten steps,
+    relative"""
     line = f"{FREE}fix 5 all temp/rescale 10 3.0 3.0 0.0 1.0"
     return np.abs(_temperatures(simulate, fix, 19, line, 1)[10:] - 1).max()
 
 
-@case(
-    "temp-csvr",
-    0.17,
-    why="chance, in ten samples of few bodies",
-    what="fix temp/csvr to 3.0: how far the mean temperature is off, relative",
-)
+@case("temp-csvr", 0.17, why="chance, in ten samples of few bodies")
 def _bath(simulate, fix):
+    """fix temp/csvr to 3.0: how far the mean temperature is off, relative"""
     line = "fix 5 all temp/csvr 3.0 3.0 0.01 4928"
     return abs(_temperatures(simulate, fix, 60, line, 4)[5:].mean() - 1)
 
 
-@case(
-    "tiny",
-    1e-9,
-    what="moments of inertia of 10⁻⁴⁶ kg m², 50 steps: distance from the same bodies in LJ units",
-)
+@case("tiny", 1e-9)
 def _tiny(simulate, fix):
+    """moments of inertia of 10⁻⁴⁶ kg m², 50 steps: distance from the same bodies in LJ units"""
     units, usual, size = boxes.UNITS, boxes.UNITS["si"], 1e-10
     units["si"] = boxes.Units(size, 1e-26, 1e-21, 1.0)
     try:
@@ -363,14 +332,10 @@ def _triatomics(angle):
         del boxes.SHAPES["bent0"]
 
 
-@case(
-    "nearly-linear",
-    0.01,
-    why="bodies bent by 1e-3 differ by some 1e-3",
-    what="triatomics bent by 10⁻¹² to 10⁻³ rad: relative difference of the energy's range from "
-    "that of straight ones",
-)
+@case("nearly-linear", 0.01, why="bodies bent by 1e-3 differ by some 1e-3")
 def _nearly_linear(simulate, fix):
+    """triatomics bent by 10⁻¹² to 10⁻³ rad: relative difference of the energy's range from that of
+    straight ones"""
     boxed = map(_triatomics, (0.0, 1e-12, 1e-8, 1e-5, 1e-3))
     runs = (simulate(system, fix, 400, before=SMOOTH, dt=2) for system in boxed)
     straight, *others = (np.ptp(run.thermo["TotEng"]) for run in runs)
