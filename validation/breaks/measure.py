@@ -19,7 +19,8 @@ class Runs:
     again."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder, self.known = folder, {}
+        self.folder = folder
+        self.known: dict[tuple, Result] = {}
 
     def __call__(self, system: System, fix: str, steps: int, ranks: int = 1, **how) -> Result:
         """The result of ``boxes.script``.
@@ -55,7 +56,8 @@ def breaks(names: Iterable[str], out: Path, meter: run.Meter) -> tuple[list[dict
     Returns:
         plain data, a row for each case and fix; whether a Ctrl-C ended it.
     """
-    rows, kept = [], Store(out / "records", "validation.breaks.measure")
+    rows: list[dict] = []
+    kept = Store(out / "records", "validation.breaks.measure")
     with tempfile.TemporaryDirectory() as folder:
         simulate = Runs(Path(folder))
         for case, label in ((CASES[name], label) for name in names for label in FIXES):

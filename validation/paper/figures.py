@@ -19,6 +19,7 @@ FIGURE_2A, FIGURE_2B = (
     {prefix.format(name): how for name, how in TWO.items()} for prefix in ("dimer-{}-1", "water-{}")
 )
 FIGURE_3 = {"peptide-nosquish": "(a) NO_SQUISH", "peptide-shake": "(b) SHAKE"}
+Drawn = tuple[plt.Figure | None, str]  # and its caption
 SHOWN = *FIGURE_2A, *FIGURE_2B, *FIGURE_3
 
 
@@ -67,7 +68,7 @@ def _figure_2(found, curves):
     return figure
 
 
-def figure_2a(found, summary):
+def figure_2a(found: Found, summary: dict) -> Drawn:
     """The dimer."""
     return _figure_2(found, FIGURE_2A), (
         f"Figure 2a again: {SCENES['dimer'].title}, Δt = {DIMER_DT:g} fs; energy conservation "
@@ -77,7 +78,7 @@ def figure_2a(found, summary):
     )
 
 
-def figure_2b(found, summary):
+def figure_2b(found: Found, summary: dict) -> Drawn:
     """The liquid."""
     return _figure_2(found, FIGURE_2B), (
         f"Figure 2b again: {SCENES['water'].title}, Δt = {DT:g} fs; energy conservation measure "
@@ -85,12 +86,12 @@ def figure_2b(found, summary):
     )
 
 
-def figure_3(found, summary):
+def figure_3(found: Found, summary: dict) -> Drawn:
     """The peptide."""
     panels = [(found[name], label) for name, label in FIGURE_3.items() if _has(found, name)]
     if not panels:
         return None, ""
-    size = {"figsize": (7.5, 0.8 + 1.7 * len(panels)), "layout": "constrained"}
+    size: dict = {"figsize": (7.5, 0.8 + 1.7 * len(panels)), "layout": "constrained"}
     figure, axes = plt.subplots(len(panels), sharex=True, sharey=True, squeeze=False, **size)
     paper, told = AVERAGE_MEASURE * 1e5, f"the paper's average, {AVERAGE_MEASURE:g}"
     for axis, (one, label), colour in zip(axes[:, 0], panels, (OURS, OTHERS)):
@@ -107,12 +108,12 @@ def figure_3(found, summary):
     )
 
 
-def gear(found, summary):
+def gear(found: Found, summary: dict) -> Drawn:
     """How far the energy goes with Gear's scheme and with NO_SQUISH."""
     scenes = gear_pairs({name: one for name, one in found.items() if not one.error})
     if not scenes:
         return None, ""
-    size = {"figsize": (2 + 4 * len(scenes), 3.2), "layout": "constrained"}
+    size: dict = {"figsize": (2 + 4 * len(scenes), 3.2), "layout": "constrained"}
     figure, axes = plt.subplots(1, len(scenes), squeeze=False, **size)
     for axis, (scene, pairs) in zip(axes[0], scenes.items()):
         for series, label, colour in zip(zip(*pairs), ("NO_SQUISH", "Gear"), (OURS, THIRD)):
@@ -133,14 +134,14 @@ def gear(found, summary):
     )
 
 
-def force_field(found, summary):
+def force_field(found: Found, summary: dict) -> Drawn:
     """What the force field alone does to the energy, in the time of the run at the usual step."""
     rows = [row for row in summary["force_field"] if "variance" in row]
     if not rows:
         return None, ""
     figure, axis = plt.subplots(figsize=(8, 0.9 + 0.4 * len(rows)), layout="constrained")
     parts, errors = ([row["variance"][key] for row in rows] for key in ("value", "error"))
-    bars = {"color": OTHERS, "ecolor": INK, "height": 0.6, "capsize": 3}
+    bars: dict = {"color": OTHERS, "ecolor": INK, "height": 0.6, "capsize": 3}
     axis.barh(range(len(rows)), parts, xerr=errors, **bars)
     span = f"{rows[0]['usual_ps']:.4g} ps"
     whole = f"whole variance at {DT:g} fs, {span}"
@@ -156,7 +157,7 @@ def force_field(found, summary):
     )
 
 
-def helix(found, summary):
+def helix(found: Found, summary: dict) -> Drawn:
     """The helix against time."""
     if not summary["helix"]:
         return None, ""

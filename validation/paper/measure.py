@@ -14,17 +14,9 @@ from functools import partial
 
 import numpy as np
 
-from validation.paper.plan import (
-    AVERAGE_MEASURE,
-    DT,
-    FS_PER_PS,
-    ORDERED,
-    SMALL_DT,
-    STATEMENTS,
-    STEPS,
-    TEMPERATURE,
-)
+from validation.paper.plan import AVERAGE_MEASURE, DT, ORDERED, SMALL_DT, STATEMENTS, STEPS
 from validation.running.trajectory import Series
+from validation.scenes import FS_PER_PS, TEMPERATURE
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.integrators import PAPER
 from validation.statistics import measures
@@ -85,24 +77,20 @@ def judge(found: Found) -> dict:
     checks = [*_dimer(whole), *_liquid(whole), *_peptide(whole, conventions)]
     checks += [*_helix_checks(helix), *_gear(found, whole)]
     checks += [*_force_field_checks(whole, force_field), *laws, *_rigidity(complete)]
+    paths = {name: {key: x.tolist() for key, x in one.items()} for name, one in helix.items()}
     return {
         "rows": [row(one) for one in found.values()],
         "checks": [check.plain() for check in checks],
         "conventions": conventions,
         "force_field": [one.plain() for one in force_field],
         "sizes": [_plain(one) for one in sizes],
-        "helix": {
-            name: {key: values.tolist() for key, values in one.items()}
-            for name, one in helix.items()
-        },
+        "helix": paths,
     }
 
 
 def _plain(found: Mapping) -> dict:
     """Estimates as dictionaries."""
-    return {
-        key: value.plain() if isinstance(value, Estimate) else value for key, value in found.items()
-    }
+    return {key: x.plain() if isinstance(x, Estimate) else x for key, x in found.items()}
 
 
 def row(one: Series) -> dict:
@@ -233,9 +221,9 @@ def _dimer(whole: Found) -> Iterator[Check]:
             "page for the two splittings' H⁽²⁾"
         )
         yield check(OVER, what, same, low=1.0 - SAME, high=1.0 + SAME, source="", note=note)
-    if first := whole.get("dimer-starts"):
-        aim, mean = TEMPERATURE["dimer"], measures.mean(first.temperature)
-        what = f"mean temperature of the trajectory that all starts are of, {_length(first)}"
+    if starting := whole.get("dimer-starts"):
+        aim, mean = TEMPERATURE["dimer"], measures.mean(starting.temperature)
+        what = f"mean temperature of the trajectory that all starts are of, {_length(starting)}"
         usual = {"unit": "K", "source": "Caption of figure 2"}
         yield check("NO_SQUISH", what, mean, low=aim - KELVIN, high=aim + KELVIN, **usual)
     for name, series in ("nosquish", ours), (OTHER, other):
@@ -281,9 +269,7 @@ def _peptide(whole: Found, conventions: list[dict]) -> Iterator[Check]:
     for name, against in (ORDERED, "rigid/nve/small"), ("nosquish", "shake"):
         if {name, against} <= series.keys():
             yield from _equal(check, series, name, against)
-    drifts = {
-        name: measures.drift(one.time, one.total) for name, one in series.items() if name != ORDERED
-    }
+    drifts = {name: _drift([one]) for name, one in series.items() if name != ORDERED}
     for name, slope in drifts.items():
         label, span = PAPER[name].label, _length(series[name])
         off = abs(slope.value) / slope.margin
@@ -317,7 +303,7 @@ def _equal(check: Callable, series: Found, name: str, against: str) -> Iterator[
         yield check(label, what, off, high=EQUAL_MARGINS, unit="margins", note=note)
 
 
-def _conventions(complete: Found, whole: Found, exponents: dict[str, float]) -> Iterator[dict]:
+def _conventions(complete: Found, whole: Found, exponents: dict) -> Iterator[dict]:
     """The average measure with several zeros of energy, and what size and step would give the
     paper's.
 
@@ -354,11 +340,11 @@ def _conventions(complete: Found, whole: Found, exponents: dict[str, float]) -> 
             yield entry
 
 
-def _for_it(one: Series, over: float, exponents: dict[str, float]) -> dict:
+def _for_it(one: Series, over: float, exponents: dict) -> dict:
     """How many bodies, whether the measure is about the paper's, and what step and size would make
     it so: it is so many times ``over``."""
     made = one.trajectory
-    found = {"bodies": made.scene.unit, "about": bool(1 / NEAR < over < NEAR)}
+    found: dict = {"bodies": made.scene.unit, "about": bool(1 / NEAR < over < NEAR)}
     if TIME_WORDS in exponents:
         found["dt_for_it"] = float(made.dt * (1 / over) ** (1 / exponents[TIME_WORDS]))
     if SIZE_WORDS in exponents:  # the scale goes with the size itself
@@ -404,7 +390,7 @@ def _laws(whole: Found, sizes: list[dict]) -> Iterator[Check]:
         (SIZE_WORDS, boxes, SIZE_LAW, SIZE_LAW_WITHIN),
     ):
         if len(points) > 1:
-            how = {"low": law - off, "high": law + off}
+            how: dict = {"low": law - off, "high": law + off}
             how["note"] = ", ".join(f"{x:g}: {sd.text()}" for x, sd in points) + " kcal/mol"
             yield Check.of("scaling", "NO_SQUISH", what, measures.power(*zip(*points)), **how)
 
@@ -534,7 +520,7 @@ def _force_field_checks(whole: Found, rows: list[ForceField]) -> Iterator[Check]
     it."""
     check = partial(Check.of, "force field", "peptide, NO_SQUISH")
     for one in rows:
-        if one.name == "as it is" and one.variance:
+        if one.name == "as it is" and one.variance and one.usual_variance:
             part = one.variance.times(1 / one.usual_variance)
             what = f"its part of the energy's variance in {one.usual_ps:.4g} ps at {DT:g} fs"
             note = f"from {one.ps:.3g} ps at {SMALL_DT:g} fs: sd {one.sd.text()} kcal/mol, "
@@ -583,7 +569,7 @@ def _rigidity(complete: Found) -> Iterator[Check]:
         if one.positions and one.trajectory.integrator.kind != "constraints"
     }
     if worst:
-        name = max(worst, key=worst.get)
+        name = max(worst, key=lambda name: worst[name])
         who = f"all {len(worst)} runs with rigid-body fixes"
         what = "largest change of a distance within a group"
         yield Check.of("rigidity", who, what, worst[name], high=RIGID, unit="Å", note=name)

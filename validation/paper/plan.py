@@ -76,7 +76,7 @@ class _Planner:
     def one(self, scene: Scene, integrator: str, time: float, dt: float = DT, **more) -> Trajectory:
         """A trajectory so many ps long."""
         who = (INTEGRATORS | PAPER)[integrator]
-        usual = {"name": f"{scene.name}-{integrator}", "label": f"{scene.name}, {who.label}"}
+        usual: dict = {"name": f"{scene.name}-{integrator}", "label": f"{scene.name}, {who.label}"}
         usual |= {"every": self.lengths.every, "ranks": self.ranks}
         return Trajectory(
             scene=scene, integrator=who, dt=dt, steps=_steps(time, dt), **usual | more

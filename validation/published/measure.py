@@ -98,7 +98,7 @@ def published(
     """
     water, ours, start = scene(), INTEGRATORS["nosquish"], out / "start"
     dump, rest = (start / "state.dump").resolve(), steps(REST, BATH_DT)
-    how = {"ranks": ranks, "silence": silence, "positions": False}
+    how: dict = {"ranks": ranks, "silence": silence, "positions": False}
 
     def do(label, job):
         meter.begin(label, sum(job.runs))

@@ -175,7 +175,7 @@ def write(sections: Sequence[Section], path: Path) -> None:
 
 def picture(section: Section, figure: Figure) -> tuple[str | None, str | None]:
     """A section's figure: its data, and why there is none."""
-    path = section.folder / figure.file
+    path = (section.folder or RESULTS) / figure.file
     try:
         return light(path), None
     except FileNotFoundError:

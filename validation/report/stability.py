@@ -183,7 +183,8 @@ def _result(row, case, name=None):
 
 def standing(summary: dict) -> str:
     """Who comes to which verdict in how many cases, and in which ones, as a Markdown table."""
-    found, labels = defaultdict(lambda: defaultdict(list)), {}
+    found: dict = defaultdict(lambda: defaultdict(list))
+    labels = {}
     for case, row in _rows(summary["cases"]):
         labels[row["integrator"]] = row["label"]
         verdict = "fail" if row["verdict"] in LOST else row["verdict"]

@@ -13,6 +13,7 @@ All but the first and the last take the same equations in Python (`reference`), 
 all: these are exact to rounding.  Each is a function of a `Bench` that gives what its figure shows.
 """
 
+import copy
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
@@ -174,7 +175,8 @@ def symplectic(bench: Bench) -> dict:
     scene, dimer = bench.scene, bench.dimer
     steps = {"NO_SQUISH": dimer.nosquish, "reference 12": dimer.reference_12}
     basis = calculus.tangent(dimer.constraints, dimer.start)
-    defect, sphere, volume = ({name: [] for name in steps} for _ in range(3))
+    defect: dict[str, list[float]] = {name: [] for name in steps}
+    sphere, volume = copy.deepcopy(defect), copy.deepcopy(defect)
     for multiple in MULTIPLES:
         for name, step in steps.items():
             J = calculus.jacobian(partial(step, time=multiple * scene.dt * FS), dimer.start)
@@ -188,8 +190,8 @@ def symplectic(bench: Bench) -> dict:
         bench.check("NO_SQUISH", f"{what}, {largest}", max(ours), high=ROUND_OFF)
         bench.check("reference 12", f"{what} at {scene.dt:g} fs", other[usual], low=SHOWN)
         bench.power("reference 12", f"{what} ∝ Δt", MULTIPLES[:3], other[:3], 3.0, 0.2)
-    for name, found in volume.items():
-        bench.check(name, f"|det J − 1|, {largest}", max(found), high=ROUND_OFF)
+    for name, lost in volume.items():
+        bench.check(name, f"|det J − 1|, {largest}", max(lost), high=ROUND_OFF)
     return {
         "dt_fs": [multiple * scene.dt for multiple in MULTIPLES],
         "defect": defect,

@@ -59,7 +59,7 @@ def say(summary: dict) -> Said:
     return of_checks(summary, TITLES, "numbers that the paper's theory bounds", figures=figures)
 
 
-def reversal(data):
+def reversal(data: dict) -> tuple[plt.Figure, str]:
     """Distance from the start against the number of steps, one panel for shake, one for rattle, one
     for all others."""
     found = data["reversal"]
@@ -89,7 +89,7 @@ def reversal(data):
     )
 
 
-def symplectic(data):
+def symplectic(data: dict) -> tuple[plt.Figure, str]:
     """The defect against the time step, and that of SHAKE against its tolerance."""
     found = data["symplectic"]
     figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
@@ -114,7 +114,7 @@ def symplectic(data):
     )
 
 
-def conserved(data):
+def conserved(data: dict) -> tuple[plt.Figure, str]:
     """The spread of H, with and without its corrections, against the time step."""
     found = data["conserved"]
     whole, dt = "H + Δt² H⁽²⁾", np.array(found["dt_fs"])
@@ -144,7 +144,7 @@ def conserved(data):
     )
 
 
-def mrot(data):
+def mrot(data: dict) -> tuple[plt.Figure, str]:
     """The free rotor's error against m_rot."""
     found = data["mrot"]
     inner, error = np.array(found["mrot"]), found["error"]
@@ -159,7 +159,7 @@ def mrot(data):
     )
 
 
-def recursion(data):
+def recursion(data: dict) -> tuple[plt.Figure, str]:
     """Energy against time, where a conserved quantity exists and where it does not."""
     found = data["recursion"]
     figure, axis = plt.subplots(figsize=(6, 4), layout="constrained")

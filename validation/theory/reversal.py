@@ -6,7 +6,7 @@ does, make it anew of the atoms' positions and velocities then, which adds a rou
 one step is what this costs.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +36,8 @@ class Reversed:
     Attributes:
         error: None, or why there are no numbers.
         tolerance: of constraints.
-        distance: for each of `STEPS`, Angstrom, of the atom that ends furthest from its start.
+        distance: for each of `STEPS`, Angstrom, of the atom that ends furthest from its start; empty
+            with an error.
         moved: of the atom that had gone furthest.
         positions: (atoms, 3) after `COMPARED` steps.
     """
@@ -45,8 +46,8 @@ class Reversed:
     label: str
     error: str | None
     tolerance: float | None
-    distance: list[float] | None = None
-    moved: list[float] | None = None
+    distance: list[float] = field(default_factory=list)
+    moved: list[float] = field(default_factory=list)
     positions: np.ndarray | None = None
 
     def plain(self) -> dict:
@@ -66,7 +67,7 @@ def reverse(scene: Scene, integrator: Integrator, out: Path, silence: float = 12
         KeyboardInterrupt: the run was interrupted.
     """
     folder = (out / run.folder_name(integrator.label)).resolve()
-    how = {"dt": scene.dt, "every": 0, "positions": False, "silence": silence}
+    how: dict = {"dt": scene.dt, "every": 0, "positions": False, "silence": silence}
     origin = machine.origin(scene, integrator)
     job = run.job(scene, integrator, folder, [0], origin=origin, **how)
     dump = 'write_dump all custom "{}/{}" id x y z vx vy vz modify sort id format float %.17g'

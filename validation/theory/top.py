@@ -5,7 +5,9 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipkinc, elliprf, elliprj
 
 
-def free_top(q, L, moments, time):
+def free_top(
+    q: np.ndarray, L: np.ndarray, moments: np.ndarray, time: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Where a top without torque is after some time.
 
     In the principal frame the components of the angular momentum are the functions cn, sn, dn of
