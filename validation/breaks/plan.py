@@ -37,22 +37,15 @@ class Ended(Exception):
 
 @dataclass(frozen=True)
 class Case:
-    """A case.
-
-    Attributes:
-        measure: function of a way to run (``Runs``) and a fix to the number, or to it and a remark;
-            raises `Ended`.
-        most: what the number is at most where all is well.
-        why: that bound.
-        what: is measured, in words.
-    """
+    """A case: what is measured, and the bound."""
 
     name: str
+    # of a way to run (``Runs``) and a fix: the number, or it and a remark; raises `Ended`
     measure: Callable
-    most: float
+    most: float  # what the number is where all is well
     _: KW_ONLY
-    why: str
-    what: str
+    why: str  # that bound
+    what: str  # in words
 
 
 CASES: dict[str, Case] = {}

@@ -330,10 +330,8 @@ def _conventions(complete: Found, whole: Found, exponents: dict) -> Iterator[dic
         off = np.abs(one.total - total)
         entries = [(f"over |{what}|", scale, off) for what, scale in scales.items()]
         what = "E - E(0) in place of E - <E>, over |total energy|"
-        for convention, scale, deviations in (
-            *entries,
-            (what, total, np.abs(one.total - one.total[0])),
-        ):
+        entries.append((what, total, np.abs(one.total - one.total[0])))
+        for convention, scale, deviations in entries:
             average = measures.mean(deviations).times(1 / abs(scale))
             entry = {"name": name, "convention": convention, "scale": float(scale)}
             entry |= average.plain() | _for_it(one, average.value / AVERAGE_MEASURE, exponents)
@@ -368,15 +366,11 @@ def _in_windows(one: Series) -> Estimate:
 
 def _sizes(whole: Found) -> list[dict]:
     """sd of the energy and average measure of boxes of water."""
-    rows = [
-        {
-            "bodies": one.trajectory.scene.unit,
-            "sd": _in_windows(one),
-            "measure": measures.mean(measure(_settled(one))),
-        }
-        for name, one in whole.items()
-        if name.removeprefix("water-").isdigit()
-    ]
+    rows = []
+    for one in (one for name, one in whole.items() if name.removeprefix("water-").isdigit()):
+        average = measures.mean(measure(_settled(one)))
+        bodies = one.trajectory.scene.unit
+        rows.append({"bodies": bodies, "sd": _in_windows(one), "measure": average})
     return sorted(rows, key=lambda entry: entry["bodies"])
 
 
@@ -476,21 +470,14 @@ def _against_gear(check: Callable, scene: str, pairs: Pairs) -> Iterator[Check]:
 
 @dataclass(frozen=True)
 class ForceField:
-    """The energy at a small step, of one force field.
-
-    Attributes:
-        name: of the variant.  ps: how long.
-        sd, walk: the energy's fluctuation (kcal/mol) and random walk ((kcal/mol)^2/ps).
-        variance: what they come to in the time of the run at the usual step, which lasted
-            ``usual_ps`` and has ``usual_variance``; None if that was not run.
-    """
+    """The energy at a small step, of one variant of the force field."""
 
     name: str
-    ps: float
-    sd: Estimate
-    walk: Estimate
-    variance: Estimate | None = None
-    usual_ps: float | None = None
+    ps: float  # how long
+    sd: Estimate  # the energy's fluctuation, kcal/mol
+    walk: Estimate  # its random walk, (kcal/mol)^2/ps
+    variance: Estimate | None = None  # what both make of a run at the usual step, if there is one
+    usual_ps: float | None = None  # that run's length, and its variance
     usual_variance: float | None = None
 
     def plain(self) -> dict:

@@ -13,7 +13,6 @@ All but the first and the last take the same equations in Python (`reference`), 
 all: these are exact to rounding.  Each is a function of a `Bench` that gives what its figure shows.
 """
 
-import copy
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import partial
@@ -62,21 +61,15 @@ CURL = 0.3  # of the force without a potential, over dt^2, that breaks a scheme
 
 @dataclass
 class Bench:
-    """What a part works with, and the checks that it makes.
-
-    Attributes:
-        out: folder for runs of LAMMPS.
-        silence: s without a word in its log after which a run of LAMMPS is given up.
-        pieces: how many the part has.
-    """
+    """What a part works with, and the checks that it makes."""
 
     part: str
     scene: Scene
     dimer: Dimer
-    out: Path
-    silence: float
+    out: Path  # for runs of LAMMPS
+    silence: float  # s without a word in its log after which such a run is given up
     meter: Meter
-    pieces: int
+    pieces: int  # of work, that the part tells of
     done: int = 0
     checks: list[Check] = field(default_factory=list)
 
@@ -176,7 +169,8 @@ def symplectic(bench: Bench) -> dict:
     steps = {"NO_SQUISH": dimer.nosquish, "reference 12": dimer.reference_12}
     basis = calculus.tangent(dimer.constraints, dimer.start)
     defect: dict[str, list[float]] = {name: [] for name in steps}
-    sphere, volume = copy.deepcopy(defect), copy.deepcopy(defect)
+    sphere: dict[str, list[float]] = {name: [] for name in steps}
+    volume: dict[str, list[float]] = {name: [] for name in steps}
     for multiple in MULTIPLES:
         for name, step in steps.items():
             J = calculus.jacobian(partial(step, time=multiple * scene.dt * FS), dimer.start)

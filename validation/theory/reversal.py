@@ -31,24 +31,15 @@ INTEGRATORS = [
 
 @dataclass(frozen=True)
 class Reversed:
-    """What a run forward and back came to.
-
-    Attributes:
-        error: None, or why there are no numbers.
-        tolerance: of constraints.
-        distance: for each of `STEPS`, Angstrom, of the atom that ends furthest from its start; empty
-            with an error.
-        moved: of the atom that had gone furthest.
-        positions: (atoms, 3) after `COMPARED` steps.
-    """
+    """What a run forward and back came to; lists for each of `STEPS`, Angstrom."""
 
     name: str
     label: str
-    error: str | None
-    tolerance: float | None
-    distance: list[float] = field(default_factory=list)
-    moved: list[float] = field(default_factory=list)
-    positions: np.ndarray | None = None
+    error: str | None  # why there are no numbers
+    tolerance: float | None  # of constraints
+    distance: list[float] = field(default_factory=list)  # of the atom that ends furthest away
+    moved: list[float] = field(default_factory=list)  # of the atom that had gone furthest
+    positions: np.ndarray | None = None  # (atoms, 3) after `COMPARED` steps
 
     def plain(self) -> dict:
         """For JSON, without positions."""
