@@ -36,28 +36,39 @@ WHOLE = 10**9  # steps of a piece: all of them
 
 @dataclass(frozen=True)
 class Lengths:
-    """How long everything is, in ps."""
+    """How long everything is, in ps; of --short where not said otherwise."""
 
-    dimer: float  # each trajectory of the dimer
-    starts: int  # their number
-    apart: float  # time between one start and the next
-    liquid: float  # 1,000 waters
-    peptide: float  # figure 3's trajectories
-    ordered: float  # the peptide with `ORDERED`
-    drifting: float  # the peptide with ``rigid/small``
-    gear: float  # Gear's trajectories of the liquid and the peptide
-    gear_starts: int  # their number, and of its dimers
-    force_field: float  # runs at a small step
-    accuracies: tuple[str, ...]  # of the mesh, in these
-    sizes: tuple[int, ...]  # numbers of waters
-    size: float  # how long each, and the peptide with each of `STEPS`
-    every: int  # steps between samples of the energy, where not said otherwise
+    dimer: float = 50.0  # each trajectory of the dimer
+    starts: int = 10  # their number
+    apart: float = 60.0  # time between one start and the next
+    liquid: float = 3.6  # 1,000 waters
+    peptide: float = 3.6  # figure 3's trajectories
+    ordered: float = 3.6  # the peptide with `ORDERED`
+    drifting: float = 2.4  # the peptide with ``rigid/small``
+    gear: float = 0.15  # Gear's trajectories of the liquid and the peptide
+    gear_starts: int = 4  # their number, and of its dimers
+    force_field: float = 0.2  # runs at a small step
+    accuracies: tuple[str, ...] = ("1e-6",)  # of the mesh, in these
+    sizes: tuple[int, ...] = (1000, 2000)  # numbers of waters
+    size: float = 1.5  # how long each, and the peptide with each of `STEPS`
+    every: int = 10  # steps between samples of the energy, where not said otherwise
 
 
-SHORT = Lengths(50.0, 10, 60.0, 3.6, 3.6, 3.6, 2.4, 0.15, 4, 0.2, ("1e-6",), (1000, 2000), 1.5, 10)
-ACCURACIES, SIZES = ("1e-4", "1e-6", "1e-7"), (1000, 2000, 8000)
+SHORT = Lengths()
 FULL = Lengths(
-    300.0, 32, 1000.0, 3000.0, 300.0, 75.0, 30.0, 2.0, 4, 4.0, ACCURACIES, SIZES, 15.0, 50
+    dimer=300.0,
+    starts=32,
+    apart=1000.0,
+    liquid=3000.0,
+    peptide=300.0,
+    ordered=75.0,
+    drifting=30.0,
+    gear=2.0,
+    force_field=4.0,
+    accuracies=("1e-4", "1e-6", "1e-7"),
+    sizes=(1000, 2000, 8000),
+    size=15.0,
+    every=50,
 )
 
 
