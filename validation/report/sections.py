@@ -1,6 +1,8 @@
 """What the report of all verbs says: from each verb's summary to sentences and tables.
 
-Nothing is measured or judged here: numbers, errors and verdicts are those of the summaries.
+Nothing is measured or judged here: numbers, errors and verdicts are those of the summaries.  A
+verb says its own section by ``say`` in its ``report.py``; those of sweep, stability, bench,
+compare, long and scaling are in this folder.
 """
 
 from collections.abc import Callable
@@ -25,6 +27,7 @@ OURS = "nosquish"
 # what summaries call a scheme: what the page calls it
 NAMES = {"reference 12": "Matubayasi-Nakahara"}
 _USUAL = "rigid/nve", "rigid/nve/small", "shake"
+_SPREAD = "The energy's spread beside published numbers"
 
 
 @dataclass(frozen=True)
@@ -237,12 +240,7 @@ PARTS = (
     Part("bench", "What it costs", "bench", _bench),
     Part("theory", "Whether the theory holds", "theory", theory_report.say),
     Part("paper", "The paper's test problems again", "paper --full", paper_report.say),
-    Part(
-        "published",
-        "The energy's spread beside published numbers",
-        "published",
-        published_report.say,
-    ),
+    Part("published", _SPREAD, "published", published_report.say),
     Part("compare-*", "The same start with all fixes", "compare water", _compare),
     Part("long-run", "A free body for very many steps", "long", _long),
     Part("scaling", "What ranks send each other", "scaling", _scaling),
