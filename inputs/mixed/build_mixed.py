@@ -41,7 +41,9 @@ def shapes(rng):
     found = []
     for atoms in LUMPS:
         for _ in range(EACH):
-            distance = np.linalg.norm((grid - rng.uniform(0, 0.5, 3)) * rng.uniform(0.9, 1.1, 3), axis=1)
+            distance = np.linalg.norm(
+                (grid - rng.uniform(0, 0.5, 3)) * rng.uniform(0.9, 1.1, 3), axis=1
+            )
             found.append(grid[np.argsort(distance)[:atoms]])
     small = (
         [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [4, 0, 0]],
@@ -88,7 +90,10 @@ def grow(crowd, rng):
             for _ in range(50):
                 way = rng.normal(size=3)
                 new = x[-1] + BOND * way / np.linalg.norm(way)
-                if crowd.has_room_for(new[None]) and np.linalg.norm(x[:-1] - new, axis=1).min(initial=9.0) >= CLOSEST:
+                if (
+                    crowd.has_room_for(new[None])
+                    and np.linalg.norm(x[:-1] - new, axis=1).min(initial=9.0) >= CLOSEST
+                ):
                     x = np.concatenate([x, new[None]])
                     break
             else:
@@ -102,13 +107,26 @@ def write_data(path, x, velocities, molecule):
     """Write the LAMMPS data file; the chains are the last atoms."""
     first = len(x) - CHAINS * BEADS
     image = np.floor(x / BOX).astype(int)
-    lines = ["flexible chains (molecule 0) and rigid bodies of 2 to 200 atoms, lj units; written by build_mixed.py", ""]
-    lines += [f"{len(x)} atoms", f"{CHAINS * (BEADS - 1)} bonds", "", "2 atom types", "1 bond types", "2 extra bond per atom", ""]
+    lines = [
+        "flexible chains (molecule 0) and rigid bodies of 2 to 200 atoms, lj units; written by build_mixed.py",
+        "",
+    ]
+    lines += [
+        f"{len(x)} atoms",
+        f"{CHAINS * (BEADS - 1)} bonds",
+        "",
+        "2 atom types",
+        "1 bond types",
+        "2 extra bond per atom",
+        "",
+    ]
     lines += [f"0 {BOX} {k}lo {k}hi" for k in "xyz"]
     lines += ["", "Masses", "", "1 1.0  # in bodies", "2 1.0  # in chains", "", "Atoms # bond", ""]
     for i, (place, turn) in enumerate(zip(x - BOX * image, image)):
         words = " ".join(f"{c:.9f}" for c in place)
-        lines.append(f"{i + 1} {molecule[i]} {1 if i < first else 2} {words} {turn[0]} {turn[1]} {turn[2]}")
+        lines.append(
+            f"{i + 1} {molecule[i]} {1 if i < first else 2} {words} {turn[0]} {turn[1]} {turn[2]}"
+        )
     lines += ["", "Velocities", ""]
     lines += [f"{i + 1} " + " ".join(f"{c:.9f}" for c in v) for i, v in enumerate(velocities)]
     lines += ["", "Bonds", ""]
@@ -138,7 +156,9 @@ def equilibrate(atoms):
         velocity all zero linear
         run 0
     """)
-    print(f"T {lmp.get_thermo('temp'):.3f}, P {lmp.get_thermo('press'):.3f}, E {lmp.get_thermo('etotal'):.3f} per atom")
+    print(
+        f"T {lmp.get_thermo('temp'):.3f}, P {lmp.get_thermo('press'):.3f}, E {lmp.get_thermo('etotal'):.3f} per atom"
+    )
     lmp.command("velocity all scale 1.0")
     x, v = (np.array(lmp.gather_atoms(name, 1, 3)).reshape(atoms, 3) for name in "xv")
     return x + BOX * np.array(lmp.gather_atoms("image", 0, 3)).reshape(atoms, 3), v

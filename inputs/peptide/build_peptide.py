@@ -33,7 +33,11 @@ from PeptideBuilder import Geometry
 from charmm_data import System
 
 HERE = Path(__file__).resolve().parent
-OUTPUT, NAMES, START = HERE / "data.peptide.gz", HERE / "peptide.pdb", HERE / "data.peptide.start.gz"
+OUTPUT, NAMES, START = (
+    HERE / "data.peptide.gz",
+    HERE / "peptide.pdb",
+    HERE / "data.peptide.start.gz",
+)
 TITLE = "WEAQAREALAKEAARA in TIP3P water, CHARMM22, 300 K; written by build_peptide.py"
 
 SEQUENCE = "WEAQAREALAKEAARA"
@@ -66,7 +70,11 @@ def helix(path):
         residue.phi, residue.psi_im1, residue.omega = PHI, PSI, 180.0
         if name == "L":  # the usual side chain runs into the helix
             residue.CA_CB_CG_CD1_diangle, residue.CA_CB_CG_CD2_diangle = 174.9, -63.3
-        structure = PeptideBuilder.add_residue(structure, residue) if structure else PeptideBuilder.initialize_res(residue)
+        structure = (
+            PeptideBuilder.add_residue(structure, residue)
+            if structure
+            else PeptideBuilder.initialize_res(residue)
+        )
     PeptideBuilder.add_terminal_OXT(structure)
     writer = PDBIO()
     writer.set_structure(structure)
@@ -76,7 +84,12 @@ def helix(path):
 def gmx(folder, command, answers="", program="gmx"):
     """Run a command of GROMACS in a folder; ``answers`` are what it asks for."""
     done = subprocess.run(
-        [program, "-nobackup", *command.split()], cwd=folder, input=answers, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+        [program, "-nobackup", *command.split()],
+        cwd=folder,
+        input=answers,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
     )
     if done.returncode:
         raise SystemExit(f"{program} {command}:\n{done.stdout}")
@@ -96,7 +109,11 @@ def parameters(path, values):
 def solvate(folder):
     """Leave the topology peptide.top and the coordinates solvated.gro in a folder."""
     helix(folder / "helix.pdb")
-    gmx(folder, "pdb2gmx -f helix.pdb -o helix.gro -p peptide.top -ff charmm27 -nocmap -water tips3p -ter -ignh", "0\n0\n")
+    gmx(
+        folder,
+        "pdb2gmx -f helix.pdb -o helix.gro -p peptide.top -ff charmm27 -nocmap -water tips3p -ter -ignh",
+        "0\n0\n",
+    )
     gmx(folder, "editconf -f helix.gro -princ -o along_x.gro", "0\n")
     gmx(folder, "editconf -f along_x.gro -box {} {} {} -c -o boxed.gro".format(*BOX))
     gmx(folder, "solvate -cp boxed.gro -cs spc216.gro -p peptide.top -o solvated.gro")
@@ -108,10 +125,17 @@ def compress(folder):
     gmx(folder, "grompp -f minimise.mdp -c solvated.gro -p peptide.top -o minimise.tpr")
     gmx(folder, "mdrun -deffnm minimise -nt 1")
     parameters(folder / "compress.mdp", COMPRESS)
-    gmx(folder, "grompp -f compress.mdp -c minimise.gro -r minimise.gro -p peptide.top -o compress.tpr")
+    gmx(
+        folder,
+        "grompp -f compress.mdp -c minimise.gro -r minimise.gro -p peptide.top -o compress.tpr",
+    )
     gmx(folder, "mdrun -deffnm compress -nt 1 -reprod -pin off")
     gmx(folder, "trjconv -f compress.gro -s compress.tpr -pbc mol -o whole.gro", "0\n")
-    gmx(folder, f"energy -f compress.edr -b {PICOSECONDS / 2} -xvg none -o box.xvg", "Box-X\nBox-Y\nBox-Z\n\n")
+    gmx(
+        folder,
+        f"energy -f compress.edr -b {PICOSECONDS / 2} -xvg none -o box.xvg",
+        "Box-X\nBox-Y\nBox-Z\n\n",
+    )
     end = parmed.load_file(str(folder / "whole.gro"))
     # four digits, as many as GROMACS's .gro files have: the box is the same in all programs
     box = np.round(10 * np.loadtxt(folder / "box.xvg")[:, 1:].mean(axis=0), 4)
@@ -154,7 +178,10 @@ def equilibrate(alpha):
     while abs(lmp.get_thermo("pe") - mean) > NEAR:
         lmp.command("run 10 post no")
     lmp.commands_string(f"velocity all zero linear\n velocity all scale {TEMPERATURE}")
-    x, v, image = (np.array(lmp.gather_atoms(name, kind, 3)).reshape(-1, 3) for name, kind in (("x", 1), ("v", 1), ("image", 0)))
+    x, v, image = (
+        np.array(lmp.gather_atoms(name, kind, 3)).reshape(-1, 3)
+        for name, kind in (("x", 1), ("v", 1), ("image", 0))
+    )
     low, high, *_ = lmp.extract_box()
     return x + (np.array(high) - low) * image, v
 

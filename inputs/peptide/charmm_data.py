@@ -32,8 +32,12 @@ class Terms:
 
     def add(self, coefficients, *atoms):
         # ParmEd's change of units leaves rounding errors, which would make two types of one
-        key = tuple(round(value, 8) if isinstance(value, float) else value for value in coefficients)
-        self.rows.append((self.number.setdefault(key, len(self.number) + 1), *(atom.idx for atom in atoms)))
+        key = tuple(
+            round(value, 8) if isinstance(value, float) else value for value in coefficients
+        )
+        self.rows.append(
+            (self.number.setdefault(key, len(self.number) + 1), *(atom.idx for atom in atoms))
+        )
 
     def coefficients(self):
         """A dictionary from the atoms of a term to its coefficients; of several for the same atoms, the last."""
@@ -59,12 +63,19 @@ class System:
 
     def __init__(self, path, folder):
         parmed.gromacs.GROMACS_TOPDIR = str(folder)
-        self.topology = top = parmed.gromacs.GromacsTopologyFile(str(path), defines={"FLEXIBLE": "1"})
+        self.topology = top = parmed.gromacs.GromacsTopologyFile(
+            str(path), defines={"FLEXIBLE": "1"}
+        )
         if top.cmaps or top.rb_torsions or top.has_NBFIX():
             raise ValueError("only CHARMM22 without CMAP and without pairs of their own")
         self.atoms = top.atoms
         pairs = {frozenset((pair.atom1, pair.atom2)): pair.type for pair in top.adjusts}
-        self.terms = {"bond": _bonds(top), "angle": _angles(top), "dihedral": _dihedrals(top, pairs), "improper": _impropers(top)}
+        self.terms = {
+            "bond": _bonds(top),
+            "angle": _angles(top),
+            "dihedral": _dihedrals(top, pairs),
+            "improper": _impropers(top),
+        }
         self.lennard_jones = _lennard_jones(top, pairs)
         self.bodies = _bodies(top)
 
@@ -78,15 +89,23 @@ class System:
             positions; heavy atoms stay, their hydrogens are turned to where they were nearly.
         """
         x = x.copy()
-        length = {frozenset(atoms): key[1] for atoms, key in self.terms["bond"].coefficients().items()}
-        angle = {(middle, frozenset(ends)): key[1] for (a, middle, b), key in self.terms["angle"].coefficients().items() for ends in [(a, b)]}
+        length = {
+            frozenset(atoms): key[1] for atoms, key in self.terms["bond"].coefficients().items()
+        }
+        angle = {
+            (middle, frozenset(ends)): key[1]
+            for (a, middle, b), key in self.terms["angle"].coefficients().items()
+            for ends in [(a, b)]
+        }
         for heavy, *hydrogens in self.bodies:
             was = x[hydrogens] - x[heavy]
             r = np.array([[length[frozenset((heavy, h))]] for h in hydrogens])
             if len(hydrogens) == 1:
                 x[hydrogens] = x[heavy] + was * (r / np.linalg.norm(was))
                 continue
-            shape = r * _directions(np.radians(angle[heavy, frozenset(hydrogens[:2])]), len(hydrogens))
+            shape = r * _directions(
+                np.radians(angle[heavy, frozenset(hydrogens[:2])]), len(hydrogens)
+            )
             if len(hydrogens) == 3 and np.linalg.det(was) < 0:
                 shape[:, 2] *= -1
             x[hydrogens] = x[heavy] + Rotation.align_vectors(was, shape)[0].apply(shape)
@@ -105,23 +124,54 @@ class System:
         kinds = {name: number for number, name in enumerate(self.lennard_jones, 1)}
         mass = {atom.type: atom.mass for atom in self.atoms}
         image = np.floor(x / box).astype(int)
-        lines = [HEAD.format(title=title), "", f"{len(x)} atoms", *(f"{len(terms.rows)} {kind}s" for kind, terms in self.terms.items())]
-        lines += ["", f"{len(kinds)} atom types", *(f"{len(terms.number)} {kind} types" for kind, terms in self.terms.items()), ""]
+        lines = [
+            HEAD.format(title=title),
+            "",
+            f"{len(x)} atoms",
+            *(f"{len(terms.rows)} {kind}s" for kind, terms in self.terms.items()),
+        ]
+        lines += [
+            "",
+            f"{len(kinds)} atom types",
+            *(f"{len(terms.number)} {kind} types" for kind, terms in self.terms.items()),
+            "",
+        ]
         lines += [f"0 {side:.12g} {axis}lo {axis}hi" for side, axis in zip(box, "xyz")]
-        lines += ["", "Masses", "", *(f"{number} {mass[name]:.8g}  # {name}" for name, number in kinds.items())]
+        lines += [
+            "",
+            "Masses",
+            "",
+            *(f"{number} {mass[name]:.8g}  # {name}" for name, number in kinds.items()),
+        ]
         lines += ["", "Pair Coeffs # lj/charmm/coul/long", ""]
-        lines += ["{} {:.10g} {:.10g} {:.10g} {:.10g}  # {}".format(kinds[name], *values, name) for name, values in self.lennard_jones.items()]
+        lines += [
+            "{} {:.10g} {:.10g} {:.10g} {:.10g}  # {}".format(kinds[name], *values, name)
+            for name, values in self.lennard_jones.items()
+        ]
         for kind, style in COEFFICIENTS.items():
             lines += ["", f"{kind.title()} Coeffs # {style}", ""]
-            lines += [f"{number} " + " ".join(f"{value:.10g}" for value in key) for key, number in self.terms[kind].number.items()]
+            lines += [
+                f"{number} " + " ".join(f"{value:.10g}" for value in key)
+                for key, number in self.terms[kind].number.items()
+            ]
         lines += ["", "Atoms # full", ""]
         for k, (atom, place, turn) in enumerate(zip(self.atoms, x - box * image, image)):
             numbers = f"{k + 1} {body[k]} {kinds[atom.type]} {round(atom.charge, 6):g}"
-            lines.append(f"{numbers} {place[0]:.12f} {place[1]:.12f} {place[2]:.12f} {turn[0]} {turn[1]} {turn[2]}")
-        lines += ["", "Velocities", "", *(f"{k} {a:.12e} {b:.12e} {c:.12e}" for k, (a, b, c) in enumerate(v, 1))]
+            lines.append(
+                f"{numbers} {place[0]:.12f} {place[1]:.12f} {place[2]:.12f} {turn[0]} {turn[1]} {turn[2]}"
+            )
+        lines += [
+            "",
+            "Velocities",
+            "",
+            *(f"{k} {a:.12e} {b:.12e} {c:.12e}" for k, (a, b, c) in enumerate(v, 1)),
+        ]
         for kind, terms in self.terms.items():
             lines += ["", f"{kind.title()}s", ""]
-            lines += [f"{k} {number} " + " ".join(str(a + 1) for a in atoms) for k, (number, *atoms) in enumerate(terms.rows, 1)]
+            lines += [
+                f"{k} {number} " + " ".join(str(a + 1) for a in atoms)
+                for k, (number, *atoms) in enumerate(terms.rows, 1)
+            ]
         # no time and no name in the file's head: the same numbers give the same bytes
         path.write_bytes(gzip.compress(("\n".join(lines) + "\n").encode(), mtime=0))
 
@@ -142,7 +192,9 @@ def _angles(top):
         more = (urey.k, urey.req) if urey else (0.0, 0.0)
         terms.add((angle.type.k, angle.type.theteq, *more), angle.atom1, angle.atom2, angle.atom3)
     if ends:
-        raise ValueError(f"{len(ends)} Urey-Bradley terms are not the ends of an angle of their own")
+        raise ValueError(
+            f"{len(ends)} Urey-Bradley terms are not the ends of an angle of their own"
+        )
     return terms
 
 
@@ -156,7 +208,9 @@ def _dihedrals(top, pairs):
             weight = 1.0 if pair in left else 0.0
             left.discard(pair)
             if term.phase != round(term.phase):
-                raise ValueError(f"dihedral_style charmm takes whole degrees only, not {term.phase}")
+                raise ValueError(
+                    f"dihedral_style charmm takes whole degrees only, not {term.phase}"
+                )
             key = term.phi_k, int(term.per), int(term.phase), weight
             terms.add(key, dihedral.atom1, dihedral.atom2, dihedral.atom3, dihedral.atom4)
     if left:
@@ -167,7 +221,9 @@ def _dihedrals(top, pairs):
 def _impropers(top):
     terms = Terms()
     for term in top.impropers:
-        terms.add((term.type.psi_k, term.type.psi_eq), term.atom1, term.atom2, term.atom3, term.atom4)
+        terms.add(
+            (term.type.psi_k, term.type.psi_eq), term.atom1, term.atom2, term.atom3, term.atom4
+        )
     return terms
 
 
@@ -181,7 +237,11 @@ def _lennard_jones(top, pairs):
         found[atom.type] = (*usual, special.epsilon, special.sigma) if special else (*usual, *usual)
     for pair, kind in pairs.items():
         (_, _, e, s), (_, _, e2, s2) = (found[atom.type] for atom in pair)
-        if kind.chgscale != 1 or abs(kind.epsilon - np.sqrt(e * e2)) > MIXING or abs(kind.sigma - (s + s2) / 2) > MIXING:
+        if (
+            kind.chgscale != 1
+            or abs(kind.epsilon - np.sqrt(e * e2)) > MIXING
+            or abs(kind.sigma - (s + s2) / 2) > MIXING
+        ):
             raise ValueError(f"the 1-4 pair {pair} does not follow from its atoms")
     return found
 
@@ -200,4 +260,7 @@ def _directions(angle, count):
     """Unit vectors (count, 3) with ``angle`` (rad) between any two of them; count is 2 or 3."""
     tilt = np.arcsin(np.sin(angle / 2) / np.sin(np.pi / count))  # from the axis of symmetry, z
     turns = 2 * np.pi / count * np.arange(count)
-    return np.stack([np.sin(tilt) * np.cos(turns), np.sin(tilt) * np.sin(turns), np.full(count, np.cos(tilt))], axis=1)
+    return np.stack(
+        [np.sin(tilt) * np.cos(turns), np.sin(tilt) * np.sin(turns), np.full(count, np.cos(tilt))],
+        axis=1,
+    )

@@ -73,11 +73,13 @@ def lattice(rng):
     sides = (np.arange(MOLECULES_PER_SIDE) + 0.5) * side(MOLECULES) / MOLECULES_PER_SIDE
     centres = np.stack(np.meshgrid(sides, sides, sides, indexing="ij"), -1).reshape(-1, 1, 3)
     w, x, y, z = (q := rng.normal(size=(4, MOLECULES))) / np.linalg.norm(q, axis=0)
-    rotation = np.array([
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ])
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
     return centres + np.einsum("ijn,aj->nai", rotation, tip3p())
 
 
@@ -107,7 +109,9 @@ def make_velocities_rigid(positions, velocities):
 
 def temperature(lmp, velocities):
     """Kinetic temperature with 6 N - 3 degrees of freedom, in LAMMPS's constants."""
-    twice_kinetic = lmp.extract_global("mvv2e") * np.einsum("a,nak,nak", MASS, velocities, velocities)
+    twice_kinetic = lmp.extract_global("mvv2e") * np.einsum(
+        "a,nak,nak", MASS, velocities, velocities
+    )
     return twice_kinetic / ((6 * len(velocities) - 3) * lmp.extract_global("boltz"))
 
 
@@ -121,21 +125,38 @@ def write_data(path, positions, velocities):
     image = image.reshape(-1, 3).astype(int)
     velocities = velocities.reshape(-1, 3)
     lines = [
-        f"{molecules} rigid TIP3P water molecules, {TEMPERATURE:g} K, {DENSITY:g} g/cm^3; real units; written by {Path(sys.argv[0]).name}", "",
-        f"{3 * molecules} atoms", f"{2 * molecules} bonds", f"{molecules} angles", "",
-        "2 atom types", "1 bond types", "1 angle types", "",
-        *(f"0.0 {box:.15f} {k}lo {k}hi" for k in "xyz"), "",
-        "Masses", "", f"1 {MASS[0]}  # O", f"2 {MASS[1]}  # H", "",
-        "Atoms # full", "",
+        f"{molecules} rigid TIP3P water molecules, {TEMPERATURE:g} K, {DENSITY:g} g/cm^3; real units; written by {Path(sys.argv[0]).name}",
+        "",
+        f"{3 * molecules} atoms",
+        f"{2 * molecules} bonds",
+        f"{molecules} angles",
+        "",
+        "2 atom types",
+        "1 bond types",
+        "1 angle types",
+        "",
+        *(f"0.0 {box:.15f} {k}lo {k}hi" for k in "xyz"),
+        "",
+        "Masses",
+        "",
+        f"1 {MASS[0]}  # O",
+        f"2 {MASS[1]}  # H",
+        "",
+        "Atoms # full",
+        "",
     ]
     for i, (x, n) in enumerate(zip(wrapped, image)):
         m, a = divmod(i, 3)
-        lines.append(f"{i + 1} {m + 1} {TYPE[a]} {CHARGE[a]} {x[0]:.15f} {x[1]:.15f} {x[2]:.15f} "
-                     f"{n[0]} {n[1]} {n[2]}")
+        lines.append(
+            f"{i + 1} {m + 1} {TYPE[a]} {CHARGE[a]} {x[0]:.15f} {x[1]:.15f} {x[2]:.15f} "
+            f"{n[0]} {n[1]} {n[2]}"
+        )
     lines += ["", "Velocities", ""]
     lines += [f"{i + 1} {v[0]:.16e} {v[1]:.16e} {v[2]:.16e}" for i, v in enumerate(velocities)]
     lines += ["", "Bonds # O-H", ""]
-    lines += [f"{2 * m + h} 1 {3 * m + 1} {3 * m + 1 + h}" for m in range(molecules) for h in (1, 2)]
+    lines += [
+        f"{2 * m + h} 1 {3 * m + 1} {3 * m + 1 + h}" for m in range(molecules) for h in (1, 2)
+    ]
     lines += ["", "Angles # H-O-H", ""]
     lines += [f"{m + 1} 1 {3 * m + 2} {3 * m + 1} {3 * m + 3}" for m in range(molecules)]
     path.write_text("\n".join(lines) + "\n")
@@ -200,8 +221,10 @@ def equilibrate(lmp, say):
         for _ in range(blocks):
             energy, kelvin, pressure = run(lmp, picoseconds)
             energies.append(energy)
-            say(f"{target:5.0f} K, {dt:3.1f} fs, {picoseconds:4.1f} ps: mean T {kelvin:6.1f} K, "
-                f"PE {energy:9.1f} kcal/mol, P {pressure:7.1f} atm")
+            say(
+                f"{target:5.0f} K, {dt:3.1f} fs, {picoseconds:4.1f} ps: mean T {kelvin:6.1f} K, "
+                f"PE {energy:9.1f} kcal/mol, P {pressure:7.1f} atm"
+            )
     mean = np.mean(energies)  # of the last stage
     say(f"mean potential energy of the last stage: {mean:.1f} kcal/mol")
     while abs(lmp.get_thermo("pe") - mean) > 1.0:
@@ -213,15 +236,21 @@ def check(lmp, say):
     """Read the finished file into LAMMPS and say what is in it."""
     load(lmp, OUTPUT)
     lmp.commands_string("fix move all rigid/nve/small molecule\n run 0")
-    say(f"density {lmp.get_thermo('density'):.9f} g/cm^3, potential energy {lmp.get_thermo('pe'):.3f} kcal/mol, "
-        f"total energy {lmp.get_thermo('etotal'):.3f} kcal/mol, temperature {lmp.get_thermo('temp'):.10f} K")
+    say(
+        f"density {lmp.get_thermo('density'):.9f} g/cm^3, potential energy {lmp.get_thermo('pe'):.3f} kcal/mol, "
+        f"total energy {lmp.get_thermo('etotal'):.3f} kcal/mol, temperature {lmp.get_thermo('temp'):.10f} K"
+    )
     load(lmp, OUTPUT)
     x, v = gather(lmp)
     pairs = ((0, 1, R_OH), (0, 2, R_OH), (1, 2, 2 * R_OH * np.sin(THETA_HOH / 2)))
     separation = {(i, j): x[:, i] - x[:, j] for i, j, _ in pairs}
     stretch = [np.abs(np.linalg.norm(separation[i, j], axis=1) - d).max() for i, j, d in pairs]
-    along = [np.abs(np.sum(separation[i, j] * (v[:, i] - v[:, j]), axis=1)).max() for i, j, _ in pairs]
-    say(f"largest error of a distance {max(stretch):.1e} Angstrom, of d/dt (r^2/2) {max(along):.1e} Angstrom^2/fs")
+    along = [
+        np.abs(np.sum(separation[i, j] * (v[:, i] - v[:, j]), axis=1)).max() for i, j, _ in pairs
+    ]
+    say(
+        f"largest error of a distance {max(stretch):.1e} Angstrom, of d/dt (r^2/2) {max(along):.1e} Angstrom^2/fs"
+    )
     momentum = np.abs(np.einsum("a,nak->k", MASS, v)).max()
     say(f"total momentum {momentum:.1e} g/mol Angstrom/fs, {OUTPUT.stat().st_size} bytes")
 

@@ -29,7 +29,9 @@ def cut(positions, velocities, molecules):
     box = side(len(positions))
     positions = positions - box * np.floor(centre(positions) / box)[:, None]
     copies = int(np.ceil((molecules / len(positions)) ** (1 / 3)))
-    shifts = box * np.stack(np.meshgrid(*[np.arange(copies)] * 3, indexing="ij"), -1).reshape(-1, 1, 1, 3)
+    shifts = box * np.stack(np.meshgrid(*[np.arange(copies)] * 3, indexing="ij"), -1).reshape(
+        -1, 1, 1, 3
+    )
     stacked = (positions + shifts).reshape(-1, 3, 3)
     kept = np.sort(np.argsort(centre(stacked).max(axis=1), kind="stable")[:molecules])
     return stacked[kept], np.tile(velocities, (len(shifts), 1, 1))[kept]
@@ -89,7 +91,9 @@ def main():
     if root:
         start.unlink()
         write_data(output, positions, velocities)
-        print(f"mean temperature while it healed {kelvin:.0f} K, potential energy {energy / molecules:.3f} kcal/mol per molecule")
+        print(
+            f"mean temperature while it healed {kelvin:.0f} K, potential energy {energy / molecules:.3f} kcal/mol per molecule"
+        )
 
 
 if __name__ == "__main__":

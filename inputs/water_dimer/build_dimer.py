@@ -43,7 +43,9 @@ HALF_BOX = 20.0  # Angstrom
 # the molecules' fast turning and the slow motion of the oxygens hardly exchange energy: means need hundreds of nanoseconds
 SEARCH = 10**6, 10**7, 4 * 10**7, 4 * 10**8  # steps whose mean temperature corrects the energy
 BLOCK, BLOCKS = 4 * 10**7, 10  # steps, of the last run that tells the mean temperature
-HEAT_CAPACITY = 7.5  # k_B: half of 9 for the kinetic energy and, as in a solid, half of 6 for the potential
+HEAT_CAPACITY = (
+    7.5  # k_B: half of 9 for the kinetic energy and, as in a solid, half of 6 for the potential
+)
 
 
 def acceptor():
@@ -63,12 +65,27 @@ def write_data(path, x, v):
     """Write the LAMMPS data file of positions and velocities (6, 3), with the centre of mass at the origin."""
     mass = np.tile(MASS, 2)
     x = x - mass @ x / mass.sum()
-    lines = ["two rigid TIP3P molecules with hydrogens of 0.1 amu, mean temperature 155 K; real units; written by build_dimer.py", ""]
-    lines += ["6 atoms", "4 bonds", "2 angles", "", "2 atom types", "1 bond types", "1 angle types", ""]
+    lines = [
+        "two rigid TIP3P molecules with hydrogens of 0.1 amu, mean temperature 155 K; real units; written by build_dimer.py",
+        "",
+    ]
+    lines += [
+        "6 atoms",
+        "4 bonds",
+        "2 angles",
+        "",
+        "2 atom types",
+        "1 bond types",
+        "1 angle types",
+        "",
+    ]
     lines += [f"{-HALF_BOX} {HALF_BOX} {k}lo {k}hi" for k in "xyz"]
     lines += ["", "Masses", "", f"1 {MASS[0]}  # O", f"2 {MASS[1]}  # H", "", "Atoms # full", ""]
     for i in range(6):
-        lines.append(f"{i + 1} {i // 3 + 1} {1 if i % 3 == 0 else 2} {CHARGE[i % 3]} " + " ".join(f"{c:.15f}" for c in x[i]))
+        lines.append(
+            f"{i + 1} {i // 3 + 1} {1 if i % 3 == 0 else 2} {CHARGE[i % 3]} "
+            + " ".join(f"{c:.15f}" for c in x[i])
+        )
     lines += ["", "Velocities", ""]
     lines += [f"{i + 1} " + " ".join(f"{c:.16e}" for c in v[i]) for i in range(6)]
     lines += ["", "Bonds # O-H", "", "1 1 1 2", "2 1 1 3", "3 1 4 5", "4 1 4 6"]
@@ -96,7 +113,9 @@ def load(path):
 def draw_velocities(lmp):
     """Maxwell's, without total momentum; fix rigid makes rigid motion of them."""
     mass = np.tile(MASS, 2)
-    width = np.sqrt(lmp.extract_global("boltz") * TEMPERATURE / (lmp.extract_global("mvv2e") * mass))
+    width = np.sqrt(
+        lmp.extract_global("boltz") * TEMPERATURE / (lmp.extract_global("mvv2e") * mass)
+    )
     v = np.random.default_rng(SEED).normal(size=(6, 3)) * width[:, None]
     return v - mass @ v / mass.sum()
 
@@ -138,7 +157,10 @@ def main():
     for steps in SEARCH:
         mean = mean_temperature(lmp, steps, 2 * DT)
         run_to_mean(lmp)
-        print(f"{steps * 2 * DT / 1e6:.1f} ns, {lmp.get_thermo('etotal'):.4f} kcal/mol: mean T {mean:.1f} K", flush=True)
+        print(
+            f"{steps * 2 * DT / 1e6:.1f} ns, {lmp.get_thermo('etotal'):.4f} kcal/mol: mean T {mean:.1f} K",
+            flush=True,
+        )
         scale = np.sqrt(1 + HEAT_CAPACITY / 4.5 * (TEMPERATURE - mean) / lmp.get_thermo("temp"))
         _, v = gather(lmp)
         set_velocities(lmp, scale * v)
@@ -146,7 +168,9 @@ def main():
     write_data(OUTPUT, *gather(lmp))
     print(f"start: {lmp.get_thermo('temp'):.2f} K, {lmp.get_thermo('etotal'):.4f} kcal/mol")
     means = np.array([mean_temperature(lmp, BLOCK, DT) for _ in range(BLOCKS)])
-    print(f"from there {BLOCKS * BLOCK * DT / 1e6:.1f} ns: mean T {means.mean():.2f} +- {means.std(ddof=1) / np.sqrt(BLOCKS):.2f} K")
+    print(
+        f"from there {BLOCKS * BLOCK * DT / 1e6:.1f} ns: mean T {means.mean():.2f} +- {means.std(ddof=1) / np.sqrt(BLOCKS):.2f} K"
+    )
 
 
 if __name__ == "__main__":

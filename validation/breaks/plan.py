@@ -13,67 +13,85 @@ from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
-from validation.scenes.boxes import (
-    OURS,
-    RIGID,
-    SHAPES,
-    SMALL,
-    TOPS,
-    UNITS,
-    Result,
-    Units,
-    apart,
-    assemble,
-    mixture,
-    tensor,
-    turned,
-)
+from validation.scenes import boxes
+from validation.scenes.boxes import OURS, RIGID, SMALL, apart, mixture
 
 FREE = "pair_style zero 2.5\npair_coeff * *\n"
 SMOOTH = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1 1\n"
+OUR_LABEL = "fix_nosquish.NVE"
+FIXES = {OUR_LABEL: OURS, "rigid/nve": RIGID, "rigid/nve/small": SMALL}
+SILENCE = 120.0  # s that a run may take
+SUMS = {  # momentum P, angular momentum L about the origin, force F, torque N; sizes of P's and L's
+    "P": "mass*v{x}",
+    "L": "mass*({y}*v{z}-{z}*v{y})",
+    "F": "f{x}",
+    "N": "{y}*f{z}-{z}*f{y}",
+    "p": "abs(mass*v{x})",
+    "l": "abs(mass*{y}*v{z})+abs(mass*{z}*v{y})",
+}
 
 
-def columns(result, *names):
+class Ended(Exception):
+    """LAMMPS has ended the run with a message."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case: what is measured, and the bound."""
+
+    name: str
+    # of a way to run (``Runs``) and a fix: the number, or it and a remark; raises `Ended`
+    measure: Callable
+    most: float  # what the number is where all is well
+    _: KW_ONLY
+    why: str  # that bound
+    what: str  # in words
+
+
+CASES: dict[str, Case] = {}
+ROUNDING = "rounding, after the motion has made it grow"
+
+
+def case(name: str, most: float, why: str = ROUNDING) -> Callable:
+    """A decorator that makes a function the measure of a `Case`, which its docstring describes."""
+
+    def of(measure):
+        CASES[name] = Case(name, measure, most, why=why, what=" ".join(measure.__doc__.split()))
+        return measure
+
+    return of
+
+
+# ---- what several cases, and tests, need
+
+
+def columns(result: boxes.Result, *names: str) -> np.ndarray:
     """Columns of the thermo table, (steps, names)."""
     return np.stack([result.thermo[name] for name in names], axis=-1)
 
 
-SUMS = {
-    "P": "mass*v{x}", "L": "mass*({y}*v{z}-{z}*v{y})", "F": "f{x}", "N": "{y}*f{z}-{z}*f{y}",
-    "p": "abs(mass*v{x})", "l": "abs(mass*{y}*v{z})+abs(mass*{z}*v{y})",
-}  # fmt: skip
-
-
-def sums():
-    """Lines that define compute sums: momentum P, angular momentum L about the origin, force F and
-    torque N of all atoms, and the sizes p and l of the summands of P and L."""
+def sums() -> str:
+    """Lines that define compute sums: `SUMS` of all atoms."""
     formulas = [f.format(x=x, y=y, z=z) for f in SUMS.values() for x, y, z in ("xyz", "yzx", "zxy")]
-    variables = [f'variable s{k} atom "{formula}"' for k, formula in enumerate(formulas)]
-    return (
-        "\n".join(
-            [
-                *variables,
-                "compute sums all reduce sum " + " ".join(f"v_s{k}" for k in range(len(formulas))),
-            ]
-        )
-        + "\n"
-    )
+    lines = [f'variable s{k} atom "{formula}"' for k, formula in enumerate(formulas)]
+    names = " ".join(f"v_s{k}" for k in range(len(formulas)))
+    return "\n".join([*lines, f"compute sums all reduce sum {names}", ""])
 
 
-def vector(result, name):
+def vector(result: boxes.Result, name: str) -> np.ndarray:
     """A printed vector of SUMS, (steps, 3)."""
     first = 3 * list(SUMS).index(name)
     return columns(result, *(f"c_sums[{first + k}]" for k in (1, 2, 3)))
 
 
-def bent(angle):
+def bent(angle: float) -> tuple[list, list[int]]:
     """A triatomic like CO2, its arms 0.5 long, bent by an angle: linear to the fix (and to LAMMPS)
     below 2e-3."""
     c, s = 0.5 * np.cos(0.5 * angle), 0.5 * np.sin(0.5 * angle)
     return [[-c, s, 0], [0, 0, 0], [c, s, 0]], [2, 3, 2]
 
 
-def moved_images(system, count):
+def moved_images(system: boxes.System, count) -> boxes.System:
     """The same system with all image flags moved; a flag that LAMMPS's ten bits do not hold wraps
     in its hands."""
     head, atoms, tail = system.files["data.bodies"].replace("Velocities", "Atoms").split("Atoms", 2)
@@ -86,44 +104,28 @@ def moved_images(system, count):
     return system._replace(files={"data.bodies": data})
 
 
-def restarted(system, file):
+def restarted(system: boxes.System, file: str) -> boxes.System:
     """The system in a script that goes on from this restart file."""
     text = f"read_restart {file}\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all"
     return system._replace(setup=text, files={})
 
 
-def cluster():
-    """A drop of bodies without a periodic box, over the ranks' common corner, kept together by
-    their attraction."""
-    h, rng, bodies = 24.0 * np.eye(3), np.random.default_rng(11), []
-    for kind, site in zip(
-        itertools.cycle(["solid", "planar", "row", "single"]), itertools.product(range(2), repeat=3)
-    ):
-        bodies.append(turned(kind, 12.0 + 2.2 * (np.array(site) - 0.5), bodies, h, rng))
-    return assemble(
-        sorted(bodies, key=lambda body: body[0]),
-        h,
-        temperature=0.3,
-        setup="boundary s s s",
-        seed=11,
-    )
-
-
-OUR_LABEL = "fix_nosquish.NVE"
-FIXES = {OUR_LABEL: OURS, "rigid/nve": RIGID, "rigid/nve/small": SMALL}
-SILENCE = 120.0  # s that a run may take
-
-
-class Ended(Exception):
-    """LAMMPS has ended the run with a message."""
+def _lattice(kinds, side, place, h, seed):
+    """Bodies of these kinds in turn on a lattice, turned at random, sorted by kind; ``place`` is of
+    three whole numbers."""
+    rng, bodies = np.random.default_rng(seed), []
+    sites = itertools.product(range(side), repeat=3)
+    for kind, site in zip(itertools.cycle(kinds.split()), sites):
+        bodies.append(boxes.turned(kind, place(np.array(site)), bodies, h, rng))
+    return sorted(bodies, key=lambda body: body[0])
 
 
 # ---- the cases: what is run, and the number that it comes to
 
 
-def tops():
+def tops() -> boxes.System:
     """A box with two or three bodies of each of the symmetric kinds."""
-    return mixture(" ".join(TOPS), side=3, spacing=2.8, temperature=2.0, seed=8)
+    return mixture(" ".join(boxes.TOPS), side=3, spacing=2.8, temperature=2.0, seed=8)
 
 
 def _worst(system, one, other):
@@ -131,302 +133,203 @@ def _worst(system, one, other):
     found = {}
     for kind, bodies in re.findall(r"^group (\w+) molecule (.*)$", system.setup, re.M):
         mine = np.isin(system.molecule, [int(body) for body in bodies.split()])
-        found[kind] = apart(one._replace(x=one.x[mine]), other._replace(x=other.x[mine]), system.h)
+        both = (result._replace(x=result.x[mine]) for result in (one, other))
+        found[kind] = apart(*both, system.h)
     kind = max(found, key=found.get)
     return found[kind], f"the largest is of {kind}"
 
 
-def tops_in_two_runs(simulate, fix):
-    """Largest distance between symmetric tops after 100 steps and after 50 and 50."""
+@case("tops-runs", 1e-9)
+def _tops_in_two_runs(simulate, fix):
+    """symmetric tops (methane, cubes, benzene …), 100 steps in one run or in two: largest
+    distance"""
     system = tops()
-    return _worst(
-        system, simulate(system, fix, 50, dt=2, after="run 50"), simulate(system, fix, 100, dt=2)
-    )
+    two, one = simulate(system, fix, 50, dt=2, after="run 50"), simulate(system, fix, 100, dt=2)
+    return _worst(system, two, one)
 
 
-def tops_restarted(simulate, fix, ranks=1):
-    """The same with write_restart and read_restart in the middle."""
+@case("tops-restart", 1e-9)
+def tops_restarted(simulate: Callable, fix: str, ranks: int = 1) -> tuple[float, str]:
+    """the same, with a restart file in the middle: largest distance"""
     system, file = tops(), f"half.{ranks}"
     whole = simulate(system, fix, 100, dt=2)
     simulate(system, fix, 50, dt=2, after=f"write_restart {file}")
     return _worst(system, simulate(restarted(system, file), fix, 50, dt=2, ranks=ranks), whole)
 
 
-def rod(length):
+def _rod(length):
     """A rod of this length in a box of 10, and a pair of atoms."""
     k = np.arange(12)
     place = np.stack([8.0 + length / 11 * k, 3 + 0.1 * np.cos(k), 3 + 0.1 * np.sin(k)]).T
-    pair = np.array([[5.0, 7, 7], [6, 7, 7]])
-    return assemble(
-        [("rod", place, np.ones(12, int)), ("pair", pair, np.array([1, 2]))], 10 * np.eye(3)
-    )
+    pair = "pair", np.array([[5.0, 7, 7], [6, 7, 7]]), np.array([1, 2])
+    return boxes.assemble([("rod", place, np.ones(12, int)), pair], 10 * np.eye(3))
 
 
-def wrapped(length):
-    """A case: the distance between a rod across the face where image counters run over and the same
-    with counters near 0, after 50 steps."""
-
-    def measure(simulate, fix):
-        near = rod(length)
-        return apart(
-            simulate(moved_images(near, (511, 0, 0)), fix, 50), simulate(near, fix, 50), near.h
-        )
-
-    return measure
+def _wrapped(simulate, fix, length):
+    near = _rod(length)
+    far = simulate(moved_images(near, (511, 0, 0)), fix, 50)
+    return apart(far, simulate(near, fix, 50), near.h)
 
 
-NOISE = "fix 7 all langevin 1.0 1.0 1.0 9371\n"
+@case("images-quarter", 1e-10)
+def _quarter(simulate, fix):
+    """a rod of 0.4 box lengths where image counters run over (511 to −512), 50 steps: largest
+    distance from the same with counters near 0"""
+    return _wrapped(simulate, fix, 4.0)
 
 
-def out_of_the_plane(simulate, fix):
-    """Largest abs(z) + abs(vz) in 10,000 steps in a heat bath in two dimensions, without fix
-    enforce2d."""
+@case("images-half", 1e-10)
+def _half(simulate, fix):
+    """the same, a rod of 0.7 box lengths"""
+    return _wrapped(simulate, fix, 7.0)
+
+
+@case("plane", 0.0, why="nothing drives it")
+def _out_of_the_plane(simulate, fix):
+    """two dimensions, heat bath, no enforce2d, 10,000 steps: largest |z| + |vz|"""
     # single atoms are not a rigid fix's to keep there
     bodies = mixture("planar pair row", side=4, dimension=2)
-    largest = 'variable out atom "abs(z)+abs(vz)"\ncompute out all reduce max v_out\n'
-    return (
-        simulate(bodies, fix, 10000, before=largest + NOISE, columns="c_out", every=500)
-        .thermo["c_out"]
-        .max()
-    )
+    before = 'variable out atom "abs(z)+abs(vz)"\ncompute out all reduce max v_out\n'
+    before += "fix 7 all langevin 1.0 1.0 1.0 9371\n"
+    found = simulate(bodies, fix, 10000, before=before, columns="c_out", every=500)
+    return found.thermo["c_out"].max()
 
 
-TWO = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
-
-
-def smooth(kinds="solid planar pair row single"):
-    """A mixture with a potential that is nearly smooth at the cutoff, so that errors fall with
-    dt^2."""
-    system = mixture(kinds, temperature=0.5)
-    return system._replace(
-        setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
-    )
-
-
-def respa(simulate, fix):
+def _respa(simulate, fix):
     """Distances from Verlet's small steps after 0.16, with r-RESPA of two levels and outer steps of
-    0.016, 0.008 and 0.004."""
-    system = smooth()
+    0.016, 0.008 and 0.004; the potential is nearly smooth at the cutoff, so that errors fall with
+    dt^2."""
+    system = mixture("solid planar pair row single", temperature=0.5)
+    setup = system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
+    system = system._replace(setup=setup)
     exact = simulate(system, fix, 400, dt=0.2, every=400)
-    return [
-        apart(simulate(system, fix, n, dt=80 / n, before=TWO, every=1), exact, system.h)
-        for n in (10, 20, 40)
-    ]
+    two = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
+    runs = (simulate(system, fix, n, dt=80 / n, before=two, every=1) for n in (10, 20, 40))
+    return [apart(run, exact, system.h) for run in runs]
 
 
-def respa_falls(simulate, fix):
-    """What is left of the distance when the outer step is a quarter as long: 1/16 where it goes
-    with its square."""
-    first, _, last = respa(simulate, fix)
+@case("respa-order", 0.09, why="1/16 in the limit of short steps, for a scheme of second order")
+def _respa_falls(simulate, fix):
+    """r-RESPA of two levels: what is left of the error when the outer step is a quarter as long"""
+    first, _, last = _respa(simulate, fix)
     return last / first
 
 
-def respa_error(simulate, fix):
-    """The distance with outer steps of 0.004."""
-    return respa(simulate, fix)[-1]
+@case("respa-error", 1e-5, why="second order; the bound is that of the test before these results")
+def _respa_error(simulate, fix):
+    """the same: distance from small steps of Verlet with outer steps of 0.004"""
+    return _respa(simulate, fix)[-1]
 
 
 SHIFTS = [(0.3, 0, 0), (123.456, -7.89, 1e3), (1e4 / 3, 1e4 / 7, -1e4)]
 
 
-def shifted(boundary):
-    """A case: largest relative change of the pressure tensor, at step 0 and 5, when all atoms are
-    moved by up to 1e4 lengths."""
-
-    def measure(simulate, fix):
-        h, rng, bodies = 12.0 * np.eye(3), np.random.default_rng(6), []
-        for kind, site in zip(
-            itertools.cycle(["solid", "planar", "pair", "row"]),
-            itertools.product(range(3), repeat=3),
-        ):
-            bodies.append(turned(kind, 3.0 + 2.55 * np.array(site), bodies, h, rng))
-        system = assemble(sorted(bodies, key=lambda body: body[0]), h, setup=f"boundary {boundary}")
-        start, *moved = (
-            tensor(
-                simulate(
-                    system,
-                    fix,
-                    5,
-                    every=5,
-                    before="displace_atoms all move {:.17g} {:.17g} {:.17g} units box".format(*d),
-                )
-            )
-            for d in [(0, 0, 0), *SHIFTS]
-        )
-        return max(np.abs(one - start).max() for one in moved) / np.abs(start).max()
-
-    return measure
+def _shifted(simulate, fix, boundary):
+    """The pressure tensor, at step 0 and 5."""
+    h, kinds, tensors = 12.0 * np.eye(3), "solid planar pair row", []
+    bodies = _lattice(kinds, 3, lambda site: 3.0 + 2.55 * site, h, 6)
+    system = boxes.assemble(bodies, h, setup=f"boundary {boundary}")
+    for d in (0, 0, 0), *SHIFTS:
+        move = "displace_atoms all move {:.17g} {:.17g} {:.17g} units box".format(*d)
+        tensors.append(boxes.tensor(simulate(system, fix, 5, every=5, before=move)))
+    start, *moved = tensors
+    return max(np.abs(one - start).max() for one in moved) / np.abs(start).max()
 
 
-def momenta(simulate, fix, ranks=1, steps=10000):
+@case("origin-periodic", 1e-9)
+def _periodic(simulate, fix):
+    """all atoms moved by up to 10⁴ lengths in a periodic box: relative change of the pressure"""
+    return _shifted(simulate, fix, "p p p")
+
+
+@case("origin-free", 1e-9)
+def _free(simulate, fix):
+    """the same in a box that shrinks around them"""
+    return _shifted(simulate, fix, "s s s")
+
+
+def momenta(simulate: Callable, fix: str, ranks: int = 1, steps: int = 10000) -> list[float]:
     """Largest change of total momentum and of total angular momentum in a run without a box, over
-    the sum of their parts' sizes."""
+    the sum of their parts' sizes: of a drop of bodies over the ranks' common corner, kept together
+    by their attraction."""
+    h, kinds = 24.0 * np.eye(3), "solid planar row single"
+    bodies = _lattice(kinds, 2, lambda site: 12.0 + 2.2 * (site - 0.5), h, 11)
+    drop = boxes.assemble(bodies, h, temperature=0.3, setup="boundary s s s", seed=11)
     before = SMOOTH + "neigh_modify every 5 delay 0 check no\n" + sums()
-    found = simulate(
-        cluster(), fix, steps, before=before, columns="c_sums[*]", every=steps // 5, ranks=ranks
-    )
-    return [
-        np.abs(vector(found, name) - vector(found, name)[0]).max()
-        / vector(found, name.lower()).sum(axis=1).min()
-        for name in "PL"
-    ]
+    how = {"columns": "c_sums[*]", "every": steps // 5, "ranks": ranks}
+    found = simulate(drop, fix, steps, before=before, **how)
+    changes = {name: np.abs(vector(found, name) - vector(found, name)[0]).max() for name in "PL"}
+    sizes = {name: vector(found, name.lower()).sum(axis=1).min() for name in "PL"}
+    return [changes[name] / sizes[name] for name in "PL"]
 
 
-def angular_momentum(simulate, fix):
-    """The change of the angular momentum, of these."""
+@case("angular-momentum", 1e-12)
+def _angular_momentum(simulate, fix):
+    """no box, 10,000 steps: relative change of the total angular momentum"""
     return momenta(simulate, fix)[1]
 
 
-def momentum_comes_back(simulate, fix):
-    """The centre of mass's largest velocity in the ten steps after fix momentum has taken it away,
-    over that in the ten before."""
-    system = mixture("solid planar")
-    speeds = [f"variable {name} equal {name[0]}cm(all,{name[1]})" for name in ("vx", "vy", "vz")]
-    setup = "\n".join(
-        ["velocity all set 0.5 0.3 -0.2 sum yes", *speeds, "fix 5 all momentum 10 linear 1 1 1"]
-    )
-    found = np.abs(
-        columns(
-            simulate(system, fix, 19, before=FREE + setup, columns="v_vx v_vy v_vz", every=1),
-            "v_vx",
-            "v_vy",
-            "v_vz",
-        )
-    )
-    return found[10:].max() / found[:10].max()
+@case("fix-momentum", 1e-10)
+def _momentum_comes_back(simulate, fix):
+    """fix momentum: the centre of mass's velocity in the ten steps after, over that before"""
+    names = "vx", "vy", "vz"
+    lines = [f"variable {name} equal vcm(all,{name[1]})" for name in names]
+    first, last = "velocity all set 0.5 0.3 -0.2 sum yes", "fix 5 all momentum 10 linear 1 1 1"
+    how = {"before": FREE + "\n".join([first, *lines, last]), "every": 1}
+    found = simulate(mixture("solid planar"), fix, 19, columns="v_vx v_vy v_vz", **how)
+    speeds = np.abs(columns(found, *(f"v_{name}" for name in names)))
+    return speeds[10:].max() / speeds[:10].max()
 
 
-def rescaled(simulate, fix):
-    """How far, relative to it, the temperature of free bodies is from the 3.0 that fix temp/rescale
-    has set ten steps before, at worst."""
-    found = simulate(
-        mixture("solid planar pair row"),
-        fix,
-        19,
-        before=FREE + "fix 5 all temp/rescale 10 3.0 3.0 0.0 1.0",
-        every=1,
-    )
-    return np.abs(found.thermo["Temp"][10:] / 3.0 - 1).max()
+def _temperatures(simulate, fix, steps, before, every):
+    """How far they are off 3.0, relative to it."""
+    bodies = mixture("solid planar pair row")
+    return simulate(bodies, fix, steps, before=before, every=every).thermo["Temp"] / 3.0
 
 
-def bath(simulate, fix):
-    """How far, relative to it, the mean temperature is from the 3.0 that fix temp/csvr holds, after
-    its first steps."""
-    found = simulate(
-        mixture("solid planar pair row"),
-        fix,
-        60,
-        before="fix 5 all temp/csvr 3.0 3.0 0.01 4928",
-        every=4,
-    )
-    return abs(found.thermo["Temp"][5:].mean() / 3.0 - 1)
+@case("temp-rescale", 1e-6)
+def _rescaled(simulate, fix):
+    """fix temp/rescale to 3.0, free bodies: how far the temperature is off in the next ten steps,
+    relative"""
+    line = f"{FREE}fix 5 all temp/rescale 10 3.0 3.0 0.0 1.0"
+    return np.abs(_temperatures(simulate, fix, 19, line, 1)[10:] - 1).max()
 
 
-def tiny(simulate, fix, size=1e-10, mass=1e-26):
-    """Distance, in lengths of the bodies, between bodies with moments of inertia of 1e-46 kg m^2 in
-    SI units and the same in LJ units, after 50 steps."""
-    UNITS["si"], usual = Units(size, mass, 1e-21, 1.0), UNITS["si"]
+@case("temp-csvr", 0.17, why="chance, in ten samples of few bodies")
+def _bath(simulate, fix):
+    """fix temp/csvr to 3.0: how far the mean temperature is off, relative"""
+    line = "fix 5 all temp/csvr 3.0 3.0 0.01 4928"
+    return abs(_temperatures(simulate, fix, 60, line, 4)[5:].mean() - 1)
+
+
+@case("tiny", 1e-9)
+def _tiny(simulate, fix):
+    """moments of inertia of 10⁻⁴⁶ kg m², 50 steps: distance from the same bodies in LJ units"""
+    units, usual, size = boxes.UNITS, boxes.UNITS["si"], 1e-10
+    units["si"] = boxes.Units(size, 1e-26, 1e-21, 1.0)
     try:
         plain, scaled = mixture("solid planar"), mixture("solid planar", units="si")
     finally:
-        UNITS["si"] = usual
+        units["si"] = usual
     found = simulate(scaled, fix, 50)
-    return apart(Result(found.x / size, None, None, ""), simulate(plain, fix, 50), plain.h)
+    found = found._replace(x=found.x / size)
+    return apart(found, simulate(plain, fix, 50), plain.h)
 
 
-BENT = 1e-12, 1e-8, 1e-5, 1e-3  # rad
-
-
-def triatomics(*angles):
-    """A box of 27 triatomics, bent by these angles in turn."""
-    names = [f"bent{k}" for k in range(len(angles))]
-    SHAPES.update({name: bent(angle) for name, angle in zip(names, angles)})
+def _triatomics(angle):
+    """A box of 27 triatomics, bent by an angle."""
+    boxes.SHAPES["bent0"] = bent(angle)
     try:
-        return mixture(" ".join(names), seed=4)
+        return mixture("bent0", seed=4)
     finally:
-        for name in names:
-            del SHAPES[name]
+        del boxes.SHAPES["bent0"]
 
 
-def nearly_linear(simulate, fix):
-    """By how much the energy's range of bent triatomics differs, relative to it, from that of
-    straight ones, at worst."""
-    ranges = [
-        np.ptp(simulate(triatomics(angle), fix, 400, before=SMOOTH, dt=2).thermo["TotEng"])
-        for angle in (0.0, *BENT)
-    ]
-    return max(abs(one / ranges[0] - 1) for one in ranges[1:])
-
-
-@dataclass(frozen=True)
-class Case:
-    """A case.
-
-    Attributes:
-        name: short, of the case.
-        what: is measured, in words.
-        measure: function of a way to run (``Runs``) and a fix to the number, or to it and a remark;
-            raises `Ended`.
-        most: what the number is at most where all is well.
-        why: that bound.
-    """
-
-    name: str
-    measure: Callable
-    most: float
-    _: KW_ONLY
-    why: str
-    what: str
-
-
-ROUNDING = "rounding, after the motion has made it grow"
-CASES = {
-    case.name: case
-    for case in (
-        Case("tops-runs", tops_in_two_runs, 1e-9,
-             why=ROUNDING,
-             what="symmetric tops (methane, cubes, benzene …), 100 steps in one run or in two: largest distance"),
-        Case("tops-restart", tops_restarted, 1e-9,
-             why=ROUNDING,
-             what="the same, with a restart file in the middle: largest distance"),
-        Case("images-quarter", wrapped(4.0), 1e-10,
-             why=ROUNDING,
-             what="a rod of 0.4 box lengths where image counters run over (511 to −512), 50 steps: largest distance from the same with counters near 0"),
-        Case("images-half", wrapped(7.0), 1e-10,
-             why=ROUNDING,
-             what="the same, a rod of 0.7 box lengths"),
-        Case("plane", out_of_the_plane, 0.0,
-             why="nothing drives it",
-             what="two dimensions, heat bath, no enforce2d, 10,000 steps: largest |z| + |vz|"),
-        Case("respa-order", respa_falls, 0.09,
-             why="1/16 in the limit of short steps, for a scheme of second order",
-             what="r-RESPA of two levels: what is left of the error when the outer step is a quarter as long"),
-        Case("respa-error", respa_error, 1e-5,
-             why="second order; the bound is that of the test before these results",
-             what="the same: distance from small steps of Verlet with outer steps of 0.004"),
-        Case("origin-periodic", shifted("p p p"), 1e-9,
-             why=ROUNDING,
-             what="all atoms moved by up to 10⁴ lengths in a periodic box: relative change of the pressure"),
-        Case("origin-free", shifted("s s s"), 1e-9,
-             why=ROUNDING,
-             what="the same in a box that shrinks around them"),
-        Case("angular-momentum", angular_momentum, 1e-12,
-             why=ROUNDING,
-             what="no box, 10,000 steps: relative change of the total angular momentum"),
-        Case("fix-momentum", momentum_comes_back, 1e-10,
-             why=ROUNDING,
-             what="fix momentum: the centre of mass's velocity in the ten steps after, over that before"),
-        Case("temp-rescale", rescaled, 1e-6,
-             why=ROUNDING,
-             what="fix temp/rescale to 3.0, free bodies: how far the temperature is off in the next ten steps, relative"),
-        Case("temp-csvr", bath, 0.17,
-             why="chance, in ten samples of few bodies",
-             what="fix temp/csvr to 3.0: how far the mean temperature is off, relative"),
-        Case("tiny", tiny, 1e-9,
-             why=ROUNDING,
-             what="moments of inertia of 10⁻⁴⁶ kg m², 50 steps: distance from the same bodies in LJ units"),
-        Case("nearly-linear", nearly_linear, 0.01,
-             why="bodies bent by 1e-3 differ by some 1e-3",
-             what="triatomics bent by 10⁻¹² to 10⁻³ rad: relative difference of the energy's range from that of straight ones"),
-    )
-}  # fmt: skip
+@case("nearly-linear", 0.01, why="bodies bent by 1e-3 differ by some 1e-3")
+def _nearly_linear(simulate, fix):
+    """triatomics bent by 10⁻¹² to 10⁻³ rad: relative difference of the energy's range from that of
+    straight ones"""
+    boxed = map(_triatomics, (0.0, 1e-12, 1e-8, 1e-5, 1e-3))
+    runs = (simulate(system, fix, 400, before=SMOOTH, dt=2) for system in boxed)
+    straight, *others = (np.ptp(run.thermo["TotEng"]) for run in runs)
+    return max(abs(one / straight - 1) for one in others)

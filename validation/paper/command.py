@@ -52,24 +52,22 @@ def run(arguments) -> int:
     if arguments.liquid:
         lengths = replace(lengths, liquid=arguments.liquid)
     out = command_line.folder(arguments.out, "results/paper", not arguments.full)
-    screen = console.console()
-    trajectories = list(plan.plan(lengths, arguments.ranks, out / "runs"))
-    names, wanted = {one.name for one in trajectories}, set()
+    screen, runs = console.console(), out / "runs"
+    all_of_them = {one.name: one for one in plan.plan(lengths, arguments.ranks, runs)}
+    wanted: set[str] = set()
     for part in arguments.parts or ("",):
-        found = {part} & names or {name for name in names if name.startswith(part)}
+        found = {part} & all_of_them.keys() or {one for one in all_of_them if one.startswith(part)}
         if not found:
             arguments.parser.error(f"no trajectory's name begins with {part}")
         wanted |= found
-    chosen = [one for one in trajectories if one.name in wanted]
-    (out / "runs").mkdir(parents=True, exist_ok=True)
+    chosen = [one for name, one in all_of_them.items() if name in wanted]
+    runs.mkdir(parents=True, exist_ok=True)
+    how = arguments.ranks, arguments.silence
     with console.Meter(screen, sum(one.steps for one in chosen)) as meter:
-        found, circumstances = plan.paper(
-            out / "runs", chosen, arguments.ranks, arguments.silence, meter
-        )
-    summary = circumstances | {"lengths": asdict(lengths)} | measure.judge(found)
-    report.write(summary, found, out)
+        series, circumstances = plan.paper(runs, chosen, *how, meter)
+    summary = circumstances | {"lengths": asdict(lengths)} | measure.judge(series)
+    report.write(summary, series, out)
     report.show(screen, summary, out)
-    return command_line.status(
-        summary["interrupted"],
-        any(one.error for one in found.values() if one.trajectory.integrator.name != "gear"),
-    )
+    failed = (one for one in series.values() if one.error)
+    judged = any(one.trajectory.integrator.name != "gear" for one in failed)
+    return command_line.status(summary["interrupted"], judged)

@@ -1,11 +1,14 @@
 """The paper's figures 2a, 2b and 3 from ``paper``'s energies, and some of what they depend on."""
 
+from pathlib import Path
+
 import matplotlib.pyplot as plt
 import numpy as np
 
 from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, draw_each
-from validation.paper.measure import BEGINNING, gear_pairs
+from validation.paper.measure import BEGINNING, Found, gear_pairs
 from validation.paper.plan import AVERAGE_MEASURE, DIMER_DT, DT, SMALL_DT, TEMPERATURE
+from validation.running.trajectory import Series
 from validation.scenes import SCENES
 
 POINTS = 400  # of a curve
@@ -16,31 +19,32 @@ FIGURE_2A, FIGURE_2B = (
     {prefix.format(name): how for name, how in TWO.items()} for prefix in ("dimer-{}-1", "water-{}")
 )
 FIGURE_3 = {"peptide-nosquish": "(a) NO_SQUISH", "peptide-shake": "(b) SHAKE"}
+Drawn = tuple[plt.Figure | None, str]  # and its caption
 SHOWN = *FIGURE_2A, *FIGURE_2B, *FIGURE_3
 
 
-def thin(one):
+def thin(one: Series) -> tuple[np.ndarray, np.ndarray]:
     """Time in ps and Delta E, at most `POINTS` samples, evenly picked."""
     pick = np.unique(np.linspace(0, len(one.total) - 1, min(POINTS, len(one.total))).astype(int))
-    return one.time[pick], (one.total[pick] - one.total.mean()) / abs(one.total.mean())
+    return one.time[pick], _relative(one, one.total[pick])
 
 
-def running_mean(one):
-    """Time in ps and the mean of Delta E in a window of a `RUNNING`th of the trajectory about
-    it."""
+def _relative(one, energy):
+    return (energy - one.total.mean()) / abs(one.total.mean())
+
+
+def _running_mean(one):
+    """Time in ps and the mean of Delta E in a window about it."""
     window = max(1, len(one.total) // RUNNING)
-    time, energy = (
-        np.convolve(values, np.full(window, 1 / window), "valid")[:: max(1, window // 10)]
-        for values in (one.time, one.total)
-    )
-    return time, (energy - one.total.mean()) / abs(one.total.mean())
+    kernel, pick = np.full(window, 1 / window), slice(None, None, max(1, window // 10))
+    time, energy = (np.convolve(x, kernel, "valid")[pick] for x in (one.time, one.total))
+    return time, _relative(one, energy)
 
 
-def draw(found, summary, out):
+def draw(found: Found, summary: dict, out: Path) -> list[tuple[Path, str]]:
     """All figures that there are numbers for: list of (PNG path, caption)."""
-    return draw_each(
-        (figure_2a, figure_2b, figure_3, gear, force_field, helix), out, found, summary
-    )
+    figures = figure_2a, figure_2b, figure_3, gear, force_field, helix
+    return draw_each(figures, out, found, summary)
 
 
 def _has(found, name):
@@ -48,150 +52,124 @@ def _has(found, name):
 
 
 def _figure_2(found, curves):
-    """A panel with curves of Delta E and their running means, or None; ``curves`` as
-    `FIGURE_2A`."""
-    shown = [(found[name], *how) for name, how in curves.items() if _has(found, name)]
+    """A panel with curves of Delta E and their running means; ``curves`` as `FIGURE_2A`."""
+    shown = [(found[name], *how) for name, how in curves.items() if _has(found, name)][::-1]
     if not shown:
         return None
     figure, axis = plt.subplots(figsize=(7.5, 3.2), layout="constrained")
-    for one, label, colour, _ in reversed(shown):
+    for one, label, colour, _ in shown:
         time, error = thin(one)
         axis.plot(time, error * 1e6, label=label, lw=0.5, alpha=0.5, color=colour)
-    for one, label, _, colour in reversed(shown):
-        time, error = running_mean(one)
+    for one, label, _, colour in shown:
+        time, error = _running_mean(one)
         axis.plot(time, error * 1e6, label=f"{label}, running mean", lw=1.8, color=colour)
-    axis.set_xlabel("t (ps)")
-    axis.set_ylabel("ΔE(t) × 10$^{6}$")
+    axis.set(xlabel="t (ps)", ylabel="ΔE(t) × 10$^{6}$")
     axis.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98))
     return figure
 
 
-def figure_2a(found, summary):
+def figure_2a(found: Found, summary: dict) -> Drawn:
     """The dimer."""
     return _figure_2(found, FIGURE_2A), (
-        f"Figure 2a again: {SCENES['dimer'].title}, Δt = {DIMER_DT:g} fs; energy conservation measure of NO_SQUISH and reference 12 "
-        f"from the same start, the first of several. What both do from step to step is the force splitting's; they differ in the slow wander, the "
+        f"Figure 2a again: {SCENES['dimer'].title}, Δt = {DIMER_DT:g} fs; energy conservation "
+        "measure of NO_SQUISH and reference 12 from the same start, the first of several. What "
+        "both do from step to step is the force splitting's; they differ in the slow wander, the "
         f"running mean (windows of a {RUNNING}th of the time)."
     )
 
 
-def figure_2b(found, summary):
+def figure_2b(found: Found, summary: dict) -> Drawn:
     """The liquid."""
     return _figure_2(found, FIGURE_2B), (
-        f"Figure 2b again: {SCENES['water'].title}, Δt = {DT:g} fs; energy conservation measure of NO_SQUISH and reference 12, and running means."
+        f"Figure 2b again: {SCENES['water'].title}, Δt = {DT:g} fs; energy conservation measure "
+        "of NO_SQUISH and reference 12, and running means."
     )
 
 
-def figure_3(found, summary):
+def figure_3(found: Found, summary: dict) -> Drawn:
     """The peptide."""
-    panels = [(name, label) for name, label in FIGURE_3.items() if _has(found, name)]
+    panels = [(found[name], label) for name, label in FIGURE_3.items() if _has(found, name)]
     if not panels:
         return None, ""
-    figure, axes = plt.subplots(
-        len(panels),
-        1,
-        figsize=(7.5, 0.8 + 1.7 * len(panels)),
-        sharex=True,
-        sharey=True,
-        squeeze=False,
-        layout="constrained",
-    )
-    for axis, (name, label), colour in zip(axes[:, 0], panels, (OURS, OTHERS)):
-        time, error = thin(found[name])
-        axis.axhspan(
-            -AVERAGE_MEASURE * 1e5,
-            AVERAGE_MEASURE * 1e5,
-            color=PALE,
-            alpha=0.5,
-            lw=0,
-            label=f"the paper's average, {AVERAGE_MEASURE:g}",
-        )
+    size: dict = {"figsize": (7.5, 0.8 + 1.7 * len(panels)), "layout": "constrained"}
+    figure, axes = plt.subplots(len(panels), sharex=True, sharey=True, squeeze=False, **size)
+    paper, told = AVERAGE_MEASURE * 1e5, f"the paper's average, {AVERAGE_MEASURE:g}"
+    for axis, (one, label), colour in zip(axes[:, 0], panels, (OURS, OTHERS)):
+        time, error = thin(one)
+        axis.axhspan(-paper, paper, color=PALE, alpha=0.5, lw=0, label=told)
         axis.plot(time, error * 1e5, lw=0.7, color=colour)
         axis.set_title(label, loc="left", fontsize=10)
     axes[0, 0].legend(loc="lower right", bbox_to_anchor=(1, 1), frameon=False)
     axes[-1, 0].set_xlabel("t (ps)")
     figure.supylabel("ΔE(t) × 10$^5$", fontsize=10)
     return figure, (
-        f"Figure 3 again: {SCENES['peptide'].title}, {TEMPERATURE['peptide']:g} K, Δt = {DT:g} fs. "
-        f"Grey: the average measure that the paper reports, ±{AVERAGE_MEASURE:g}."
+        f"Figure 3 again: {SCENES['peptide'].title}, {TEMPERATURE['peptide']:g} K, "
+        f"Δt = {DT:g} fs. Grey: the average measure that the paper reports, ±{AVERAGE_MEASURE:g}."
     )
 
 
-def gear(found, summary):
+def gear(found: Found, summary: dict) -> Drawn:
     """How far the energy goes with Gear's scheme and with NO_SQUISH."""
     scenes = gear_pairs({name: one for name, one in found.items() if not one.error})
     if not scenes:
         return None, ""
-    figure, axes = plt.subplots(
-        1, len(scenes), figsize=(2 + 4 * len(scenes), 3.2), squeeze=False, layout="constrained"
-    )
+    size: dict = {"figsize": (2 + 4 * len(scenes), 3.2), "layout": "constrained"}
+    figure, axes = plt.subplots(1, len(scenes), squeeze=False, **size)
     for axis, (scene, pairs) in zip(axes[0], scenes.items()):
         for series, label, colour in zip(zip(*pairs), ("NO_SQUISH", "Gear"), (OURS, THIRD)):
             count = min(len(one.total) for one in series)
-            change = np.sqrt(
-                np.mean([(one.total[:count] - one.total[0]) ** 2 for one in series], axis=0)
-            )
+            changes = [one.total[:count] - one.total[0] for one in series]
             pick = np.unique(np.geomspace(1, count - 1, POINTS).astype(int))
-            axis.loglog(
-                series[0].time[pick] - series[0].time[0],
-                change[pick],
-                lw=0.8,
-                color=colour,
-                label=label,
-            )
-        axis.set_title(
-            f"{scene}, {series[0].trajectory.dt:g} fs, {len(pairs)} starts", loc="left", fontsize=10
-        )
+            change, time = np.sqrt(np.mean(np.square(changes), axis=0)), series[0].time
+            axis.loglog(time[pick] - time[0], change[pick], lw=0.8, color=colour, label=label)
+        title = f"{scene}, {series[0].trajectory.dt:g} fs, {len(pairs)} starts"
+        axis.set_title(title, loc="left", fontsize=10)
         axis.set_xlabel("t (ps)")
     axes[0, 0].set_ylabel("E(t) − E(0), rms (kcal/mol)")
     axes[0, 0].legend(frameon=False)
     return figure, (
-        f"Root mean square over the starts of the energy's change, counted from behind the first {BEGINNING} steps, in which Gear's scheme finds its "
-        "derivatives and its energy jumps. It is of higher order, and better at first; its drift comes through where the curves cross."
+        "Root mean square over the starts of the energy's change, counted from behind the first "
+        f"{BEGINNING} steps, in which Gear's scheme finds its derivatives and its energy jumps. It "
+        "is of higher order, and better at first; its drift comes through where the curves cross."
     )
 
 
-def force_field(found, summary):
+def force_field(found: Found, summary: dict) -> Drawn:
     """What the force field alone does to the energy, in the time of the run at the usual step."""
     rows = [row for row in summary["force_field"] if "variance" in row]
     if not rows:
         return None, ""
     figure, axis = plt.subplots(figsize=(8, 0.9 + 0.4 * len(rows)), layout="constrained")
-    places, (parts, errors) = (
-        np.arange(len(rows)),
-        np.transpose([[row["variance"][key] for key in ("value", "error")] for row in rows]),
-    )
-    axis.barh(places, parts, xerr=errors, color=OTHERS, ecolor=INK, height=0.6, capsize=3)
-    axis.axvline(
-        rows[0]["usual_variance"],
-        color=OURS,
-        label=f"whole variance at {DT:g} fs, {rows[0]['usual_ps']:.4g} ps",
-    )
+    parts, errors = ([row["variance"][key] for row in rows] for key in ("value", "error"))
+    bars: dict = {"color": OTHERS, "ecolor": INK, "height": 0.6, "capsize": 3}
+    axis.barh(range(len(rows)), parts, xerr=errors, **bars)
+    span = f"{rows[0]['usual_ps']:.4g} ps"
+    whole = f"whole variance at {DT:g} fs, {span}"
+    axis.axvline(rows[0]["usual_variance"], color=OURS, label=whole)
     axis.legend(frameon=False)
-    axis.set_yticks(places, [row["name"] for row in rows])
+    axis.set_yticks(range(len(rows)), [row["name"] for row in rows])
     axis.invert_yaxis()
     axis.set_xlabel("variance of the energy (kcal/mol)²")
     return figure, (
-        f"The force field's own part: fluctuation and random walk of the peptide scene's energy with NO_SQUISH at {SMALL_DT:g} fs, with what is said at "
-        f"the left changed, and what they come to in {rows[0]['usual_ps']:.4g} ps."
+        "The force field's own part: fluctuation and random walk of the peptide scene's energy "
+        f"with NO_SQUISH at {SMALL_DT:g} fs, with what is said at the left changed, and what they "
+        f"come to in {span}."
     )
 
 
-def helix(found, summary):
+def helix(found: Found, summary: dict) -> Drawn:
     """The helix against time."""
     if not summary["helix"]:
         return None, ""
     figure, axes = plt.subplots(2, 1, figsize=(9, 4), sharex=True, layout="constrained")
     for (name, path), colour in zip(summary["helix"].items(), (OURS, OTHERS, THIRD)):
+        how = {"color": colour, "lw": 0.9, "label": name.removeprefix("peptide-")}
         for axis, key in zip(axes, ("helical", "rmsd")):
-            axis.plot(
-                path["time"], path[key], color=colour, lw=0.9, label=name.removeprefix("peptide-")
-            )
+            axis.plot(path["time"], path[key], **how)
     axes[0].set_ylabel("helical residues")
-    axes[1].set_ylabel("RMSD (Å)")
-    axes[1].set_xlabel("t (ps)")
+    axes[1].set(xlabel="t (ps)", ylabel="RMSD (Å)")
     axes[0].legend(frameon=False, ncols=3)
-    return (
-        figure,
-        "The peptide: residues that are alpha helix by DSSP, and the backbone's distance from its start.",
+    return figure, (
+        "The peptide: residues that are alpha helix by DSSP, and the backbone's distance from its "
+        "start."
     )

@@ -7,16 +7,19 @@ their spread: `PUBLISHED` and its error are worked out from the authors' files, 
 number by number.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from validation.running import machine, run
-from validation.scenes import FS_PER_PS, INPUTS, SCENES
+from validation.scenes import FS_PER_PS, INPUTS, SCENES, Scene
 from validation.scenes.integrators import INTEGRATORS
 from validation.scenes.starts import from_dump, to_dump
 from validation.statistics import measures
 from validation.statistics.check import Check
+from validation.statistics.estimate import Estimate, combined
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
@@ -31,61 +34,71 @@ THEIR_ERROR = 1 / np.sqrt(2 * ENERGIES)  # of these, relative, for they do not d
 ENERGY, ENERGY_AT_298, HEAT_CAPACITY = -6475.0, -6616.5, 17.5  # kcal/mol, kcal/mol, kcal/mol/K
 TEMPERATURE = 298.0 + (ENERGY - ENERGY_AT_298) / HEAT_CAPACITY  # K
 ORIGINS = {
-    "standard deviations of the energy": f"computed here: of TotEng in the authors' Figures/NVE_1fs.csv to NVE_4fs.csv ({SERIES}); the paper draws "
-    "these energies and prints no standard deviation",
-    "their errors": f"computed here: 1/√(2·{ENERGIES}) of each, for {ENERGIES} energies that do not depend on each other",
-    "903 molecules, 970 kg/m³, cutoff 10 Å from 9.5 Å on, erfc(0.29 r/Å)": f"the authors' manuscript, as in the paper (rigid_bodies.tex, {SERIES})",
-    "parameters of the potential": "the input of the authors' program (github.com/craabreu/rigid_nvt); the paper cites TIP3P's first ones",
-    f"temperature, {TEMPERATURE:.0f} K": f"computed here: from the mean of these energies, and from energy and heat capacity at 298 K in Figures/S1.csv ({SERIES})",
+    "standard deviations of the energy": "computed here: of TotEng in the authors' "
+    f"Figures/NVE_1fs.csv to NVE_4fs.csv ({SERIES}); the paper draws these energies and prints no "
+    "standard deviation",
+    "their errors": f"computed here: 1/√(2·{ENERGIES}) of each, for {ENERGIES} energies that do "
+    "not depend on each other",
+    "903 molecules, 970 kg/m³, cutoff 10 Å from 9.5 Å on, erfc(0.29 r/Å)": "the authors' "
+    f"manuscript, as in the paper (rigid_bodies.tex, {SERIES})",
+    "parameters of the potential": "the input of the authors' program "
+    "(github.com/craabreu/rigid_nvt); the paper cites TIP3P's first ones",
+    f"temperature, {TEMPERATURE:.0f} K": "computed here: from the mean of these energies, and from "
+    f"energy and heat capacity at 298 K in Figures/S1.csv ({SERIES})",
 }
 WITHIN = 0.10  # of the published numbers
 ALL = "all"  # time steps together
 TITLES = {
-    "spread": f"Standard deviation of the energy over the published one, 903 TIP3P molecules at {TEMPERATURE:.0f} K"
+    "spread": "Standard deviation of the energy over the published one, 903 TIP3P molecules at "
+    f"{TEMPERATURE:.0f} K"
 }
 
 # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
-BATH, MEAN, REST, BATH_DT = (4.0, 6.0, 1.0, 2.0)
+BATH, MEAN, REST, BATH_DT = 4.0, 6.0, 1.0, 2.0
 SAMPLED = 12.0  # fs between samples of the energy
 
 
-def scene():
+def scene() -> Scene:
     """Their water."""
-    setup = (
-        "units real",
-        "atom_style full",
-        "read_data data.smooth",
-        "include forcefield.smooth",
-        "group water type 1 2",
+    files = "read_data data.smooth", "include forcefield.smooth"
+    return replace(
+        SCENES["water"],
+        name="water-smooth",
+        title="903 TIP3P molecules at 0.97 g/cm³, smooth cutoff",
+        folder=INPUTS / "water_smooth",
+        setup=("units real", "atom_style full", *files, "group water type 1 2"),
+        unit=903,
+        sizes=(),
+        cutter=None,
+        subject=None,
     )
-    return replace(SCENES["water"], name="water-smooth", title="903 TIP3P molecules at 0.97 g/cm³, smooth cutoff", folder=INPUTS / "water_smooth",
-                   setup=setup, unit=903, sizes=(), cutter=None, subject=None)  # fmt: skip
 
 
-def steps(time, dt):
+def steps(time: float, dt: float) -> int:
     """How many steps of dt (fs) a time (ps) has."""
     return round(time * FS_PER_PS / dt)
 
 
-def total(time):
+def total(time: float) -> int:
     """Steps of all runs together; time in ps."""
     return steps(BATH + MEAN + REST, BATH_DT) + sum(steps(time, dt) for dt in PUBLISHED)
 
 
-def published(out, time, ranks, silence, meter):
+def published(
+    out: Path, time: float, ranks: int, silence: float, meter: run.Meter
+) -> tuple[dict[float, run.Result], bool]:
     """Run what is not there yet.
 
     Args:
-        out: folder.  time: ps of each time step.  ranks: MPI ranks.
+        time: ps of each time step.
         silence: s without a sign of life after which a run is given up.
-        meter: a ``console.Meter``.
 
     Returns:
-        (found, interrupted): time step (fs) to ``run.Result``, of those that were begun.
+        by time step (fs), of those that were begun; whether a Ctrl-C ended it.
     """
     water, ours, start = scene(), INTEGRATORS["nosquish"], out / "start"
-    dump = (start / "state.dump").resolve()
-    rest = steps(REST, BATH_DT)
+    dump, rest = (start / "state.dump").resolve(), steps(REST, BATH_DT)
+    how: dict = {"ranks": ranks, "silence": silence, "positions": False}
 
     def do(label, job):
         meter.begin(label, sum(job.runs))
@@ -93,7 +106,26 @@ def published(out, time, ranks, silence, meter):
         meter.end(result.error)
         return result
 
-    more = [
+    more = _to_the_mean(water, rest, dump)
+    how |= {"origin": machine.origin(water, ours)}
+    job = run.job(water, ours, start, [rest], dt=BATH_DT, every=100, more=more, **how)
+    first = do("start", job)
+    if first.error:
+        return dict.fromkeys(PUBLISHED, first), first.interrupted
+    found, water = {}, from_dump(water, dump, rest)
+    how |= {"origin": machine.origin(scene(), ours, dump)}
+    for dt in sorted(PUBLISHED, reverse=True):
+        every, length = max(1, round(SAMPLED / dt)), [steps(time, dt)]
+        job = run.job(water, ours, out / f"{dt:g}-fs", length, dt=dt, every=every, **how)
+        found[dt] = do(f"{dt:g} fs", job)
+        if found[dt].interrupted:
+            return found, True
+    return found, False
+
+
+def _to_the_mean(water, rest, dump):
+    """LAMMPS commands that bring water to the energy that it has on average at `TEMPERATURE`."""
+    return [
         f"fix bath {water.group} langevin {TEMPERATURE} {TEMPERATURE} 100.0 7123",
         f"run {steps(BATH, BATH_DT)}",
         "variable energy equal etotal",
@@ -106,79 +138,42 @@ def published(out, time, ranks, silence, meter):
         "reset_timestep 0",
         *to_dump(dump, rest),
     ]
-    first = do("start", run.job(water, ours, start, [rest], dt=BATH_DT, every=100, ranks=ranks, silence=silence, positions=False, more=more,
-                                origin=machine.origin(water, ours)))  # fmt: skip
-    found = {}
-    if first.error:
-        return dict.fromkeys(PUBLISHED, first), first.interrupted
-    for dt in sorted(PUBLISHED, reverse=True):
-        job = run.job(from_dump(water, dump, rest), ours, out / f"{dt:g}-fs", [steps(time, dt)], dt=dt, every=max(1, round(SAMPLED / dt)), ranks=ranks,
-                      silence=silence, positions=False, origin=machine.origin(water, ours, dump))  # fmt: skip
-        found[dt] = do(f"{dt:g} fs", job)
-        if found[dt].interrupted:
-            return found, True
-    return found, False
 
 
-def checks(found):
-    """What was found over what is published, for each time step; where all are known, their mean
-    too, each weighted by what it is worth.
-
-    Args:
-        found: time step (fs) to ``run.Result``.
-    """
-    made = []
-    for dt, theirs in PUBLISHED.items():
-        result = found.get(dt)
-        value = measures.Estimate(None)
-        if result is not None and not result.error:
-            spread, published = (
-                measures.standard_deviation(result.thermo["TotEng"]),
-                measures.Estimate(theirs, theirs * THEIR_ERROR),
-            )
-            value = measures.quotient(spread, published)
-            line = measures.about_line(result.thermo["Time"], result.thermo["TotEng"])
-            slope = measures.drift(result.thermo["Time"] / FS_PER_PS, result.thermo["TotEng"])
-            drifts = (
-                f", drifts by {slope.text()} kcal/mol/ps" if abs(slope.value) > slope.margin else ""
-            )
-            note = f"{spread.text()} (about its line {line.text()}{drifts}) over {published.text()} kcal/mol"
-        else:
-            note = f"no complete run: {result.error if result else 'not begun'}"
-        made.append(_check(f"{dt:g} fs", value, note))
+def checks(found: dict[float, run.Result]) -> list[Check]:
+    """What was found over what is published, for each time step (fs); where all are known, their
+    mean too, each weighted by what it is worth."""
+    made = list(_each(found))
     if all(one.value is not None for one in made):
-        values, weights = (
-            np.array([one.value for one in made]),
-            np.array([one.error for one in made]) ** -2.0,
-        )
-        parts = (
-            (weight * one.error, one.freedom) for weight, one in zip(weights / weights.sum(), made)
-        )
-        made.append(
-            _check(
-                ALL,
-                measures.Estimate(np.average(values, weights=weights), *measures.combined(*parts)),
-                "",
-            )
-        )
+        weights = np.array([one.error for one in made]) ** -2.0
+        weights /= weights.sum()
+        parts = ((weight * one.error, one.freedom) for weight, one in zip(weights, made))
+        mean = weights @ [one.value for one in made]
+        made.append(_check(ALL, "all four", Estimate(mean, *combined(*parts))))
     return made
 
 
-def _check(subject, found, note):
+def _each(found) -> Iterator[Check]:
+    for dt, theirs in PUBLISHED.items():
+        result, value = found.get(dt), None
+        note = f"no complete run: {result.error if result else 'not begun'}"
+        if result and not result.error:
+            time, energy = result.thermo["Time"], result.thermo["TotEng"]
+            spread, other = (
+                measures.standard_deviation(energy),
+                Estimate(theirs, theirs * THEIR_ERROR),
+            )
+            value, line = measures.quotient(spread, other), measures.about_line(time, energy)
+            slope = measures.drift(time / FS_PER_PS, energy)
+            told = f", drifts by {slope.text()} kcal/mol/ps"
+            drifts = told if abs(slope.value) > slope.margin else ""
+            note = f"{spread.text()} (about its line {line.text()}{drifts}) over {other.text()}"
+            note += " kcal/mol"
+        yield _check(f"{dt:g} fs", FILE.format(dt), value, note)
+
+
+def _check(subject, file, found, note=""):
     what = "standard deviation of the total energy over the published one"
-    value, error, freedom = found
-    file = "all four" if subject == ALL else FILE.format(float(subject.split()[0]))
     source = f"{SOURCE}; theirs and its error computed here from TotEng in {file}, {SERIES}"
-    return Check(
-        "spread",
-        subject,
-        what,
-        value,
-        error,
-        1 - WITHIN,
-        1 + WITHIN,
-        "",
-        note,
-        source,
-        freedom=freedom,
-    )
+    how = {"low": 1 - WITHIN, "high": 1 + WITHIN, "note": note, "source": source}
+    return Check.of("spread", subject, what, found, **how)

@@ -6,79 +6,61 @@ import io
 import json
 import subprocess
 import sys
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image
 
 from validation import CHECKOUT, RESULTS
+from validation.command_line import INTERRUPTED
 from validation.pages.page import page
-from validation.report import pieces as overview_pieces
+from validation.pages.said import Figure, Said, Table
 from validation.report import sections as overview
 from validation.running import machine
 
 # of a figure: pixels; lines and text need no more, and a PNG's palette has no more
-WIDEST, COLOURS = (1400, 256)
-INTERRUPTED = 130  # exit status of a verb after a Ctrl-C
+WIDEST, COLOURS = 1400, 256
 SHORT = {"sweep": ("--ranks", "2"), "stability": ()}  # what --short runs, on two cores
+BROKEN = OSError, ValueError, KeyError, TypeError, AttributeError, IndexError  # of any file
 
 
 @dataclass(frozen=True)
 class Section:
-    """A part with what was found of it.
-
-    Attributes:
-        part: the ``overview.Part``.
-        name: of the folder that was looked for.
-        folder: where the results are; None if nowhere.
-        summary: as it was read; empty if it could not be.
-        said: what it ``overview_pieces.Said``.
-        warnings: why something is missing.
-    """
+    """A part with what was found of it."""
 
     part: overview.Part
-    name: str
-    folder: Path | None
-    summary: dict
-    said: overview_pieces.Said
-    warnings: list
+    name: str  # of the folder that was looked for
+    folder: Path | None  # where the results are; None if nowhere
+    summary: dict  # as it was read; empty if it could not be
+    said: Said
+    warnings: list[str]  # why something is missing
 
     @property
-    def measured(self):
+    def measured(self) -> str:
         """When, and with which package."""
         return f"Measured {_days(self.summary)} with {machine.package(self.summary)}."
 
     @property
-    def commands(self):
+    def commands(self) -> list[str]:
         """What makes these results, or would."""
-        made = (
-            [self.summary["command"]]
-            if "command" in self.summary
-            else [f"python -m validation {self.part.verb}"]
-        )
-        return self.said.commands or made
+        usual = self.summary.get("command", f"python -m validation {self.part.verb}")
+        return self.said.commands or [usual]
 
 
 def _days(summary):
     """The days of a summary: of its parts, where these were measured at different times."""
-    parts = (
-        [*(scene.get("swept", {}) for scene in summary.get("scenes", {}).values())]
-        or [*summary.get("points", ())]
-        or [summary]
-    )
-    days = sorted(
-        {
-            told[:10]
-            for part in parts
-            if (told := part.get("date") or part.get("begin") or summary.get("date"))
-        }
-    )
+    scenes = [scene.get("swept", {}) for scene in summary.get("scenes", {}).values()]
+    parts = scenes or [*summary.get("points", ())] or [summary]
+    told = (one.get("date") or one.get("begin") or summary.get("date") for one in parts)
+    days = sorted({day[:10] for day in told if day})
     if not days:
         return "on a day that is not told"
-    return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"
+    return " to ".join(dict.fromkeys((days[0], days[-1])))
 
 
-def gather(results):
+def gather(results: Path) -> list[Section]:
     """A `Section` for each of ``overview.PARTS``, and for each folder of a pattern.
 
     Args:
@@ -87,24 +69,22 @@ def gather(results):
     """
     sections = []
     for part in overview.PARTS:
-        found = {}
+        found: dict[str, Path] = {}
         for root in results, RESULTS:
             for name in part.name, f"{part.name}-short":
                 for summary in sorted(root.glob(f"{name}/summary.json")):
                     found.setdefault(summary.parent.name.removesuffix("-short"), summary)
-        sections += [_read(part, name, path) for name, path in found.items()] or [
-            _missing(part, part.name, None, [])
-        ]
+        sections += [_read(part, *one) for one in found.items()] or [_missing(part, part.name)]
     return sections
 
 
-def has(results, name):
+def has(results: Path, name: str) -> bool:
     """Whether a folder has a complete summary of a part, or of its short form."""
     for path in results / name / "summary.json", results / f"{name}-short" / "summary.json":
         try:
             if not json.loads(path.read_text())["interrupted"]:
                 return True
-        except (OSError, ValueError, KeyError, TypeError):
+        except BROKEN:
             continue
     return False
 
@@ -117,138 +97,107 @@ def _read(part, name, path):
             text = text.replace(old, new)
         summary = json.loads(text)
         said = part.says(summary)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, IndexError) as problem:
-        why = f"{_place(path)} is not what `{part.verb}` writes ({type(problem).__name__}: {str(problem)[:80]})."
-        return _missing(part, name, path.parent, [why])
+    except BROKEN as problem:
+        told = f"({type(problem).__name__}: {str(problem)[:80]})"
+        why = f"{_place(path)} is not what `{part.verb}` writes {told}."
+        return _missing(part, name, path.parent, why)
     warnings = []
     if summary.get("interrupted"):
-        warnings.append(
-            "Interrupted: what had been measured by then. The same command goes on from there."
-        )
+        told = "Interrupted: what had been measured by then."
+        warnings.append(f"{told} The same command goes on from there.")
     if path.parent.name.endswith("-short") or "--short" in summary.get("command", ""):
-        warnings.append(f"A short run, for a first look{': ' * bool(said.extent)}{said.extent}.")
+        extent = f": {said.extent}" if said.extent else ""
+        warnings.append(f"A short run, for a first look{extent}.")
     return Section(part, name, path.parent, summary, said, warnings)
 
 
-def _missing(part, name, folder, warnings):
+def _missing(part, name, folder=None, *warnings):
     """The section of results that are not there."""
-    return Section(
-        part,
-        name,
-        folder,
-        {},
-        overview_pieces.Said(),
-        [*warnings, f"No results; this makes them: python -m validation {part.verb}."],
-    )
+    told = f"No results; this makes them: python -m validation {part.verb}."
+    return Section(part, name, folder, {}, Said(), [*warnings, told])
 
 
 def _facts(sections):
     """Machine and versions: {what: {value: names of the sections that have it}}."""
-    seen = {}
+    seen: dict = defaultdict(lambda: defaultdict(list))
     for section in sections:
-        for key, value in (
-            section.summary.get("machine", {}) | section.summary.get("versions", {})
-        ).items():
+        told = section.summary.get("machine", {}) | section.summary.get("versions", {})
+        for key, value in told.items():
             # the package stands beside each result
             if key not in ("load_at_start", "package", "fix_nosquish"):
-                seen.setdefault(key.replace("_", " "), {}).setdefault(value, []).append(
-                    section.name
-                )
+                seen[key.replace("_", " ")][value].append(section.name)
     return seen
 
 
-def common(sections):
+def common(sections: Iterable[Section]) -> str:
     """With what all was measured, as far as the sections do not differ in it, in one line."""
-    return ", ".join(
-        f"{key} {value}"
-        for key, values in _facts(sections).items()
-        if len(values) == 1
-        for value in values
-    )
+    same = {what: values for what, values in _facts(sections).items() if len(values) == 1}
+    return ", ".join(f"{what} {value}" for what, values in same.items() for value in values)
 
 
-def differing(sections):
+def differing(sections: Iterable[Section]) -> dict[str, dict]:
     """In which of the machine and versions the sections differ: {what: {value: names of the
     sections that have it}}."""
     return {key: values for key, values in _facts(sections).items() if len(values) > 1}
 
 
-def circumstances(sections):
-    """A ``overview_pieces.Table``: by which command each section was measured, and in what its
-    machine and versions differ from others'."""
+def circumstances(sections: Sequence[Section]) -> Table:
+    """By which command each section was measured, and in what its machine and versions differ from
+    others'."""
     seen, rows = differing(sections), []
-    for section in sections:
-        of_it = [
-            ", ".join(str(value) for value, names in values.items() if section.name in names)
-            or "not told"
+    for one in sections:
+        told = (
+            ", ".join(str(value) for value, names in values.items() if one.name in names)
             for values in seen.values()
-        ]
-        rows.append(
-            [
-                overview_pieces.Cell(text)
-                for text in (
-                    section.part.title,
-                    *of_it,
-                    _place(section.folder),
-                    "; ".join(section.commands),
-                )
-            ]
         )
-    return overview_pieces.Table("Each part", ("part", *seen, "results", "command"), rows)
+        where = _place(one.folder), "; ".join(one.commands)
+        rows.append([one.part.title, *(words or "not told" for words in told), *where])
+    return Table.of("Each part", ("part", *seen, "results", "command"), rows)
 
 
-def write(sections, path):
-    """Write the page.
-
-    Args:
-        sections: list of `Section`.
-        path: of the page.
-    """
+def write(sections: Sequence[Section], path: Path) -> None:
+    """Write the page."""
     found = [section for section in sections if section.folder]
     short = [(section, line) for section in found for line in section.said.short]
-    page("overview.html", path, [], sections=sections, short=short, picture=picture, date=machine.now(), commit=commit(), common=common(found),
-         differing=differing(found), circumstances=circumstances(found), renamed=" and ".join(overview.NAMES))  # fmt: skip
+    values = {
+        "sections": sections,
+        "short": short,
+        "picture": picture,
+        "date": machine.now(),
+        "commit": commit(),
+        "common": common(found),
+        "differing": differing(found),
+        "circumstances": circumstances(found),
+        "renamed": " and ".join(overview.NAMES),
+    }
+    page("overview.html", path, [], **values)
 
 
-def picture(section, figure):
-    """A section's ``overview_pieces.Figure``: its data, and why there is none."""
-    path = section.folder / figure.file
+def picture(section: Section, figure: Figure) -> tuple[str | None, str | None]:
+    """A section's figure: its data, and why there is none."""
+    path = (section.folder or RESULTS) / figure.file
     try:
         return light(path), None
     except FileNotFoundError:
         return None, f"{_place(path)} is not there."
-    except (
-        OSError,
-        SyntaxError,
-    ) as problem:  # what Pillow raises of a file that is no image, or is cut short
+    except (OSError, SyntaxError) as problem:  # Pillow's, of what is no image, or is cut short
         return None, f"{_place(path)} cannot be shown: {problem}."
 
 
 def _place(path):
     """A path as text, from the checkout where it is in it."""
-    return (
-        str(path.resolve().relative_to(CHECKOUT))
-        if path.resolve().is_relative_to(CHECKOUT)
-        else str(path)
-    )
+    whole = path.resolve()
+    return str(whole.relative_to(CHECKOUT) if whole.is_relative_to(CHECKOUT) else path)
 
 
-def run_short(verb, out):
+def run_short(verb: str, out: Path) -> bool:
     """Run a verb's short form, in a process of its own so that its results tell its own command;
     whether a Ctrl-C ended it.
 
     It has a session of its own: a Ctrl-C comes here, and is passed on once.
     """
-    command = [
-        sys.executable,
-        "-m",
-        "validation",
-        verb,
-        "--short",
-        *SHORT[verb],
-        "--out",
-        str(out.resolve()),
-    ]
+    command = [sys.executable, "-m", "validation", verb, "--short", *SHORT[verb]]
+    command += ["--out", str(out.resolve())]
     process = subprocess.Popen(command, cwd=CHECKOUT, start_new_session=True)
     try:
         process.wait()
@@ -259,7 +208,7 @@ def run_short(verb, out):
     return process.returncode == INTERRUPTED
 
 
-def light(path):
+def light(path: Path) -> str:
     """A figure as base64 text of a PNG that is not larger than need be: no wider than `WIDEST`,
     with `COLOURS` colours, those of its areas kept.
 
@@ -268,30 +217,21 @@ def light(path):
     """
     original = Path(path).read_bytes()
     with Image.open(io.BytesIO(original)) as image:
-        shape = image.size
+        height = image.size[1]
         made = image.convert("RGB")
-    made.thumbnail((WIDEST, shape[1]), Image.Resampling.LANCZOS)
+    made.thumbnail((WIDEST, height), Image.Resampling.LANCZOS)
     buffer = io.BytesIO()
     made.quantize(COLOURS, kmeans=1, dither=Image.Dither.NONE).save(buffer, "PNG", optimize=True)
     return base64.b64encode(min(original, buffer.getvalue(), key=len)).decode()
 
 
-def commit():
+def commit() -> str | None:
     """The checkout's commit, and whether files differ from it; None if git does not know."""
     if not (CHECKOUT / ".git").exists():
         return None
+    words = ["git", "-C", str(CHECKOUT), "describe", "--always", "--exclude=*", "--abbrev=12"]
     try:
-        words = [
-            "git",
-            "-C",
-            str(CHECKOUT),
-            "describe",
-            "--always",
-            "--exclude=*",
-            "--dirty= with changes",
-            "--abbrev=12",
-        ]
-        told = subprocess.run(words, check=False, capture_output=True, text=True)
+        told = subprocess.run([*words, "--dirty= with changes"], capture_output=True, text=True)
     except OSError:
         return None
     return told.stdout.strip() or None

@@ -1,13 +1,13 @@
 """What the stability atlas says to the report of all verbs: how long a step each integrator bears,
 and what breaks where."""
 
-import math
 import re
 import textwrap
+from collections import Counter, defaultdict
 
 import numpy as np
 
-from validation.report.pieces import Cell, Figure, Said, Table, sortable
+from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
 from validation.scenes import FS_PER_PS
 from validation.stability.cases import CASES
 from validation.stability.criteria import CRITERIA
@@ -16,120 +16,92 @@ from validation.stability.report import READ, package
 from validation.statistics.estimate import Estimate
 
 OURS = "nosquish"
-FIXES = [
-    name
-    for name in COMPARED
-    if name.split()[0]
-    in ("rigid", "rigid/nve", "rigid/small", "rigid/nve/small", "shake", "rattle")
-]
+LAMMPS = "rigid", "rigid/nve", "rigid/small", "rigid/nve/small", "shake", "rattle"
 WORDS = {True: "yes", False: "no", None: "cannot tell"}
-PLACES = {name: place for place, name in enumerate(COMPARED)}  # of rows
 
 
-def say(summary):
+def say(summary: dict) -> Said:
     """How long a step each integrator bears, and what breaks where."""
-    cases = summary["cases"]
-    labels = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
-    labels = {
-        name: labels[name]
-        for name in sorted(labels, key=lambda name: PLACES.get(name, len(PLACES)))
-    }
+    cases, full = summary["cases"], summary.get("full")
     unseen = [name for name in CASES if name not in {case["name"] for case in cases}]
     counts = [(case["name"], len(case["rows"]), len(case["integrators"])) for case in cases]
     partial = [f"{name} ({there} of {all_})" for name, there, all_ in counts if there < all_]
     headlines = []
     for told in summary["summary"]:
         holds = None if told["holds"] and (unseen or partial) else told["holds"]
-        headlines.append(
-            f"{told['what']}: {WORDS[holds]}"
-            + (f" ({', '.join(told['where'])})" if told["where"] else "")
-            + "."
-        )
-    headlines += [f"Cases that were not run: {', '.join(unseen)}."] * bool(unseen)
-    headlines += [f"Not all integrators have had their turn yet in {', '.join(partial)}."] * bool(
-        partial
-    )
-    rows = [
-        [Cell(case["name"]), Cell(_of_this(case["physics"], summary.get("full"))), Cell(_criterion(case, summary)), Cell(_bound(case)), Cell(row["label"]),
-         Cell(Estimate.of(row).text(), sortable(row["value"])), Cell(case["bars"]),
-         Cell(row["verdict"]), Cell(row["note"] or ""), Cell(package(row)), Cell(row["date"][:10]), Cell(row["command"])]
-        for case in cases for row in case["rows"]
-    ]  # fmt: skip
-    columns = (
-        "case",
-        "physics",
-        "criterion",
-        "bound",
-        "integrator",
-        "value",
-        "error is",
-        "verdict",
-        "note",
-        "measured with",
-        "date",
-        "command",
-    )
+        where = f" ({', '.join(told['where'])})" if told["where"] else ""
+        headlines.append(f"{told['what']}: {WORDS[holds]}{where}.")
+    if unseen:
+        headlines.append(f"Cases that were not run: {', '.join(unseen)}.")
+    if partial:
+        told = f"Not all integrators have had their turn yet in {', '.join(partial)}."
+        headlines.append(told)
     times = [np.atleast_1d(case["length"])[0] / FS_PER_PS for case in cases if case["unit"] == "fs"]
+    extent = "the limits of the time step are those of {:g} to {:g} ps"
     return Said(
-        headlines, [], [_criteria(), _changes(), Table("Every number", columns, rows)],
-        best=[_longest(cases, labels), Figure("matrix.png", READ), _physics(cases, summary)],
+        headlines,
+        tables=[_criteria(), _changes(), _every(cases, full)],
+        best=[_longest(cases), Figure("matrix.png", READ), _physics(cases, full)],
         short=[_short(cases)] if cases else [],
-        extent=f"the limits of the time step are those of {min(times):g} to {max(times):g} ps" if times else "",
-    )  # fmt: skip
+        extent=extent.format(min(times), max(times)) if times else "",
+    )
+
+
+def _rows(cases):
+    """Case and row, of all."""
+    return [(case, row) for case in cases for row in case["rows"]]
+
+
+def _every(cases, full):
+    """Every number."""
+    rows = []
+    for case, row in _rows(cases):
+        what = _of_this(case["physics"], full), _of_this(case["criterion"], full), _bound(case)
+        number = Cell(Estimate.of(row).text(), sortable(row["value"])), case["bars"], row["verdict"]
+        where = package(row), row["date"][:10], row["command"]
+        rows.append([case["name"], *what, row["label"], *number, row["note"] or "", *where])
+    head = "case, physics, criterion, bound, integrator, value, error is, verdict, note, "
+    return Table.of("Every number", head + "measured with, date, command", rows)
 
 
 def _criteria():
     """Every bound, and what it is derived from."""
-    rows = [[Cell(one.quantity), Cell(one.text()), Cell(one.derivation), Cell(one.need), Cell(", ".join(one.cases)), Cell(one.date)]
-            for one in CRITERIA.values()]  # fmt: skip
-    columns = "quantity", "bound", "derived from", "whose need", "cases", "since"
-    return Table(
-        "Criteria: each bound is derived from physics or from a user's need, apart from any result",
-        columns,
-        rows,
-    )
+    title = "Criteria: each bound is derived from physics or from a user's need, apart from any"
+    head = "quantity, bound, derived from, whose need, cases, since"
+    rows = [
+        (one.quantity, one.text(), one.derivation, one.need, ", ".join(one.cases), one.date)
+        for one in CRITERIA.values()
+    ]
+    return Table.of(f"{title} result", head, rows)
 
 
 def _changes():
     """Every change of a bound."""
-    rows = [[Cell(change.date), Cell(", ".join(change.cases)), Cell(change.old), Cell(change.new), Cell(change.reason)]
-            for one in CRITERIA.values() for change in one.changes]  # fmt: skip
-    return Table("Changes of bounds", ("date", "cases", "from", "to", "reason"), rows)
+    changes = [change for one in CRITERIA.values() for change in one.changes]
+    rows = [(one.date, ", ".join(one.cases), one.old, one.new, one.reason) for one in changes]
+    return Table.of("Changes of bounds", "date, cases, from, to, reason", rows)
 
 
 def _short(cases):
     """How many cases ours passes, and the one of LAMMPS's fixes that passes most."""
-    passed, ran = {}, {}
-    for row in (row for case in cases for row in case["rows"] if row["verdict"] != "cannot run"):
-        ran[row["label"]] = ran.get(row["label"], 0) + 1
-        passed[row["label"]] = passed.get(row["label"], 0) + (row["verdict"] == "pass")
-    ours = next(
-        (row["label"] for case in cases for row in case["rows"] if row["integrator"] == OURS), None
-    )
-    others = [
-        label
-        for label in ran
-        if label
-        in {row["label"] for case in cases for row in case["rows"] if row["integrator"] in FIXES}
-    ]
-    best = max(others, key=passed.get, default=None)
+    rows = [row for _, row in _rows(cases)]
+    ran = Counter(row["label"] for row in rows if row["verdict"] != "cannot run")
+    passed = Counter(row["label"] for row in rows if row["verdict"] == "pass")
+    ours = next((row["label"] for row in rows if row["integrator"] == OURS), None)
+    theirs = {row["label"] for row in rows if row["integrator"].split()[0] in LAMMPS}
+    best = max((one for one in ran if one in theirs), key=lambda one: passed[one], default=None)
     told = [f"{label} {passed[label]} of {ran[label]}" for label in (ours, best) if label]
-    return f"passed for sure, of the cases that a fix can run: {', '.join(told)}{', the most of LAMMPS’s fixes' * (best is not None)}."
+    most = ", the most of LAMMPS’s fixes" * (best is not None)
+    return f"passed for sure, of the cases that a fix can run: {', '.join(told)}{most}."
 
 
 def _of_this(text, full):
     """A case's text with the lengths of this run alone: they write ``0.2 ps (--full: 5 ps)``, and
     ``: 1e6 turns with --full``."""
     text = re.sub(r"(\S+ \S+) \(--full: ([^)]*)\)", r"\2" if full else r"\1", text)
-    return (
-        re.sub(r",? with --full", "", text)
-        if full
-        else re.sub(r"[:;] [^:;]*? with --full( \([^)]*\))?", "", text)
-    )
-
-
-def _criterion(case, summary):
-    return _of_this(case["criterion"], summary.get("full"))
+    if full:
+        return re.sub(r",? with --full", "", text)
+    return re.sub(r"[:;] [^:;]*? with --full( \([^)]*\))?", "", text)
 
 
 def _few(row):
@@ -139,50 +111,58 @@ def _few(row):
     return f"{row['value']:.3g}" if margin and margin[0] < 1e-3 * abs(value) else text
 
 
-def _longest(cases, labels):
+def _place(name):
+    """Where an integrator stands in a table."""
+    names = list(COMPARED)
+    return names.index(name) if name in names else len(names)
+
+
+def _longest(cases):
     """The longest stable step of each integrator."""
+    labels = {row["integrator"]: row["label"] for _, row in _rows(cases)}
     limits = [case for case in cases if case["unit"] == "fs"]
-    found = {(case["name"], row["integrator"]): row for case in limits for row in case["rows"]}
+    found = {(case["name"], row["integrator"]): row for case, row in _rows(limits)}
     rows = [
-        [Cell(label), *(_step(found.get((case["name"], name))) for case in limits)]
-        for name, label in labels.items()
+        [labels[name], *(_step(found.get((case["name"], name))) for case in limits)]
+        for name in sorted(labels, key=_place)
     ]
-    bars = {}
+    bars = defaultdict(list)
     for case in limits:
-        bars.setdefault(case["bars"], []).append(case["name"])
+        bars[case["bars"]].append(case["name"])
     what = "; ".join(f"of {', '.join(names)}: {told}" for told, names in bars.items())
+    title = f"Longest stable step, fs, and what it is to be; ± is, {what}"
     columns = "integrator", *(f"{case['name']} ({case['bound']})" for case in limits)
-    return Table(f"Longest stable step, fs, and what it is to be; ± is, {what}", columns, rows)
+    return Table.of(title, columns, rows)
 
 
 def _step(row):
     """A longest stable step, in fs: of one without an error, as it was the longest that was tried,
     what it is at least."""
     if row is None or row["value"] is None:
-        return Cell("–" if row is None else row["verdict"], math.nan)
+        return NONE if row is None else Cell(row["verdict"], NONE.value)
     least = "≥ " if row["value"] and not row["error"] else ""
     return Cell(least + Estimate.of(row).text(), row["value"], row["verdict"])
 
 
-def _physics(cases, summary):
+def _physics(cases, full):
     """A line for each case: what happens, and who does not bear it."""
+
     rows = []
     for case in cases:
         ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
-        bad = [
-            _result(row, case)
-            for row in case["rows"]
-            if row["verdict"] not in ("pass", "cannot run") and row is not ours
-        ]
-        rows.append([
-            Cell(case["name"]), Cell(_of_this(case["physics"], summary.get("full"))), Cell(f"{_criterion(case, summary)} {_bound(case)}"),
-            Cell(_result(ours, case, "") if ours else "not run", verdict=ours["verdict"] if ours else "cannot tell"), Cell("; ".join(bad) or "–"),
-        ])  # fmt: skip
-    return Table(
-        "The cases",
-        ("case", "what happens", "number, bound", "ours", "who else does not pass"),
-        rows,
-    )
+        others = [row for row in case["rows"] if row is not ours]
+        bad = [row for row in others if row["verdict"] not in ("pass", "cannot run")]
+        who = "; ".join(_result(row, case) for row in bad) or "–"
+        what = (
+            _of_this(case["physics"], full),
+            f"{_of_this(case['criterion'], full)} {_bound(case)}",
+        )
+        cell = Cell("not run", verdict="cannot tell")
+        if ours:
+            cell = Cell(_result(ours, case, ""), verdict=ours["verdict"])
+        rows.append((case["name"], *what, cell, who))
+    head = "case", "what happens", "number, bound", "ours", "who else does not pass"
+    return Table.of("The cases", head, rows)
 
 
 def _bound(case):
@@ -201,22 +181,17 @@ def _result(row, case, name=None):
     return f"{name}{_few(row)} {case['unit']}".strip() + doubt
 
 
-def standing(summary):
+def standing(summary: dict) -> str:
     """Who comes to which verdict in how many cases, and in which ones, as a Markdown table."""
-    cases = summary["cases"]
-    verdicts = {row["integrator"]: {} for case in cases for row in case["rows"]}
-    labels = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
-    for case in cases:
-        for row in case["rows"]:
-            verdicts[row["integrator"]].setdefault(
-                "fail" if row["verdict"] in LOST else row["verdict"], []
-            ).append(case["name"])
+    found: dict = defaultdict(lambda: defaultdict(list))
+    labels = {}
+    for case, row in _rows(summary["cases"]):
+        labels[row["integrator"]] = row["label"]
+        verdict = "fail" if row["verdict"] in LOST else row["verdict"]
+        found[row["integrator"]][verdict].append(case["name"])
     lines = ["| integrator | passes | fails | cannot tell | cannot run |", "|---|---|---|---|---|"]
-    for name in sorted(verdicts, key=lambda name: PLACES.get(name, len(PLACES))):
-        found = verdicts[name]
-        cells = (
-            f"{len(found[key])}: {', '.join(found[key])}" if key in found else "0"
-            for key in ("fail", "cannot tell", "cannot run")
-        )
-        lines.append(f"| `{labels[name]}` | {len(found.get('pass', []))} | {' | '.join(cells)} |")
+    for name in sorted(found, key=_place):
+        others = (found[name][key] for key in ("fail", "cannot tell", "cannot run"))
+        cells = (f"{len(some)}: {', '.join(some)}" if some else "0" for some in others)
+        lines.append(f"| `{labels[name]}` | {len(found[name]['pass'])} | {' | '.join(cells)} |")
     return "\n".join(lines)

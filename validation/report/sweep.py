@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass
 
 from validation.bench import goals
-from validation.report.pieces import Cell, Figure, Said, Table, sortable
+from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
 from validation.statistics.estimate import SURE
 from validation.sweep import choice as sweep_choice
 from validation.sweep import figures as sweep_figures
@@ -20,43 +20,41 @@ FEW = 3  # points that are named
 ORDINARY, DRIFT = 0.01, 0.1  # of that scatter; kT per ns and degree of freedom
 
 
-def say(summary):
+def say(summary: dict) -> Said:
     """What to use for each scene, and the fastest way to every error."""
-    scenes, measures = summary["scenes"], summary["measures"]
+    scenes, add = summary["scenes"], "not measured; this adds it: python -m validation sweep"
     points = [point for scene in scenes.values() for point in scene["points"]]
-    ways = [_way(name, scene, measures[way[0]], way) for name, scene in scenes.items()
-            for way in sweep_report.distinct(sweep_choice.fastest(scene["points"], scene["measures"]))]  # fmt: skip
     failed = sum(bool(point["failed"]) for point in points)
-    broken = [f"{name}: {scene['error']}" for name, scene in scenes.items() if scene.get("error")]
-    missing = [
-        f"{name}: not measured; this adds it: python -m validation sweep {name}."
-        for name in SWEEPS
-        if name not in scenes
-    ]
-    columns = (
-        "scene",
-        "wanted",
-        "use",
-        "wall s per ns, least (median)",
-        "ours / fastest",
-        "how sure",
+    missing = [f"{name}: {add} {name}." for name in SWEEPS if name not in scenes]
+    advice = [_advice(name, scene) for name, scene in scenes.items()]
+    ranks, some = goals.ranks_of(summary["ranks"]), next(iter(scenes), "water")
+    head = (
+        *("scene", "use", "sd of energy, kcal/mol", "wanted below"),
+        *("drift, kT per ns and degree of freedom", "s per ns, least (median)"),
+        *("how sure", "ours / fastest"),
     )
-    advice = {name: _advice(name, scene) for name, scene in scenes.items()}
-    head = ("scene", "use", "sd of energy, kcal/mol", "wanted below", "drift, kT per ns and degree of freedom", "s per ns, least (median)", "how sure",
-            "ours / fastest")  # fmt: skip
     return Said(
-        [*missing,
-         f"Ordinary accuracy is wanted: the total energy's standard deviation is below {100 * ORDINARY:g} % of the kinetic energy's, kT √(f/2), sure by {SURE}.",
-         f"What drifts by more than {DRIFT:g} kT per ns and degree of freedom, as sure, is out.",
-         f"For another accuracy: python -m validation advise {next(iter(scenes), 'water')} --target energy_sd=0.1."],
-        [f"{len(points)} points (an integrator with a time step), {goals.ranks_of(summary['ranks'])}; {failed} failed.", *broken],
-        [Table("Fastest way to every error", columns, ways), _points(summary)],
-        [Figure(f"{name}.png", f"{scene['title']}. {sweep_figures.READ}") for name, scene in scenes.items()],
-        [Table("What to use for an ordinary accuracy", head, [one.cells for one in advice.values()])],
+        [
+            *missing,
+            "Ordinary accuracy is wanted: the total energy's standard deviation is below "
+            f"{100 * ORDINARY:g} % of the kinetic energy's, kT √(f/2), sure by {SURE}.",
+            f"What drifts by more than {DRIFT:g} kT per ns and degree of freedom, as sure, is out.",
+            f"For another accuracy: python -m validation advise {some} --target energy_sd=0.1.",
+        ],
+        [
+            f"{len(points)} points (an integrator with a time step), {ranks}; {failed} failed.",
+            *(f"{name}: {scene['error']}" for name, scene in scenes.items() if scene.get("error")),
+        ],
+        [_ways(summary), _points(summary)],
+        [
+            Figure(f"{name}.png", f"{scene['title']}. {sweep_figures.READ}")
+            for name, scene in scenes.items()
+        ],
+        [Table.of("What to use for an ordinary accuracy", head, [one.cells for one in advice])],
         extent=_swept(summary),
-        short=[one.short for one in sorted(advice.values(), key=lambda one: not one.tie)],
+        short=[one.short for one in sorted(advice, key=lambda one: not one.tie)],
         commands=list(dict.fromkeys(scene["swept"]["command"] for scene in scenes.values())),
-    )  # fmt: skip
+    )
 
 
 def _swept(summary):
@@ -64,26 +62,19 @@ def _swept(summary):
     told = []
     for name, scene in summary["scenes"].items():
         good = [point for point in scene["points"] if not point["failed"]]
-        told += (
-            [f"{name} {scene['bodies']:,} bodies, {_starts(good)} of {_lengths(good)}"]
-            if good
-            else []
-        )
+        if good:
+            told.append(f"{name} {scene['bodies']:,} bodies, {_extent(good)}")
     return "; ".join(told)
 
 
-def _lengths(points):
-    """How long they ran: few steps are as many as a number needs, many are no more than there is
-    time for."""
-    times = sorted({f"{point['ps']:.3g}" for point in points}, key=float)
-    return f"{times[0]} to {times[-1]} ps" if len(times) > 1 else f"{times[0]} ps"
-
-
-def _starts(points):
-    """From how many starts: fewer of some points where a sweep was interrupted."""
+def _extent(points):
+    """From how many starts, and how long: fewer starts of some points where a sweep was
+    interrupted; few steps are as many as a number needs, many no more than there is time for."""
     counts = [point["starts"] for point in points] or [0]
     few, many = min(counts), max(counts)
-    return f"{few} to {many} starts" if few < many else f"{many} start{'s' if many != 1 else ''}"
+    starts = f"{few} to {many} starts" if few < many else f"{many} start{'s' * (many != 1)}"
+    times = sorted({f"{point['ps']:.3g}" for point in points}, key=float)
+    return f"{starts} of {' to '.join(dict.fromkeys((times[0], times[-1])))} ps"
 
 
 @dataclass(frozen=True)
@@ -96,86 +87,85 @@ class Advice:
     tie: bool = False
 
 
+def _nothing(name, words, why, target=NONE.value):
+    """The `Advice` where there is none."""
+    wanted = NONE if math.isnan(target) else Cell.number(target)
+    cells = [name, words, NONE, wanted, NONE, NONE, why, NONE]
+    return Advice(cells, f"{name.capitalize()}: {words}. {why}")
+
+
 def _advice(name, scene):
     """The `Advice` for a scene at an ordinary accuracy: what that costs, and how sure it is."""
-
-    def nothing(words, why, target=math.nan):
-        wanted = Cell(f"{target:g}" if target == target else "–", target)
-        return Advice([Cell(name), Cell(words), Cell("–", math.nan), wanted, *[Cell("–", math.nan)] * 2, Cell(why), Cell("–", math.nan)],
-                      f"{_title(name)}: {words}. {why}")  # fmt: skip
-
     if not scene["degrees_of_freedom"]:
-        return nothing(
-            "cannot tell",
-            f"No run is complete{': ' * bool(scene.get('error'))}{scene.get('error') or ''}.",
-        )
-    target = float(
-        f"{ORDINARY * BOLTZMANN * SWEEPS[name].temperature * math.sqrt(scene['degrees_of_freedom'] / 2):.2g}"
-    )
-    points, targets = (
-        [
-            point
-            for point in scene["points"]
-            if sweep_choice.meets(point, {"drift": DRIFT}) is not False
-        ],
-        {"energy_sd": target},
-    )
+        why = f"No run is complete{': ' * bool(scene.get('error'))}{scene.get('error') or ''}."
+        return _nothing(name, "cannot tell", why)
+    heat = BOLTZMANN * SWEEPS[name].temperature
+    target = float(f"{ORDINARY * heat * math.sqrt(scene['degrees_of_freedom'] / 2):.2g}")
+    drifts = {"drift": DRIFT}
+    points = [one for one in scene["points"] if sweep_choice.meets(one, drifts) is not False]
+    targets = {"energy_sd": target}
     choice, own = sweep_choice.choose(points, targets), sweep_choice.ours(points, targets)
     best = choice.best
     if not best:
-        return nothing(
-            choice.verdict,
-            f"No step has for sure a standard deviation of the energy below {target:g} kcal/mol without a drift.",
-            target,
-        )
+        why = "No step has for sure a standard deviation of the energy below"
+        why = f"{why} {target:g} kcal/mol without a drift."
+        return _nothing(name, choice.verdict, why, target)
     drift = sweep_report.error_of(best, "drift") if "drift" in best["errors"] else "–"
-    drift += " (no telling)" * (sweep_choice.meets(best, {"drift": DRIFT}) is None and drift != "–")
-    sure = (
-        f"{_sure(points, targets, choice)}; {_starts([best])} of {_lengths([best])}"
-        + f": {sweep_report.ONE_START}" * (best["starts"] < 2)
-    )
+    drift += " (no telling)" * (sweep_choice.meets(best, drifts) is None and drift != "–")
+    sure = f"{_sure(points, targets, choice)}; {_extent([best])}"
+    sure += f": {sweep_report.ONE_START}" * (best["starts"] < 2)
+    over = sweep_report.over(own.best, choice.fastest) if own.best else own.verdict
+    energy = best["errors"]["energy_sd"]["value"]
     cells = [
-        Cell(name), Cell(sweep_report.named(best)), Cell(sweep_report.error_of(best, "energy_sd"), best["errors"]["energy_sd"]["value"]),
-        Cell(f"{target:g}", target), Cell(drift, sortable(best["errors"].get("drift"))),
-        Cell(sweep_report.seconds(best["cost"]), best["cost"]["min"]), Cell(sure),
-        Cell(sweep_report.over(own.best, choice.fastest) if own.best else own.verdict, _ratio(own.best, choice.fastest)),
-    ]  # fmt: skip
-    return Advice(cells, *_in_short(name, points, targets, choice, own))
+        name,
+        sweep_report.named(best),
+        Cell(sweep_report.error_of(best, "energy_sd"), energy),
+        Cell.number(target),
+        Cell(drift, sortable(best["errors"].get("drift"))),
+        _cost(best),
+        sure,
+        Cell(over, _ratio(own.best, choice.fastest)),
+    ]
+    told, tie = _in_short(points, targets, choice, own)
+    return Advice(cells, f"{name.capitalize()}: {told}", tie)
+
+
+def _least(point):
+    return point["cost"]["min"]
+
+
+def _cost(point):
+    return Cell(sweep_report.seconds(point["cost"]), _least(point) if point["cost"] else NONE.value)
 
 
 def _ratio(one, other):
     """How many times the run time of the other one takes; not a number if there is none."""
-    return one["cost"]["min"] / other["cost"]["min"] if one and other else math.nan
+    return _least(one) / _least(other) if one and other else NONE.value
 
 
-def _in_short(name, points, targets, choice, own):
-    """A sentence on a scene, and whether it is a tie of ours with fixes of LAMMPS."""
+def _rival(points, targets, counts):
+    """The fastest way of another integrator that ``counts``; None if there is none."""
+    ways = (one.best for one in sweep_choice.each(points, targets).values())
+    return min((one for one in ways if one and counts(one)), key=_least, default=None)
+
+
+def _in_short(points, targets, choice, own):
+    """What to use, in words, and whether it is a tie of ours with fixes of LAMMPS."""
     best = choice.best
-    theirs = [
-        one.best
-        for one in sweep_choice.each(points, targets).values()
-        if one.best and not _of_us(one.best)
-    ]
-    rival = min(theirs, key=lambda point: point["cost"]["min"], default=None)
     tied = [point for point in choice.ties if not _of_us(point)]
     if best["ours"] and tied:
-        return (
-            f"{_title(name)}: a tie. Ours and {_kinds(tied)} are accurate enough with the same run time; {best['dt']:g} fs is a good step.",
-            True,
-        )
+        told = f"a tie. Ours and {_kinds(tied)} are accurate enough with the same run time;"
+        return f"{told} {best['dt']:g} fs is a good step.", True
     if best["ours"]:
-        how = (
-            f"{rival['label']} takes {_ratio(rival, best):.2g} times as long"
-            if rival
-            else "no fix of LAMMPS reaches it for sure"
-        )
-        return f"{_title(name)}: use {sweep_report.named(best)}; {how}.", False
-    how = (
-        f"ours takes {_ratio(own.best, choice.fastest):.2g} times as long"
-        if own.best
-        else f"ours: {own.verdict}"
-    )
-    return f"{_title(name)}: use {sweep_report.named(best)}; {how}.", False
+        rival, how = _rival(points, targets, lambda one: not _of_us(one)), "no fix of LAMMPS"
+        how = f"{how} reaches it for sure"
+        if rival:
+            how = f"{rival['label']} takes {_ratio(rival, best):.2g} times as long"
+    elif own.best:
+        how = f"ours takes {_ratio(own.best, choice.fastest):.2g} times as long"
+    else:
+        how = f"ours: {own.verdict}"
+    return f"use {sweep_report.named(best)}; {how}.", False
 
 
 def _of_us(point):
@@ -185,12 +175,8 @@ def _of_us(point):
 
 def _kinds(points):
     """Names of fixes, each once, without their tolerances."""
-    names = list(dict.fromkeys(point["label"].split()[0] for point in points))
-    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
-
-
-def _title(name):
-    return name.capitalize()
+    *names, last = dict.fromkeys(point["label"].split()[0] for point in points)
+    return f"{', '.join(names)} and {last}" if names else last
 
 
 def _sure(points, targets, choice):
@@ -201,36 +187,36 @@ def _sure(points, targets, choice):
     def rival(point):
         return point["integrator"] != best["integrator"] and not (point["ours"] and best["ours"])
 
-    others = [
-        one.best
-        for one in sweep_choice.each(points, targets).values()
-        if one.best and rival(one.best)
-    ]
-    second = min(others, key=lambda point: point["cost"]["min"], default=None)
     rivals, maybe = list(filter(rival, choice.ties)), list(filter(rival, choice.perhaps))
+    sure = "nothing else reaches it for sure"
     if rivals:
         sure = f"a tie with {sweep_report.names(rivals, FEW)}"
-    elif second:
-        longer = second["cost"]["min"] / best["cost"]["min"]
-        sure = f"{'clear' if best['starts'] > 1 else 'ahead'}, {second['label']} takes {longer:.2f} times as long"
-    else:
-        sure = "nothing else reaches it for sure"
+    elif second := _rival(points, targets, rival):
+        lead = "clear" if best["starts"] > 1 else "ahead"
+        sure = f"{lead}, {second['label']} takes {_ratio(second, best):.2f} times as long"
     return sure + (f"; no telling of {sweep_report.names(maybe, FEW)}" if maybe else "")
 
 
-def _way(scene, data, words, way):
-    """A row: who is the fastest, how long that takes, how much longer ours takes, and how sure that
-    is."""
-    measure, target, choice, own = way
-    title = words["title"].replace("the horizon", f"{SWEEPS[scene].horizon:g} fs")
-    wanted = [Cell(scene), Cell(f"{title} ≤ {target:g} {words['unit']}".strip())]
-    best, ours = choice.best, own.best
-    if not best:
-        return [*wanted, Cell("–"), Cell("–", math.nan), Cell("–", math.nan), Cell(choice.verdict)]
-    ratio = ours["cost"]["min"] / choice.fastest["cost"]["min"] if ours else math.nan
-    return [*wanted, Cell(sweep_report.named(best)), Cell(sweep_report.seconds(best["cost"]), best["cost"]["min"]),
-            Cell(sweep_report.over(ours, choice.fastest) if ours else own.verdict, ratio),
-            Cell(_sure(data["points"], {measure: target}, choice))]  # fmt: skip
+def _ways(summary):
+    """Who is the fastest way to every error, how long that takes, how much longer ours takes, and
+    how sure that is."""
+    rows = []
+    for name, scene in summary["scenes"].items():
+        ways = sweep_choice.fastest(scene["points"], scene["measures"])
+        for measure, target, choice, own in sweep_report.distinct(ways):
+            words = summary["measures"][measure]
+            what = words["title"].replace("the horizon", f"{SWEEPS[name].horizon:g} fs")
+            wanted = [name, f"{what} ≤ {target:g} {words['unit']}".strip()]
+            best, ours = choice.best, own.best
+            if not best:
+                rows.append([*wanted, "–", NONE, NONE, choice.verdict])
+                continue
+            over = sweep_report.over(ours, choice.fastest) if ours else own.verdict
+            ratio = Cell(over, _ratio(ours, choice.fastest))
+            sure = _sure(scene["points"], {measure: target}, choice)
+            rows.append([*wanted, sweep_report.named(best), _cost(best), ratio, sure])
+    head = "scene", "wanted", "use", "wall s per ns, least (median)", "ours / fastest", "how sure"
+    return Table.of("Fastest way to every error", head, rows)
 
 
 def _points(summary):
@@ -238,16 +224,12 @@ def _points(summary):
     measures, rows = summary["measures"], []
     for name, scene in summary["scenes"].items():
         for point in scene["points"]:
-            cost = point["cost"]
-            rows.append([
-                Cell(name), Cell(point["label"]), Cell(f"{point['dt']:g}", point["dt"]),
-                Cell(sweep_report.seconds(cost), cost["min"] if cost else math.nan),
-                *(Cell(sweep_report.error_of(point, measure), sortable(point["errors"].get(measure))) for measure in measures),
-                Cell(point["failed"] or "ok"), Cell(point["command"]),
-            ])  # fmt: skip
+            errors = (
+                Cell(sweep_report.error_of(point, one), sortable(point["errors"].get(one)))
+                for one in measures
+            )
+            where = name, point["label"], Cell.number(point["dt"]), _cost(point)
+            rows.append([*where, *errors, point["failed"] or "ok", point["command"]])
     titles = (f"{one['title']}{sweep_report.unit_of(one)}" for one in measures.values())
-    return Table(
-        "All points",
-        ("scene", "integrator", "Δt, fs", "s per ns", *titles, "status", "command"),
-        rows,
-    )
+    head = "scene", "integrator", "Δt, fs", "s per ns", *titles, "status", "command"
+    return Table.of("All points", head, rows)

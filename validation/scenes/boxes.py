@@ -20,18 +20,14 @@ SMALL = "fix 1 {group} rigid/nve/small {words}"
 
 
 class System(NamedTuple):
-    """The first part of an input script, its files, and what is known of the atoms.
-
-    `group` holds all bodies that LAMMPS's fix rigid takes, `singles` are there if it does not take
-    all.
-    """
+    """The first part of an input script, its files, and what is known of the atoms."""
 
     setup: str
     files: dict
     h: np.ndarray
     dt: float
-    group: str = "bodies"
-    singles: bool = False
+    group: str = "bodies"  # all that LAMMPS's fix rigid takes
+    singles: bool = False  # whether it does not take all
     mass: np.ndarray | None = None
     molecule: np.ndarray | None = None
 
@@ -72,23 +68,19 @@ MASSES = np.array([1.0, 1.6, 0.4])
 
 TETRAHEDRON = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 0.3
 CUBE = np.array(list(itertools.product([-0.3, 0.3], repeat=3)))
-OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)]) * 0.45
-OCTAHEDRON_ROUND = 0.6 * np.array(
-    [[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, -1, 0], [0, 0, -1]]
-)
+OCTAHEDRON = np.concatenate([np.eye(3), -np.eye(3)])
 HEXAGON = np.array([[np.cos(a), np.sin(a), 0] for a in np.arange(6) * np.pi / 3]) * 0.5
 TOPS = {  # symmetric and spherical
     "methane": ([*TETRAHEDRON, [0, 0, 0]], [3, 3, 3, 3, 1]),
     "tetrahedron": (TETRAHEDRON, [1, 1, 1, 1]),
     "cube": (CUBE, [3] * 8),
-    "octahedron": (OCTAHEDRON, [1] * 6),
+    "octahedron": (0.45 * OCTAHEDRON, [1] * 6),
     "ammonia": ([*TETRAHEDRON[1:], [0, 0, 0]], [3, 3, 3, 1]),
     "chloromethane": ([*TETRAHEDRON, [0, 0, 0]], [2, 3, 3, 3, 1]),
     "benzene": (HEXAGON, [1] * 6),
-    # the tags of the same octahedron's atoms go round it otherwise
-    "sulfurhexafluoride": (OCTAHEDRON_ROUND, [1] * 6),
-    "seleniumhexafluoride": (OCTAHEDRON_ROUND, [2] * 6),
-    "uraniumhexafluoride": (OCTAHEDRON_ROUND, [3] * 6),
+    "sulfurhexafluoride": (0.6 * OCTAHEDRON, [1] * 6),
+    "seleniumhexafluoride": (0.6 * OCTAHEDRON, [2] * 6),
+    "uraniumhexafluoride": (0.6 * OCTAHEDRON, [3] * 6),
     "nearlycube": (CUBE * [1, 1 + 1e-8, 1 - 1e-8], [3] * 8),
 }
 SHAPES |= {name: (np.array(shape), types) for name, (shape, types) in TOPS.items()}
@@ -134,11 +126,9 @@ def assemble(
         mass=MASSES * u.mass,
         velocities=[v * (u.length / u.time)],
     )
-    names = [name for name, *_ in bodies]
-    groups = {
-        name: [k + 1 for k, other in enumerate(names) if other == name]
-        for name in sorted(set(names))
-    }
+    groups: dict[str, list[int]] = {}
+    for number, name in sorted(enumerate((name for name, *_ in bodies), 1), key=lambda one: one[1]):
+        groups.setdefault(name, []).append(number)
     text = [
         f"units {units}",
         f"dimension {dimension}",
@@ -152,9 +142,9 @@ def assemble(
         "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
         *(f"group {name} molecule " + " ".join(map(str, ids)) for name, ids in groups.items()),
         "group bodies " + ("subtract all single" if "single" in groups else "union all"),
-    ]  # fmt: skip
-    return System("\n".join(text), {"data.bodies": data}, h * u.length, dt * u.time,
-                  singles="single" in groups, mass=mass * u.mass, molecule=molecule)  # fmt: skip
+    ]
+    more = {"singles": "single" in groups, "mass": mass * u.mass, "molecule": molecule}
+    return System("\n".join(text), {"data.bodies": data}, h * u.length, dt * u.time, **more)
 
 
 def turned(
@@ -164,19 +154,13 @@ def turned(
     with no other."""
     shape, types = SHAPES[kind]
     for _ in range(1000):
-        flat = h[2, 2] == 1  # two dimensions
-        turn = (
-            Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)])
-            if flat
-            else Rotation.from_quat(rng.normal(size=4))
-        )
+        if h[2, 2] == 1:  # two dimensions
+            turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)])
+        else:
+            turn = Rotation.from_quat(rng.normal(size=4))
         x = turn.apply(shape) + place
-        gap = np.inf
-        for _, y, _ in others:
-            delta = x[:, None] - y
-            delta -= np.rint(delta @ np.linalg.inv(h).T) @ h.T
-            gap = min(gap, np.linalg.norm(delta, axis=2).min())
-        if gap > 0.9:
+        gaps = (nearest(x[:, None] - y, h) for _, y, _ in others)
+        if min((np.linalg.norm(gap, axis=2).min() for gap in gaps), default=np.inf) > 0.9:
             return kind, x, np.array(types)
     raise RuntimeError("no room")
 
@@ -241,14 +225,18 @@ def script(
     """
     ours = "python/move" in fix
     group = group or ("all" if ours else system.group)
-    return "\n".join([
-        system.setup, before, fix.format(group=group, words=words),
-        "" if ours or not system.singles else "fix 2 single nve",
-        f"thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}",
-        "thermo_modify format float %.16g norm no", f"thermo {every}",
-        f"timestep {dt * system.dt:.17g}", f"run {steps}", after,
-        "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g", "",
-    ])  # fmt: skip
+    return f"""{system.setup}
+{before}
+{fix.format(group=group, words=words)}
+{"" if ours or not system.singles else "fix 2 single nve"}
+thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}
+thermo_modify format float %.16g norm no
+thermo {every}
+timestep {dt * system.dt:.17g}
+run {steps}
+{after}
+write_dump all custom end id x y z vx vy vz modify sort id format float %.16g
+"""
 
 
 def result(path: Path, thermo: np.ndarray, log: str) -> Result:
@@ -257,15 +245,17 @@ def result(path: Path, thermo: np.ndarray, log: str) -> Result:
     return Result(atoms[:, 1:4], atoms[:, 4:], thermo, log)
 
 
+def nearest(delta: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """Displacements (..., 3) folded to the nearest image."""
+    return delta - np.rint(delta @ np.linalg.inv(h).T) @ h.T
+
+
 def apart(a: Result, b: Result, h: np.ndarray) -> float:
     """The largest distance between atoms of two Results, nearest images."""
-    delta = a.x - b.x
-    delta -= np.rint(delta @ np.linalg.inv(h).T) @ h.T
-    return np.linalg.norm(delta, axis=1).max()
+    return np.linalg.norm(nearest(a.x - b.x, h), axis=1).max()
 
 
 def tensor(result: Result) -> np.ndarray:
     """The six pressure components of all printed steps, (steps, 6)."""
-    return np.stack(
-        [result.thermo[name] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")], axis=1
-    )
+    names = "Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz"
+    return np.stack([result.thermo[name] for name in names], axis=1)

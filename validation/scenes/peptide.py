@@ -35,17 +35,14 @@ def scene() -> Scene:
     keeps its three bonds only: fix shake has no more for it.
     """
     plain = SCENES["peptide"]
-    file = plain.folder / next(
-        line.split()[1] for line in plain.setup if line.startswith("read_data ")
-    )
-    with gzip.open(file, "rt") as opened:
+    (file,) = (line.split()[1] for line in plain.setup if line.startswith("read_data "))
+    with gzip.open(plain.folder / file, "rt") as opened:
         parts = re.split(r"^([A-Z][A-Za-z ]+?)(?: *#.*)?\n\n", opened.read(), flags=re.M)
     sections = dict(zip(parts[1::2], parts[2::2]))
 
     def rows(section, columns):
-        return np.array(
-            [line.split()[:columns] for line in sections[section].splitlines() if line.strip()], int
-        )
+        lines = filter(str.strip, sections[section].splitlines())
+        return np.array([line.split()[:columns] for line in lines], int)
 
     body = dict(rows("Atoms", 2))
 
@@ -60,23 +57,20 @@ def scene() -> Scene:
     return replace(plain, constraints=f"b {types('Bonds', 2)} a {types('Angles', 3)}")
 
 
+def _with(scene: Scene, *lines: str) -> Scene:
+    return replace(scene, setup=(*scene.setup, *lines))
+
+
 def alone(peptide: Scene) -> Scene:
     """The scene without its water."""
-    count = topology().n_atoms
-    return replace(
-        peptide,
-        setup=(
-            *peptide.setup,
-            f"group solvent id > {count}",
-            "delete_atoms group solvent bond yes compress no",
-        ),
-    )
+    delete = "delete_atoms group solvent bond yes compress no"
+    return _with(peptide, f"group solvent id > {topology().n_atoms}", delete)
 
 
 def within(peptide: Scene) -> Scene:
     """The scene with the Coulomb energy of pairs one or two bonds apart: in rigid groups it does no
     work, but it moves the zero of energy."""
-    return replace(peptide, setup=(*peptide.setup, "special_bonds lj 0.0 0.0 0.0 coul 1.0 1.0 0.0"))
+    return _with(peptide, "special_bonds lj 0.0 0.0 0.0 coul 1.0 1.0 0.0")
 
 
 def force_fields(accuracies: Sequence[str]) -> dict[str, Callable[[Scene], Scene]]:
@@ -86,14 +80,12 @@ def force_fields(accuracies: Sequence[str]) -> dict[str, Callable[[Scene], Scene
         accuracies: of the mesh, beside the scene's own.
     """
 
-    def added(line):
-        return lambda scene: replace(scene, setup=(*scene.setup, line))
-
+    every, switched = "neigh_modify every 1 delay 0 check no", "lj/charmm/coul/long 10.0 12.0"
     return {
         "as it is": lambda scene: scene,
         **{f"mesh {accuracy}": methodcaller("on_mesh", accuracy) for accuracy in accuracies},
-        "neighbour list each step": added("neigh_modify every 1 delay 0 check no"),
-        "switch 10-12": added("pair_style lj/charmm/coul/long 10.0 12.0"),
+        "neighbour list each step": lambda scene: _with(scene, every),
+        "switch 10-12": lambda scene: _with(scene, f"pair_style {switched}"),
     }
 
 
@@ -110,15 +102,11 @@ def dump(every: int) -> tuple[str, ...]:
 def helical(frames: np.ndarray) -> np.ndarray:
     """Residues that are alpha helix by DSSP, (frames,), of unwrapped positions of the peptide
     (frames, atoms, 3) in Angstrom."""
-    return (
-        mdtraj.compute_dssp(
-            mdtraj.Trajectory(frames * NM_PER_ANGSTROM, topology()), simplified=True
-        )
-        == "H"
-    ).sum(axis=1)
+    path = mdtraj.Trajectory(frames * NM_PER_ANGSTROM, topology())
+    return (mdtraj.compute_dssp(path, simplified=True) == "H").sum(axis=1)
 
 
-def helix(folders: Sequence, ps_per_step: float) -> dict | None:
+def helix(folders: Sequence, ps_per_step: float) -> dict[str, np.ndarray] | None:
     """What becomes of the helix.
 
     Args:
@@ -126,8 +114,7 @@ def helix(folders: Sequence, ps_per_step: float) -> dict | None:
         ps_per_step: the time step, ps.
 
     Returns:
-        dict: ``time`` (frames,) in ps, ``helical`` (frames,) residues that are alpha helix by DSSP,
-            ``rmsd`` (frames,) of the
+        by frame ``time`` in ps, ``helical`` residues that are alpha helix by DSSP, ``rmsd`` of the
         backbone from the first frame, in Angstrom; None if there is no frame, or a piece without
         frames.
     """
@@ -136,23 +123,16 @@ def helix(folders: Sequence, ps_per_step: float) -> dict | None:
         file = Path(folder) / "helix.dump"
         if not file.exists():
             return None
-        lines = file.read_text().split("ITEM: TIMESTEP\n")[1:]
-        for frame in lines[1:] if begin else lines:  # a piece starts where the one before has ended
+        told = file.read_text().split("ITEM: TIMESTEP\n")[1:]
+        for frame in told[1:] if begin else told:  # a piece starts where the one before has ended
             step, _, rows = frame.partition("\n")
             times.append((begin + int(step)) * ps_per_step)
-            frames.append(
-                [
-                    [float(word) for word in row.split()[1:]]
-                    for row in rows.splitlines()[-top.n_atoms :]
-                ]
-            )
+            frames.append(np.loadtxt(rows.splitlines()[-top.n_atoms :])[:, 1:])
         begin += steps
     if not frames:
         return None
-    path = mdtraj.Trajectory(np.array(frames) * NM_PER_ANGSTROM, top)
+    x = np.array(frames)
+    path = mdtraj.Trajectory(x * NM_PER_ANGSTROM, top)
     chosen = [atom.index for atom in top.atoms if atom.name in BACKBONE]
-    return {
-        "time": np.array(times),
-        "helical": helical(np.array(frames)),
-        "rmsd": mdtraj.rmsd(path, path, 0, atom_indices=chosen) / NM_PER_ANGSTROM,
-    }
+    rmsd = mdtraj.rmsd(path, path, 0, atom_indices=chosen) / NM_PER_ANGSTROM
+    return {"time": np.array(times), "helical": helical(x), "rmsd": rmsd}

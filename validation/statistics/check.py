@@ -57,6 +57,15 @@ class Check:
     source: str = ""
     freedom: float | None = field(default=None, kw_only=True)
 
+    @classmethod
+    def of(
+        cls, part: str, subject: str, what: str, found: Estimate | float | None, **more
+    ) -> "Check":
+        """The check of an `Estimate`, of a number without an error, or of none."""
+        one = found if isinstance(found, Estimate) else Estimate(found)
+        number = {"value": None} if one.value is None else one.plain()
+        return cls(part, subject, what, **number | more)
+
     @property
     def estimate(self) -> Estimate:
         """The number with its error."""

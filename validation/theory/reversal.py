@@ -6,79 +6,91 @@ does, make it anew of the atoms' positions and velocities then, which adds a rou
 one step is what this costs.
 """
 
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
 import numpy as np
 
 from fix_nosquish import INTEGRATORS as OURS
 from validation.running import machine, run
-from validation.scenes.integrators import constrained, nosquish, rigid
+from validation.scenes import Scene
+from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
 
 STEPS = 1, 3, 10, 30, 100, 300, 1000, 3000, 10000
 COMPARED = 10  # of these, that after which positions on the way are kept
 TOLERANCES = "1e-3", "1e-4", "1e-6", "1e-8", "1e-10", "1e-12"
 ITERATIONS = 2000  # at most, of shake and rattle: a tolerance is reached, not given up
 
-# all that can be named on a fix line, each with its tolerance or None
+# all that can be named on a fix line
 INTEGRATORS = [
-    *((nosquish(name, f"fix_nosquish.{name}", scheme=name), None) for name in OURS),
-    *((rigid(style), None) for style in ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
-    *(
-        (constrained(style, tolerance, ITERATIONS), float(tolerance))
-        for style in ("shake", "rattle")
-        for tolerance in TOLERANCES
-    ),
+    *(nosquish(name, f"fix_nosquish.{name}", scheme=name) for name in OURS),
+    *(rigid(style) for style in ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
+    *(constrained(style, one, ITERATIONS) for style in ("shake", "rattle") for one in TOLERANCES),
 ]
 
 
-def reverse(scene, integrator, folder, silence=120.0):
+@dataclass(frozen=True)
+class Reversed:
+    """What a run forward and back came to; lists for each of `STEPS`, Angstrom."""
+
+    name: str
+    label: str
+    error: str | None  # why there are no numbers
+    tolerance: float | None  # of constraints
+    distance: list[float] = field(default_factory=list)  # of the atom that ends furthest away
+    moved: list[float] = field(default_factory=list)  # of the atom that had gone furthest
+    positions: np.ndarray | None = None  # (atoms, 3) after `COMPARED` steps
+
+    def plain(self) -> dict:
+        """For JSON, without positions."""
+        return {key: value for key, value in asdict(self).items() if key != "positions"}
+
+
+def reverse(scene: Scene, integrator: Integrator, out: Path, silence: float = 120.0) -> Reversed:
     """Run a scene forward and back with an integrator, for each of `STEPS` from the same start.
 
     Args:
-        scene: a `Scene` without periodic directions, run at its own time step.
-        integrator: an `Integrator`.
-        folder: where the files go.
+        scene: without periodic directions, run at its own time step.
+        out: folder of all such runs.
         silence: s without a word in the log after which the run is given up.
-    Returns:
-        dict: name, label, error (None, or why there are no numbers); for each of `STEPS` in
-            Angstrom ``distance``, of the atom that ends
-        furthest from its start, and ``moved``, of the atom that had gone furthest; ``positions``
-        (atoms, 3) after `COMPARED` steps.
+
+    Raises:
+        KeyboardInterrupt: the run was interrupted.
     """
-    folder = folder.resolve()
-    job = run.job(
-        scene,
-        integrator,
-        folder,
-        [0],
-        dt=scene.dt,
-        every=0,
-        positions=False,
-        silence=silence,
-        origin=machine.origin(scene, integrator),
-    )
+    folder = (out / run.folder_name(integrator.label)).resolve()
+    how: dict = {"dt": scene.dt, "every": 0, "positions": False, "silence": silence}
+    origin = machine.origin(scene, integrator)
+    job = run.job(scene, integrator, folder, [0], origin=origin, **how)
     dump = 'write_dump all custom "{}/{}" id x y z vx vy vz modify sort id format float %.17g'
     job.commands.append(dump.format(folder, "start"))
     job.commands.extend(f"variable {c} atom -v{c}" for c in "xyz")
     for n in STEPS:
-        job.commands.extend([
-            f'read_dump "{folder}/start" 0 x y z vx vy vz replace yes',
-            "reset_timestep 0",
-            f"run {n}",
-            dump.format(folder, f"there-{n}"),
-            "velocity all set v_x v_y v_z",
-            f"run {n}",
-            dump.format(folder, f"back-{n}"),
-        ])  # fmt: skip
-    result = run.once(job)
-    row = {"name": integrator.name, "label": integrator.label, "error": result.error}
-    if not result.error:
-        start = _positions(folder / "start")
-        for key, file in ("distance", "back"), ("moved", "there"):
-            row[key] = [
-                float(np.linalg.norm(_positions(folder / f"{file}-{n}") - start, axis=1).max())
-                for n in STEPS
+        job.commands.extend(
+            [
+                f'read_dump "{folder}/start" 0 x y z vx vy vz replace yes',
+                "reset_timestep 0",
+                f"run {n}",
+                dump.format(folder, f"there-{n}"),
+                "velocity all set v_x v_y v_z",
+                f"run {n}",
+                dump.format(folder, f"back-{n}"),
             ]
-        row["positions"] = _positions(folder / f"there-{COMPARED}")
-    return row
+        )
+    error = run.once(job).error
+    if error == run.INTERRUPTED:
+        raise KeyboardInterrupt
+    named = integrator.name, integrator.label, error, integrator.tolerance
+    if error:
+        return Reversed(*named)
+    start = _positions(folder / "start")
+    distance, moved = (
+        [
+            float(np.linalg.norm(_positions(folder / f"{file}-{n}") - start, axis=1).max())
+            for n in STEPS
+        ]
+        for file in ("back", "there")
+    )
+    return Reversed(*named, distance, moved, _positions(folder / f"there-{COMPARED}"))
 
 
 def _positions(dump):

@@ -5,7 +5,9 @@ from scipy.spatial.transform import Rotation
 from scipy.special import ellipj, ellipkinc, elliprf, elliprj
 
 
-def free_top(q, L, moments, time):
+def free_top(
+    q: np.ndarray, L: np.ndarray, moments: np.ndarray, time: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Where a top without torque is after some time.
 
     In the principal frame the components of the angular momentum are the functions cn, sn, dn of
@@ -22,9 +24,8 @@ def free_top(q, L, moments, time):
         (q, L) then; the sign of q is that with which its largest component is positive.
     """
     order = np.eye(3)
-    if (L * L / moments).sum() * moments[
-        1
-    ] <= L @ L:  # it circles about axis 1: number the axes 3, 2, -1
+    if (L * L / moments).sum() * moments[1] <= L @ L:
+        # it circles about axis 1: number the axes 3, 2, -1
         order = np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     i1, i2, i3 = np.abs(order) @ moments
     start = order @ L
@@ -53,9 +54,8 @@ def free_top(q, L, moments, time):
 
 def _to_z(L):
     """The rotation of a vector to the axis z, about z and then y."""
-    return Rotation.from_euler(
-        "zy", [-np.arctan2(L[1], L[0]), -np.arctan2(np.hypot(L[0], L[1]), L[2])]
-    )
+    angles = np.arctan2(L[1], L[0]), np.arctan2(np.hypot(L[0], L[1]), L[2])
+    return Rotation.from_euler("zy", np.negative(angles))
 
 
 def _third_kind(n, angle, m):
@@ -63,8 +63,6 @@ def _third_kind(n, angle, m):
     halves = np.round(angle / np.pi)
     s, c2 = np.sin(angle - halves * np.pi), np.cos(angle) ** 2
     complete = elliprf(0, 1 - m, 1) + n / 3 * elliprj(0, 1 - m, 1, 1 - n)
-    return (
-        2 * halves * complete
-        + s * elliprf(c2, 1 - m * s * s, 1)
-        + n / 3 * s**3 * elliprj(c2, 1 - m * s * s, 1, 1 - n * s * s)
-    )
+    first = elliprf(c2, 1 - m * s * s, 1)
+    third = elliprj(c2, 1 - m * s * s, 1, 1 - n * s * s)
+    return 2 * halves * complete + s * first + n / 3 * s**3 * third
