@@ -20,28 +20,49 @@ INTEGRATORS = {
     "NVE": "nve",
     "MatubayasiNakahara": "matubayasi_nakahara",
     "Gear": "gear",
-}  # class: module, imported when a fix line names the class
+}  # class: its module, which is imported when a fix line names the class
 
 
 def __getattr__(name):
-    name_of_class = _class_in(name)
+    name_of_class = _class_in(name, INTEGRATORS)
     module = __import__(f"{__name__}.{INTEGRATORS[name_of_class]}", fromlist=[name_of_class])
     return partial(getattr(module, name_of_class), words=name)
 
 
-def _class_in(text):
-    """The first of the words, if it is one of the classes."""
+def of_fix_line(*classes):
+    """What a module with integrators of its own has as ``__getattr__``, so that a fix line finds them.
+
+    Args:
+        classes: the module's integrators.
+    """
+    named = {one.__name__: one for one in classes}
+
+    def find(name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return partial(named[_class_in(name, named)], words=name)
+
+    return find
+
+
+def _class_in(text, known):
+    """The first of the words, if it is one of the known classes."""
     words = text.split()
     variable = next((word for word in words if "$" in word), None)
     if variable:
         raise RunError(
-            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. Give a group one name of its own (group NAME union ...), "
-            "or have the quotes and all words in a variable, one text for each value: variable WORDS index '\"fix_nosquish.NVE water molecule "
-            "mrot 1\"' '\"fix_nosquish.NVE water molecule mrot 2\"' (or lmp -var WORDS '\"...\"'), and write python/move ${WORDS}",
+            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. Give a "
+            "group one name of its own (group NAME union ...), or have the quotes and all words in "
+            "a variable, one text for each value: variable WORDS index '\"fix_nosquish.NVE water "
+            "molecule mrot 1\"' '\"fix_nosquish.NVE water molecule mrot 2\"' (or lmp -var WORDS "
+            "'\"...\"'), and write python/move ${WORDS}",
             everywhere=True,
         )
-    if not words or words[0] not in INTEGRATORS:
-        problem = f"there is no integrator '{' '.join(words[:1])}' in fix_nosquish: expected one of {', '.join(INTEGRATORS)}"
+    if not words or words[0] not in known:
+        first = " ".join(words[:1])
+        problem = (
+            f"there is no integrator '{first}' in fix_nosquish: expected one of {', '.join(known)}"
+        )
         raise RunError(problem, everywhere=True) if len(words) > 1 else AttributeError(problem)
     return words[0]
 
@@ -73,7 +94,7 @@ class _PointInWords:
             from .command import Command, Unfinished
 
             text = name.removeprefix(__name__ + ".")
-            _class_in(text)
+            _class_in(text, INTEGRATORS)
             try:
                 Command.parse(text.rpartition(" ")[0])
             except Unfinished:
