@@ -12,6 +12,7 @@ class Host(Protocol):
         fix_id, group: the fix's ID and its group; None if that is not known.
         phase: an `integrator.Phase`.
         velocities_set: whether the atoms' velocities are those of the bodies at the step's end.
+        vflag: what virial LAMMPS asks for in this step; 0 for none.
         calls_setup: whether LAMMPS calls setup before the first step of a run.
         follows: whether LAMMPS takes along with its atoms what is to be known of them.
         has_virial: whether LAMMPS asks for the virial, where that is known early.
@@ -25,6 +26,7 @@ class Host(Protocol):
     group: str | None
     phase: int
     velocities_set: bool
+    vflag: int
     calls_setup: bool
     follows: bool
     has_virial: bool
@@ -71,15 +73,14 @@ class Host(Protocol):
     def keep_box(self):
         """What follows the atoms is for the box as it is now."""
 
-    def go_alone(self, lists, *, velocities_every, python_every, alone, following):
+    def go_alone(self, lists, *, velocities_every, python_every, without):
         """Leave calls out, and do lists of passes instead, from now on until `call_always`.
 
         Args:
             lists: see `passes`.
             velocities_every, python_every: every how many steps something may read the atoms'
                 velocities, or Python has something to do at the step's end; 0 for never.
-            alone: whether the plugin may do steps by itself, when it leaves no end to the next one.
-            following: whether it may follow the atoms by itself.
+            without: names of lists that it may not do by itself.
         """
 
     def call_always(self):

@@ -111,7 +111,6 @@ class Integrator:
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = False
-        self._vflag = 0
         self.late, self.half_step_velocities, self.velocities_every = [], True, (1,)
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
@@ -172,7 +171,6 @@ class Integrator:
     has_begun = property(lambda self: self.phase in (Phase.HALF, Phase.WAITING))
     is_set = property(lambda self: self.phase in (Phase.SET, Phase.OVER))
     is_over = property(lambda self: self.phase == Phase.OVER)
-    wants_virial = property(lambda self: bool(self._vflag))
 
     # ------------------------------------------------------------- before the first step
 
@@ -387,9 +385,8 @@ class Integrator:
         step = self.lammps.step
         if step == self.host.next_output or any(step % n == 0 for n in self.velocities_every):
             self.set_velocities()
-        if self._vflag:
+        if self.host.vflag:
             self.reports.add_constraint_virial()
-        self._vflag = 0
         self.reports.write()
 
     def catch_up(self):
@@ -416,7 +413,7 @@ class Integrator:
             self._say_ignored("pre no")
         elif self.late:
             self.take_changed_velocities(self.lammps.step - 1)
-        self._vflag = vflag
+        self.host.vflag = vflag
         self.reports.forget()
 
     def _has_begun(self):
@@ -441,9 +438,16 @@ class Integrator:
                 self.passes.lists,
                 velocities_every=gcd(*self.velocities_every),
                 python_every=gcd(*output),
-                alone=not self._box_may_change and not self.late,
-                following=not self.rigid_flag and not self._switches.choices,
+                without=self._not_alone(),
             )
+
+    def _not_alone(self):
+        """The lists of passes that need something of Python's before or after."""
+        if self._box_may_change:
+            return tuple(self.passes.lists)
+        changed = ("begin",) if self.late else ()  # velocities, at the end of the last step
+        lent = ("follow",) if self.rigid_flag or self._switches.choices else ()
+        return *changed, *lent
 
     def _follow(self):
         if self.host.atoms_moved():
@@ -561,9 +565,9 @@ class Integrator:
         """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
         self.phase = Phase.SET
         self.reports.forget()
-        if self._vflag or self.reports.due():
+        if self.host.vflag or self.reports.due():
             self.do("gather")
-        if self._vflag:
+        if self.host.vflag:
             self.reports.add_constraint_virial()
         self.reports.write()
 

@@ -138,7 +138,7 @@ class Reports:
 
     def _add_early(self, virial):
         state = self._state
-        if state.has_begun and not state.wants_virial:
+        if state.has_begun and not state.host.vflag:
             return
         if state.host.atoms_moved() or not state.has_begun:
             state.post_neighbor()

@@ -805,3 +805,12 @@ def test_table_in_the_middle_of_a_step(run_lammps, tmp_path, ranks):
     )
     for name in "x", "v", "force", "torque":
         np.testing.assert_allclose(last[name], each[name], rtol=1e-12, atol=1e-12, err_msg=name)
+
+
+def test_pressure_where_the_table_is_written(simulate):
+    """Locks out a pressure without the bodies' virial, on steps that begin without Python and end
+    with it."""
+    system = mixture("solid planar pair row")
+    plain = simulate(system, OURS, 20, every=4)
+    table = simulate(system, OURS, 20, every=4, words="molecule output 4 table")
+    np.testing.assert_array_equal(table.thermo["Press"], plain.thermo["Press"])

@@ -122,7 +122,7 @@ class Busy(Lazy):
     def init(self):
         super().init()
         alone = self.host.go_alone
-        self.host.go_alone = lambda lists, **how: alone(lists, **how | {"following": False})
+        self.host.go_alone = lambda lists, **how: alone(lists, **how | {"without": ("follow",)})
 
 def __getattr__(name):
     if name.startswith("__"):

@@ -51,6 +51,7 @@ class Host:
     calls_setup = follows = True
     has_virial = False  # not known early
     phase, velocities_set = _shared("phase", int), _shared("velocities_set", bool)
+    vflag = _shared("vflag", int)
     ghost_velocity, creates_velocities = _asked("ghost_velocity"), _asked("creates_velocities")
 
     def __init__(self, bridge: Bridge):
@@ -104,10 +105,10 @@ class Host:
     def set_array_rows(self, n):
         self._bridge.set_array_rows(self._bridge.fix, int(n))
 
-    def go_alone(self, lists, *, velocities_every, python_every, alone, following):
+    def go_alone(self, lists, *, velocities_every, python_every, without):
         self._kept = lists, {}
         for field, name in LISTS.items():
-            wanted = alone and (following or name != "follow")
+            wanted = name not in without
             table = self._kept[1][name] = _table(lists[name])
             setattr(self._bridge, field, table.ctypes.data if wanted else None)
         self._bridge.velocities_every, self._bridge.python_every = velocities_every, python_every

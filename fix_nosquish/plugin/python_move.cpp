@@ -161,7 +161,6 @@ class FixPythonMove : public Fix {
   MPI_Comm failing;    // for ranks whose Python failed
   bool respa = false;
   std::vector<int> extensive;
-  int last_vflag = 0;
   std::vector<double> kept_box;
   // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has
   // arrived
@@ -320,7 +319,7 @@ void FixPythonMove::initial_integrate(int vflag)
   if (!bridge.initial_integrate) end_run("the Python that holds its class has shut down");
   flush_log();
   v_init(vflag);
-  last_vflag = vflag;
+  bridge.vflag = vflag;
   const bool waits = bridge.phase == WAITING;
   const Pass *passes = waits ? bridge.whole : bridge.phase == SET ? bridge.begin : nullptr;
   if (passes && run(passes)) {
@@ -339,7 +338,7 @@ void FixPythonMove::final_integrate()
   auto falls_on = [step](int every) { return every && step % every == 0; };
   const bool for_python = falls_on(bridge.python_every);
   const bool looked_at = step == output->next || falls_on(bridge.velocities_every);
-  if (bridge.may_wait && !last_vflag && !looked_at && !for_python) {
+  if (bridge.may_wait && !bridge.vflag && !looked_at && !for_python) {
     bridge.phase = WAITING;
   } else if (bridge.end && bridge.phase == HALF && !for_python && run(bridge.end)) {
     bridge.phase = SET;
@@ -347,7 +346,7 @@ void FixPythonMove::final_integrate()
       run(bridge.velocities);
       bridge.velocities_set = 1;
     }
-    if (last_vflag) {
+    if (bridge.vflag) {
       make_virial_per_atom();
       set_cell(VIRIAL, virial, 6, 0);
       set_cell(ATOM_VIRIAL, bridge.virial_per_atom, std::max(0, bridge.natoms), 6);
