@@ -12,6 +12,7 @@ import numpy as np
 from . import block, migration, spheres
 from .communicator import ALONE
 from .compiled import L2, Cell, I
+from .errors import RunError
 from .frames import angular_momentum, rotation_matrix
 from .lookup import gone
 from .memory import Memory
@@ -182,6 +183,9 @@ class Bodies:
         problem = self.following()
         if problem == migration.CHANGED:
             self._communicator.agree(_atoms_changed(lammps, self._communicator, membership, self))
+            raise RunError(
+                "atoms of the bodies came or are gone: bodies keep theirs", everywhere=True
+            )
         if problem:
             self._communicator.agree(self._off())
 

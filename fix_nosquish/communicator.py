@@ -84,6 +84,7 @@ class Communicator(Alone):
         theirs = MPI.Comm.f2py(comm)
         if not theirs.Get_attr(kind._attribute):
             ours = theirs.Dup()
+            ours.Set_errhandler(MPI.ERRORS_ARE_FATAL)  # no loop looks at what MPI returns
             theirs.Set_attr(kind._attribute, (ours, mpi.cells(ours, MPI)))
         self.comm, self.cells = theirs.Get_attr(kind._attribute)
         self.mpi, self.size, self.rank = MPI, self.comm.size, self.comm.rank

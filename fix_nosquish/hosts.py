@@ -13,6 +13,7 @@ class Host(Protocol):
         phase: an `integrator.Phase`.
         velocities_set: whether the atoms' velocities are those of the bodies at the step's end.
         vflag: what virial LAMMPS asks for in this step; 0 for none.
+        changes: a number that changes when bodies do without Python.
         calls_setup: whether LAMMPS calls setup before the first step of a run.
         follows: whether LAMMPS takes along with its atoms what is to be known of them.
         has_virial: whether LAMMPS asks for the virial, where that is known early.
@@ -27,6 +28,7 @@ class Host(Protocol):
     phase: int
     velocities_set: bool
     vflag: int
+    changes: int
     calls_setup: bool
     follows: bool
     has_virial: bool

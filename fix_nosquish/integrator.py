@@ -14,6 +14,7 @@ moves the bodies.
 
 import weakref
 from enum import IntEnum
+from itertools import count as count_from_zero
 from math import gcd
 
 import numpy as np
@@ -90,7 +91,7 @@ class Integrator:
     follows_atoms = True
     virial = virial_per_atom = None
     rigid_flag = False
-    _all = weakref.WeakSet()
+    _all, _numbers = weakref.WeakSet(), count_from_zero()
 
     def __init_subclass__(cls):
         if not vars(cls).keys().isdisjoint(("splitting", "operations", "rows", "starts")):
@@ -109,6 +110,7 @@ class Integrator:
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
+        self.number = next(self._numbers)
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = False
         self.late, self.half_step_velocities, self.velocities_every = [], True, (1,)
@@ -158,7 +160,8 @@ class Integrator:
     @property
     def mates(self):
         """All integrators of this LAMMPS, this one among them."""
-        return [other for other in self._all if other.lammps.handle == self.lammps.handle]
+        mates = [other for other in self._all if other.lammps.handle == self.lammps.handle]
+        return sorted(mates, key=lambda mate: mate.number)  # alike on all ranks
 
     @property
     def phase(self):
@@ -563,7 +566,7 @@ class Integrator:
     @hook
     def end_of_step(self):
         """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
-        self.phase = Phase.SET
+        self.phase, self.host.velocities_set = Phase.SET, True  # the outermost level has set them
         self.reports.forget()
         if self.host.vflag or self.reports.due():
             self.do("gather")

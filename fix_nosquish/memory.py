@@ -39,7 +39,7 @@ class Memory:
         for cell in self.cells.values():
             cell.numbers[2:] = cell.kind.columns
         self.cells["memory"] = Cell(table_kind, table)
-        weakref.finalize(self, _free, table)
+        weakref.finalize(self, _free, table).atexit = False  # LAMMPS may outlive this interpreter
 
     def put(self, name, values):
         """Copy values to the array of this name."""

@@ -24,15 +24,16 @@ ISEND, ISSEND, IRECV, WAITALL, TESTALL, TEST, IBARRIER, IMPROBE, MPROBE, MRECV, 
 ALLREDUCE = 11
 # handles, sizes, offsets,
 COMM, LONG, DOUBLE, SUM, ANY_SOURCE, REQUEST_SIZE, SOURCE_AT, STATUS_SIZE = range(12, 20)
-# how many ranks and which one is this, which of two tags is next, how many messages are under way
-RANKS, RANK, TURN, PENDING, ENTRIES = 20, 21, 22, 23, 24
+# how many ranks and which one is this, which of two tags is next
+RANKS, RANK, TURN, ENTRIES = 20, 21, 22, 23
 
 QUESTION, ANSWER, PART = 1, 3, 4  # tags of messages; QUESTION + 1 is one, too
 
 # entries of `Mpi.words`, where MPI writes: a flag or a count, a message, a barrier's request, a
 # status
 FLAG, MESSAGE, BARRIER, STATUS, WORDS = 0, 1, 2, 3, 35
-# rows of the memory: requests and statuses; what `deliver` leaves: senders, how many numbers each
+# rows of the memory: requests, as many as messages are under way, and statuses; what `deliver`
+# leaves: senders, how many numbers each
 # sent, the numbers; and what it works with
 ROWS = "requests", "statuses", "senders", "sent", "numbers", "unsorted", "begins"
 REQUESTS, STATUSES, SENDERS, SENT, NUMBERS, UNSORTED, BEGINS = range(1, 8)
@@ -91,9 +92,9 @@ def cells(comm, MPI):
 def request(mpi, memory):
     """The address of the request of one more message that is under way."""
     library = mpi.library
-    library[PENDING] += 1
-    place = room(memory, REQUESTS, library[PENDING] * library[REQUEST_SIZE])
-    return place + (library[PENDING] - 1) * library[REQUEST_SIZE]
+    memory[REQUESTS, 1] += 1
+    place = room(memory, REQUESTS, memory[REQUESTS, 1] * library[REQUEST_SIZE])
+    return place + (memory[REQUESTS, 1] - 1) * library[REQUEST_SIZE]
 
 
 @inlined
@@ -109,23 +110,23 @@ def send(mpi, memory, how, begin, count, kind, rank, tag):
 def wait(mpi, memory):
     """Wait until all messages that are under way are there."""
     library = mpi.library
-    n = library[PENDING]
+    n = memory[REQUESTS, 1]
     if n:
         statuses = room(memory, STATUSES, n * library[STATUS_SIZE])
         call(library[WAITALL], n, memory[REQUESTS, 0], statuses)
-        library[PENDING] = 0
+        memory[REQUESTS, 1] = 0
 
 
 @inlined
 def all_sent(mpi, memory):
     """Whether all messages that are under way are there."""
     library, words = mpi.library, mpi.words
-    n = library[PENDING]
+    n = memory[REQUESTS, 1]
     words[FLAG] = 0
     statuses = room(memory, STATUSES, n * library[STATUS_SIZE])
     call(library[TESTALL], n, memory[REQUESTS, 0], address(words), statuses)
     if words[FLAG]:
-        library[PENDING] = 0
+        memory[REQUESTS, 1] = 0
     return words[FLAG] != 0
 
 

@@ -26,7 +26,7 @@ class OwnFix:
     fix_id = group = next_output = None
     calls_setup = follows = creates_velocities = velocities_set = False
     ghost_velocity = True  # not known: velocities at the half step may be read
-    phase = vflag = 0
+    phase = vflag = changes = 0
 
     def __init__(self, lammps, communicator):
         self.lammps, self.communicator = lammps, communicator

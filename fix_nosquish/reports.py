@@ -187,11 +187,8 @@ class Reports:
 
     def _once(self, name, make):
         """What make(bodies) returned, if nothing has changed the bodies since it was called."""
-        bodies = self._made()  # which may change them
-        when = (
-            self._state.lammps.step,
-            self._state.phase,
-        )  # the plugin may have done a half of the step
+        state, bodies = self._state, self._made()  # which may change them
+        when = state.lammps.step, state.phase, state.host.changes
         if self._known.get("when") != when:
             self._known = {"when": when}
         if name not in self._known:
@@ -200,5 +197,5 @@ class Reports:
 
     def _see_changed_velocities(self):
         state = self._state
-        if state.lammps.running and state.is_set:
+        if state.lammps.running and state.is_set and state.host.velocities_set:
             state.take_changed_velocities(state.lammps.step)

@@ -188,9 +188,8 @@ class Operation(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """A splitting as functions (block, kind, dt, parameters): before, with and after what moves,
-    and
-    after the forces that LAMMPS computes then."""
+    """A splitting as functions (block, kind, dt, parameters): before what moves, what moves and
+    what is between, after LAMMPS's forces; and whether the last one moves, too."""
 
     lead: object
     middle: object
@@ -198,7 +197,7 @@ class Stages(NamedTuple):
     tail_moves: bool
 
 
-FORCE_LETTER = "F"
+FORCES = "F"  # where LAMMPS computes them
 
 
 def stages(splitting, operations):
@@ -214,13 +213,13 @@ def stages(splitting, operations):
     """
     letters = splitting.split()
     for letter in letters:
-        if letter not in operations and letter != FORCE_LETTER:
+        if letter not in operations and letter != FORCES:
             known = ", ".join(operations)
             raise ValueError(
                 f"splitting {splitting!r}: there is no operation {letter}, only {known}"
             )
     movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
-    cut = letters.index(FORCE_LETTER) if FORCE_LETTER in letters else movers[-1] + 1
+    cut = letters.index(FORCES) if FORCES in letters else movers[-1] + 1
     first = min(movers[0], cut)
     parts = [
         (letter, operations[letter].does, 1.0 / letters.count(letter))
@@ -297,9 +296,12 @@ def make_loops(integrator):
             take(layout, k, MASS, P + 4, MASS)
             if gathers and blocks[k, 2]:
                 rotation_matrices(block)
-                wrong += gather_block(layout, k, atom_f)
-                if gathers == KEEPS:
+                bad = gather_block(layout, k, atom_f)
+                if bad or gathers == KEEPS:
                     put(layout, k, FORCE, TORQUE + 3, FORCE)
+                if bad:  # these stay as they are, for who says why
+                    wrong += bad
+                    continue
             else:
                 take(layout, k, FORCE, TORQUE + 3, FORCE)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)

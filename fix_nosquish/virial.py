@@ -1,4 +1,4 @@
-"""The passes that thermodynamics asks for: the constraint virial and the kinetic energies."""
+"""The virial of the forces that keep the bodies rigid."""
 
 from .block import (
     FORCE,
@@ -11,15 +11,14 @@ from .block import (
     Layout,
     P,
     Q,
-    V,
     four,
     nine,
     take,
     three,
     write,
 )  # fmt: skip
-from .compiled import F1, F2, I1, L1, F, I, inlined, loop
-from .frames import angular_momentum, angular_velocity, to_body, to_space
+from .compiled import F1, F2, I1, F, inlined, loop
+from .frames import angular_velocity, to_body, to_space
 from .step import displaced, rotation_matrices
 
 ACCELERATION = OWN
@@ -87,22 +86,3 @@ def constraint_virial(
                     virial[c] += parts[c]
                     if atom_virial.size:
                         atom_virial[i, c] += parts[c]
-
-
-@loop
-def kinetic_energies(layout: Layout, home: L1, rank: I, energies: F1):
-    """Sum mass times velocity squared, halved, of translation and of rotation, over the bodies
-    whose
-    home is this rank."""
-    block, blocks = layout.block, layout.blocks
-    energies[0] = energies[1] = 0.0
-    for k in range(blocks.shape[0] - 1):
-        take(layout, k, MASS, P + 4, MASS)
-        for b in range(blocks[k + 1, 0] - blocks[k, 0]):
-            if home[blocks[k, 0] + b] == rank:
-                (vx, vy, vz), (i1, i2, i3) = three(block, V, b), three(block, MOMENT, b)
-                q, p = four(block, Q, b), four(block, P, b)
-                l1, l2, l3 = angular_momentum(q, p)
-                w1, w2, w3 = angular_velocity(q, p, i1, i2, i3)
-                energies[0] += 0.5 * block[MASS, b] * (vx * vx + vy * vy + vz * vz)
-                energies[1] += 0.5 * (l1 * w1 + l2 * w2 + l3 * w3)

@@ -444,3 +444,20 @@ def test_two_fixes_of_ours_do_not_watch_each_other(run_all):
     log = run_all(system, {"": groups + OURS.format(group="one", words="molecule") + "\n"
                            + OURS.format(group="two", words="molecule").replace("fix 1", "fix 2") + "\nrun 5"})[""].log  # fmt: skip
     assert log.count("no reader of velocities at the half step") == 2 and "may change" not in log
+
+
+def test_values_read_before_a_step_begins(simulate):
+    """Locks out values of the last step that are printed for this one, because a fix that comes
+    before ours has read them when the step's number was this one's already."""
+    system = mixture("solid planar pair row")
+    reader = (
+        "variable d equal 0.0*f_1\nvariable z equal 0.0\ngroup nothing empty\n"
+        "fix 7 nothing move variable v_d v_z v_z v_z v_z v_z"
+    )
+    columns = "f_1 f_1[1] f_1[2] f_1[1][1]"
+    read, plain = (
+        simulate(system, OURS, 8, every=1, before=before, columns=columns)
+        for before in (reader, "")
+    )
+    for name in columns.split():
+        np.testing.assert_array_equal(read.thermo[name], plain.thermo[name], err_msg=name)

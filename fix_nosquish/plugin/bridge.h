@@ -62,6 +62,7 @@ struct Bridge {
   int32_t phase;
   int32_t velocities_set;    // the atoms' velocities are those of the step's end
   int32_t vflag;             // what virial LAMMPS asks for in this step
+  int64_t changes;           // how many times the fix has changed the bodies by itself
   // set by Python: what goes without it
   int32_t may_wait;            // the end of a step may wait for the next step
   int32_t velocities_every;    // but not where its number is a multiple of this, when velocities are read (0: of none)

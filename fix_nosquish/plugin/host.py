@@ -51,7 +51,7 @@ class Host:
     calls_setup = follows = True
     has_virial = False  # not known early
     phase, velocities_set = _shared("phase", int), _shared("velocities_set", bool)
-    vflag = _shared("vflag", int)
+    vflag, changes = _shared("vflag", int), _shared("changes", int)
     ghost_velocity, creates_velocities = _asked("ghost_velocity"), _asked("creates_velocities")
 
     def __init__(self, bridge: Bridge):

@@ -502,6 +502,7 @@ bool FixPythonMove::run(const Pass *pass)
 {
   for (; pass->loop; pass++)
     if (pass->loop(pass->cells)) return false;
+  bridge.changes++;
   return true;
 }
 
