@@ -11,7 +11,7 @@ import numpy as np
 
 from . import block, migration, spheres
 from .communicator import ALONE
-from .compiled import L2, Cell, I
+from .compiled import Cell, I
 from .errors import RunError
 from .frames import angular_momentum, rotation_matrix
 from .lookup import gone
@@ -105,7 +105,7 @@ class Bodies:
     def __init__(self, state, body, displace, here, planar, spheres, communicator=ALONE):
         self.planar, self.spheres, self.start = planar, spheres, None
         self._communicator, self._box = communicator, None
-        self._memory = Memory(migration.KINDS, L2)
+        self._memory = Memory(migration.KINDS)
         for name, values in (
             ("state", state), ("body", body), ("displace", displace), ("here", here),
             ("place", np.arange(len(here))),

@@ -27,7 +27,7 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  membership: the
         `Membership`.
         path: the file of keyword infile, None for none.
-        more_rows: rows of zeros in the bodies' state, behind those that `kernels` names.
+        own_rows: rows of zeros in the bodies' state, behind those that `block` names.
         former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
     Returns:
         (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and

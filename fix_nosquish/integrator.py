@@ -138,9 +138,8 @@ class Integrator:
         self.reports = reports.Reports(self)
         self._all.add(self)
         self.reset_dt()
-        if (
-            self.host
-        ):  # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
+        if self.host:
+            # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
             self._build()
             self.reports.say(False)
         else:
@@ -193,12 +192,12 @@ class Integrator:
         # nor are the groups: deleted ones leave their bits to others
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self._look_at_fixes()
-        if self.command.reinit or not self._ran:
+        anew = self.command.reinit or not self._ran
+        if anew:
             self._build()
-            self._bind()
+        self._bind()
+        if anew:
             self.set_velocities()
-        else:
-            self._bind()
         self._refuse_second_integrator()
         self.reset_dt()
         self.reports.open()
@@ -348,8 +347,6 @@ class Integrator:
             self.catch_up()
         self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
         self._set_time_step()
-        if self.phase != Phase.NEW:
-            self._leave_to_host()
 
     # ------------------------------------------------------------- one step
 
@@ -375,8 +372,6 @@ class Integrator:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
             self.host.set_bodies(body, bodies.mass)
-        if self.phase != Phase.NEW:
-            self._leave_to_host()
 
     @hook
     def final_integrate(self):

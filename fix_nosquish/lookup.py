@@ -61,7 +61,7 @@ class Messages:
     """
 
     def __init__(self, communicator):
-        self._memory = Memory(dict.fromkeys(ROWS, L1), L2)
+        self._memory = Memory(dict.fromkeys(ROWS, L1))
         self._cells = communicator.cells | {"messages": self._memory.cells["memory"]}
         self._size = communicator.size
 

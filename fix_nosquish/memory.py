@@ -5,12 +5,10 @@ import weakref
 
 import numpy as np
 
-from .compiled import Cell, array, call, inlined
+from .compiled import L2, Cell, array, call, inlined
 
-PLACE, SIZE = (
-    0,
-    3,
-)  # columns of a memory's table: where an array is (its shape follows), its room in bytes
+# columns of a memory's table: where an array is (its shape follows), and its room in bytes
+PLACE, SIZE = 0, 3
 REALLOC = 0  # the row that holds the address of C's realloc
 
 _libc = ctypes.CDLL(None)
@@ -31,14 +29,12 @@ class Memory:
         cells: dictionary from names to `compiled.Cell`; "memory" is that of the table.
     """
 
-    def __init__(self, kinds, table_kind):
+    def __init__(self, kinds):
         self.table = table = np.zeros((1 + len(kinds), 4), np.int64)
         table[REALLOC, PLACE] = ctypes.cast(_libc.realloc, ctypes.c_void_p).value
         rows = zip(kinds.items(), table[1:, :3], strict=True)
         self.cells = {name: Cell(kind, numbers=numbers) for (name, kind), numbers in rows}
-        for cell in self.cells.values():
-            cell.numbers[2:] = cell.kind.columns
-        self.cells["memory"] = Cell(table_kind, table)
+        self.cells["memory"] = Cell(L2, table)
         weakref.finalize(self, _free, table).atexit = False  # LAMMPS may outlive this interpreter
 
     def put(self, name, values):

@@ -474,7 +474,7 @@ def follow(
         for i in range(atoms.origins.size):
             atoms.origins[i] = -1
         for j in range(index.size):
-            atoms.origins[index[j]] = mpi.library[RANK] << 32 | j
+            atoms.origins[index[j]] = mpi.interface[RANK] << 32 | j
         atoms.arrays[ARRIVED, 1] = 0  # of no more use
     if what & SETTLE:
         blocks = int_rows(bodies[BLOCKS, 0], bodies[BLOCKS, 1], 3)

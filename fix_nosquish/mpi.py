@@ -13,7 +13,7 @@ import numpy as np
 from .compiled import L1, Cell, address, call, inlined, longs
 from .memory import room
 
-# entries of `Mpi.library`: functions,
+# entries of `Mpi.interface`: functions,
 _FUNCTIONS = (
     "Isend", "Issend", "Irecv", "Waitall", "Testall", "Test", "Ibarrier", "Improbe", "Mprobe", "Mrecv",
     "Get_count", "Allreduce",
@@ -43,18 +43,18 @@ class Mpi(NamedTuple):
     """What loops need to call MPI: see above.
 
     Attributes:
-        library: (ENTRIES,).  words: (WORDS,).
+        interface: (ENTRIES,).  words: (WORDS,).
     """
 
-    library: L1
+    interface: L1
     words: L1
 
 
 def alone():
     """The cells of an `Mpi` of one rank, that is never called."""
-    library = np.zeros(ENTRIES, np.int64)
-    library[RANKS] = 1
-    return {"library": Cell(L1, library), "words": Cell(L1, np.zeros(WORDS, np.int64))}
+    interface = np.zeros(ENTRIES, np.int64)
+    interface[RANKS] = 1
+    return {"interface": Cell(L1, interface), "words": Cell(L1, np.zeros(WORDS, np.int64))}
 
 
 def cells(comm, MPI):
@@ -73,58 +73,61 @@ def cells(comm, MPI):
     mpi = ctypes.CDLL(None)  # with what stands before the library, as a tool that counts calls
     if not hasattr(mpi, "MPI_Init"):
         mpi = ctypes.CDLL(MPI.__file__)
-    library = np.zeros(ENTRIES, np.int64)
+    interface = np.zeros(ENTRIES, np.int64)
     for k, name in enumerate(_FUNCTIONS):
-        library[k] = ctypes.cast(getattr(mpi, f"MPI_{name}"), ctypes.c_void_p).value
+        interface[k] = ctypes.cast(getattr(mpi, f"MPI_{name}"), ctypes.c_void_p).value
     for k, thing in (COMM, comm), (LONG, MPI.INT64_T), (DOUBLE, MPI.DOUBLE), (SUM, MPI.SUM):
-        library[k] = handle(thing)
-    library[ANY_SOURCE], library[RANKS], library[RANK] = MPI.ANY_SOURCE, comm.size, comm.rank
-    library[REQUEST_SIZE], library[STATUS_SIZE] = MPI._sizeof(MPI.Request), MPI._sizeof(MPI.Status)
+        interface[k] = handle(thing)
+    interface[ANY_SOURCE], interface[RANKS], interface[RANK] = MPI.ANY_SOURCE, comm.size, comm.rank
+    interface[REQUEST_SIZE], interface[STATUS_SIZE] = (
+        MPI._sizeof(MPI.Request),
+        MPI._sizeof(MPI.Status),
+    )
     status = MPI.Status()
     status.source = 12345
     raw = ctypes.string_at(MPI._addressof(status), MPI._sizeof(status))
-    library[SOURCE_AT] = np.frombuffer(raw, np.int32).tolist().index(12345)
+    interface[SOURCE_AT] = np.frombuffer(raw, np.int32).tolist().index(12345)
     assert MPI._sizeof(MPI.Status) <= 8 * (WORDS - STATUS)
-    return {"library": Cell(L1, library), "words": Cell(L1, np.zeros(WORDS, np.int64))}
+    return {"interface": Cell(L1, interface), "words": Cell(L1, np.zeros(WORDS, np.int64))}
 
 
 @inlined
 def request(mpi, memory):
     """The address of the request of one more message that is under way."""
-    library = mpi.library
+    interface = mpi.interface
     memory[REQUESTS, 1] += 1
-    place = room(memory, REQUESTS, memory[REQUESTS, 1] * library[REQUEST_SIZE])
-    return place + (memory[REQUESTS, 1] - 1) * library[REQUEST_SIZE]
+    place = room(memory, REQUESTS, memory[REQUESTS, 1] * interface[REQUEST_SIZE])
+    return place + (memory[REQUESTS, 1] - 1) * interface[REQUEST_SIZE]
 
 
 @inlined
 def send(mpi, memory, how, begin, count, kind, rank, tag):
     """Begin to send so many numbers from this address on (how: ISEND, ISSEND), or to receive
     (IRECV)."""
-    library = mpi.library
+    interface = mpi.interface
     place = request(mpi, memory)
-    call(library[how], begin, count, library[kind], rank, tag, library[COMM], place)
+    call(interface[how], begin, count, interface[kind], rank, tag, interface[COMM], place)
 
 
 @inlined
 def wait(mpi, memory):
     """Wait until all messages that are under way are there."""
-    library = mpi.library
+    interface = mpi.interface
     n = memory[REQUESTS, 1]
     if n:
-        statuses = room(memory, STATUSES, n * library[STATUS_SIZE])
-        call(library[WAITALL], n, memory[REQUESTS, 0], statuses)
+        statuses = room(memory, STATUSES, n * interface[STATUS_SIZE])
+        call(interface[WAITALL], n, memory[REQUESTS, 0], statuses)
         memory[REQUESTS, 1] = 0
 
 
 @inlined
 def all_sent(mpi, memory):
     """Whether all messages that are under way are there."""
-    library, words = mpi.library, mpi.words
+    interface, words = mpi.interface, mpi.words
     n = memory[REQUESTS, 1]
     words[FLAG] = 0
-    statuses = room(memory, STATUSES, n * library[STATUS_SIZE])
-    call(library[TESTALL], n, memory[REQUESTS, 0], address(words), statuses)
+    statuses = room(memory, STATUSES, n * interface[STATUS_SIZE])
+    call(interface[TESTALL], n, memory[REQUESTS, 0], address(words), statuses)
     if words[FLAG]:
         memory[REQUESTS, 1] = 0
     return words[FLAG] != 0
@@ -133,10 +136,10 @@ def all_sent(mpi, memory):
 @inlined
 def add_up(mpi, kind, numbers, sums):
     """The sums over all ranks of each of these numbers; kind is LONG or DOUBLE."""
-    library, n = mpi.library, numbers.size
-    if library[RANKS] > 1:
-        call(library[ALLREDUCE], address(numbers), address(sums), n, library[kind], library[SUM],
-             library[COMM])  # fmt: skip
+    interface, n = mpi.interface, numbers.size
+    if interface[RANKS] > 1:
+        call(interface[ALLREDUCE], address(numbers), address(sums), n, interface[kind], interface[SUM],
+             interface[COMM])  # fmt: skip
     else:
         for k in range(n):
             sums[k] = numbers[k]
@@ -164,15 +167,15 @@ def expect(memory, source, count):
 @inlined
 def receive(mpi, memory):
     """Receive the message that was probed."""
-    library, words = mpi.library, mpi.words
+    interface, words = mpi.interface, mpi.words
     status = address(words) + 8 * STATUS
     words[FLAG] = 0
-    call(library[GET_COUNT], status, library[LONG], address(words))
+    call(interface[GET_COUNT], status, interface[LONG], address(words))
     count = words[FLAG]
-    half = 2 * STATUS + library[SOURCE_AT]
+    half = 2 * STATUS + interface[SOURCE_AT]
     source = (words[half // 2] >> (32 * (half % 2))) & 0xFFFFFFFF
     place = expect(memory, source, count)
-    call(library[MRECV], place, count, library[LONG], address(words) + 8 * MESSAGE, status)
+    call(interface[MRECV], place, count, interface[LONG], address(words) + 8 * MESSAGE, status)
 
 
 @inlined
@@ -185,9 +188,9 @@ def deliver(mpi, memory, to, many, parts, sources, known):
         to, many: (n,) the ranks, and how many numbers go to each.  parts: the numbers.
         sources: the ranks that send something to this one, if they are known: else they are found.
     """
-    library, words, rank = mpi.library, mpi.words, mpi.library[RANK]
+    interface, words, rank = mpi.interface, mpi.words, mpi.interface[RANK]
     message, status = address(words) + 8 * MESSAGE, address(words) + 8 * STATUS
-    how, tag, begin = ISEND if known else ISSEND, ANSWER if known else QUESTION + library[TURN], 0
+    how, tag, begin = ISEND if known else ISSEND, ANSWER if known else QUESTION + interface[TURN], 0
     for row in (SENDERS, SENT, BEGINS, UNSORTED):
         memory[row, 1] = 0
     for r in range(to.size):
@@ -201,27 +204,27 @@ def deliver(mpi, memory, to, many, parts, sources, known):
     if known:
         for r in range(sources.size):
             if sources[r] != rank:
-                call(library[MPROBE], sources[r], tag, library[COMM], message, status)
+                call(interface[MPROBE], sources[r], tag, interface[COMM], message, status)
                 receive(mpi, memory)
         wait(mpi, memory)
     else:
         # A rank enters the barrier when all it sent is being received: when all have, there is
         # nothing more to come.  Ranks ahead of this one may be in the next round by then, but not
         # in the one after it: two tags do.
-        library[TURN] = 1 - library[TURN]
+        interface[TURN] = 1 - interface[TURN]
         entered = over = False
         while not over:
             words[FLAG] = 0
-            call(library[IMPROBE], library[ANY_SOURCE], tag, library[COMM], address(words), message,
+            call(interface[IMPROBE], interface[ANY_SOURCE], tag, interface[COMM], address(words), message,
                  status)  # fmt: skip
             if words[FLAG]:
                 receive(mpi, memory)
             elif not entered:
                 if all_sent(mpi, memory):
-                    call(library[IBARRIER], library[COMM], address(words) + 8 * BARRIER)
+                    call(interface[IBARRIER], interface[COMM], address(words) + 8 * BARRIER)
                     entered = True
             else:
-                call(library[TEST], address(words) + 8 * BARRIER, address(words), status)
+                call(interface[TEST], address(words) + 8 * BARRIER, address(words), status)
                 over = words[FLAG] != 0
     put_in_order(memory)
 

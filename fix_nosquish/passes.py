@@ -6,8 +6,9 @@ arrays.
     whole        the end of a step and the begin of the next one, in one pass where that is possible
     velocities   the atoms' velocities
     virial       the constraint virial
-    energies     kinetic energies and temperatures
     follow       the bodies follow LAMMPS's atoms
+    gather       force and torque of each body
+    kick         the begin of a level of run_style respa
 
 The plugin does them by itself; with a LAMMPS's own fix python/move, Python does them, by `do`.
 """

@@ -13,7 +13,7 @@ numbered I_1 >= I_2 >= I_3, so the smallest moment (the fastest axis) is outermo
 for TIP3P water the reverse order has about ten times the energy error.
 
 Quaternions are tuples (scalar part first).  The functions are inlined into the
-loops of `kernels.py`; where `small` is true all angles are below SMALL, and the
+loops of `operations.py`; where `small` is true all angles are below SMALL, and the
 compiler advances several bodies at once.
 """
 

@@ -227,8 +227,8 @@ def connect(memory, counts, own):
 @inlined
 def find(mpi, memory, counts):
     """Find who else holds the bodies that may be shared; collective."""
-    own = mpi.library[RANK]
-    if mpi.library[RANKS] == 1:
+    own = mpi.interface[RANK]
+    if mpi.interface[RANKS] == 1:
         home = in_row(memory, HOME, counts[BODIES])
         for b in range(counts[BODIES]):
             home[b] = own
@@ -317,7 +317,7 @@ class Sharers:
     def __init__(self, communicator):
         self._communicator, self.counts = communicator, np.zeros(COUNTS, np.int64)
         kinds = dict.fromkeys((*ROWS, *_OWN), L1) | {"packed": F1, "received": F1}
-        self._memory = Memory(kinds, L2)
+        self._memory = Memory(kinds)
         self.cells = communicator.cells | {
             "sharing": self._memory.cells["memory"], "counts": Cell(L1, self.counts)
         }  # fmt: skip

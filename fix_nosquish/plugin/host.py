@@ -106,11 +106,12 @@ class Host:
         self._bridge.set_array_rows(self._bridge.fix, int(n))
 
     def go_alone(self, lists, *, velocities_every, python_every, without):
-        self._kept = lists, {}
-        for field, name in LISTS.items():
-            wanted = name not in without
-            table = self._kept[1][name] = _table(lists[name])
-            setattr(self._bridge, field, table.ctypes.data if wanted else None)
+        tables = {
+            field: _table(lists[name]) for field, name in LISTS.items() if name not in without
+        }
+        for field, table in tables.items():
+            setattr(self._bridge, field, table.ctypes.data)
+        self._kept = lists, tables
         self._bridge.velocities_every, self._bridge.python_every = velocities_every, python_every
         self._bridge.may_wait = True
 
