@@ -81,39 +81,52 @@ def free_motion(rotate_rotors):
     return move
 
 
-@inlined
-def no_squish(block, dt, mrot):
-    """Free rotation of rotors, in mrot inner steps (2.53).
+def rotation_by(rotor):
+    """The free rotation of a block of rotors from that of one.
 
     Power series serve bodies that turn little in an inner step, all lanes at once; the others'
     motion is found before, one by one.
+
+    Args:
+        rotor: a function (q, p, i1, i2, i3, dt, small) that returns q and p, inlined; no angle in
+            it is above that of a rotation by dt.  See `rotor.free_rotor`.
+    Returns:
+        what `free_motion` takes, which does mrot inner steps.
     """
-    inner, fast = dt / mrot, 0
-    for b in range(LANES):
-        i1, i2, i3 = three(block, MOMENT, b)
-        if not turns_little(four(block, P, b), min(i1, min(i2, i3)), inner):
-            fast += 1
-    if fast:
+
+    @inlined
+    def rotate(block, dt, mrot):
+        inner, fast = dt / mrot, 0
         for b in range(LANES):
             i1, i2, i3 = three(block, MOMENT, b)
-            q, p = four(block, Q, b), four(block, P, b)
-            turns = 0 if turns_little(p, min(i1, min(i2, i3)), inner) else mrot
-            for _ in range(turns):
-                q, p = free_rotor(q, p, i1, i2, i3, inner, False)
-            write(block, FAST, b, q)
-            write(block, FAST + 4, b, p)
-            block[FAST + 8, b] = turns
-    for _ in range(mrot):
-        for b in range(LANES):
-            i1, i2, i3 = three(block, MOMENT, b)
-            q, p = free_rotor(four(block, Q, b), four(block, P, b), i1, i2, i3, inner, True)
-            write(block, Q, b, q)
-            write(block, P, b, p)
-    if fast:
-        for b in range(LANES):
-            if block[FAST + 8, b] > 0.0:
-                write(block, Q, b, four(block, FAST, b))
-                write(block, P, b, four(block, FAST + 4, b))
+            if not turns_little(four(block, P, b), min(i1, min(i2, i3)), inner):
+                fast += 1
+        if fast:
+            for b in range(LANES):
+                i1, i2, i3 = three(block, MOMENT, b)
+                q, p = four(block, Q, b), four(block, P, b)
+                turns = 0 if turns_little(p, min(i1, min(i2, i3)), inner) else mrot
+                for _ in range(turns):
+                    q, p = rotor(q, p, i1, i2, i3, inner, False)
+                write(block, FAST, b, q)
+                write(block, FAST + 4, b, p)
+                block[FAST + 8, b] = turns
+        for _ in range(mrot):
+            for b in range(LANES):
+                i1, i2, i3 = three(block, MOMENT, b)
+                q, p = rotor(four(block, Q, b), four(block, P, b), i1, i2, i3, inner, True)
+                write(block, Q, b, q)
+                write(block, P, b, p)
+        if fast:
+            for b in range(LANES):
+                if block[FAST + 8, b] > 0.0:
+                    write(block, Q, b, four(block, FAST, b))
+                    write(block, P, b, four(block, FAST + 4, b))
+
+    return rotate
+
+
+no_squish = rotation_by(free_rotor)  # (2.53), in mrot inner steps
 
 
 @inlined
