@@ -18,6 +18,7 @@ from .errors import RunError
 __version__ = "0.1.0"
 INTEGRATORS = {
     "NVE": "nve",
+    "NVT": "nvt",
     "MatubayasiNakahara": "matubayasi_nakahara",
     "Gear": "gear",
 }  # class: its module, which is imported when a fix line names the class
@@ -91,12 +92,12 @@ class _PointInWords:
     @staticmethod
     def find_spec(name, path=None, target=None):
         if name.startswith(__name__ + ".") and " " in name:
-            from .command import Command, Unfinished
+            from .command import OWN_KEYWORDS, Command, Unfinished
 
             text = name.removeprefix(__name__ + ".")
             _class_in(text, INTEGRATORS)
             try:
-                Command.parse(text.rpartition(" ")[0])
+                Command.parse(text.rpartition(" ")[0], OWN_KEYWORDS)
             except Unfinished:
                 pass  # the rest of it is behind the point
             raise RunError(

@@ -24,9 +24,10 @@ from .compiled import F2, F64, I1, I2, L1, LANES, inlined, prefetch
 # quaternion, its momentum, force, torque; number of atoms, image flags, home, ID
 MASS, MOMENT, X, V, Q, P, FORCE, TORQUE = 0, 1, 4, 7, 10, 14, 18, 21
 NATOMS, IMAGE, HOME, ID, ROWS = 24, 25, 28, 29, 30
-# rows of a block: a matrix, an atom's vector, and what each loop needs for itself
+# rows of a block: a matrix, an atom's vector, and what each loop needs for itself; whether a body
+# counts (see `take_names`), and its ID
 MATRIX, ATOM, OWN = 24, 33, 36
-BLOCK_ROWS = 45
+COUNTED, NUMBER, BLOCK_ROWS = 45, 46, 47
 LINE = 8  # numbers that the processor fetches at a time
 
 # kinds of bodies: single atoms, linear bodies, those that turn in a plane only, those with three
@@ -110,6 +111,16 @@ def take(layout, k, row, until, to):
             block[at(to + r), at(b)] = layout.state[at(row + r), at(begin + b)]
         for b in range(end - begin, LANES):
             block[at(to + r), at(b)] = block[at(to + r), 0]
+
+
+@inlined
+def take_names(layout, k, rank):
+    """Have the bodies' IDs in row NUMBER, and in row COUNTED what sums over all bodies on all ranks
+    multiply by: 1.0 where a body counts, 0.0 for other ranks' and for the lanes behind the last."""
+    block, bodies = layout.block, layout.blocks[k + 1, 0] - layout.blocks[k, 0]
+    take(layout, k, HOME, ID + 1, COUNTED)
+    for b in range(LANES):
+        block[COUNTED, b] = 1.0 if b < bodies and block[COUNTED, b] == rank else 0.0
 
 
 @inlined

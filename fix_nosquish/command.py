@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass
+from math import isfinite
 
 from .errors import RunError
 
@@ -16,6 +17,16 @@ KEYWORDS = {
     "infile": _FILE,
     "output": "N, a whole number of at least 1, and " + _FILE,
 }
+_NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
+THERMOSTATS = "langevin", "csvr", "nh"
+# keywords that only some integrators have
+OWN_KEYWORDS = {
+    "temp": f"TSTART, TSTOP and TDAMP, each {_NUMBER}",
+    "thermostat": f"one of {', '.join(THERMOSTATS)}",
+    "seed": "a whole number of at least 1",
+    "tchain": "the length of the chain, a whole number of at least 1",
+    "separate": "yes or no",
+}
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
 _ELSEWHERE = {
     "langevin": "use fix langevin on the bodies' atoms",
@@ -23,9 +34,10 @@ _ELSEWHERE = {
     "mol": "insert bodies between runs",
     "bodyforces": "the order of the fix lines decides which forces count",
     **dict.fromkeys(
-        ("temp", "tparam", "tchain"),
-        "this fix keeps the energy; use a thermostat fix on the bodies' atoms",
+        ("temp", "tchain", "thermostat", "seed", "separate"),
+        "this integrator keeps no temperature, fix_nosquish.NVT does",
     ),
+    "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
         ("iso", "aniso", "x", "y", "z", "couple", "pchain", "pparam", "fixedpoint", "dilate"),
         "this fix keeps the volume",
@@ -54,6 +66,9 @@ class Command:
         reinit: whether the bodies are made anew when a run starts.
         infile: the file with the bodies' properties, None for none.
         output: (N, file) for the table of bodies every N steps, None for none.
+        temp: (TSTART, TSTOP, TDAMP), words for numbers, None for none.
+        thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
+        separate: whether translation and rotation have a thermostat each.
     """
 
     text: str
@@ -67,11 +82,18 @@ class Command:
     reinit: bool = True
     infile: str | None = None
     output: tuple | None = None
+    temp: tuple | None = None
+    thermostat: str = THERMOSTATS[0]
+    seed: int | None = None
+    tchain: int = 3
+    separate: bool = False
 
     @classmethod
-    def parse(cls, text):
+    def parse(cls, text, own=()):
         """Read the words after the class.
 
+        Args:
+            text: the words.  own: which of `OWN_KEYWORDS` the class has.
         Raises:
             RunError: naming the word, what was expected, and what to do; Unfinished, which is one,
                 where words are missing.
@@ -98,13 +120,14 @@ class Command:
         elif style not in ("single", "molecule"):
             raise words.wrong(f"unknown body style '{style}': expected {STYLES}")
         values = {"force": (), "torque": ()}
+        known = KEYWORDS | {keyword: OWN_KEYWORDS[keyword] for keyword in own}
         while words.left:
             keyword = words.take("a keyword")
-            expected = KEYWORDS.get(keyword)
+            expected = known.get(keyword)
             if expected is None:
                 raise words.wrong(
                     f"unknown keyword '{keyword}': "
-                    + _ELSEWHERE.get(keyword, "expected " + ", ".join(KEYWORDS))
+                    + _ELSEWHERE.get(keyword, "expected " + ", ".join(known))
                 )
             if keyword in values and keyword not in ("force", "torque"):
                 raise words.wrong(f"keyword {keyword} stands twice")
@@ -125,11 +148,41 @@ class Command:
                 values["infile"] = words.take(expected)
             elif keyword == "output":
                 values["output"] = (words.whole(expected), words.take(expected))
+            elif keyword == "temp":
+                values["temp"] = tuple(words.number(expected) for _ in range(3))
+            elif keyword == "thermostat":
+                values["thermostat"] = words.one_of(THERMOSTATS, expected)
+            elif keyword in ("seed", "tchain"):
+                values[keyword] = words.whole(expected)
+            elif keyword == "separate":
+                values["separate"] = words.choice(("no", "yes"), expected)
         if "infile" in values:
             values["reinit"] = (
                 False  # as in fix rigid: the file is the start, not the state of later runs
             )
+        _check_thermostat(words, values, known)
         return cls(text, group, style, arguments, **values)
+
+
+def _check_thermostat(words, values, known):
+    """Raise an error if the words of a thermostat do not go together."""
+    if "temp" not in known:
+        return
+    if "temp" not in values:
+        raise words.wrong(f"keyword temp is missing: give it {OWN_KEYWORDS['temp']}")
+    chains = values.get("thermostat") == "nh"
+    if not chains and "seed" not in values:
+        raise words.wrong(
+            "keyword seed is missing: this thermostat draws random numbers, so give it "
+            + OWN_KEYWORDS["seed"]
+        )
+    for keyword, serves in ("seed", not chains), ("tchain", chains):
+        if keyword in values and not serves:
+            raise words.wrong(f"keyword {keyword} is of no use to this thermostat: leave it out")
+    if values.get("separate") and values.get("thermostat", THERMOSTATS[0]) == THERMOSTATS[0]:
+        raise words.wrong(
+            "keyword separate is for thermostats csvr and nh: langevin acts on each motion by itself"
+        )
 
 
 class _Words:
@@ -163,6 +216,24 @@ class _Words:
                 f"'{word}' was given where {' or '.join(allowed)} is expected, of {expected}"
             )
         return word == allowed[1]
+
+    def number(self, expected):
+        """The next word, which is a number or names a variable."""
+        word = self.take(expected)
+        try:
+            finite = word[:2] == "v_" or isfinite(float(word))
+        except ValueError:
+            finite = False
+        if not finite:
+            raise self.wrong(f"'{word}' was given where {expected} is expected")
+        return word
+
+    def one_of(self, allowed, expected):
+        """The next word, one of several."""
+        word = self.take(expected)
+        if word not in allowed:
+            raise self.wrong(f"'{word}' was given where {expected} is expected")
+        return word
 
     def bodies(self, expected):
         """The next word as a range of numbers, (first, last), 0 for an open end."""

@@ -19,6 +19,8 @@ class Host(Protocol):
         has_virial: whether LAMMPS asks for the virial, where that is known early.
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
         next_output: the next step for which LAMMPS writes something; None if that is not known.
+        span: (1,) int64 each, the steps at which the run begins and ends; None if they are not
+            known.
         creates_velocities: whether ``velocity ... create`` is the command that LAMMPS has begun
             last.
     """
@@ -34,6 +36,7 @@ class Host(Protocol):
     has_virial: bool
     ghost_velocity: bool
     next_output: int | None
+    span: tuple | None
     creates_velocities: bool
 
     def log(self, text):
@@ -75,13 +78,15 @@ class Host(Protocol):
     def keep_box(self):
         """What follows the atoms is for the box as it is now."""
 
-    def go_alone(self, lists, *, velocities_every, python_every, without):
+    def go_alone(self, lists, *, velocities_every, python_every, ended, late, without):
         """Leave calls out, and do lists of passes instead, from now on until `call_always`.
 
         Args:
             lists: see `passes`.
             velocities_every, python_every: every how many steps something may read the atoms'
                 velocities, or Python has something to do at the step's end; 0 for never.
+            ended: the phase at the end of a step that something looks at.
+            late: whether something may have changed the atoms' velocities by then.
             without: names of lists that it may not do by itself.
         """
 

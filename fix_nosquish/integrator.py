@@ -69,8 +69,16 @@ class Integrator:
             as in an operation.
         method: what the log calls it.  splits: whether it has use for the keywords mrot and order.
         respa: whether it can have the forces of the levels of run_style respa.
+        keywords: those of its own, besides what `command.KEYWORDS` has for all.
+        middle: whether the velocities that atoms have at the end of a step are those of its middle,
+            before the letters behind the forces: with a thermostat there, these are the right ones.
+            Not with run_style respa.
+        prepares: a loop that sets parameters for the letter that is `prepared`, or None; it returns
+            0, or -1 to end the run with the message `unprepared`.
         own_parameters: a method that returns numbers for its operations, behind those of
-            `operations`.
+            `operations`; it is asked when a run begins, and all are in `parameters` then.
+        own_cells: a method that returns a dictionary of cells that its own loop takes.
+        thermostat: whether it keeps a temperature, so that no other fix may.
 
     Attributes:
         bodies: the `Bodies`, from the first use of the fix on.
@@ -78,16 +86,18 @@ class Integrator:
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
+        parameters: (n,) what the operations take.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         late: other fixes that act at the end of a step, and so may change velocities.
         half_step_velocities, velocities_every: whether something may read the atoms' velocities
             between the halves of a step, and every how many steps at its end.
     """
 
-    splitting, operations, rows, work, starts = "", {}, 0, 0, None
-    method, splits, respa = "", False, True
+    splitting, operations, rows, work, starts, prepares = "", {}, 0, 0, None, None
+    method, splits, respa, middle, thermostat, keywords = "", False, True, False, False, ()
 
-    host = None
+    host = parameters = None
+    unprepared = ""
     follows_atoms = True
     virial = virial_per_atom = None
     rigid_flag = False
@@ -95,11 +105,14 @@ class Integrator:
 
     def __init_subclass__(cls):
         if not vars(cls).keys().isdisjoint(("splitting", "operations", "rows", "starts")):
-            cls.advance, cls.kick = step.make_loops(cls)
+            cls.advance, cls.go_on, cls.kick = step.make_loops(cls)
             cls.start = cls.starts and step.make_start(cls)
 
     def own_parameters(self):
         return ()
+
+    def own_cells(self):
+        return {}
 
     @property
     def carries(self):
@@ -125,7 +138,7 @@ class Integrator:
             modules.append(lookup)
         names = [module.__name__ for module in modules]
         compiled.load(self.communicator, *names, *(kind.__module__ for kind in type(self).__mro__))
-        self.command = Command.parse(words)
+        self.command = Command.parse(words, self.keywords)
         if not self.splits and (self.command.mrot, self.command.order) != (1, 321):
             raise RunError(
                 "keywords mrot and order are for integrators that split the rotation, which "
@@ -170,8 +183,13 @@ class Integrator:
     def phase(self, phase):
         self.host.phase = phase
 
-    has_begun = property(lambda self: self.phase in (Phase.HALF, Phase.WAITING))
-    is_set = property(lambda self: self.phase in (Phase.SET, Phase.OVER))
+    @property
+    def ended(self):
+        """The phase at the end of a step that is looked at."""
+        return Phase.WAITING if self.middle else Phase.SET
+
+    has_begun = property(lambda self: self.phase in ({Phase.HALF, Phase.WAITING} - {self.ended}))
+    is_set = property(lambda self: self.phase in (self.ended, Phase.SET, Phase.OVER))
     is_over = property(lambda self: self.phase == Phase.OVER)
 
     # ------------------------------------------------------------- before the first step
@@ -186,6 +204,7 @@ class Integrator:
                 everywhere=True,
             )
         self.host.call_always()
+        self.middle = type(self).middle and self.lammps.respa_dt is None
         self.phase = Phase.NEW
         self.reports.begin()
         self.host.set_bodies(None, None)  # the atoms are not those of the last run
@@ -252,9 +271,10 @@ class Integrator:
     def _bind(self):
         own = [0.0] * PARAMETERS
         own[FTM2V], own[MROT] = self.lammps.ftm2v, self.command.mrot
+        self.parameters = np.array([*own, *self.own_parameters()])
         self.passes = passes.Passes(
             self, self.bodies, self.lammps, self.communicator, self._switches.mask(self.bodies),
-            self.half_step_velocities, np.array([*own, *self.own_parameters()]),
+            self.half_step_velocities, self.own_cells(),
         )  # fmt: skip
         self._set_time_step()
 
@@ -319,7 +339,7 @@ class Integrator:
         if self._ran and not self.command.reinit:
             self._say_ignored("reinit no")
             self.set_velocities()
-        self.phase, self._ran = Phase.SET, True
+        self.phase, self._ran = self.ended, True
         if vflag:
             self.reports.add_constraint_virial()
         self._leave_to_host()
@@ -378,7 +398,7 @@ class Integrator:
         """The second half of a step, when it is not left to the plugin."""
         self._follow()
         self.do("end")
-        self.phase = Phase.SET
+        self.phase = self.ended
         self.reports.forget()
         step = self.lammps.step
         if step == self.host.next_output or any(step % n == 0 for n in self.velocities_every):
@@ -390,13 +410,24 @@ class Integrator:
     def catch_up(self):
         """Do what the last step has left to the next one."""
         if self.phase == Phase.WAITING:
-            self.do("end")
+            self.do("close")
             self.phase, self.host.velocities_set = Phase.SET, False
             self.reports.forget()
 
+    def come_to_rest(self):
+        """Have the bodies as a step that is looked at leaves them, with their forces."""
+        if self.phase == Phase.WAITING:
+            if self.middle:
+                self.do("gather")
+            else:
+                self.catch_up()
+
     def do(self, name):
         """Do a list of passes; see `passes`."""
-        if self.passes.do(name):
+        found = self.passes.do(name)
+        if found < 0:
+            raise RunError(self.unprepared, everywhere=True)
+        if found:
             self._blame_forces()
 
     def _begin_step(self, vflag):
@@ -407,7 +438,7 @@ class Integrator:
             self._refuse_new_box(self.lammps.box.periodic)
             self.host.point()
             self.bodies.refuse_moved_atoms(self.lammps)
-            self.phase = Phase.SET
+            self.phase = self.ended
             self._say_ignored("pre no")
         elif self.late:
             self.take_changed_velocities(self.lammps.step - 1)
@@ -436,6 +467,8 @@ class Integrator:
                 self.passes.lists,
                 velocities_every=gcd(*self.velocities_every),
                 python_every=gcd(*output),
+                ended=self.ended,
+                late=bool(self.late),
                 without=self._not_alone(),
             )
 
@@ -443,9 +476,7 @@ class Integrator:
         """The lists of passes that need something of Python's before or after."""
         if self._box_may_change:
             return tuple(self.passes.lists)
-        changed = ("begin",) if self.late else ()  # velocities, at the end of the last step
-        lent = ("follow",) if self.rigid_flag or self._switches.choices else ()
-        return *changed, *lent
+        return ("follow",) if self.rigid_flag or self._switches.choices else ()
 
     def _follow(self):
         if self.host.atoms_moved():
@@ -526,7 +557,7 @@ class Integrator:
         as
         their atoms are."""
         if self.phase != Phase.NEW:
-            self.catch_up()
+            self.come_to_rest()
             if not self.host.velocities_set:
                 self.set_velocities()
             self.take_changed_velocities(self.lammps.step)
@@ -553,7 +584,7 @@ class Integrator:
         """A level's new forces end its step."""
         self._follow()
         self.passes.level_dt.set(self.respa_dt[ilevel])
-        self.do("end")
+        self.do("close")
         self.reports.forget()
         if ilevel == len(self.respa_dt) - 1 or self.half_step_velocities:
             self.set_velocities()

@@ -19,7 +19,8 @@ _MISSING = "this fix does not advance"
 _TURNS = (
     "whose torque and inertia this fix does not know: use points or spheres (atom_style sphere)"
 )
-_ATOM_STYLE, _STRING = 1, 3  # of its variables
+_EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
+_STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
 
 # LAMMPS's arrays as loops take them; the plugin has the same order
 ARRAYS = {
@@ -110,6 +111,8 @@ class Lammps:
         self._natoms = self._scalar("nlocal", c_int)
         self._dt = self._scalar("dt", c_double)
         self._step = self._scalar("ntimestep", c_int64)
+        # the number of the step for loops, which read it there
+        self.step_cell = Cell(L1, array(self._global("ntimestep"), (1,), np.int64))
         self.ftm2v = self._scalar("ftm2v", c_double).value
         self.mvv2e = self._scalar("mvv2e", c_double).value
         self.boltz = self._scalar("boltz", c_double).value
@@ -340,12 +343,30 @@ class Lammps:
         """
         if word[:2] != "v_":
             return word
+        return ctypes.string_at(self._evaluate(self._named(word), None, _STRING)).decode()
+
+    def number(self, word):
+        """A word of the fix line as a number: what stands there, or the value now of the variable
+        that v_NAME names; collective.
+
+        Raises:
+            RunError: if there is no such variable, or it is not an equal-style one.
+        """
+        if word[:2] != "v_":
+            return float(word)
+        place = self._evaluate(self._named(word), None, _EQUAL)
+        value = c_double.from_address(place).value
+        self.lib.lammps_free(place)
+        return value
+
+    def _named(self, word):
+        """The name in v_NAME, of a variable that there is."""
         name = word[2:]
         if not self.has("variable", name):
             raise RunError(
                 f"there is no variable '{name}' ({word}): define it before the fix", everywhere=True
             )
-        return ctypes.string_at(self._evaluate(name, None, _STRING)).decode()
+        return name
 
     def _evaluate(self, name, group, style):
         """The address of a variable's value; collective."""
@@ -353,9 +374,10 @@ class Lammps:
             self.lib, "lammps_extract_variable_datatype", None
         )  # LAMMPS has it since 2022
         if style_of and style_of(c_void_p(self.handle), name.encode()) != style:
-            article, word = ("an", "atom") if style == _ATOM_STYLE else ("a", "string")
+            kind = _STYLES[style]
             raise RunError(
-                f"variable {name} is not {article} {word}-style variable: define it with 'variable {name} {word} ...'",
+                f"variable {name} is not {kind}-style variable: define it with "
+                f"'variable {name} {kind.split()[1]} ...'",
                 everywhere=True,
             )
         address = self.lib.lammps_extract_variable(

@@ -2,8 +2,10 @@
 arrays.
 
     begin        the first half of a step
-    end          its second half, when the forces are known
+    close        its second half, when the forces are known
     whole        the end of a step and the begin of the next one, in one pass where that is possible
+    end          what a step that is looked at ends with: its second half; where atoms carry the
+                 velocities of the step's middle, nothing
     velocities   the atoms' velocities
     virial       the constraint virial
     follow       the bodies follow LAMMPS's atoms
@@ -33,12 +35,12 @@ class Passes:
     """The lists of loops of a run.
 
     Args:
-        integrator: its class, with the loops `advance` and `kick`.
+        integrator: the `Integrator`, with its loops.
         bodies: the `Bodies`.  lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
         mask: what of force and torque acts, (6, bodies) or (6, 1); None for all.
         half_step_velocities: whether something reads the atoms' velocities between the halves of a
-        step.
-        parameters: (n,) numbers for the operations; see `operations`.
+            step.
+        own_cells: dictionary of cells that the integrator's own loop takes.
 
     Attributes:
         lists: dictionary from the names above to lists of bound loops.
@@ -51,13 +53,14 @@ class Passes:
     """
 
     def __init__(
-        self, integrator, bodies, lammps, communicator, mask, half_step_velocities, parameters
+        self, integrator, bodies, lammps, communicator, mask, half_step_velocities, own_cells
     ):
         self.dt, self.level_dt, self.begins = Cell(F), Cell(F), Cell(I, 1)
         self.mask = None if mask is None else Cell(F2, mask)
         several = communicator.size > 1
-        cells = bodies.cells | lammps.cells
-        cells |= {"dt": self.dt, "parameters": Cell(F1, parameters)}
+        cells = bodies.cells | lammps.cells | own_cells
+        cells |= {"dt": self.dt, "parameters": Cell(F1, integrator.parameters)}
+        cells["rank"] = Cell(I, communicator.rank)
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
@@ -72,6 +75,11 @@ class Passes:
                 cells, ends=ends, begins=self.begins, gathers=gathers, part=part
             )
 
+        prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
+        before, rest = prepares, []
+        if integrator.go_on:
+            before, rest = [], [*prepares, integrator.go_on.bind_to(cells)]
+
         shared = [give.bind_to(cells, values=cells["wrench"])] if several else []
         added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
         gather = [step.gather.bind_to(cells, every=True)]
@@ -84,24 +92,28 @@ class Passes:
         if bodies.spheres:
             velocities.append(spheres.set_spins.bind_to(cells))
         if mask is not None or bodies.spheres:
-            whole = [*gather, advance(True)]
+            whole = [*gather, *before, advance(True)]
         elif several:  # messages are under way while the bodies that need none move
             how = KEEPS if half_step_velocities else GATHERS
             some = step.gather.bind_to(cells, every=False)
-            whole = [some, *shared, advance(True, WHOLE, how), *added, advance(True, DIVIDED, how)]
+            whole = [some, *shared, *before, advance(True, WHOLE, how), *added]
+            whole.append(advance(True, DIVIDED, how))
         else:
-            whole = [advance(True, ALL, KEEPS if half_step_velocities else GATHERS)]
+            whole = [*before, advance(True, ALL, KEEPS if half_step_velocities else GATHERS)]
         after = velocities if half_step_velocities else []
         self.lists = {
             "gather": gather,
-            "begin": [advance(False), *after],
-            "end": [*gather, kick(ends=True)],
-            "whole": [*whole, *after],
+            "begin": [*before, advance(False), *rest, *after],
+            "close": [*gather, kick(ends=True)],
+            "whole": [*whole, *rest, *after],
             "kick": [*gather, kick(ends=False)],
             "velocities": velocities,
             "virial": [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)],
             "follow": [bodies.following],
         }
+        self.lists["end"] = [] if integrator.middle else self.lists["close"]
+        if integrator.middle:
+            self.lists["virial"] = [*gather, *self.lists["virial"]]
 
     def do(self, name):
         """Do a list of passes. Returns: what the first one that found something wrong says, or

@@ -113,7 +113,7 @@ class Reports:
                 "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
                 everywhere=True,
             )
-        state.catch_up()
+        state.come_to_rest()
         return state.bodies
 
     # ------------------------------------------------------------- thermodynamics
@@ -127,7 +127,7 @@ class Reports:
         cells, of_atoms = state.lammps.cells, state.virial_per_atom
         cells["virial"].set(virial)
         cells["atom_virial"].set(np.empty((0, 6)) if of_atoms is None else of_atoms)
-        state.passes.do("virial")
+        state.do("virial")
 
     def virial_of_all(self):
         """The virial of all bodies on all ranks, between LAMMPS's forces and final_integrate."""
@@ -144,7 +144,7 @@ class Reports:
             state.post_neighbor()
         bodies = state.bodies
         kept = bodies.state.copy()
-        state.do("end" if state.has_begun else "gather")
+        state.do("close" if state.has_begun and not state.middle else "gather")
         self.add_constraint_virial(virial)
         bodies.state[:] = kept
 
@@ -174,6 +174,22 @@ class Reports:
             "energies", lambda bodies: thermo.energies(bodies, state.communicator, state.lammps)
         )
 
+    def kinetic_at_end(self):
+        """The kinetic energy of the bodies at the end of the step, and that of the velocities that
+        the atoms have, in LAMMPS's units; collective."""
+        state, now = self._state, self.energies()[:2].sum()
+
+        def closed(bodies):
+            if state.phase != state.ended or not state.middle:
+                return now
+            kept = bodies.state.copy()
+            state.do("close")
+            energy = thermo.energies(bodies, state.communicator, state.lammps)[:2].sum()
+            bodies.state[:] = kept
+            return energy
+
+        return self._once("kinetic", closed), now
+
     def array(self):
         """What fix rigid gives as its global array: see `output.global_array`; collective."""
         self._see_changed_velocities()
@@ -187,13 +203,16 @@ class Reports:
 
     def _once(self, name, make):
         """What make(bodies) returned, if nothing has changed the bodies since it was called."""
-        state, bodies = self._state, self._made()  # which may change them
-        when = state.lammps.step, state.phase, state.host.changes
-        if self._known.get("when") != when:
-            self._known = {"when": when}
-        if name not in self._known:
+        if self._known.get("when") != self._when() or name not in self._known:
+            bodies = self._made()  # which may change them
+            if self._known.get("when") != self._when():
+                self._known = {"when": self._when()}
             self._known[name] = make(bodies)
         return self._known[name]
+
+    def _when(self):
+        state = self._state
+        return state.lammps.step, state.phase, state.host.changes
 
     def _see_changed_velocities(self):
         state = self._state

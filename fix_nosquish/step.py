@@ -27,6 +27,7 @@ from .block import (
     nine,
     put,
     take,
+    take_names,
     three,
     write,
 )  # fmt: skip
@@ -181,20 +182,28 @@ class Operation(NamedTuple):
     Attributes:
         does: a function (block, kind, dt, parameters), inlined; see `operations`.
         moves: whether it changes positions or orientations, so that forces are new after it.
+        prepared: whether the integrator's loop `prepares` sets parameters for it before, once a
+            step.  Such a letter stands once, between those that move.
+        measures: None, or a function as `does`, of what `prepares` must know of all bodies.  Then
+            the step is two passes over the bodies, and `prepares` is between them.
     """
 
     does: object
     moves: bool = False
+    prepared: bool = False
+    measures: object = None
 
 
 class Stages(NamedTuple):
     """A splitting as functions (block, kind, dt, parameters): before what moves, what moves and
-    what is between, after LAMMPS's forces; and whether the last one moves, too."""
+    what is between, in one pass or two, after LAMMPS's forces; whether the last one moves, too; and
+    whether something is prepared."""
 
     lead: object
-    middle: object
+    middle: tuple
     tail: object
     tail_moves: bool
+    prepared: bool
 
 
 FORCES = "F"  # where LAMMPS computes them
@@ -209,7 +218,8 @@ def stages(splitting, operations):
             that moves.
         operations: dictionary from letters to `Operation`.
     Raises:
-        ValueError: for a letter without an operation.
+        ValueError: for a letter without an operation, and for one that is prepared and stands
+            twice, or not between those that move.
     """
     letters = splitting.split()
     for letter in letters:
@@ -221,19 +231,28 @@ def stages(splitting, operations):
     movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
     cut = letters.index(FORCES) if FORCES in letters else movers[-1] + 1
     first = min(movers[0], cut)
-    parts = [
-        (letter, operations[letter].does, 1.0 / letters.count(letter))
-        if letter in operations
-        else None
-        for letter in letters
-    ]
-    tail = [part for part in parts[cut:] if part]
-    return Stages(
-        _chain([part[1:] for part in parts[:first]]),
-        _chain([part[1:] for part in parts[first:cut]]),
-        _chain([part[1:] for part in tail]),
-        any(operations[part[0]].moves for part in tail),
-    )
+    prepared = [k for k, one in enumerate(letters) if one != FORCES and operations[one].prepared]
+    if len(prepared) > 1 or not all(first < k < cut for k in prepared):
+        raise ValueError(
+            f"splitting {splitting!r}: a letter that is prepared stands once, between those that move"
+        )
+
+    def chain(begin, end, last=None):
+        parts = [
+            (operations[one].does, 1.0 / letters.count(one))
+            for one in letters[begin:end]
+            if one != FORCES
+        ]
+        return _chain(parts + ([(last, 1.0)] if last else []))
+
+    pause = prepared[0] if prepared and operations[letters[prepared[0]]].measures else None
+    middle = (chain(first, cut),)
+    if pause is not None:
+        measures = operations[letters[pause]].measures
+        middle = chain(first, pause, measures), chain(pause, cut)
+    tail_moves = any(operations[one].moves for one in letters[cut:] if one != FORCES)
+    tail = chain(cut, len(letters))
+    return Stages(chain(0, first), middle, tail, tail_moves, bool(prepared))
 
 
 def _chain(parts):
@@ -262,10 +281,12 @@ def make_loops(integrator):
     Args:
         integrator: the class, with `splitting`, `operations` and `rows`.
     Returns:
-        (advance, kick), as loops of the integrator's module.
+        (advance, go_on, kick), as loops of the integrator's module; go_on is None where a step is
+        one pass.
     """
-    lead, middle, tail, tail_moves = stages(integrator.splitting, integrator.operations)
-    rows = integrator.rows
+    lead, middles, tail, tail_moves, prepared = stages(integrator.splitting, integrator.operations)
+    rows, several = integrator.rows, len(middles) > 1
+    middle, rest = middles[0], middles[-1]
 
     @inlined
     def end_and_begin(block, kind, dt, parameters, ends, begins):
@@ -274,9 +295,14 @@ def make_loops(integrator):
         if begins:
             lead(block, kind, dt, parameters)
 
+    @inlined
+    def place(layout, k, atom_x):
+        rotation_matrices(layout.block)
+        write_atoms(layout, k, X, atom_x)
+
     def advance(
         layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F, parameters: F1,
-        gathers: I, ends: I, begins: I, part: I,
+        gathers: I, ends: I, begins: I, part: I, rank: I,
     ) -> I:  # fmt: skip
         """Move the bodies, and place their atoms.
 
@@ -305,16 +331,33 @@ def make_loops(integrator):
             else:
                 take(layout, k, FORCE, TORQUE + 3, FORCE)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            if prepared:
+                take_names(layout, k, rank)
             kind = kind_of(layout, blocks[k, 0])
             end_and_begin(block, kind, dt, parameters, ends, begins)
             middle(block, kind, dt, parameters)
             put(layout, k, X, P + 4, X)
             put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-            rotation_matrices(block)
-            write_atoms(layout, k, X, atom_x)
-        if part != WHOLE:
+            if not several:
+                place(layout, k, atom_x)
+        if not several and part != WHOLE:
             move_to_images(layout, images, atom_x)
         return wrong
+
+    def go_on(
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, rank: I
+    ):  # fmt: skip
+        """The second pass of a step, which places the atoms."""
+        for k in range(layout.blocks.shape[0] - 1):
+            take(layout, k, MASS, P + 4, MASS)
+            take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            take_names(layout, k, rank)
+            kind = kind_of(layout, layout.blocks[k, 0])
+            rest(layout.block, kind, dt, parameters)
+            put(layout, k, X, P + 4, X)
+            put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            place(layout, k, atom_x)
+        move_to_images(layout, images, atom_x)
 
     def kick(
         layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, ends: I, begins: I
@@ -328,12 +371,12 @@ def make_loops(integrator):
             put(layout, k, X, P + 4, X)
             put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
             if tail_moves:
-                rotation_matrices(layout.block)
-                write_atoms(layout, k, X, atom_x)
+                place(layout, k, atom_x)
         if tail_moves:
             move_to_images(layout, images, atom_x)
 
-    return _loop_of(integrator, advance), _loop_of(integrator, kick)
+    loops = [_loop_of(integrator, one) for one in (advance, kick)]
+    return loops[0], _loop_of(integrator, go_on) if several else None, loops[1]
 
 
 def make_start(integrator):

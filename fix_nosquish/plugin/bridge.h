@@ -39,6 +39,9 @@ struct Bridge {
   int32_t wants_virial;             // it fills in virial
   int32_t wants_virial_per_atom;    // it fills in virial_per_atom
   int32_t writes_restart_file;
+  int32_t couples;          // its scalar is an energy that went from the system
+  int32_t restart_size;     // numbers that go to restart files
+  double *restart_state;    // these
   int32_t rigid;            // it is a rigid fix to those that ask for the bodies
   int32_t follows_atoms;    // it asks where its atoms were
   int32_t carries;          // numbers that go with an atom to another rank
@@ -58,6 +61,8 @@ struct Bridge {
   double *virial_per_atom;    // (natoms, 6)
   int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
   const int64_t *next_output;    // the step of the next output
+  const int64_t *begin_step;     // the first step of the run, and the last one
+  const int64_t *end_step;
   // where in a run the bodies are; set by Python, and by the fix when it does passes by itself
   int32_t phase;
   int32_t velocities_set;    // the atoms' velocities are those of the step's end
@@ -65,6 +70,8 @@ struct Bridge {
   int64_t changes;           // how many times the fix has changed the bodies by itself
   // set by Python: what goes without it
   int32_t may_wait;            // the end of a step may wait for the next step
+  int32_t ended;               // the phase at the end of a step that is looked at
+  int32_t late;                // other fixes may have changed velocities at the end of such a step
   int32_t velocities_every;    // but not where its number is a multiple of this, when velocities are read (0: of none)
   int32_t python_every;        // or of this, when Python has something to do
   const Pass *begin;           // lists of passes, null if Python must do it: see passes.py
@@ -100,6 +107,7 @@ struct Bridge {
   int (*end_of_step)();    // with run_style respa only
   int (*post_run)();
   int (*write_restart_file)(const char *name);
+  int (*write_restart)();    // have restart_state ready
   int (*dof)(int igroup, int64_t *count);
   int (*compute_scalar)(double *value);
   int (*compute_vector)(int i, double *value);

@@ -34,7 +34,8 @@ HOOKS = {
     in (
         *REQUIRED,
         *("init", "setup", "min_setup", "post_neighbor", "reset_dt", "end_of_step", "post_run"),
-        *("initial_integrate_respa", "final_integrate_respa", "write_restart_file", "dof"),
+        *("initial_integrate_respa", "final_integrate_respa", "dof"),
+        *("write_restart_file", "write_restart"),
         *("compute_scalar", "compute_vector", "compute_array"),
     )
 }
@@ -129,6 +130,11 @@ def _announce(bridge, instance):
     bridge.rigid = bool(getattr(instance, "rigid_flag", False))
     bridge.follows_atoms = bool(getattr(instance, "follows_atoms", False))
     bridge.carries = int(getattr(instance, "carries", 0))
+    bridge.couples = bool(getattr(instance, "couples", False))
+    state = getattr(instance, "restart_state", None)
+    if state is not None:
+        bridge.restart_size = len(state)
+        bridge.restart_state = state.ctypes.data_as(type(bridge.restart_state))
     if has("compute_vector"):
         extensive = tuple(map(bool, instance.vector_extensive))
         bridge.vector_size = len(extensive)

@@ -4,6 +4,7 @@ from ctypes import byref, cast
 from typing import NamedTuple
 
 import numpy as np
+from numpy.ctypeslib import as_array
 
 from .structs import Bridge, FixFacts
 
@@ -59,6 +60,7 @@ class Host:
         self.group = bridge.group.decode()
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
+        self.span = tuple(as_array(step, (1,)) for step in (bridge.begin_step, bridge.end_step))
         self._keep, self._point = (
             bridge.keep,
             bridge.point,
@@ -105,7 +107,7 @@ class Host:
     def set_array_rows(self, n):
         self._bridge.set_array_rows(self._bridge.fix, int(n))
 
-    def go_alone(self, lists, *, velocities_every, python_every, without):
+    def go_alone(self, lists, *, velocities_every, python_every, ended, late, without):
         tables = {
             field: _table(lists[name]) for field, name in LISTS.items() if name not in without
         }
@@ -113,6 +115,7 @@ class Host:
             setattr(self._bridge, field, table.ctypes.data)
         self._kept = lists, tables
         self._bridge.velocities_every, self._bridge.python_every = velocities_every, python_every
+        self._bridge.ended, self._bridge.late = ended, late
         self._bridge.may_wait = True
 
     def call_always(self):

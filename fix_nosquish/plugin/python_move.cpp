@@ -143,6 +143,8 @@ class FixPythonMove : public Fix {
   void end_of_step() override;
   void post_run() override;
   void write_restart_file(const char *) override;
+  void write_restart(FILE *) override;
+  void restart(char *) override;
   void reset_dt() override;
   bigint dof(int) override;
   double compute_scalar() override;
@@ -229,6 +231,8 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.natoms = -1;
   bridge.next_output = &output->next;
+  bridge.begin_step = &update->beginstep;
+  bridge.end_step = &update->endstep;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
@@ -240,6 +244,8 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
   restart_file = bridge.writes_restart_file;
+  restart_global = bridge.restart_size > 0;
+  ecouple_flag = bridge.couples;
   rigid_flag = bridge.rigid;
 
   scalar_flag = bridge.compute_scalar != nullptr;
@@ -322,7 +328,8 @@ void FixPythonMove::initial_integrate(int vflag)
   bridge.vflag = vflag;
   const bool waits = bridge.phase == WAITING;
   const Pass *passes = waits ? bridge.whole : bridge.phase == SET ? bridge.begin : nullptr;
-  if (passes && run(passes)) {
+  const bool changed = bridge.late && bridge.velocities_set;    // perhaps: Python finds out
+  if (passes && !changed && run(passes)) {
     bridge.phase = HALF;
     bridge.velocities_set = 0;
   } else {
@@ -341,7 +348,7 @@ void FixPythonMove::final_integrate()
   if (bridge.may_wait && !bridge.vflag && !looked_at && !for_python) {
     bridge.phase = WAITING;
   } else if (bridge.end && bridge.phase == HALF && !for_python && run(bridge.end)) {
-    bridge.phase = SET;
+    bridge.phase = bridge.ended;
     if (looked_at) {
       run(bridge.velocities);
       bridge.velocities_set = 1;
@@ -350,7 +357,7 @@ void FixPythonMove::final_integrate()
       make_virial_per_atom();
       set_cell(VIRIAL, virial, 6, 0);
       set_cell(ATOM_VIRIAL, bridge.virial_per_atom, std::max(0, bridge.natoms), 6);
-      run(bridge.virial_passes);
+      if (!run(bridge.virial_passes)) call_with_virial(bridge.final_integrate);    // which says why
       bridge.natoms = -1;
     }
   } else {
@@ -395,6 +402,29 @@ void FixPythonMove::post_run()
 void FixPythonMove::write_restart_file(const char *name)
 {
   call(bridge.write_restart_file, name);
+}
+
+// The size in bytes, for LAMMPS, then numbers.
+
+void FixPythonMove::write_restart(FILE *file)
+{
+  call(bridge.write_restart);
+  if (comm->me) return;
+  const int bytes = bridge.restart_size * sizeof(double);
+  fwrite(&bytes, sizeof(int), 1, file);
+  fwrite(bridge.restart_state, sizeof(double), bridge.restart_size, file);
+}
+
+// LAMMPS tells no size: the class's first number says what the others are, and so how many.
+
+void FixPythonMove::restart(char *buffer)
+{
+  const int size = bridge.restart_size;
+  if (!size) return;
+  double kind = 0.0;
+  memcpy(&kind, buffer, sizeof(double));
+  if (kind == bridge.restart_state[0]) memcpy(bridge.restart_state, buffer, size * sizeof(double));
+  else bridge.restart_state[0] = -1.0;
 }
 
 void FixPythonMove::reset_dt()

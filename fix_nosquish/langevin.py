@@ -1,0 +1,83 @@
+"""Langevin's thermostat: friction and noise on each body by itself, exact for any time step.
+
+    v   <- c v   + sqrt((1 - c^2) k T / M)   xi
+    L_k <- c L_k + sqrt((1 - c^2) k T I_k)   xi_k       c = exp(-dt / TDAMP)
+
+with independent standard normal numbers xi, and the angular momentum L in the principal frame.
+"""
+
+from math import exp, sqrt
+
+from .block import (
+    BLOCK_ROWS, COUNTED, LANES, MASS, MOMENT, NUMBER, PLANAR, POINT, P, Q, V, four, three, write,
+)  # fmt: skip
+from .compiled import F1, L1, inlined, loop
+from .frames import angular_momentum
+from .nve import NVE
+from .nvt import BODY, DRAW, HEAT, KEY_0, KEY_1, KT, MIDDLE, NVT, RATE, SPACE, STEP, prepare
+from .philox import normal_pair, words
+from .rotor import s_times
+from .step import Operation
+
+NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 4, 5  # rows of a block: four numbers; energy given
+
+
+@loop
+def set_temperature(parameters: F1, step: L1, begin_step: L1, end_step: L1):
+    """`prepare`."""
+    prepare(parameters, step, begin_step, end_step)
+
+
+@inlined
+def draw(block, parameters, which):
+    """Four normal numbers for each body, in rows NOISE."""
+    step, number = int(parameters[STEP]), 2 * int(parameters[DRAW]) + which
+    key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | BODY
+    for b in range(LANES):
+        w0, w1, w2, w3 = words(block[NUMBER, b], step, number, key_0, key_1)
+        x, y = normal_pair(w0, w1)
+        z, spare = normal_pair(w2, w3)
+        write(block, NOISE, b, (x, y, z, spare))
+
+
+@inlined
+def thermalise(block, kind, dt, parameters):
+    """Friction and noise for dt, on translation and rotation."""
+    keep = exp(-parameters[RATE] * dt)
+    noise = sqrt((1.0 - keep * keep) * parameters[KT])
+    draw(block, parameters, 0)
+    for b in range(LANES):
+        mass, (x, y, z), (a1, a2, a3) = block[MASS, b], three(block, V, b), three(block, NOISE, b)
+        push = noise / sqrt(mass)
+        u, v, w = keep * x + push * a1, keep * y + push * a2, keep * z + push * a3
+        w *= parameters[SPACE]
+        write(block, V, b, (u, v, w))
+        block[GIVEN, b] = 0.5 * mass * ((u * u + v * v + w * w) - (x * x + y * y + z * z))
+    if kind != POINT:
+        draw(block, parameters, 1)
+        about = 0.0 if kind == PLANAR else noise  # axes 1 and 2
+        for b in range(LANES):
+            q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
+            a1, a2, a3 = three(block, NOISE, b)
+            l1, l2, l3 = angular_momentum(q, four(block, P, b))
+            n1, n2 = keep * l1 + about * sqrt(i1) * a1, keep * l2 + about * sqrt(i2) * a2
+            n3 = keep * l3 + noise * sqrt(i3) * a3
+            write(block, P, b, s_times(q, 2.0 * n1, 2.0 * n2, 2.0 * n3))
+            given = (n1 * n1 - l1 * l1) / i1 if i1 > 0.0 else 0.0
+            given += (n2 * n2 - l2 * l2) / i2 if i2 > 0.0 else 0.0
+            given += (n3 * n3 - l3 * l3) / i3 if i3 > 0.0 else 0.0
+            block[GIVEN, b] += 0.5 * given
+    given = 0.0
+    for b in range(LANES):
+        given += block[COUNTED, b] * block[GIVEN, b]
+    parameters[HEAT] += given
+
+
+class Langevin(NVT):
+    """`NVT` with keyword thermostat langevin."""
+
+    operations = NVE.operations | {"O": Operation(thermalise, prepared=True)}
+    splitting, work, prepares = MIDDLE, WORK, set_temperature
+    method = "NO_SQUISH with Langevin's thermostat in the middle of the step"
+
+

@@ -1,0 +1,163 @@
+"""NVT: rigid bodies at constant temperature, with the thermostat in the middle of the step.
+
+The step is B A O A B: half a kick, drift and free rotation for half a step, the thermostat, the
+same again.  Where the thermostat stands decides how long a step may be: configurations have the
+right distribution there up to steps that are three to four times those of a thermostat at the ends
+(Davidchack, Ouldridge and Tretyakov, J. Chem. Phys. 142, 144114, 2015; Leimkuhler and Matthews,
+Proc. R. Soc. A 472, 20160138, 2016; Zhang et al., J. Phys. Chem. A 123, 6056, 2019).
+
+At the end of a step velocities are too cold, by the square of the step.  So atoms have those of its
+middle then, which are right, and temperature and pressure follow from these.
+"""
+
+from zlib import crc32
+
+import numpy as np
+
+from . import thermo
+from .command import Command
+from .compiled import L1, Cell, inlined
+from .errors import RunError
+from .integrator import Integrator
+from .operations import PARAMETERS
+
+# the parameters behind those of `operations`: damping rate; temperature at the begin and the end of
+# the run, and now, as energies in mass times velocity squared; the step, and which of its draws the
+# next one is; key of the random numbers; 0.0 in two dimensions, else 1.0; the energy that the
+# thermostat has given, of this rank if it acts on each body by itself
+RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, SPACE, HEAT, COMMON = range(
+    PARAMETERS, PARAMETERS + 11
+)
+MIDDLE = "B A O A B"  # the step
+BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
+
+
+@inlined
+def prepare(parameters, step, begin_step, end_step):
+    """Set the temperature of this step, and which draw of the step comes next."""
+    steps = end_step[0] - begin_step[0]
+    part = (step[0] - begin_step[0]) / steps if steps > 0 else 0.0
+    parameters[KT] = parameters[START] + part * (parameters[STOP] - parameters[START])
+    parameters[DRAW] = parameters[DRAW] + 1.0 if parameters[STEP] == step[0] else 0.0
+    parameters[STEP] = step[0]
+
+
+class NVT(Integrator):
+    """fix python/move "fix_nosquish.NVT GROUP BODYSTYLE temp TSTART TSTOP TDAMP ...".
+
+    Besides the words of `NVE` it takes those of `keywords`.  It makes an instance of the class that
+    has the thermostat: `Langevin` or `Rescaling`.
+
+    Attributes:
+        random: whether the thermostat draws random numbers.
+        restart_state: (n,) what goes to a restart file and comes from there: which thermostat, the
+            energy that it has taken (or nan, for no restart), and what it has besides.
+
+    Raises:
+        RunError: for words that do not go together, if the bodies are at rest, and if no motion is
+            left to keep at a temperature.
+    """
+
+    splits = middle = thermostat = couples = True
+    keywords = "temp", "thermostat", "seed", "tchain", "separate"
+
+    def __new__(cls, ptr, words):
+        if cls is NVT:
+            if Command.parse(words, cls.keywords).thermostat == "langevin":
+                from .langevin import Langevin as cls
+            else:
+                from .rescaling import Rescaling as cls
+        return super().__new__(cls)
+
+    def __init__(self, ptr, words):
+        super().__init__(ptr, words)
+        self.restart_state = np.array([self.kind, np.nan, *self.own_state()])
+        self._energy = 0.0  # given before this run, in all
+
+    def own_state(self):
+        """What of the thermostat must be known to go on, besides the energy that it has given."""
+        return np.empty(0)
+
+    @property
+    def kind(self):
+        """A number for the thermostat, its length and what it acts on."""
+        chain = self.command.tchain if self.command.thermostat == "nh" else 0
+        return 1.0 + crc32(f"{self.command.thermostat} {chain} {self.command.separate}".encode())
+
+    def degrees(self):
+        """Degrees of freedom of translation and of rotation, less those of the momentum if all
+        atoms are in bodies, so that no force changes it; collective."""
+        lammps, bodies, owned = self.lammps, self.bodies, self.bodies.sharers.owned
+        own = thermo.freedom(bodies, lammps.dimension)[owned]
+        atoms, in_bodies, count, freedom = self.communicator.total(
+            np.array([len(lammps.groups), len(bodies.index), len(own), own.sum()])
+        )
+        translation = lammps.dimension * count
+        held = lammps.dimension if atoms == in_bodies else 0
+        if not freedom > held:
+            raise RunError(
+                f"the bodies have {freedom:.0f} degrees of freedom, of which the total momentum takes "
+                f"{held}: there is none to keep at a temperature",
+                everywhere=True,
+            )
+        return np.array([translation - held, freedom - translation])
+
+    def own_parameters(self):
+        command, lammps = self.command, self.lammps
+        start, stop, damping = (lammps.number(word) for word in command.temp)
+        self._check(start, stop, damping)
+        if self.restart_state[0] != self.kind:
+            self.host.log(
+                "WARNING: the restart file has the state of another thermostat: this one begins anew\n"
+            )
+        elif np.isfinite(self.restart_state[1]):
+            self._energy, self.own_state()[:] = self.restart_state[1], self.restart_state[2:]
+        elif self.parameters is not None:
+            self._energy = self.energy()
+        self.restart_state[:2] = self.kind, np.nan  # of no more use
+        unit = lammps.boltz / lammps.mvv2e
+        key = crc32((self.host.fix_id or "").encode()) & 0xFFFFFFFE
+        space = float(lammps.dimension == 3)
+        return (
+            1.0 / damping, unit * start, unit * stop, unit * start, -1.0, 0.0,
+            command.seed or 0, key, space, 0.0,
+        )  # fmt: skip
+
+    def _check(self, start, stop, damping):
+        """Raise an error for numbers of keyword temp that make no sense."""
+        for name, value in ("TSTART", start), ("TSTOP", stop), ("TDAMP", damping):
+            if not value > 0:
+                raise RunError(
+                    f"keyword temp: {name} is {value:g}, and must be above zero "
+                    f'(in "fix_nosquish.{self.command.text}")',
+                    everywhere=True,
+                )
+        if start != stop and self.host.span is None:
+            raise RunError(
+                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, so TSTART "
+                "and TSTOP must be the same",
+                everywhere=True,
+            )
+
+    def own_cells(self):
+        begin, end = self.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
+        return {
+            "step": self.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end)
+        }  # fmt: skip
+
+    def energy(self):
+        """The energy that the bodies have given to the thermostat, in mass times velocity squared;
+        collective."""
+        return self._energy - self.communicator.total(self.parameters[HEAT : HEAT + 1])[0]
+
+    def compute_scalar(self):
+        """What the potential energy and that of the atoms' velocities have to be added to make the
+        energy that a right step keeps: what went to the thermostat, and what the bodies' kinetic
+        energy is more at the end of the step than in its middle; collective."""
+        end, middle = self.reports.kinetic_at_end()
+        return self.lammps.mvv2e * self.energy() + end - middle
+
+    def write_restart(self):
+        """LAMMPS writes a restart file: have the state ready for it; collective."""
+        state = self.own_state()
+        self.restart_state[:] = self.kind, self.energy() if self.passes else 0.0, *state
