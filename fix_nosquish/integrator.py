@@ -87,6 +87,8 @@ class Integrator:
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
         parameters: (n,) what the operations take.
+        mask: what of forces and torques acts, (6, bodies) or (6, 1), as the run begins; None if all
+            does.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         late: other fixes that act at the end of a step, and so may change velocities.
         half_step_velocities, velocities_every: whether something may read the atoms' velocities
@@ -271,9 +273,10 @@ class Integrator:
     def _bind(self):
         own = [0.0] * PARAMETERS
         own[FTM2V], own[MROT] = self.lammps.ftm2v, self.command.mrot
+        self.mask = self._switches.mask(self.bodies)
         self.parameters = np.array([*own, *self.own_parameters()])
         self.passes = passes.Passes(
-            self, self.bodies, self.lammps, self.communicator, self._switches.mask(self.bodies),
+            self, self.bodies, self.lammps, self.communicator, self.mask,
             self.half_step_velocities, self.own_cells(),
         )  # fmt: skip
         self._set_time_step()

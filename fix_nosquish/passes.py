@@ -15,6 +15,8 @@ arrays.
 The plugin does them by itself; with a LAMMPS's own fix python/move, Python does them, by `do`.
 """
 
+import numpy as np
+
 from . import spheres, step, virial
 from .block import ALL, BLOCK_ROWS, DIVIDED, LANES, WHOLE
 from .bodies import aligned
@@ -61,6 +63,7 @@ class Passes:
         cells = bodies.cells | lammps.cells | own_cells
         cells |= {"dt": self.dt, "parameters": Cell(F1, integrator.parameters)}
         cells["rank"] = Cell(I, communicator.rank)
+        cells["mask"] = self.mask or Cell(F2, np.ones((6, 1)))
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
@@ -87,7 +90,7 @@ class Passes:
             gather.append(spheres.add_torques.bind_to(cells))
         gather += [*shared, *added]
         if mask is not None:
-            gather.append(switch_off.bind_to(cells, mask=self.mask))
+            gather.append(switch_off.bind_to(cells))
         velocities = [step.set_velocities.bind_to(cells)]
         if bodies.spheres:
             velocities.append(spheres.set_spins.bind_to(cells))

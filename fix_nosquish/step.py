@@ -302,7 +302,7 @@ def make_loops(integrator):
 
     def advance(
         layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F, parameters: F1,
-        gathers: I, ends: I, begins: I, part: I, rank: I,
+        gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
     ) -> I:  # fmt: skip
         """Move the bodies, and place their atoms.
 
@@ -332,7 +332,7 @@ def make_loops(integrator):
                 take(layout, k, FORCE, TORQUE + 3, FORCE)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
             if prepared:
-                take_names(layout, k, rank)
+                take_names(layout, k, rank, mask)
             kind = kind_of(layout, blocks[k, 0])
             end_and_begin(block, kind, dt, parameters, ends, begins)
             middle(block, kind, dt, parameters)
@@ -345,13 +345,13 @@ def make_loops(integrator):
         return wrong
 
     def go_on(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, rank: I
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, rank: I, mask: F2
     ):  # fmt: skip
         """The second pass of a step, which places the atoms."""
         for k in range(layout.blocks.shape[0] - 1):
             take(layout, k, MASS, P + 4, MASS)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-            take_names(layout, k, rank)
+            take_names(layout, k, rank, mask)
             kind = kind_of(layout, layout.blocks[k, 0])
             rest(layout.block, kind, dt, parameters)
             put(layout, k, X, P + 4, X)
