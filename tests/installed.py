@@ -1,4 +1,5 @@
-"""Which fix_nosquish is tested: the one that LAMMPS's processes import, if its files are the checkout's."""
+"""Which fix_nosquish is tested: the one that LAMMPS's processes import,
+if its files are the checkout's."""
 
 import importlib.util
 import subprocess
@@ -49,7 +50,8 @@ def tested():
 
 
 def differences(package, other):
-    """The files of a package that are not the same in another folder, or only in one of them; sorted names."""
+    """The files of a package that are not the same in another folder,
+    or only in one of them; sorted names."""
     ours, theirs = sources(package), sources(other)
     return sorted(
         name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name)
@@ -63,7 +65,8 @@ def sources(folder):
 
 
 def compile_loops():
-    """Compile all loops of the package, if they are not: else the first tests would, while their clocks run."""
+    """Compile all loops of the package, if they are not: else the first tests would,
+    while their clocks run."""
     subprocess.run([sys.executable, "-c", COMPILE], cwd="/", check=True)  # not of the checkout
 
 

@@ -228,8 +228,11 @@ def test_counts_are_kept_and_modelled(tmp_path, monkeypatch):
     ends.clear()
     second = scaling([1, 4])
     assert [(one.integrator, one.ranks) for one in counted] == [
-        ("rigid/nve", 1), ("nosquish", 4), ("rigid/nve", 4), ("rigid/nve/small", 4),
-    ]  # fmt: skip
+        ("rigid/nve", 1),
+        ("nosquish", 4),
+        ("rigid/nve", 4),
+        ("rigid/nve/small", 4),
+    ]
     assert not second["interrupted"] and not any(row["error"] for row in second["counts"])
     seconds = {row["integrator"]: row["seconds"] for row in second["model"] if row["ranks"] == 1000}
     own = 2 * 1.5e-6 + 3000 / 12e9  # of two messages of together 3000 bytes

@@ -1,9 +1,9 @@
 """What users of rigid bodies in LAMMPS report as broken, held against exact answers and
 conservation laws.
 
-The cases that the documentation tells of are those of ``validation.breaks``, whose committed table has the
-numbers of LAMMPS's own fixes, too. Where these pass, the two are compared; where they do not,
-nothing is asserted of them.
+The cases that the documentation tells of are those of ``validation.breaks``, whose committed table
+has the numbers of LAMMPS's own fixes, too. Where these pass, the two are compared; where they do
+not, nothing is asserted of them.
 """
 
 import itertools

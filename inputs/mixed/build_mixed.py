@@ -71,7 +71,8 @@ class Crowd:
 
 
 def put(crowd, shape, rng, corner):
-    """Turn a body and put it where there is room: at the grid's corner if it has one, else anywhere."""
+    """Turn a body and put it where there is room: at the grid's corner if it has one,
+    else anywhere."""
     shape = shape - shape.mean(axis=0)
     for _ in range(100000):
         place = corner if corner is not None else rng.uniform(0, BOX, 3)
@@ -108,7 +109,8 @@ def write_data(path, x, velocities, molecule):
     first = len(x) - CHAINS * BEADS
     image = np.floor(x / BOX).astype(int)
     lines = [
-        "flexible chains (molecule 0) and rigid bodies of 2 to 200 atoms, lj units; written by build_mixed.py",
+        "flexible chains (molecule 0) and rigid bodies of 2 to 200 atoms, lj units; "
+        "written by build_mixed.py",
         "",
     ]
     lines += [
@@ -157,7 +159,8 @@ def equilibrate(atoms):
         run 0
     """)
     print(
-        f"T {lmp.get_thermo('temp'):.3f}, P {lmp.get_thermo('press'):.3f}, E {lmp.get_thermo('etotal'):.3f} per atom"
+        f"T {lmp.get_thermo('temp'):.3f}, P {lmp.get_thermo('press'):.3f}, "
+        f"E {lmp.get_thermo('etotal'):.3f} per atom"
     )
     lmp.command("velocity all scale 1.0")
     x, v = (np.array(lmp.gather_atoms(name, 1, 3)).reshape(atoms, 3) for name in "xv")

@@ -17,9 +17,20 @@ from pathlib import Path
 import numpy as np
 
 from build_water import (
-    OUTPUT as WATER, SEED, TEMPERATURE, centre, gather, lammps, load, make_rigid, make_velocities_rigid, run, side,
-    temperature, write_data,
-)  # fmt: skip
+    OUTPUT as WATER,
+    SEED,
+    TEMPERATURE,
+    centre,
+    gather,
+    lammps,
+    load,
+    make_rigid,
+    make_velocities_rigid,
+    run,
+    side,
+    temperature,
+    write_data,
+)
 
 LEAST = 512  # molecules; fewer would meet their own images, within cutoff and skin
 
@@ -92,7 +103,8 @@ def main():
         start.unlink()
         write_data(output, positions, velocities)
         print(
-            f"mean temperature while it healed {kelvin:.0f} K, potential energy {energy / molecules:.3f} kcal/mol per molecule"
+            f"mean temperature while it healed {kelvin:.0f} K, potential energy "
+            f"{energy / molecules:.3f} kcal/mol per molecule"
         )
 
 
