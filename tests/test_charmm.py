@@ -135,8 +135,12 @@ def simulate(start, run_lammps, tmp_path, known):
         dt=DT,
         steps=STEPS,
     ):
-        """Args: long: Whether with PPPM.  size:
-        How many atoms the bodies have (not those of single and group)."""
+        """Run these styles.
+
+        Args:
+            long: Whether with PPPM.
+            size: How many atoms the bodies have (not those of single and group).
+        """
         scale, atoms = charmm.SCALES[units], np.isin(start.size, size)
         text = script(start, scale, long, fix, styles, atoms, dt, steps)
         if (text, ranks, size) not in known:

@@ -51,11 +51,8 @@ def droplet(boundary, *, setup="", margin=0.05, spacing=2.55, seed=1):
 def apart_at(speed):
     """Commands that add velocities which drive the atoms away from the middle of the box."""
     return "\n".join(
-        (
-            f"velocity all ramp v{k} -{speed} {speed} {k} $(bound(all,{k}min)) "
-            f"$(bound(all,{k}max)) "
-            "sum yes units box"
-        )
+        f"velocity all ramp v{k} -{speed} {speed} "
+        f"{k} $(bound(all,{k}min)) $(bound(all,{k}max)) sum yes units box"
         for k in "xyz"
     )
 
@@ -344,7 +341,7 @@ def test_body_over_all_ranks(simulate):
     bodies = [("frame", frame + 0.3, 1 + np.arange(len(frame)) % 3)]
     kinds = itertools.cycle(["solid", "single", "planar", "pair"])
     for site in itertools.product((0.0, 3.6, 6.2, 8.8), repeat=3):
-        bodies.append(turned(next(kinds), np.array(site) + [0, 0, 0.2], bodies, h, rng))
+        bodies.append(turned(next(kinds), np.add(site, [0, 0, 0.2]), bodies, h, rng))
     system = assemble(bodies, h, temperature=2.0, setup="processors 2 2 2\nbond_style harmonic")
     room = "read_data data.bodies extra/bond/types 1 extra/bond/per/atom 1 extra/special/per/atom 2"
     bonds = (

@@ -32,8 +32,8 @@ CUSTOM = "fix 3 all property/atom i_body\nvariable b atom 70-2*mol\nset group al
         ("molecule force 3 off on off torque 3 on off off", "bodies", "", 1),
         ("molecule force * off off off torque * off on on", "bodies", "", 2),
         (
-            "molecule force 20* on off on force 21 off on off torque *5 off off off torque 2*3 on "
-            "off on force * on on on force 6*9 off off on",
+            "molecule force 20* on off on force 21 off on off torque *5 off off off "
+            "torque 2*3 on off on force * on on on force 6*9 off off on",
             "bodies",
             "",
             4,
@@ -580,8 +580,8 @@ def run_clumps(run_lammps, tmp_path):
     def run(system, fix, steps=200, ranks=1, every=20, after=""):
         script, data = system
         dump = (
-            "write_dump all custom end id xu yu zu vx vy vz omegax omegay omegaz radius tqx tqy "
-            "tqz modify sort id format float %.17g\n"
+            "write_dump all custom end id xu yu zu vx vy vz omegax omegay omegaz radius "
+            "tqx tqy tqz modify sort id format float %.17g\n"
         )
         done = run_lammps(
             "\n".join([script, fix, f"thermo {every}", f"run {steps}", after, dump]),

@@ -27,7 +27,6 @@ from systems import (
     water,
 )
 
-
 # ---- trajectories
 
 
@@ -454,7 +453,7 @@ def hot_rods():
     h, s, rng = np.diag([27.0, 9.0, 9.0]), np.arange(40), np.random.default_rng(4)
     coil = np.stack([0.62 * s, 0.4 * np.cos(0.9 * s), 0.4 * np.sin(0.9 * s)]).T
     rods = {(1.5, 1.5): 0.0, (4.5, 4.5): 9.0, (7.5, 1.5): 20.0}
-    bodies = [("rod", coil + [x, y, z], 1 + s % 3) for (y, z), x in rods.items()]
+    bodies = [("rod", np.add(coil, [x, y, z]), 1 + s % 3) for (y, z), x in rods.items()]
     kinds = itertools.cycle(["pair", "solid", "single", "row"])
     for x, y, z in itertools.product(np.arange(9) * 3.0, (1.5, 4.5, 7.5), (1.5, 4.5, 7.5)):
         if (y, z) not in rods:

