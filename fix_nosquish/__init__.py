@@ -30,7 +30,8 @@ def __getattr__(name):
 
 
 def of_fix_line(*classes):
-    """What a module with integrators of its own has as ``__getattr__``, so that a fix line finds them.
+    """What a module with integrators of its own has as ``__getattr__``,
+    so that a fix line finds them.
 
     Args:
         classes: the module's integrators.
@@ -100,8 +101,9 @@ class _PointInWords:
             except Unfinished:
                 pass  # the rest of it is behind the point
             raise RunError(
-                f"the words of the fix line hold a point (after '{text}'), at which LAMMPS "
-                "cuts them: write real numbers without one (3e2, 25e-1) or as a variable (v_NAME), files as a string-style variable (v_NAME)",
+                f"the words of the fix line hold a point (after '{text}'), "
+                "at which LAMMPS cuts them: write real numbers without one (3e2, 25e-1) "
+                "or as a variable (v_NAME), files as a string-style variable (v_NAME)",
                 everywhere=True,
             )
 

@@ -197,9 +197,9 @@ class Bodies:
         other = now != self.tag
         if other.any():
             problem = (
-                f"atom {self.tag[other.argmax()]} is not where its rigid body has it: since the last "
-                "run it has gone to another rank or to another place in LAMMPS's arrays, or has "
-                "another ID. Use 'run N pre yes'"
+                f"atom {self.tag[other.argmax()]} is not where its rigid body has it: "
+                "since the last run it has gone to another rank or to another place in LAMMPS's "
+                "arrays, or has another ID. Use 'run N pre yes'"
             )
         self._communicator.agree(problem)
         kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift", "aways")}
@@ -236,10 +236,10 @@ class Bodies:
         if far <= self.cells["near"].number:
             return None
         return (
-            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something "
-            "else moved it. Let no other fix integrate atoms of the bodies, and change positions "
-            "between runs only, with 'run N pre yes' after it, and not with reinit no or infile, "
-            "which keep the bodies of the last run"
+            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
+            "something else moved it. Let no other fix integrate atoms of the bodies, "
+            "and change positions between runs only, with 'run N pre yes' after it, "
+            "and not with reinit no or infile, which keep the bodies of the last run"
         )
 
     # ------------------------------------------------------------- motion
@@ -341,14 +341,14 @@ def _atoms_changed(lammps, communicator, membership, bodies):
         if cause:
             return f"{cause}, and {text}: {remedy}"
         return (
-            f"{text}: it left the box, or was deleted or taken out of the group. Check the boundary, "
-            "thermo_modify lost, and fixes that delete atoms, because bodies keep their atoms during a "
-            "run (and with reinit no or infile, from run to run)"
+            f"{text}: it left the box, or was deleted or taken out of the group. "
+            "Check the boundary, thermo_modify lost, and fixes that delete atoms, because bodies "
+            "keep their atoms during a run (and with reinit no or infile, from run to run)"
         )
     if not (of_atoms == -1).any():
         return None
     return (
-        f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by step "
-        f"{lammps.step}, but bodies are made when a run starts: use a static group, and insert atoms "
-        "between runs"
+        f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by "
+        f"step {lammps.step}, but bodies are made when a run starts: use a static group, "
+        "and insert atoms between runs"
     )

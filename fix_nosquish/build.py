@@ -80,7 +80,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         blame(
             far.any(axis=0),
             lambda k: (
-                "has its centre in the infile more than half the box from its atoms: check the image flags there"
+                "has its centre in the infile more than half the box from its atoms: "
+                "check the image flags there"
             ),
         )
     r, kept, new = delta - centre[:, body].T, None, True
@@ -99,7 +100,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
         & (given.absent if given else True),
         lambda k: (
-            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, or leave them out of the group"
+            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, "
+            "or leave them out of the group"
         ),
     )
     inertia = np.array(
@@ -203,7 +205,8 @@ def _members(lammps, communicator, membership):
     communicator.agree(problem)
     if communicator.total(np.array([len(atoms)]))[0] == 0:
         raise RunError(
-            f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run",
+            f"there is no atom to form a body of in group '{membership.command.group}': "
+            "fill the group before the run",
             everywhere=True,
         )
     radius, more = lammps.finite()
@@ -212,7 +215,10 @@ def _members(lammps, communicator, membership):
     communicator.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
     bad = ~(mass >= 0)
     communicator.agree(
-        f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero"
+        (
+            f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: "
+            "give it a mass above zero"
+        )
         if bad.any()
         else None
     )

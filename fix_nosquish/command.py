@@ -85,8 +85,8 @@ class Command:
             arguments = (words.take("i_NAME or v_NAME"),)
             if arguments[0][:2] not in ("i_", "v_") or len(arguments[0]) < 3:
                 raise words.wrong(
-                    f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per atom, "
-                    "of fix property/atom) or v_NAME (an atom-style variable)"
+                    f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per "
+                    "atom, of fix property/atom) or v_NAME (an atom-style variable)"
                 )
         elif style == "group":
             count = words.whole("the number of groups")

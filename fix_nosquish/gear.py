@@ -45,7 +45,7 @@ from .block import (
     nine,
     three,
     write,
-)  # fmt: skip
+)
 from .compiled import inlined
 from .frames import angular_velocity, to_body
 from .integrator import Integrator

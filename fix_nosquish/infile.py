@@ -64,7 +64,10 @@ def read(path, communicator, ids, owned):
         try:
             rows = _parse(path)
         except (OSError, ValueError) as error:
-            problem = f"cannot read the infile {path}: {error.strerror if isinstance(error, OSError) else error}"
+            problem = (
+                f"cannot read the infile {path}: "
+                f"{error.strerror if isinstance(error, OSError) else error}"
+            )
     communicator.agree(problem)
     rows = communicator.share(rows)
     named = rows[:, 0].astype(np.int64)
@@ -101,7 +104,8 @@ def _parse(path):
         raise ValueError(f"body {ids[times > 1][0]:.0f} stands in it twice")
     if not np.isfinite(rows).all():
         raise ValueError(
-            f"the line of body {rows[~np.isfinite(rows).all(axis=1)][0, 0]:.0f} has a value that is not finite"
+            f"the line of body {rows[~np.isfinite(rows).all(axis=1)][0, 0]:.0f} has a value that "
+            "is not finite"
         )
     if (rows[:, 0] % 1).any():
         raise ValueError(f"{rows[rows[:, 0] % 1 > 0][0, 0]:g} is no ID of a body")
@@ -109,7 +113,8 @@ def _parse(path):
     negative = moment[:, 0] < -1e-7 * np.abs(moment).max(axis=1)
     if negative.any():
         raise ValueError(
-            f"the inertia of body {rows[negative][0, 0]:.0f} has a negative principal moment, {moment[negative][0, 0]:g}"
+            f"the inertia of body {rows[negative][0, 0]:.0f} has a negative principal moment, "
+            f"{moment[negative][0, 0]:g}"
         )
     return rows
 
@@ -139,7 +144,8 @@ def write(path, bodies, lammps, communicator):
         try:
             with open(path, "w") as file:
                 file.write(
-                    f"# fix_nosquish: mass, centre of mass, inertia, velocities of the bodies on timestep {lammps.step}\n\n{len(rows)}\n"
+                    "# fix_nosquish: mass, centre of mass, inertia, velocities of the bodies on "
+                    f"timestep {lammps.step}\n\n{len(rows)}\n"
                 )
                 np.savetxt(
                     file, rows[np.argsort(rows[:, 0])], fmt=["%d"] + ["%.17g"] * 16 + ["%d"] * 3

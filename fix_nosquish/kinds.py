@@ -140,15 +140,18 @@ def _shapes(bodies):
 def _line(membership, natoms, lowest, counts, differ, far, furthest):
     name = membership.name(int(lowest))
     text = (
-        f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as {name}, "
-        "in the same order, have not one shape"
+        f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as "
+        f"{name}, in the same order, have not one shape"
     )
     if differ:
         other = membership.name(int(furthest))
-        text += f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {other} the most, by {far:.2g}"
+        text += (
+            f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {other} the most, "
+            f"by {far:.2g}"
+        )
     if np.count_nonzero(counts) > 1:
         text += "; " + " and ".join(f"{n} are {what}" for n, what in zip(counts, _SHAPES) if n)
     return (
-        f"{text}. If like molecules are meant, give them one shape before the fix is defined (a minimisation "
-        "without bonds and angles bends them)"
+        f"{text}. If like molecules are meant, give them one shape before the fix is defined (a "
+        "minimisation without bonds and angles bends them)"
     )

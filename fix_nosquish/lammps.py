@@ -355,7 +355,8 @@ class Lammps:
         if style_of and style_of(c_void_p(self.handle), name.encode()) != style:
             article, word = ("an", "atom") if style == _ATOM_STYLE else ("a", "string")
             raise RunError(
-                f"variable {name} is not {article} {word}-style variable: define it with 'variable {name} {word} ...'",
+                f"variable {name} is not {article} {word}-style variable: "
+                f"define it with 'variable {name} {word} ...'",
                 everywhere=True,
             )
         address = self.lib.lammps_extract_variable(

@@ -115,7 +115,10 @@ class BodyFile:
                     if self.last is None
                     else f"it is whole up to step {self.last}"
                 )
-                problem = f"cannot write the table of bodies (keyword output) to {self.path}: {error.strerror}; {kept}"
+                problem = (
+                    f"cannot write the table of bodies (keyword output) to {self.path}: "
+                    f"{error.strerror}; {kept}"
+                )
         self.communicator.agree(problem)
 
     def _open(self):

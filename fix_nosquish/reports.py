@@ -60,8 +60,8 @@ class Reports:
             self._heard = True
             kept = " (not those of the infile)" if self._state.infile else ""
             self._state.host.log(
-                f"The velocities of the bodies' atoms were changed at the end of step {step} (by fix "
-                f"{' or '.join(fixes)}): the bodies take them over, as rigid motion{kept}\n"
+                f"The velocities of the bodies' atoms were changed at the end of step {step} (by "
+                f"fix {' or '.join(fixes)}): the bodies take them over, as rigid motion{kept}\n"
             )
 
     # ------------------------------------------------------------- the table of bodies
@@ -75,14 +75,14 @@ class Reports:
         files = [mate.reports.file for mate in state.mates]
         if any(file and file.path == path for file in files):
             raise RunError(
-                f"two fixes write their table of bodies (keyword output) to {path}: give each a file of "
-                "its own",
+                f"two fixes write their table of bodies (keyword output) to {path}: "
+                "give each a file of its own",
                 everywhere=True,
             )
         if state.respa_dt is not None and not state.host.calls_setup:
             raise RunError(
-                "keyword output needs the plugin's fix python/move under run_style respa: this LAMMPS's "
-                "own knows no end of a step",
+                "keyword output needs the plugin's fix python/move under run_style respa: "
+                "this LAMMPS's own knows no end of a step",
                 everywhere=True,
             )
         self.file = output.BodyFile(path, state.lammps.units, state.communicator)

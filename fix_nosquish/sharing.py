@@ -40,11 +40,49 @@ BODIES, ASKED, MEETINGS, SHARED, PARTNERS, COPIES, COUNTS = range(7)
 # these; (partners,) ranks, how many bodies are shared with each; (copies,) what is sent; and what
 # to work with
 _OWN = (
-    "asked", "ids", "meet", "places", "questions", "meetings", "many", "home", "shared", "first",
-    "source", "partners", "shares", "copies", "order", "spare", "owner", "equal", "answers", "parts",
-)  # fmt: skip
-(ASKED_ROW, IDS, MEET, PLACES, QUESTIONS, MEETING, MANY, HOME, SHARED_ROW, FIRST, SOURCE, PARTNER,
- SHARES, COPIED, ORDER, SPARE, OWNER, EQUAL, ANSWERS, PARTS) = range(1 + len(ROWS), 21 + len(ROWS))  # fmt: skip
+    "asked",
+    "ids",
+    "meet",
+    "places",
+    "questions",
+    "meetings",
+    "many",
+    "home",
+    "shared",
+    "first",
+    "source",
+    "partners",
+    "shares",
+    "copies",
+    "order",
+    "spare",
+    "owner",
+    "equal",
+    "answers",
+    "parts",
+)
+(
+    ASKED_ROW,
+    IDS,
+    MEET,
+    PLACES,
+    QUESTIONS,
+    MEETING,
+    MANY,
+    HOME,
+    SHARED_ROW,
+    FIRST,
+    SOURCE,
+    PARTNER,
+    SHARES,
+    COPIED,
+    ORDER,
+    SPARE,
+    OWNER,
+    EQUAL,
+    ANSWERS,
+    PARTS,
+) = range(1 + len(ROWS), 21 + len(ROWS))
 PACKED, RECEIVED = 21 + len(ROWS), 22 + len(ROWS)
 ADD, LEAST, GREATEST = range(3)  # how parts are combined
 

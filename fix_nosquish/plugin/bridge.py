@@ -102,9 +102,10 @@ def _construct(bridge):
     except ModuleNotFoundError as problem:
         if problem.name and f"{module_name}.".startswith(f"{problem.name}."):
             raise RunError(
-                f"no Python module named {problem.name!r} for {target!r}: it must be in the current "
-                f"folder or installed for {sys.executable}", everywhere=True,
-            ) from None  # fmt: skip
+                f"no Python module named {problem.name!r} for {target!r}: "
+                f"it must be in the current folder or installed for {sys.executable}",
+                everywhere=True,
+            ) from None
         raise
     try:
         factory = getattr(module, name)
