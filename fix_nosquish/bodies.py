@@ -49,8 +49,7 @@ class Former(NamedTuple):
         known: (natoms,) bool, which atoms were in a body.
         id, natoms: (natoms,) the body's ID and number of atoms.  q: (4, natoms) its quaternion.
         displace: (3, natoms) the atom's place in the body's principal frame.
-        followed: whether LAMMPS took all that along with the atoms; else they were found by their
-            IDs.
+        followed: whether LAMMPS took all that along with the atoms; else their IDs found them.
     """
 
     known: np.ndarray
@@ -148,8 +147,7 @@ class Bodies:
 
     @property
     def flat(self):
-        """Which of the first `rotors` bodies are planar, (rotors,): two moments add up to the
-        largest."""
+        """Which rotors are planar, (rotors,): two of their moments add up to the largest."""
         moment = self.moment[:, : self.rotors]
         return moment.sum(axis=0) <= moment.max(axis=0) * (2 + 1e-7)
 
@@ -173,8 +171,7 @@ class Bodies:
         self._note()
 
     def follow(self, lammps, membership):
-        """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays;
-        collective.
+        """Be the same bodies after LAMMPS has moved atoms; collective.
 
         Raises:
             RunError: if atoms are missing or new, or stand where this fix has not put them.
@@ -190,8 +187,10 @@ class Bodies:
             self._communicator.agree(self._off())
 
     def refuse_moved_atoms(self, lammps):
-        """End the run if an atom is not where its body has it; the bodies stay as they are, to the
-        last bit; collective."""
+        """End the run if an atom is not where its body has it; collective.
+
+        The bodies stay as they are, to the last bit.
+        """
         tags, problem = lammps.tags, None
         now = np.append(tags, 0)[np.minimum(self.index, len(tags))]  # 0 is no atom's ID
         other = now != self.tag
@@ -323,9 +322,10 @@ def matrices(q):
 
 
 def _atoms_changed(lammps, communicator, membership, bodies):
-    """The message for atoms that bodies lost, or that came in between two steps, None for none on
-    this
-    rank; collective."""
+    """The message for atoms that bodies lost, or that came in between two steps; collective.
+
+    None if there is none on this rank.
+    """
     atoms, origins = membership.atoms(), lammps.cells["origins"].array
     of_atoms = origins[atoms]
     arrived = lammps.cells["arrived"].array

@@ -1,8 +1,6 @@
-"""Keyword infile of fix rigid: a file with the bodies' mass, centre of mass, inertia and
-velocities.
+"""Keyword infile of fix rigid: a file with mass, centre of mass, inertia, velocities of bodies.
 
-The first line that is not empty and no comment holds the number of lines that follow, one for each
-body:
+The first line that is not empty and no comment holds the number of lines that follow, one a body:
 
     ID mass x y z ixx iyy izz ixy ixz iyz vx vy vz lx ly lz ix iy iz
 
@@ -23,11 +21,11 @@ class Given:
     """What the file says of this rank's bodies.
 
     Attributes:
-        bodies: (m,) their places in this rank's list of bodies.  absent: (n,) bool, the other ones
-        of the list.
+        bodies: (m,) their places in this rank's list of bodies.
+        absent: (n,) bool, the other ones of the list.
         named: IDs of all bodies in the file.
-        mass: (m,).  x, image: (3, m), centre of mass and its image flags.  inertia: (m, 3, 3),
-            space frame.
+        mass: (m,).  x, image: (3, m), centre of mass and its image flags.
+        inertia: (m, 3, 3), space frame.
     """
 
     def __init__(self, ids, bodies, rows, named):

@@ -510,8 +510,7 @@ class Integrator:
 
     def take_changed_velocities(self, step):
         """If a fix has changed the atoms' velocities at the end of this step, have the bodies move
-        with
-        them; collective."""
+        with them; collective."""
         due = [fix.id for fix in self.late if step % fix.nevery == 0]
         if not due or not self._velocities_changed():
             return
@@ -525,8 +524,7 @@ class Integrator:
     @hook
     def post_run(self):
         """A run is over; what comes now, from a script's commands to another run, finds the bodies
-        as
-        their atoms are."""
+        as their atoms are."""
         if self.phase != Phase.NEW:
             self.catch_up()
             if not self.host.velocities_set:
@@ -584,8 +582,7 @@ class Integrator:
     @hook
     def compute_scalar(self):
         """Temperature of the bodies; as fix rigid's, but of all components, whether force and
-        torque act
-        on them or not; collective."""
+        torque act on them or not; collective."""
         return self.reports.energies()[4]
 
     @hook

@@ -92,7 +92,8 @@ class Atoms(NamedTuple):
 
     Attributes:
         groups: (natoms,) the bits of each atom's groups; it is in a body if it has a bit of each
-        mask. fix_group, body_groups: these masks.
+            mask.
+        fix_group, body_groups: these masks.
         origins: (natoms,) where each atom was: rank << 32 | its place in `index`; if it comes from
             another rank, -2 minus its row in arrived; -1 if it was in no body.
         arrived: what came with atoms from other ranks.
@@ -111,8 +112,7 @@ class Atoms(NamedTuple):
 
 class Box(NamedTuple):
     """The periodic box: its vectors in columns, their inverse (3, 3), its origin, 1.0 where
-    periodic, and
-    how far an atom may be from where its body has it."""
+    periodic, and how far an atom may be from where its body has it."""
 
     h: F2
     inverse: F2
@@ -351,8 +351,7 @@ def carry_over(arrived, bodies, strangers, n):
 
 @inlined
 def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
-    """Put the bodies of the n atoms that are here in the order of the passes, and find who shares
-    them."""
+    """Put the bodies of the n atoms here in the order of the passes, and find who shares them."""
     strangers = find_owners(arrived, bodies, sharing, counts, n)
     groups = in_row(bodies, FOLLOWING, GROUPS)
     number_bodies(arrived, bodies, strangers, n, groups)

@@ -112,8 +112,7 @@ def request(mpi, memory):
 
 @inlined
 def send(mpi, memory, how, begin, count, kind, rank, tag):
-    """Begin to send so many numbers from this address on (how: ISEND, ISSEND), or to receive
-    (IRECV)."""
+    """Begin to send (how: ISEND, ISSEND) or receive (IRECV) so many numbers at this address."""
     interface = mpi.interface
     place = request(mpi, memory)
     call(interface[how], begin, count, interface[kind], rank, tag, interface[COMM], place)

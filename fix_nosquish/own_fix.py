@@ -1,5 +1,4 @@
-"""A LAMMPS's own fix python/move, which knows nothing of setup, degrees of freedom, virial,
-migration."""
+"""A LAMMPS's own fix python/move: it knows no setup, degrees of freedom, virial or migration."""
 
 import ctypes
 import sys

@@ -1,5 +1,4 @@
-"""What LAMMPS and the user are told of the bodies: log, degrees of freedom, virial, thermo,
-table."""
+"""What LAMMPS and the user are told of bodies: log, degrees of freedom, virial, thermo, table."""
 
 import weakref
 
@@ -39,8 +38,7 @@ class Reports:
     # ------------------------------------------------------------- the log
 
     def say(self, virial):
-        """Log what the bodies are, if that has changed, and what was taken from the atoms'
-        velocities."""
+        """Log what the bodies are, if that has changed, and what was taken from velocities."""
         state = self._state
         lines, removed = thermo.summary(state, virial)
         warnings = [line for line in thermo.warnings(state) if line not in self._warned]
@@ -54,8 +52,7 @@ class Reports:
             state.host.log("\n".join([*warnings, ""]))
 
     def say_taken_over(self, step, fixes):
-        """Log, once a run, that the bodies have velocities that these fixes have given their
-        atoms."""
+        """Log, once a run, that bodies took over the velocities that these fixes gave atoms."""
         if not self._heard:
             self._heard = True
             kept = " (not those of the infile)" if self._state.infile else ""
@@ -149,8 +146,7 @@ class Reports:
         bodies.state[:] = kept
 
     def removed_freedom(self, group):
-        """Degrees of freedom that the bodies take from LAMMPS's group of this number;
-        collective."""
+        """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
         state = self._state
         bodies, running = state.bodies, state.lammps.running
         if (state.is_over or not running) and state.host.creates_velocities:

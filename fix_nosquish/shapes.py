@@ -117,7 +117,9 @@ def best_turns(products, plane=False):
 
 def _say(communicator, membership, ids, far, size, which, most):
     """The line for the log on these bodies (n,) bool, off by `most` sizes at most; collective.
-    Raises: as `keep`."""
+
+    Raises: as `keep`.
+    """
     worst = []
     if which.any():
         k = np.argmax(far / size * which)

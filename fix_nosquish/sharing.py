@@ -110,8 +110,10 @@ def in_row(memory, row, n):
 
 @inlined
 def sort(order, spare, n, high, low):
-    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall; merges
-    runs."""
+    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall.
+
+    It merges sorted runs.
+    """
     for i in range(n):
         order[i] = i
     width = 1
@@ -137,8 +139,10 @@ def sort(order, spare, n, high, low):
 
 @inlined
 def ask(memory, counts):
-    """Put the bodies that may be shared in an order on which two holders agree: of where they meet,
-    and of ID."""
+    """Put the bodies that may be shared in the order of where holders meet, then of ID.
+
+    Two holders agree on it.
+    """
     n, ranks = counts[ASKED], 0
     asked, ids = in_row(memory, ASKED_ROW, n), in_row(memory, IDS, n)
     meet = in_row(memory, MEET, n)
@@ -204,8 +208,7 @@ def answer(memory):
 
 @inlined
 def connect(memory, counts, own):
-    """Find out with whom this rank, `own`, shares which bodies, and how their parts lie in
-    messages.
+    """Find with whom this rank, `own`, shares which bodies, and how their parts lie in messages.
 
     NUMBERS has a part from each meeting, with what it was asked of the next many[r] places: by how
     many ranks each of these bodies is held, then by which, body by body; the first of them is its
@@ -299,8 +302,7 @@ def find_sharers(mpi: Mpi, sharing: L2, counts: L1):
 
 @loop
 def give(mpi: Mpi, sharing: L2, counts: L1, values: F2):
-    """Begin to send the columns of shared bodies to those that share them, and to receive
-    theirs."""
+    """Begin to send the columns of shared bodies to their sharers, and to receive theirs."""
     rows, n, begin = values.shape[0], counts[COPIES], 0
     copies = longs(sharing[COPIED, 0], n)
     packed = floats(room(sharing, PACKED, 8 * rows * n), n, rows)
@@ -318,9 +320,10 @@ def give(mpi: Mpi, sharing: L2, counts: L1, values: F2):
 
 @loop
 def combine(mpi: Mpi, sharing: L2, counts: L1, values: F2, how: I):
-    """Wait for the parts of the shared bodies, and set their columns to what these give, in their
-    order:
-    ADD, LEAST or GREATEST."""
+    """Wait for the parts of shared bodies; set their columns to what these give, in their order.
+
+    how: ADD, LEAST or GREATEST.
+    """
     wait(mpi, sharing)
     rows, n = values.shape[0], counts[SHARED]
     shared, first = longs(sharing[SHARED_ROW, 0], n), longs(sharing[FIRST, 0], n + 1)

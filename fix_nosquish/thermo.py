@@ -5,8 +5,7 @@ import numpy as np
 from . import __version__
 
 _FAST = 1.0  # radians in a time step that call for a warning
-# of the distance between atoms: no force moves a body further in the first step, unless atoms
-# overlap
+# of the distance between atoms: unless these overlap, no force moves a body further in a step
 _PUSHED = 0.1
 
 
@@ -100,9 +99,8 @@ def summary(nve, virial):
     removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), nve.lammps)
     own = communicator.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0]
     kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
-    degrees = (
-        np.array([removed + own, own]) - nve.lammps.dimension
-    )  # as compute temp of these atoms counts them
+    # as compute temp of these atoms counts them
+    degrees = np.array([removed + own, own]) - nve.lammps.dimension
     before, now = np.divide(
         2 * kinetic, degrees * nve.lammps.boltz, out=np.zeros(2), where=degrees > 0
     )
@@ -113,13 +111,9 @@ def summary(nve, virial):
         )
     else:
         kinds = (solid, "three-dimensional"), (planar, "planar"), (linear, "linear")
+        how = f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""
         turning = (
-            (
-                solid + planar,
-                "rotation of rotors"
-                + (f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""),
-                "no rotors",
-            ),
+            (solid + planar, f"rotation of rotors{how}", "no rotors"),
             (linear, "rotation of linear bodies", "no linear bodies"),
         )
     kinds = [f"{k} {what}" for k, what in (*kinds, (points, "single atoms")) if k]

@@ -70,8 +70,7 @@ def unfold(lammps, communicator, membership, sharers, ids, body, tag, atoms):
 
 
 def _doubt(communicator, membership, owned, ids, first, width, gap):
-    """The warning for bodies that may be cut, with a gap (3, n) above zero; None for none;
-    collective."""
+    """The warning for bodies that may be cut, with a gap (3, n) above zero, or None; collective."""
     gap = gap * owned
     worst = []
     if gap.any():

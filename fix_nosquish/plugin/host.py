@@ -139,8 +139,7 @@ class Host:
 
 
 def _table(passes):
-    """A list of bound loops as C++ has it, (n + 1, 2): of each its address and that of its
-    arguments."""
+    """Bound loops as C++ has them, (n + 1, 2): their addresses and those of their arguments."""
     table = np.zeros((len(passes) + 1, 2), np.int64)
     for row, one in zip(table, passes, strict=False):
         row[:] = one.func.address, np.frombuffer(one.args[0], np.int64).ctypes.data
