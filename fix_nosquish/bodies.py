@@ -106,9 +106,12 @@ class Bodies:
         self._communicator, self._box = communicator, None
         self._memory = Memory(migration.KINDS)
         for name, values in (
-            ("state", state), ("body", body), ("displace", displace), ("here", here),
+            ("state", state),
+            ("body", body),
+            ("displace", displace),
+            ("here", here),
             ("place", np.arange(len(here))),
-        ):  # fmt: skip
+        ):
             self._memory.put(name, values)
         self.sharers = Sharers(communicator)
         self._found = np.zeros(migration.FOUND, np.int64)
@@ -118,10 +121,13 @@ class Bodies:
         self.cells["bodies"] = self.cells.pop("memory")
         kinds = migration.follow.kinds
         for name, value in (
-            ("kinds", np.array([0, 0, planar])), ("block", lanes), ("found", self._found),
-            ("aways", np.zeros(1, np.int64)), ("off", np.zeros(2)),
+            ("kinds", np.array([0, 0, planar])),
+            ("block", lanes),
+            ("found", self._found),
+            ("aways", np.zeros(1, np.int64)),
+            ("off", np.zeros(2)),
             ("arrived", np.empty((0, OF_BODY + len(state)))),
-        ):  # fmt: skip
+        ):
             self.cells[name] = Cell(kinds[name], value)
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()

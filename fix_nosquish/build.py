@@ -182,9 +182,11 @@ def _notes(bodies, lammps, communicator, membership, rebuilt):
         np.array([before, bodies.kinetic()[:, owned].sum(), rebuilt, bodies.natoms[zero].sum()])
     )
     return {
-        "kinetic": lammps.mvv2e * before, "removed": lammps.mvv2e * (before - after),
-        "rebuilt": round(rebuilt), "stray": round(stray),
-    }  # fmt: skip
+        "kinetic": lammps.mvv2e * before,
+        "removed": lammps.mvv2e * (before - after),
+        "rebuilt": round(rebuilt),
+        "stray": round(stray),
+    }
 
 
 def _members(lammps, communicator, membership):

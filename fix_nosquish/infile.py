@@ -132,11 +132,17 @@ def write(path, bodies, lammps, communicator):
     owned = bodies.sharers.owned
     turn = matrices(bodies.q)
     inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moment, turn)
-    rows = np.concatenate([
-        bodies.id[None, :], bodies.mass[None, :], bodies.x,
-        [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]],
-        bodies.v, bodies.momenta()[3:], bodies.image,
-    ])[:, owned].T  # fmt: skip
+    rows = np.concatenate(
+        [
+            bodies.id[None, :],
+            bodies.mass[None, :],
+            bodies.x,
+            inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+            bodies.v,
+            bodies.momenta()[3:],
+            bodies.image,
+        ]
+    )[:, owned].T
     rows, problem = communicator.gather(rows), None
     if communicator.rank == 0:
         try:

@@ -23,10 +23,20 @@ _ATOM_STYLE, _STRING = 1, 3  # of its variables
 
 # LAMMPS's arrays as loops take them; the plugin has the same order
 ARRAYS = {
-    "atom_x": F2, "atom_v": F2, "atom_f": F2, "groups": I1, "origins": L1, "arrived": F2,
-    "atom_torque": F2, "atom_omega": F2, "atom_mass": F1, "type_mass": F1, "type": I1,
-    "virial": F1, "atom_virial": F2,
-}  # fmt: skip
+    "atom_x": F2,
+    "atom_v": F2,
+    "atom_f": F2,
+    "groups": I1,
+    "origins": L1,
+    "arrived": F2,
+    "atom_torque": F2,
+    "atom_omega": F2,
+    "atom_mass": F1,
+    "type_mass": F1,
+    "type": I1,
+    "virial": F1,
+    "atom_virial": F2,
+}
 
 
 def pointer(ptr):

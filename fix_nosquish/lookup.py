@@ -75,9 +75,13 @@ class Messages:
         ranks, counts = np.unique(to, return_counts=True)
         known = sources is not None
         deliver_parts.bind_to(
-            self._cells, to=ranks, many=counts * numbers.shape[1], parts=numbers.ravel(),
-            sources=sources if known else ranks, known=known,
-        )()  # fmt: skip
+            self._cells,
+            to=ranks,
+            many=counts * numbers.shape[1],
+            parts=numbers.ravel(),
+            sources=sources if known else ranks,
+            known=known,
+        )()
         got = (self._memory.cells[name].array.copy() for name in ("senders", "sent", "numbers"))
         ranks, counts, numbers_got = got
         return ranks, counts // numbers.shape[1], numbers_got.reshape(-1, numbers.shape[1])

@@ -22,7 +22,7 @@ from .block import (
     take,
     three,
     write,
-)  # fmt: skip
+)
 from .compiled import (
     F1,
     F2,
@@ -52,9 +52,17 @@ OF_ATOM, OF_BODY = 1, 5
 # rows of the bodies' memory: what loops take (see `block.Layout`), the body of each atom, how many
 # atoms of each body are here, where force and torque are, `block.Images`;
 KINDS = {
-    "state": F2, "displace": F2, "blocks": I2, "rounds": I1, "index": I1, "body": L1, "atoms": L1,
-    "wrench": F2, "away": I1, "shift": F2,
-}  # fmt: skip
+    "state": F2,
+    "displace": F2,
+    "blocks": I2,
+    "rounds": I1,
+    "index": I1,
+    "body": L1,
+    "atoms": L1,
+    "wrench": F2,
+    "away": I1,
+    "shift": F2,
+}
 (STATE, DISPLACE, BLOCKS, ROUNDS, INDEX, BODY, ATOMS, WRENCH, AWAY, SHIFT) = range(1, 11)
 # those of before; atoms found, in LAMMPS's order, and their place in `index`, or -1 minus their row
 # of arrived; and what `arrange` works with
@@ -445,9 +453,19 @@ def settle(layout, bodies, aways, box, atom_x, off):
 
 @loop
 def follow(
-    mpi: Mpi, sharing: L2, counts: L1, atoms: Atoms, bodies: L2, kinds: L1, aways: L1, block: F64,
-    found: L1, box: Box, off: F1, what: I,
-) -> I:  # fmt: skip
+    mpi: Mpi,
+    sharing: L2,
+    counts: L1,
+    atoms: Atoms,
+    bodies: L2,
+    kinds: L1,
+    aways: L1,
+    block: F64,
+    found: L1,
+    box: Box,
+    off: F1,
+    what: I,
+) -> I:
     """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
 
     Args:

@@ -156,9 +156,12 @@ class Reports:
         if not running or bodies is None:
             # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
             bodies = build(
-                state.lammps, state.communicator, state.membership, state.infile,
+                state.lammps,
+                state.communicator,
+                state.membership,
+                state.infile,
                 former=state.former(),
-            )[0]  # fmt: skip
+            )[0]
         inside = state.lammps.groups[bodies.index] & (1 << group) != 0
         return thermo.removed_freedom(bodies, state.communicator, inside, state.lammps)
 

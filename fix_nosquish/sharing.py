@@ -147,8 +147,10 @@ def ask(memory, counts):
     asked, ids = in_row(memory, ASKED_ROW, n), in_row(memory, IDS, n)
     meet = in_row(memory, MEET, n)
     order, places, questions = (
-        in_row(memory, ORDER, n), in_row(memory, PLACES, n), in_row(memory, QUESTIONS, n)
-    )  # fmt: skip
+        in_row(memory, ORDER, n),
+        in_row(memory, PLACES, n),
+        in_row(memory, QUESTIONS, n),
+    )
     meeting, many = in_row(memory, MEETING, n), in_row(memory, MANY, n)
     sort(order, in_row(memory, SPARE, n), n, meet, ids)
     for k in range(n):
@@ -277,8 +279,9 @@ def find(mpi, memory, counts):
     else:
         ask(memory, counts)
         meeting, many = (
-            in_row(memory, MEETING, counts[MEETINGS]), in_row(memory, MANY, counts[MEETINGS])
-        )  # fmt: skip
+            in_row(memory, MEETING, counts[MEETINGS]),
+            in_row(memory, MANY, counts[MEETINGS]),
+        )
         questions = in_row(memory, QUESTIONS, counts[ASKED])
         deliver(mpi, memory, meeting, many, questions, meeting, False)
         answer(memory)
@@ -360,8 +363,9 @@ class Sharers:
         kinds = dict.fromkeys((*ROWS, *_OWN), L1) | {"packed": F1, "received": F1}
         self._memory = Memory(kinds)
         self.cells = communicator.cells | {
-            "sharing": self._memory.cells["memory"], "counts": Cell(L1, self.counts)
-        }  # fmt: skip
+            "sharing": self._memory.cells["memory"],
+            "counts": Cell(L1, self.counts),
+        }
 
     def find(self, n, places, ids, meet):
         """Find who else holds some of this rank's bodies; collective.

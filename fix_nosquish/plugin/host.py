@@ -9,9 +9,13 @@ from .structs import Bridge, FixFacts
 
 # lists of passes, and their names in `passes`
 LISTS = {
-    "begin": "begin", "end": "end", "whole": "whole", "velocities": "velocities",
-    "virial_passes": "virial", "follow": "follow",
-}  # fmt: skip
+    "begin": "begin",
+    "end": "end",
+    "whole": "whole",
+    "velocities": "velocities",
+    "virial_passes": "virial",
+    "follow": "follow",
+}
 
 
 class OtherFix(NamedTuple):
@@ -129,8 +133,11 @@ class Host:
         self._carried, bridge = bodies, self._bridge
         bridge.arrays = lammps and _as("arrays", lammps.table.ctypes.data)
         for name, cell in (
-            ("index", "index"), ("body_of", "body"), ("displace", "displace"), ("state", "state"),
-        ):  # fmt: skip
+            ("index", "index"),
+            ("body_of", "body"),
+            ("displace", "displace"),
+            ("state", "state"),
+        ):
             place = None if bodies is None else bodies.cells[cell].address
             setattr(bridge, name, place and _as(name, place))
 
