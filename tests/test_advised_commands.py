@@ -1,5 +1,4 @@
-"""Every command of the harness that it prints as advice is one that its own command line
-accepts."""
+"""Every command that the harness prints as advice is one that its own command line accepts."""
 
 import functools
 import html

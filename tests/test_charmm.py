@@ -42,8 +42,7 @@ class Result(NamedTuple):
 
 
 def groups(scene):
-    """The groups of the body style group: one NH3, both CH3 of one butane (one body),
-    one water molecule."""
+    """The groups of the body style group: an NH3, both CH3 of a butane (one body), a water."""
     first = {
         name: scene.number == scene.number[scene.molecule == name][0] for name in charmm.COUNTS
     }

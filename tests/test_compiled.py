@@ -273,8 +273,8 @@ def test_a_loop_computes_what_python_computes(loops):
 
 
 def test_only_contracted_functions_round_once(loops):
-    """Locks out: fused multiply-adds in functions that did not ask for them (or none
-    in those that did)."""
+    """Locks out: fused multiply-adds in functions that did not ask for them,
+    or none in those that did."""
     a, result = 1.0 + 2.0**-30, np.empty(1)
     loops.rounded_twice(a, a, -(1.0 + 2.0**-29), result)
     assert result == 0.0

@@ -179,8 +179,7 @@ def test_fix_balance(simulate, style, balance, first):
 
 @pytest.mark.parametrize("style, balance", [("brick", "x 0.3"), ("tiled", "rcb")])
 def test_balance_between_runs(simulate, style, balance):
-    """Locks out bodies of the last run where `balance` has given their atoms to other ranks
-    since."""
+    """Locks out bodies of the last run where `balance` has since given atoms to other ranks."""
     system = mixture("solid planar", setup=f"comm_style {style}\nprocessors * 1 1")
     how = dict(before=OWNER, columns="c_owner")
     balances = f"balance 1.0 {balance}\nrun 20\nbalance 1.0 {balance.replace('0.3', '0.7')}\nrun 20"

@@ -869,8 +869,7 @@ def test_table_in_the_middle_of_a_step(run_lammps, tmp_path, ranks):
 
 
 def test_pressure_where_the_table_is_written(simulate):
-    """Locks out a pressure without the bodies' virial, on steps that begin without Python and end
-    with it."""
+    """Locks out a pressure without the bodies' virial, on steps that only end with Python."""
     system = mixture("solid planar pair row")
     plain = simulate(system, OURS, 20, every=4)
     table = simulate(system, OURS, 20, every=4, words="molecule output 4 table")

@@ -152,8 +152,7 @@ def test_time_reversal(simulate, style):
 
 
 def test_four_ranks(simulate):
-    """Locks out a level's force that is gathered before or after atoms have gone to another
-    rank."""
+    """Locks out a level's force gathered before or after atoms have gone to another rank."""
     system = smooth()
     hot = dict(before=TWO + "\nvelocity all scale 5", dt=4, every=20)
     one = simulate(system, OURS, 60, **hot)

@@ -34,8 +34,7 @@ def tops(monkeypatch):
 
 @pytest.fixture
 def run_on(run_lammps, tmp_path):
-    """A function that runs a script, and reads the atoms' positions and velocities
-    that it dumps."""
+    """A function that runs a script, and reads the positions and velocities that it dumps."""
 
     def run(script, *names, ranks=1, files=None, columns="x y z vx vy vz"):
         for name in names:

@@ -284,8 +284,7 @@ def test_best_order_of_axes():
     q, p = tops(500, TIP3P, 5)
 
     def error(axes):
-        """Mean change of energy when the body's axes `axes` (a permutation) are numbered 1,
-        2, 3."""
+        """Mean change of energy when the body's axes `axes`, a permutation, are numbered 1 to 3."""
         frame = np.eye(3)[:, axes]
         frame[:, 0] *= np.linalg.det(frame)
         new = np.concatenate([np.zeros((1, 500)), frame.T @ body_momentum(q, p)[1:]])

@@ -50,7 +50,7 @@ DEFORMED = {
 @pytest.fixture
 def run_dumps(run_lammps, tmp_path):
     """A function that runs a script in which DUMP name stands for a dump of unwrapped atoms;
-    gives the log and these."""
+    it gives the log and these."""
 
     def run(script, files, ranks=1, **how):
         names = re.findall(r"DUMP (\w+)", script)
