@@ -23,10 +23,20 @@ _ATOM_STYLE, _STRING = 1, 3  # of its variables
 
 # LAMMPS's arrays as loops take them; the plugin has the same order
 ARRAYS = {
-    "atom_x": F2, "atom_v": F2, "atom_f": F2, "groups": I1, "origins": L1, "arrived": F2,
-    "atom_torque": F2, "atom_omega": F2, "atom_mass": F1, "type_mass": F1, "type": I1,
-    "virial": F1, "atom_virial": F2,
-}  # fmt: skip
+    "atom_x": F2,
+    "atom_v": F2,
+    "atom_f": F2,
+    "groups": I1,
+    "origins": L1,
+    "arrived": F2,
+    "atom_torque": F2,
+    "atom_omega": F2,
+    "atom_mass": F1,
+    "type_mass": F1,
+    "type": I1,
+    "virial": F1,
+    "atom_virial": F2,
+}
 
 
 def pointer(ptr):
@@ -159,8 +169,7 @@ class Lammps:
 
     @property
     def respa_dt(self):
-        """The time steps of run_style respa's levels, innermost first; None with another run
-        style."""
+        """The time steps of run_style respa's levels, innermost first; None without it."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
         return array(self._global("respa_dt"), (count,), float).copy() if count else None
@@ -245,8 +254,7 @@ class Lammps:
 
     @property
     def images(self):
-        """Image flags: how many box vectors each atom is away from its place in the box, (natoms,
-        3)."""
+        """Image flags (natoms, 3): how many box vectors an atom is from its place in the box."""
         packed = self.per_atom("image", self.imageint).astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
         return np.stack(
@@ -332,8 +340,7 @@ class Lammps:
         return values
 
     def text(self, word):
-        """A word of the fix line: as it stands, or the value of the variable that v_NAME names;
-        collective.
+        """A word of the fix line, or the value of the variable that v_NAME names; collective.
 
         Raises:
             RunError: if there is no such variable, or it is not a string-style one.
@@ -355,7 +362,8 @@ class Lammps:
         if style_of and style_of(c_void_p(self.handle), name.encode()) != style:
             article, word = ("an", "atom") if style == _ATOM_STYLE else ("a", "string")
             raise RunError(
-                f"variable {name} is not {article} {word}-style variable: define it with 'variable {name} {word} ...'",
+                f"variable {name} is not {article} {word}-style variable: "
+                f"define it with 'variable {name} {word} ...'",
                 everywhere=True,
             )
         address = self.lib.lammps_extract_variable(

@@ -1,5 +1,4 @@
-"""What a run does at each point of a step: lists of loops, bound to the bodies and to LAMMPS's
-arrays.
+"""What a run does at each point of a step: lists of loops, bound to bodies and LAMMPS's arrays.
 
     begin        the first half of a step
     end          its second half, when the forces are known
@@ -37,7 +36,7 @@ class Passes:
         bodies: the `Bodies`.  lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
         mask: what of force and torque acts, (6, bodies) or (6, 1); None for all.
         half_step_velocities: whether something reads the atoms' velocities between the halves of a
-        step.
+            step.
         parameters: (n,) numbers for the operations; see `operations`.
 
     Attributes:
@@ -104,8 +103,7 @@ class Passes:
         }
 
     def do(self, name):
-        """Do a list of passes. Returns: what the first one that found something wrong says, or
-        0."""
+        """Do a list of passes. Returns: what the first that found something wrong says, or 0."""
         for one in self.lists[name]:
             if found := one():
                 return found
