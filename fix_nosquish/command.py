@@ -59,10 +59,11 @@ class Command:
         style: single, molecule, custom or group, as in LAMMPS's fix rigid.
         arguments: those of the style: () or (i_NAME or v_NAME,) or the groups' IDs.
         mrot: inner rotor steps per time step (m_rot of eq. 2.53).
-        order: 321 or 123, the order of the axes in a rotor step, outermost first, with I_1 >= I_2
-        >= I_3. force, torque: what each of these keywords says, in their order: (first body, last
-        body, (x, y, z));
-            bodies count from 1, 0 stands for the open end of a range, x y z are True for on.
+        order: 321 or 123, the order of the axes in a rotor step, outermost first, with
+            I_1 >= I_2 >= I_3.
+        force, torque: what each of these keywords says, in their order: (first body, last body,
+            (x, y, z)); bodies count from 1, 0 stands for the open end of a range, x y z are True
+            for on.
         reinit: whether the bodies are made anew when a run starts.
         infile: the file with the bodies' properties, None for none.
         output: (N, file) for the table of bodies every N steps, None for none.
@@ -107,8 +108,8 @@ class Command:
             arguments = (words.take("i_NAME or v_NAME"),)
             if arguments[0][:2] not in ("i_", "v_") or len(arguments[0]) < 3:
                 raise words.wrong(
-                    f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per atom, "
-                    "of fix property/atom) or v_NAME (an atom-style variable)"
+                    f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per "
+                    "atom, of fix property/atom) or v_NAME (an atom-style variable)"
                 )
         elif style == "group":
             count = words.whole("the number of groups")
@@ -157,9 +158,8 @@ class Command:
             elif keyword == "separate":
                 values["separate"] = words.choice(("no", "yes"), expected)
         if "infile" in values:
-            values["reinit"] = (
-                False  # as in fix rigid: the file is the start, not the state of later runs
-            )
+            # as in fix rigid: the file is the start, not the state of later runs
+            values["reinit"] = False
         _check_thermostat(words, values, known)
         return cls(text, group, style, arguments, **values)
 

@@ -19,10 +19,8 @@ class Host(Protocol):
         has_virial: whether LAMMPS asks for the virial, where that is known early.
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
         next_output: the next step for which LAMMPS writes something; None if that is not known.
-        span: (1,) int64 each, the steps at which the run begins and ends; None if they are not
-            known.
-        creates_velocities: whether ``velocity ... create`` is the command that LAMMPS has begun
-            last.
+        span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
+        creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
     """
 
     fix_id: str | None
@@ -55,16 +53,14 @@ class Host(Protocol):
         """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""
 
     def set_bodies(self, body, mass):
-        """Lend LAMMPS the body of each atom and the mass of each body; None, None takes them
-        back."""
+        """Lend LAMMPS the body of each atom and the mass of each body; None, None ends that."""
 
     def set_array_rows(self, n):
         """Tell LAMMPS how many rows ``compute_array`` gives now."""
 
     def carry(self, lammps, bodies):
-        """Have LAMMPS take along, with atoms of these bodies, what is to be known of them; None,
-        None
-        for no more."""
+        """Have LAMMPS take along, with atoms of these bodies, what is to be known of them;
+        None, None for no more."""
 
     def point(self):
         """Point the cells of `lammps.Lammps` at LAMMPS's arrays as they are; collective."""

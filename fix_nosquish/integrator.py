@@ -201,8 +201,8 @@ class Integrator:
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
         if self.lammps.respa_dt is not None and not self.respa:
             raise RunError(
-                f"the integrator {type(self).__name__} takes one force a step, not those of levels: "
-                "use run_style verlet",
+                f"the integrator {type(self).__name__} takes one force a step, "
+                "not those of levels: use run_style verlet",
                 everywhere=True,
             )
         self.host.call_always()
@@ -289,8 +289,8 @@ class Integrator:
         """
         if self._lost:
             raise RunError(
-                "the bodies of the last run are gone, because this one could not begin: unfix this fix "
-                "and define it again",
+                "the bodies of the last run are gone, because this one could not begin: "
+                "unfix this fix and define it again",
                 everywhere=True,
             )
         if self.bodies is None:
@@ -310,24 +310,25 @@ class Integrator:
                 both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
                 if len(both):
                     problem = (
-                        f'atom {lammps.tags[both[0]]} of the rigid bodies ("{command.text}") is also '
-                        f"integrated by fix {fix.id} (style {fix.style}): give that fix a group without "
-                        "the bodies' atoms"
+                        f'atom {lammps.tags[both[0]]} of the rigid bodies ("{command.text}") '
+                        f"is also integrated by fix {fix.id} (style {fix.style}): "
+                        "give that fix a group without the bodies' atoms"
                     )
             elif all(
                 any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids
             ):
                 problem = (
-                    f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, which fix "
-                    f'{self.host.fix_id} ("{command.text}") holds rigid: unfix it, or give it a group '
-                    "without the bodies' atoms"
+                    f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, "
+                    f'which fix {self.host.fix_id} ("{command.text}") holds rigid: '
+                    "unfix it, or give it a group without the bodies' atoms"
                 )
         for mate in self.mates:
             both = np.intersect1d(mate.membership.atoms(), atoms) if mate is not self else ()
             if len(both):
                 problem = (
-                    f'atom {lammps.tags[both[0]]} is claimed by two fixes: "{mate.command.text}" and '
-                    f'"{command.text}". An atom can be in one body only: use groups without common atoms'
+                    f"atom {lammps.tags[both[0]]} is claimed by two fixes: "
+                    f'"{mate.command.text}" and "{command.text}". An atom can be in one body only: '
+                    "use groups without common atoms"
                 )
         self.communicator.agree(problem)
 
@@ -358,8 +359,8 @@ class Integrator:
     def min_setup(self, vflag):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
-            "a minimisation would tear the rigid bodies apart: minimise before the fix is defined, or "
-            "unfix it first",
+            "a minimisation would tear the rigid bodies apart: minimise before the fix is defined, "
+            "or unfix it first",
             everywhere=True,
         )
 
@@ -494,10 +495,10 @@ class Integrator:
             return
         if ((box.h != self._box.h) & held).any():
             raise RunError(
-                f"the box has changed by step {self.lammps.step}, but in a run bodies move at constant "
-                "volume: use this fix without fixes that change the box (fix deform, npt, nph, "
-                "box/relax). The box may change between runs: bodies keep their shape when the next run "
-                "makes them anew, with reinit yes and without infile or 'pre no'",
+                f"the box has changed by step {self.lammps.step}, but in a run bodies move at "
+                "constant volume: use this fix without fixes that change the box (fix deform, npt, "
+                "nph, box/relax). The box may change between runs: bodies keep their shape when "
+                "the next run makes them anew, with reinit yes and without infile or 'pre no'",
                 everywhere=True,
             )
         self._box = box
@@ -515,8 +516,9 @@ class Integrator:
             "use a shorter time step or a better start, and look for what else acts on the body"
         )
         raise RunError(
-            f"{cause or 'the run is unstable'}, and the force on {self.membership.name(bodies.id[bad])} "
-            f"is not finite at step {step}: {remedy or advice}"
+            f"{cause or 'the run is unstable'}, and the force on "
+            f"{self.membership.name(bodies.id[bad])} is not finite at step {step}: "
+            f"{remedy or advice}"
         )
 
     # ------------------------------------------------------------- velocities of atoms
@@ -536,14 +538,13 @@ class Integrator:
     def _say_ignored(self, why):
         if self._velocities_changed():
             self.host.log(
-                "The velocities of the bodies' atoms were changed between runs: without effect, because "
-                f"the bodies go on ({why})\n"
+                "The velocities of the bodies' atoms were changed between runs: "
+                f"without effect, because the bodies go on ({why})\n"
             )
 
     def take_changed_velocities(self, step):
         """If a fix has changed the atoms' velocities at the end of this step, have the bodies move
-        with
-        them; collective."""
+        with them; collective."""
         due = [fix.id for fix in self.late if step % fix.nevery == 0]
         if not due or not self._velocities_changed():
             return
@@ -557,8 +558,7 @@ class Integrator:
     @hook
     def post_run(self):
         """A run is over; what comes now, from a script's commands to another run, finds the bodies
-        as
-        their atoms are."""
+        as their atoms are."""
         if self.phase != Phase.NEW:
             self.come_to_rest()
             if not self.host.velocities_set:
@@ -616,8 +616,7 @@ class Integrator:
     @hook
     def compute_scalar(self):
         """Temperature of the bodies; as fix rigid's, but of all components, whether force and
-        torque act
-        on them or not; collective."""
+        torque act on them or not; collective."""
         return self.reports.energies()[4]
 
     @hook

@@ -30,7 +30,8 @@ class Membership:
         self.variable = custom[2:] if custom[:1] == "v" else None
         if self.variable and not lammps.has("variable", self.variable):
             raise RunError(
-                f"there is no variable '{self.variable}' (custom {custom}): define it before the fix",
+                f"there is no variable '{self.variable}' (custom {custom}): "
+                "define it before the fix",
                 everywhere=True,
             )
         self.bit = lammps.group_bit(command.group)
@@ -56,7 +57,10 @@ class Membership:
             return np.ones(len(atoms), np.int64)
         if style == "molecule":
             values = self.lammps.per_atom("molecule", self.lammps.tagint)
-            what = "molecule-IDs, which this atom style does not have: use atom_style molecular or full, or another body style"
+            what = (
+                "molecule-IDs, which this atom style does not have: "
+                "use atom_style molecular or full, or another body style"
+            )
         elif self.variable:
             return self._by_variable(atoms)
         elif style == "custom":
@@ -69,7 +73,8 @@ class Membership:
                 tag = self.lammps.tags[atoms[inside.sum(axis=0) > 1][0]]
                 both = [g for g, i in zip(arguments, inside[:, inside.sum(axis=0) > 1][:, 0]) if i]
                 raise RunError(
-                    f"atom {tag} is in more than one body: it is in the groups {' and '.join(both)}; use groups without common atoms"
+                    f"atom {tag} is in more than one body: it is in the groups "
+                    f"{' and '.join(both)}; use groups without common atoms"
                 )
             return 1 + np.argmax(inside, axis=0)
         if values is None:
@@ -88,7 +93,8 @@ class Membership:
             values = np.trunc(self.lammps.variable(self.variable, self.command.group))[atoms]
             if not np.isfinite(values[~known]).all():
                 raise RunError(
-                    f"variable {self.variable} is not finite for every atom of the group, so it cannot tell bodies apart"
+                    f"variable {self.variable} is not finite for every atom of the group, "
+                    "so it cannot tell bodies apart"
                 )
             ids = np.where(known, ids, np.where(known, 0, values).astype(np.int64))
         return ids

@@ -1,5 +1,4 @@
-"""What a run does at each point of a step: lists of loops, bound to the bodies and to LAMMPS's
-arrays.
+"""What a run does at each point of a step: lists of loops, bound to bodies and LAMMPS's arrays.
 
     begin        the first half of a step
     close        its second half, when the forces are known
@@ -119,8 +118,7 @@ class Passes:
             self.lists["virial"] = [*gather, *self.lists["virial"]]
 
     def do(self, name):
-        """Do a list of passes. Returns: what the first one that found something wrong says, or
-        0."""
+        """Do a list of passes. Returns: what the first that found something wrong says, or 0."""
         for one in self.lists[name]:
             if found := one():
                 return found
