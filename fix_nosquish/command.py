@@ -181,7 +181,8 @@ def _check_thermostat(words, values, known):
             raise words.wrong(f"keyword {keyword} is of no use to this thermostat: leave it out")
     if values.get("separate") and values.get("thermostat", THERMOSTATS[0]) == THERMOSTATS[0]:
         raise words.wrong(
-            "keyword separate is for thermostats csvr and nh: langevin acts on each motion by itself"
+            "keyword separate is for thermostats csvr and nh: "
+            "langevin acts on each motion by itself"
         )
 
 

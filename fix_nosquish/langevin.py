@@ -9,7 +9,21 @@ with independent standard normal numbers xi, and the angular momentum L in the p
 from math import exp, sqrt
 
 from .block import (
-    BLOCK_ROWS, COUNTED, FREE, LANES, MASS, MOMENT, NUMBER, PLANAR, POINT, P, Q, V, four, three, write,
+    BLOCK_ROWS,
+    COUNTED,
+    FREE,
+    LANES,
+    MASS,
+    MOMENT,
+    NUMBER,
+    PLANAR,
+    POINT,
+    P,
+    Q,
+    V,
+    four,
+    three,
+    write,
 )  # fmt: skip
 from .compiled import F1, L1, inlined, loop
 from .frames import angular_momentum

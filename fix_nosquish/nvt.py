@@ -96,8 +96,8 @@ class NVT(Integrator):
         held = 0 if missing else dimension
         if not sum(free) > held:
             raise RunError(
-                f"the bodies have {sum(free):.0f} degrees of freedom, of which the total momentum takes "
-                f"{held}: there is none to keep at a temperature",
+                f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
+                f"momentum takes {held}: there is none to keep at a temperature",
                 everywhere=True,
             )
         return np.array([free[0] - held, free[1]])
@@ -108,7 +108,8 @@ class NVT(Integrator):
         self._check(start, stop, damping)
         if self.restart_state[0] != self.kind:
             self.host.log(
-                "WARNING: the restart file has the state of another thermostat: this one begins anew\n"
+                "WARNING: the restart file has the state of another thermostat: "
+                "this one begins anew\n"
             )
         elif np.isfinite(self.restart_state[1]):
             self._energy, self.own_state()[:] = self.restart_state[1], self.restart_state[2:]
@@ -133,8 +134,8 @@ class NVT(Integrator):
                 )
         if start != stop and self.host.span is None:
             raise RunError(
-                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, so TSTART "
-                "and TSTOP must be the same",
+                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
+                "so TSTART and TSTOP must be the same",
                 everywhere=True,
             )
 

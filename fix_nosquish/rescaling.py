@@ -9,14 +9,36 @@ from math import exp, log, sqrt
 import numpy as np
 
 from .block import (
-    BLOCK_ROWS, COUNTED, FREE, LANES, MASS, MOMENT, POINT, P, Q, V, four, three,
+    BLOCK_ROWS,
+    COUNTED,
+    FREE,
+    LANES,
+    MASS,
+    MOMENT,
+    POINT,
+    P,
+    Q,
+    V,
+    four,
+    three,
 )  # fmt: skip
 from .compiled import F1, L1, Cell, F, I, inlined, loop
 from .frames import angular_momentum, angular_velocity
 from .mpi import DOUBLE, RANK, Mpi, add_up
 from .nve import NVE
 from .nvt import (
-    ALL_BODIES, COMMON, DRAW, HEAT, KEY_0, KEY_1, KT, MIDDLE, NVT, RATE, STEP, prepare,
+    ALL_BODIES,
+    COMMON,
+    DRAW,
+    HEAT,
+    KEY_0,
+    KEY_1,
+    KT,
+    MIDDLE,
+    NVT,
+    RATE,
+    STEP,
+    prepare,
 )  # fmt: skip
 from .philox import minus_log, normal_pair, words
 from .step import Operation
