@@ -35,6 +35,8 @@ from .switches import Switches
 
 # fixes that read no velocities but those of their own atoms
 _BLIND = "nve", "rigid", "shake", "rattle"
+# fixes that keep a temperature
+_THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
 # fixes that act at the end of a step and change no velocity
 _READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 
@@ -306,13 +308,21 @@ class Integrator:
         atoms, groups = self.membership.atoms(), lammps.groups
         ids = [[command.group]] + [command.arguments] * (command.style == "group")
         for fix in self._fixes:
+            both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
             if fix.time_integrate:
-                both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
                 if len(both):
                     problem = (
                         f'atom {lammps.tags[both[0]]} of the rigid bodies ("{command.text}") '
                         f"is also integrated by fix {fix.id} (style {fix.style}): "
                         "give that fix a group without the bodies' atoms"
+                    )
+            elif self.thermostat and fix.style.startswith(_THERMOSTATS):
+                if len(both):
+                    problem = (
+                        f"fix {fix.id} (style {fix.style}) keeps a temperature of atom "
+                        f"{lammps.tags[both[0]]} of the rigid bodies, as fix {self.host.fix_id} "
+                        f'("{command.text}") does: give it a group without the bodies\' atoms, or '
+                        "use fix_nosquish.NVE"
                     )
             elif all(
                 any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids
