@@ -128,7 +128,7 @@ def _scene(point: Point, out: Path, meter: run.Meter, silence: float) -> Measure
 
     def job(one, runs, part="calibration", setups=0):
         directory = folder / f"{run.folder_name(one.name)}-{part}"
-        how = {"ranks": point.ranks, "silence": silence, "positions": False, "setups": setups}
+        how = {"ranks": point.ranks, "silence": silence, "keeps": "nothing", "setups": setups}
         return run.job(scene, one, directory, runs, dt=scene.dt, every=0, **how)
 
     loop = 1.0
@@ -244,7 +244,7 @@ def _pass(
     def job(name, runs):
         words, more = (optional.words, optional.more) if name == "with" else ("", optional.less)
         ours, how = _ours(words, folder / name), {"ranks": optional.ranks, "silence": silence}
-        how |= {"dt": scene.dt, "every": 0, "positions": False, "more": more}
+        how |= {"dt": scene.dt, "every": 0, "keeps": "nothing", "more": more}
         return run.job(scene, ours, folder / name, runs, **how)
 
     row = {key: getattr(optional, key) for key in ("name", "when", "scene", "bodies", "ranks")}

@@ -4,9 +4,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from validation.statistics.check import bound, measured
+from validation.statistics.check import VERDICTS, bound, measured
 
-VERDICTS = "holds", "does not hold", "cannot tell"
 STYLES = {  # of the page: verdicts
     "holds": ("holds", "pass", "met"),
     "does-not-hold": ("does not hold", "fail", "blow-up", "ends", "not met"),

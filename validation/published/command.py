@@ -40,7 +40,7 @@ def run(arguments) -> int:
         "time": arguments.time,
         "checks": [one.plain() for one in made],
     }
-    report.write(summary, made, out)
+    report.write(summary, out)
     report.show(screen, summary, out)
     return command_line.status(
         interrupted, any(one.holds is False or one.value is None for one in made)

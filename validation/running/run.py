@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -103,11 +103,10 @@ def job(
     every: int,
     ranks: int = 1,
     silence: float = 120.0,
-    positions: bool = True,
+    keeps: Literal["nothing", "positions", "motion"] = "positions",
     setups: int = 0,
     more: Sequence[str] = (),
     origin: str | None = None,
-    motion: bool = False,
 ) -> Job:
     """The job of one integrator on a scene.
 
@@ -115,18 +114,14 @@ def job(
         runs: numbers of steps, done one after the other.
         dt: time step in the scene's units.
         every: steps between thermo samples; 0 samples the ends of each run only.
-        positions: whether they are kept.
-        setups: see ``Job``.
+        keeps: what is kept of the atoms at the start and after each run; see ``Job.motion``.
+        setups, origin: see ``Job``.
         more: LAMMPS commands before the first run.
-        origin, motion: see ``Job``.
     """
+    reach = integrator.whole_bodies and scene.ghost_cutoff
     commands = [
         *scene.setup,
-        *(
-            [f"comm_modify cutoff {scene.ghost_cutoff}"]
-            if integrator.whole_bodies and scene.ghost_cutoff
-            else []
-        ),
+        *([f"comm_modify cutoff {reach}"] if reach else []),
         "reset_timestep 0",
         f"timestep {dt}",
         *(scene.others if integrator.kind != "free" else []),
@@ -140,12 +135,12 @@ def job(
         folder=str(scene.folder),
         commands=commands,
         runs=list(runs),
-        body_property=scene.body_property if positions else None,
+        body_property=None if keeps == "nothing" else scene.body_property,
         setups=setups,
         ranks=ranks,
         silence=silence,
         origin=origin,
-        motion=motion,
+        motion=keeps == "motion",
     )
 
 

@@ -24,7 +24,10 @@ from validation.running import machine
 
 HARNESS = Path(__file__).resolve().parents[1]
 # files that no number follows from; criteria judges numbers, and makes none
-SHOWN = "pages/*.py", "report.py", "figures.py", "command.py", "command_line.py", "criteria.py"
+SHOWN = (
+    *("pages/*.py", "report.py", "section.py", "figures.py"),
+    *("command.py", "command_line.py", "criteria.py"),
+)
 # arguments by these names that are text are only shown
 TEXTS = "title", "label", "subject", "what", "why", "note", "physics", "text", "help", "source"
 

@@ -127,7 +127,7 @@ def scaling(wanted: Sequence[Case], out: Path, meter: run.Meter) -> dict:
 def _count(case: Case, out: Path, meter: run.Meter) -> dict:
     """`COUNTED`; a ChildProcessError says why there are none."""
     scene, folder = case.scene, out / "runs" / case.name
-    how: dict = {"dt": scene.dt, "every": 0, "ranks": case.ranks, "positions": False}
+    how: dict = {"dt": scene.dt, "every": 0, "ranks": case.ranks, "keeps": "nothing"}
     integrator = INTEGRATORS[case.integrator]
     job = run.job(scene, integrator, folder / "run", [WARM_UP, STEPS], **how)
     result = run.run(job, meter.at, counting.environment(folder / "counts"))

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from validation.pages.page import save
 from validation.running import machine, run, store
 from validation.running.run import Meter, Result
 from validation.scenes import SCENES, Scene
@@ -256,7 +255,7 @@ class Stand:
         folder = (self.folder / run.folder_name(label)).resolve()
         more = [line.format(folder=folder) for line in more]
         origin = machine.origin(scene, integrator, *files)
-        how = {"silence": self.silence, "positions": False, "origin": origin, "more": more, **how}
+        how = {"silence": self.silence, "keeps": "nothing", "origin": origin, "more": more, **how}
         job = run.job(scene, integrator, folder, runs, **how)
         total = sum(runs) + sum(int(line.split()[1]) for line in more if line.startswith("run "))
 
@@ -322,7 +321,7 @@ class Rows:
                 place = self.place(case, row["integrator"])
                 self.store.keep(*place, row, _enough(self.cases[case], row))
             _fill(summary, self.cases, self.all())
-            save(summary, self.out)
+            store.write(self.out / "summary.json", summary)
 
 
 def stability(

@@ -19,14 +19,8 @@ from validation.statistics.estimate import Estimate
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
 
 import physical_validation  # noqa: E402  it imports pymbar
-from physical_validation.data import (
-    EnsembleData,
-    ObservableData,
-    SimulationData,
-    SystemData,
-    TrajectoryData,
-    UnitData,
-)
+
+records = physical_validation.data
 
 KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
@@ -210,16 +204,12 @@ def _quiet(function, *arguments, **more):
 
 def _data(temperature, natoms, **more):
     """physical_validation's record of a whole at this temperature."""
-    system = SystemData(
-        natoms=natoms, nconstraints=0, ndof_reduction_tra=0, ndof_reduction_rot=0, mass=np.ones(natoms), molecule_idx=[0], nconstraints_per_molecule=[0]
-    )  # fmt: skip
-    ensemble = EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
-    return SimulationData(
-        units=UnitData.units("LAMMPS real"),
-        system=system,
-        ensemble=ensemble,
-        observables=ObservableData(**more),
-    )
+    none = dict.fromkeys(("nconstraints", "ndof_reduction_tra", "ndof_reduction_rot"), 0)
+    first = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
+    system = records.SystemData(natoms=natoms, mass=np.ones(natoms), **none, **first)
+    ensemble = records.EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
+    how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
+    return records.SimulationData(observables=records.ObservableData(**more), **how)
 
 
 def distribution(energies, temperature):
@@ -267,7 +257,9 @@ def equipartition(translation, rotation, moving, turning, temperature):
         dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)
     ]
     # not looked at, for energies are there
-    data.trajectory = TrajectoryData(*(np.zeros((len(translation), 2, 3)) for _ in range(2)))
+    data.trajectory = records.TrajectoryData(
+        *(np.zeros((len(translation), 2, 3)) for _ in range(2))
+    )
     found = _quiet(
         physical_validation.kinetic_energy.equipartition,
         data,
@@ -287,10 +279,10 @@ def convergence(deviations):
         deviations: time step to (samples,).
     """
     runs = [
-        SimulationData(
-            units=UnitData.units("LAMMPS real"),
+        records.SimulationData(
+            units=records.UnitData.units("LAMMPS real"),
             dt=dt,
-            observables=ObservableData(constant_of_motion=values),
+            observables=records.ObservableData(constant_of_motion=values),
         )
         for dt, values in deviations.items()
     ]

@@ -182,7 +182,7 @@ class _Scene:
             silence=self.silence,
             more=more,
             origin=machine.origin(self.scene, point.integrator, *files),
-            motion=True,
+            keeps="motion",
         )
 
     def _once(self, label, job):

@@ -6,6 +6,8 @@ momenta of the quaternions (4 n), then centres and quaternions.  Its derivatives
 differences: the machine code takes no complex numbers.
 """
 
+import itertools
+
 import numpy as np
 from scipy.linalg import block_diag, null_space
 
@@ -264,17 +266,13 @@ class Scene:
             (14 n, m); the largest change of it that leaving out the last extrapolation makes, which
             bounds its truncation error.
         """
-        rows = []
-        for h in STEP, STEP / 2, STEP / 4:
-            rows.append(
-                np.transpose(
-                    [
-                        (self.step(x + h * v, dt) - self.step(x - h * v, dt)) / (2 * h)
-                        for v in directions.T
-                    ]
-                )
-            )
-        once = [(4 * fine - coarse) / 3 for coarse, fine in zip(rows, rows[1:])]
+
+        def difference(h):
+            ends = [(self.step(x + h * v, dt), self.step(x - h * v, dt)) for v in directions.T]
+            return np.transpose([(there - back) / (2 * h) for there, back in ends])
+
+        rows = map(difference, (STEP, STEP / 2, STEP / 4))
+        once = [(4 * fine - coarse) / 3 for coarse, fine in itertools.pairwise(rows)]
         return (16 * once[1] - once[0]) / 15, float(np.abs(once[1] - once[0]).max() / 15)
 
     def defects(self, x, dt):

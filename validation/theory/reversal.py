@@ -58,7 +58,7 @@ def reverse(scene: Scene, integrator: Integrator, out: Path, silence: float = 12
         KeyboardInterrupt: the run was interrupted.
     """
     folder = (out / run.folder_name(integrator.label)).resolve()
-    how: dict = {"dt": scene.dt, "every": 0, "positions": False, "silence": silence}
+    how: dict = {"dt": scene.dt, "every": 0, "keeps": "nothing", "silence": silence}
     origin = machine.origin(scene, integrator)
     job = run.job(scene, integrator, folder, [0], origin=origin, **how)
     dump = 'write_dump all custom "{}/{}" id x y z vx vy vz modify sort id format float %.17g'
