@@ -372,10 +372,10 @@ ERROR: Lost atoms: original 3000 current 2997 (src/thermo.cpp:526)
 def test_timing_table():
     """Locks out minimum or maximum for average, and sections of one run given to another."""
     first, second = lammps_log.timings(LOG)
-    assert first["sections"] == {"Pair": 0.31, "Modify": 0.046, "Other": 0.02792}
-    assert second["sections"] == {"Modify": 2e-3}
-    assert (first["loop"], first["steps"], first["cpu"]) == (0.5, 20, 46.4)
-    assert (second["loop"], second["steps"], second["cpu"]) == (4.0, 200, 99.4)
+    assert first.sections == {"Pair": 0.31, "Modify": 0.046, "Other": 0.02792}
+    assert second.sections == {"Modify": 2e-3}
+    assert (first.seconds, first.steps, first.cpu) == (0.5, 20, 46.4)
+    assert (second.seconds, second.steps, second.cpu) == (4.0, 200, 99.4)
 
 
 def test_thermo_table():

@@ -16,10 +16,9 @@ from validation.running import counting, lammps_log, machine, rounds, run, start
 from validation.running.rounds import Timing
 from validation.running.store import Store
 from validation.scenes import INPUTS, SCENES, starts
-from validation.scenes.integrators import BENCHMARKED, FREE, Integrator, nosquish
+from validation.scenes.integrators import BENCHMARKED, FREE, OURS, Integrator, nosquish
 from validation.statistics import measures
 
-OURS = "nosquish"
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
 Measured = tuple[list[dict], bool]  # rows of the summary, and whether a Ctrl-C cut them short
@@ -243,7 +242,8 @@ def _pass(
 
     def job(name, runs):
         words, more = (optional.words, optional.more) if name == "with" else ("", optional.less)
-        ours, how = _ours(words, folder / name), {"ranks": optional.ranks, "silence": silence}
+        ours = _ours(words, folder / name)
+        how: dict = {"ranks": optional.ranks, "silence": silence}
         how |= {"dt": scene.dt, "every": 0, "keeps": "nothing", "more": more}
         return run.job(scene, ours, folder / name, runs, **how)
 

@@ -6,11 +6,10 @@ from pathlib import Path
 from rich.console import Console
 
 from validation.bench import bandwidth
-from validation.bench.measure import OURS
 from validation.pages import report
 from validation.pages.said import NONE, Cell, Figure, Said, Table
 from validation.pages.tables import FREE, Column, busy, cell, numbers, ranks_of
-from validation.scenes.integrators import INTEGRATORS
+from validation.scenes.integrators import INTEGRATORS, OURS
 
 COLUMNS = (
     Column("modify", "Modify", "µs/step"),
@@ -106,8 +105,8 @@ def write(summary: dict, figures: list, out: Path) -> None:
         | {"met": MET[goal["met"]]}
         for goal in summary["goals"]
     ]
-    tables = {"table": scenes, "passes": passes, "goals": goals}
-    tables = {name: report.frame(rows) for name, rows in tables.items()}
+    rows = {"table": scenes, "passes": passes, "goals": goals}
+    tables = {name: report.frame(some) for name, some in rows.items()}
     # with those of collectives it is too wide
     sent = [one for one in MESSAGE_COLUMNS if one.key not in ("collectives", "collective_bytes")]
     columns = {"columns": COLUMNS, "message_columns": sent, "pass_columns": PASS_COLUMNS}
@@ -173,7 +172,7 @@ def say(summary: dict) -> Said:
     headlines, short = _whole(whole)
     late = [where for where, share in slow.items() if share < FREE]
     if late:
-        worst = min(late, key=slow.get)
+        worst = min(late, key=lambda where: slow[where])
         headlines.append(
             f"The machine was busy, in {len(late)} of {len(slow)} rows below: of a core a rank had "
             f"as little as {slow[worst]:.0f} % ({worst}); ratios of one round still hold, times "
@@ -202,7 +201,7 @@ def _whole(whole):
     """A headline, and what is said in short, of the time of a whole step over the fastest fix's."""
     if not whole:
         return [], []
-    least, most = min(whole, key=whole.get), max(whole, key=whole.get)
+    (least, _), *_, (most, _) = sorted(whole.items(), key=lambda one: one[1])
     headline = (
         f"A whole step with ours takes {whole[least]:.2f} ({least}) to {whole[most]:.2f} ({most}) "
         "times that with the fastest of LAMMPS's rigid fixes."

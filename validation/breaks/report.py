@@ -19,7 +19,7 @@ def write(summary: dict, out: Path) -> None:
     values = (row["value"] for row in summary["rows"])
     texts = ["" if one is None else f"{one:.3g}" for one in values]
     table = report.frame(summary["rows"], COLUMNS).assign(value=texts)
-    found = {"fixes": fixes(summary), "cases": cases(summary), "shown": shown}
+    found: dict = {"fixes": fixes(summary), "cases": cases(summary), "shown": shown}
     report.write(summary, out, {"table": table}, "breaks.html", **found)
 
 

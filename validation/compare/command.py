@@ -1,5 +1,6 @@
 """``compare``: its words, and what they run."""
 
+from argparse import Namespace
 from pathlib import Path
 
 from validation import command_line
@@ -7,7 +8,7 @@ from validation.scenes import SCENES
 from validation.scenes.integrators import INTEGRATORS
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -35,7 +36,7 @@ def add(verbs) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help=help)
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.compare import measure, report  # heavy: not for --help
     from validation.pages import console

@@ -71,7 +71,11 @@ def whiskers(spreads: Sequence[dict]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def bars(
-    axis: Axes, labels: Sequence[str], spreads: Sequence[dict], texts: Sequence[str], colours
+    axis: Axes,
+    labels: Sequence[str],
+    spreads: Sequence[dict],
+    texts: Sequence[str],
+    colours: str | Sequence[str],
 ) -> None:
     """Horizontal bars from the top: medians, whiskers from minimum to maximum, texts behind."""
     places = np.arange(len(labels))

@@ -39,12 +39,3 @@ def page(template: str, path: Path, figures: Sequence[tuple[Path, str]], **value
         (base64.b64encode(Path(png).read_bytes()).decode(), caption) for png, caption in figures
     ]
     Path(path).write_text(environment.get_template(template).render(figures=embedded, **values))
-
-
-def plain(result) -> dict:
-    """A dataclass as plain data; what is None is left out, but for ``error``."""
-    return {
-        key: value.plain() if isinstance(value, Estimate) else value
-        for key, value in vars(result).items()
-        if value is not None or key == "error"
-    }

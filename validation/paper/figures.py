@@ -10,6 +10,7 @@ from validation.paper.measure import BEGINNING, Found, gear_pairs
 from validation.paper.plan import AVERAGE_MEASURE, DIMER_DT, DT, SMALL_DT, TEMPERATURE
 from validation.running.trajectory import Series
 from validation.scenes import SCENES
+from validation.statistics.estimate import SURE, Estimate
 
 POINTS = 400  # of a curve
 RUNNING = 30  # windows of a running mean in the length of a curve
@@ -138,12 +139,13 @@ def gear(found: Found, summary: dict) -> Drawn:
 def force_field(found: Found, summary: dict) -> Drawn:
     """What the force field alone does to the energy, in the time of the run at the usual step."""
     rows = [row for row in summary["force_field"] if "variance" in row]
+    variances = [Estimate.of(row["variance"]) for row in rows]
     if not rows:
         return None
     figure, axis = plt.subplots(figsize=(8, 0.9 + 0.4 * len(rows)), layout="constrained")
-    parts, errors = ([row["variance"][key] for row in rows] for key in ("value", "error"))
+    parts, margins = zip(*((one.value, one.margin) for one in variances))
     bars: dict = {"color": OTHERS, "ecolor": INK, "height": 0.6, "capsize": 3}
-    axis.barh(range(len(rows)), parts, xerr=errors, **bars)
+    axis.barh(range(len(rows)), parts, xerr=margins, **bars)
     span = f"{rows[0]['usual_ps']:.4g} ps"
     whole = f"whole variance at {DT:g} fs, {span}"
     axis.axvline(rows[0]["usual_variance"], color=OURS, label=whole)
@@ -154,7 +156,7 @@ def force_field(found: Found, summary: dict) -> Drawn:
     return figure, (
         "The force field's own part: fluctuation and random walk of the peptide scene's energy "
         f"with NO_SQUISH at {SMALL_DT:g} fs, with what is said at the left changed, and what they "
-        f"come to in {span}."
+        f"come to in {span}, with its {SURE} interval."
     )
 
 

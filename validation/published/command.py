@@ -1,9 +1,11 @@
 """``published``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -23,7 +25,7 @@ def add(verbs) -> None:
     command_line.out(parser, "results/published")
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.published import measure, report  # heavy: not for --help

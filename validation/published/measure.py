@@ -9,7 +9,6 @@ number by number.
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -98,16 +97,16 @@ def published(
         by time step (fs), of those that were begun; whether a Ctrl-C ended it.
     """
     how: dict = {"scene": scene(), "integrator": INTEGRATORS["nosquish"], "ranks": ranks}
-    made = partial(Trajectory, piece=WHOLE, **how)
+    how["piece"] = WHOLE
     rest, more = steps(REST, BATH_DT), _to_the_mean(scene().group)
-    start = made("start", "start", dt=BATH_DT, steps=rest, every=100, more=more)
+    start = Trajectory("start", "start", dt=BATH_DT, steps=rest, every=100, more=more, **how)
     first, interrupted = do(start, out, silence, meter)
     if first.error:
         return dict.fromkeys(PUBLISHED, first), interrupted
     found: dict[float, Series] = {}
     for dt in sorted(PUBLISHED, reverse=True):
-        length = {"steps": steps(time, dt), "every": max(1, round(SAMPLED / dt))}
-        one = made(f"{dt:g}-fs", f"{dt:g} fs", dt=dt, start=start.end(out), **length)
+        how |= {"steps": steps(time, dt), "every": max(1, round(SAMPLED / dt))}
+        one = Trajectory(f"{dt:g}-fs", f"{dt:g} fs", dt=dt, start=start.end(out), **how)
         found[dt], interrupted = do(one, out, silence, meter)
         if interrupted:
             break

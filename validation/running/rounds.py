@@ -91,7 +91,7 @@ def calibrate(make: Callable[[list[int]], run.Job]) -> float | run.Result:
         result = run.run(make([3, steps]))
         if result.error:
             return result
-        loop = result.timings[-1]["loop"]
+        loop = result.timings[-1].seconds
         if loop > 0.05 or steps >= 10000:
             return loop / steps
         steps = min(10000, int(0.2 * steps / max(loop, 1e-6)))
@@ -130,19 +130,20 @@ def timing(job: run.Job, result: run.Result) -> Timing:
     """What is kept of a completed run."""
     segments = result.timings[job.setups + 1 :]
 
-    def median(of):
-        found = [of(one) / one["steps"] for one in segments]
+    def median(section: str = "") -> float | None:
+        seconds = [one.sections[section] if section else one.seconds for one in segments]
+        found = [spent / one.steps for spent, one in zip(seconds, segments)]
         return float(np.median(found)) * 1e6 if found else None
 
-    names = segments[0]["sections"] if segments else ()
-    shares = [one["cpu"] for one in segments if one["cpu"] is not None]
+    names = segments[0].sections if segments else ()
+    shares = [one.cpu for one in segments if one.cpu is not None]
     spent = zip(job.commands, result.seconds["commands"])
     return Timing(
-        modify=median(lambda one: one["sections"]["Modify"]),
-        loop=median(lambda one: one["loop"]),
+        modify=median("Modify"),
+        loop=median(),
         cpu=min(shares, default=None),
-        sections={name: median(lambda one, name=name: one["sections"][name]) for name in names},
-        steps=[one["steps"] for one in segments],
+        sections={name: median(name) for name in names},
+        steps=[one.steps for one in segments],
         define=sum(time for command, time in spent if command.startswith("fix ")),
         setups=result.seconds["setups"],
         memory=result.memory,

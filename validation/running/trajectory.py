@@ -6,7 +6,7 @@ Ctrl-C. Energies are in the pieces' logs, sampled as they run.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +28,6 @@ class Trajectory:
     Attributes:
         name: of its folder, and what its results are called by.
         label: for the terminal.
-        scene: a ``Scene``.  integrator: an ``Integrator``.
         dt: fs.  steps: in all.  every: steps between samples of the energy.
         ranks: MPI ranks.
         piece: steps of a piece.
@@ -47,7 +46,7 @@ class Trajectory:
     ranks: int
     piece: int = PIECE
     state: int | None = None
-    start: tuple | None = None
+    start: tuple[Path, int] | None = None
     more: tuple[str, ...] = ()
 
     @property
@@ -105,14 +104,15 @@ class Series:
     kinetic: np.ndarray
     potential: np.ndarray
     temperature: np.ndarray
-    positions: dict | None
-    pieces: list
+    positions: run.Positions | None
+    pieces: list[tuple[str, int]]
     seconds: float
 
 
 def do(trajectory: Trajectory, out: Path, silence: float, meter: Meter) -> tuple[Series, bool]:
     """Run a trajectory, or take over what is there: a ``Series``, and whether a Ctrl-C ended it."""
-    results, error, interrupted = [], None, False
+    results: list[tuple[run.Job, run.Result]] = []
+    error, interrupted = None, False
     for number, job in enumerate(trajectory.jobs(out, silence), 1):
         number_of = f" {number}/{trajectory.pieces}" * (trajectory.pieces > 1)
         meter.begin(trajectory.label + number_of, sum(job.runs))
@@ -125,11 +125,13 @@ def do(trajectory: Trajectory, out: Path, silence: float, meter: Meter) -> tuple
     return series(trajectory, results, error), interrupted
 
 
-def series(trajectory: Trajectory, results: list, error: str | None) -> Series:
+def series(
+    trajectory: Trajectory, results: list[tuple[run.Job, run.Result]], error: str | None
+) -> Series:
     """Put the pieces' results together.
 
     Args:
-        results: list of (job, result), in order.
+        results: in order.
         error: None, or why it is not complete.
     """
     columns = "Step", "TotEng", "KinEng", "PotEng", "Temp"
@@ -147,8 +149,11 @@ def series(trajectory: Trajectory, results: list, error: str | None) -> Series:
     if until < len(finite) and not error:
         error = "energy is not finite"
     ends = [result.positions for _, result in results if result.positions]
-    positions = {**ends[0], "x": np.stack([ends[0]["x"][0], ends[-1]["x"][-1]])} if ends else None
+    positions = replace(ends[0], x=np.stack([ends[0].x[0], ends[-1].x[-1]])) if ends else None
     pieces = [(job.directory, sum(job.runs)) for job, result in results if not result.error]
-    seconds = sum(one["loop"] for _, result in results for one in result.timings)
-    cut = (values[:until] for values in table)
-    return Series(trajectory, error, *cut, positions, pieces, seconds)
+    seconds = sum(one.seconds for _, result in results for one in result.timings)
+    cut = dict(zip(("time", "total", "kinetic", "potential", "temperature"), table))
+    energies = {name: values[:until] for name, values in cut.items()}
+    return Series(
+        trajectory, error, **energies, positions=positions, pieces=pieces, seconds=seconds
+    )

@@ -1,9 +1,11 @@
 """``scaling``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -21,7 +23,7 @@ def add(verbs) -> None:
     command_line.out(parser, "results/scaling")
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.scaling import measure, report  # heavy: not for --help

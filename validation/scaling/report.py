@@ -50,13 +50,13 @@ def say(summary: dict) -> Said:
     lines = []
     for cut in dict.fromkeys(row["decomposition"] for row in counted):
         most, rows = _most([row for row in counted if row["decomposition"] == cut])
-        told = (
+        each = (
             f"{row['integrator']} {row['messages']:.1f} messages of {row['bytes']:,.0f} bytes in "
             f"all and {row['collectives']:.2f} collective calls with "
             f"{row['collective_bytes']:,.0f} bytes"
             for row in rows
         )
-        lines.append(f"A rank hands to MPI in a step, {most} ranks, {cut}s: {'; '.join(told)}.")
+        lines.append(f"A rank hands to MPI in a step, {most} ranks, {cut}s: {'; '.join(each)}.")
     bricks = [row for row in summary["model"] if row["decomposition"] == "brick"]
     for link in (link["name"] for link in summary["links"]):
         most, rows = _most([row for row in bricks if row["link"] == link])
@@ -93,7 +93,7 @@ def scaling(tables: dict[str, pd.DataFrame], link: str) -> Drawn:
     for rows, axis in (counts, left), (model, right):
         known = rows[rows["value"] > 0].groupby(["decomposition", "integrator"], sort=False)
         for (decomposition, name), some in known:
-            colour, mark = MARKS[name]
+            colour, mark = MARKS[str(name)]
             style = {
                 "color": colour,
                 "marker": mark,

@@ -1,13 +1,13 @@
 """``stability``: its words, and what they run."""
 
-import argparse
+from argparse import Namespace
 from collections.abc import Collection
 from pathlib import Path
 
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -59,7 +59,7 @@ def _names() -> Collection[str]:
     return COMPARED
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.stability import measure, report  # heavy: not for --help

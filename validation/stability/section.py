@@ -9,6 +9,7 @@ import numpy as np
 
 from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
 from validation.scenes import FS_PER_PS
+from validation.scenes.integrators import OURS
 from validation.stability.cases import CASES
 from validation.stability.criteria import CRITERIA
 from validation.stability.figures import READ
@@ -16,7 +17,6 @@ from validation.stability.measure import COMPARED
 from validation.stability.report import package
 from validation.statistics.estimate import Estimate
 
-OURS = "nosquish"
 LAMMPS = "rigid", "rigid/nve", "rigid/small", "rigid/nve/small", "shake", "rattle"
 WORDS = {True: "yes", False: "no", None: "cannot tell"}
 

@@ -212,7 +212,9 @@ def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
     )
 
 
-def nearest_image(d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
+def nearest_image(
+    d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool] | np.ndarray
+) -> np.ndarray:
     """Displacements (..., 3) folded to the nearest periodic image.
 
     Args:
@@ -228,7 +230,7 @@ def nearest_image(d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> 
 
 
 def largest_distance(
-    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
+    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool] | np.ndarray
 ) -> float:
     """max_i |x_i - y_i| over all atoms, nearest image, in units of ``x``."""
     return np.linalg.norm(nearest_image(x - y, cell, periodic), axis=-1).max()
@@ -256,7 +258,7 @@ def rigidity_error(
     end: np.ndarray,
     pairs: np.ndarray,
     cell: np.ndarray,
-    periodic: Sequence[bool],
+    periodic: Sequence[bool] | np.ndarray,
 ) -> float:
     """Largest change of a distance within a body: max |d_ij(end) - d_ij(start)|."""
 

@@ -5,12 +5,13 @@ import contextlib
 import io
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mdtraj
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from validation.running.run import Positions
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.peptide import NM_PER_ANGSTROM
 from validation.statistics import measures
@@ -39,12 +40,10 @@ class Motion:
         count: number of bodies.  free: number of atoms in no body.
     """
 
-    def __init__(self, positions):
-        self.x, self.v, self.mass, self.bodies = (
-            positions[name] for name in ("x", "v", "mass", "bodies")
-        )
-        self.cell, self.periodic = positions["cell"], positions["periodic"]
-        self._bonds, self._angles = positions["bonds"], positions["angles"]
+    def __init__(self, positions: Positions) -> None:
+        self.x, self.v, self.mass = positions.x, positions.v, positions.mass
+        self.bodies, self._bonds, self._angles = positions.bodies, positions.bonds, positions.angles
+        self.cell, self.periodic = positions.cell, positions.periodic
         order = np.argsort(self.bodies, kind="stable")
         order = order[self.bodies[order] != 0]
         _, first, sizes = np.unique(self.bodies[order], return_index=True, return_counts=True)
@@ -158,7 +157,7 @@ def _turned(a, b):
     return Rotation.from_matrix(u @ v).magnitude() if len(a) else np.empty(0)
 
 
-def pair_distribution(motion, frames):
+def pair_distribution(motion: Motion, frames: Sequence[int] | slice) -> np.ndarray:
     """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the
     frames; bins of ``BIN`` in ``REACH``."""
     heaviest = np.concatenate(
@@ -184,7 +183,7 @@ def pair_distribution(motion, frames):
     )
 
 
-def helicity(motion, frames):
+def helicity(motion: Motion, frames: Sequence[int] | slice) -> np.ndarray:
     """Helical residues of the peptide over those of the first frame of all, (frames,)."""
     atoms = slice(0, paper_peptide.topology().n_atoms)
     x = motion.x[:, atoms]
@@ -212,7 +211,7 @@ def _data(temperature, natoms, **more):
     return records.SimulationData(observables=records.ObservableData(**more), **how)
 
 
-def distribution(energies, temperature):
+def distribution(energies: np.ndarray, temperature: float) -> float:
     """How far the kinetic energies of single nonlinear bodies are from the canonical distribution,
     in standard deviations.
 
@@ -236,7 +235,13 @@ def distribution(energies, temperature):
     return max(abs(distance) for distance in found)
 
 
-def equipartition(translation, rotation, moving, turning, temperature):
+def equipartition(
+    translation: np.ndarray,
+    rotation: np.ndarray,
+    moving: float,
+    turning: float,
+    temperature: float,
+) -> float:
     """How far the mean kinetic energies of translation and of rotation are from the temperature, in
     standard deviations.
 
@@ -271,7 +276,7 @@ def equipartition(translation, rotation, moving, turning, temperature):
     return max(abs(translational), abs(rotational))
 
 
-def convergence(deviations):
+def convergence(deviations: Mapping[float, np.ndarray]) -> float:
     """physical_validation's largest deviation of the ratios of the energy's standard deviations
     from the square of the steps' ratios.
 

@@ -10,12 +10,12 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from validation.scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
 
 # these say whether something is right, or not; they are no errors that a shorter step makes smaller
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"
-DEFAULT = "nosquish"  # the integrator that a tie goes to: this package's, without keywords
 DECADES = 3.0  # a ladder of targets that spans more has one rung in each decade, else three
 Targets = Mapping[str, float]
 
@@ -99,7 +99,7 @@ def _plain(best, perhaps, targets):
     """The default in the place of its variant with keywords, at the same step, where no error of it
     is above the variant's within that one's error bars: a keyword has to be seen to help.  It may
     not meet the targets for sure itself."""
-    if best is None or not best["ours"] or best["integrator"] == DEFAULT:
+    if best is None or not best["ours"] or best["integrator"] == OURS:
         return best
 
     def as_good(point):
@@ -107,7 +107,7 @@ def _plain(best, perhaps, targets):
         return all(key in errors and errors[key]["value"] <= bound(best, key) for key in targets)
 
     for point in perhaps:
-        same = point["integrator"] == DEFAULT and point["dt"] == best["dt"]
+        same = point["integrator"] == OURS and point["dt"] == best["dt"]
         if same and point["cost"] and meets(point, targets) is None and as_good(point):
             return point
     return best
@@ -195,7 +195,7 @@ def fastest(
 def _by_words(point):
     """From the simplest: this package's default, then what takes the fewest words in an input
     script; of equal ones the fastest first."""
-    return point["integrator"] != DEFAULT, len(" ".join(point["lines"]).split()), _by_cost(point)
+    return point["integrator"] != OURS, len(" ".join(point["lines"]).split()), _by_cost(point)
 
 
 def _by_cost(point):

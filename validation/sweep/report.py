@@ -43,7 +43,7 @@ def write(summary: dict, out: Path) -> None:
     for name, drawn in draw(summary, out).items():
         places[name] = range(len(figures), len(figures) + len(drawn))
         figures += drawn
-    values = {one.__name__: one for one in (named, names, seconds, error_of, over, unit_of)}
+    values: dict = {one.__name__: one for one in (named, names, seconds, error_of, over, unit_of)}
     values |= {"places": places, "fronts": fronts, "mesh": MESH, "least": SAMPLED}
     values |= {"ways": {name: distinct(some) for name, some in ways.items()}}
     values |= {"one_start": ONE_START, "untold": UNTOLD}

@@ -1,9 +1,11 @@
 """``theory``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -34,7 +36,7 @@ def _parts():
     return PARTS
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.running import machine
