@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from validation.scenes.data_file import data_file
+from validation.statistics import motion
 
 OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
 LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
@@ -241,7 +242,7 @@ write_dump all custom end id x y z vx vy vz modify sort id format float %.16g
 
 def result(path: Path, thermo: dict[str, np.ndarray], log: str) -> Result:
     """The `Result` whose atoms `script` has written to a file."""
-    atoms = np.loadtxt(path, skiprows=9)
+    atoms = motion.read(path)[1][0]
     return Result(atoms[:, 1:4], atoms[:, 4:], thermo, log)
 
 

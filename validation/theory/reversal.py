@@ -15,6 +15,7 @@ from fix_nosquish import INTEGRATORS as OURS
 from validation.running import machine, run
 from validation.scenes import Scene
 from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
+from validation.statistics import motion
 
 STEPS = 1, 3, 10, 30, 100, 300, 1000, 3000, 10000
 COMPARED = 10  # of these, that after which positions on the way are kept
@@ -94,4 +95,4 @@ def reverse(scene: Scene, integrator: Integrator, out: Path, silence: float = 12
 
 
 def _positions(dump):
-    return np.loadtxt(dump, skiprows=9)[:, 1:4]
+    return motion.read(dump)[1][0, :, 1:4]
