@@ -115,17 +115,13 @@ def short_or_full(parser: argparse.ArgumentParser, full: str) -> None:
 def out(parser: argparse.ArgumentParser, default: str, short: bool = False) -> None:
     """The option --out; with ``short`` another default for --short, see `folder`."""
     other = f"; --short: {default}-short" if short else ""
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        default=None if short else Path(default),
-        help=f"output folder (default {default}{other})",
-    )
+    parser.set_defaults(usual=default)
+    text = f"output folder (default {default}{other})"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=text)
 
 
-def folder(given: Path | None, default: str, short: bool = False) -> Path:
+def folder(arguments: argparse.Namespace, short: bool = False) -> Path:
     """The output folder, which is made."""
-    found = given or Path(default + "-short" * short)
+    found = arguments.out or Path(arguments.usual + "-short" * short)
     found.mkdir(parents=True, exist_ok=True)
     return found

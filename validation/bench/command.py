@@ -61,7 +61,7 @@ def run(arguments: Namespace) -> int:
     sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
     parts, ranks = arguments.parts or PARTS, arguments.ranks or (1, 2)
     points = plan.points(parts, ranks, sizes, names, rounds, seconds)
-    out = command_line.folder(arguments.out, "results/bench", short)
+    out = command_line.folder(arguments, short)
     screen = console.console()
     with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
         summary = measure.bench(points, out, arguments.again, meter, arguments.silence)

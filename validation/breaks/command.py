@@ -41,7 +41,7 @@ def run(arguments: Namespace) -> int:
     from validation.pages import console
     from validation.running import machine
 
-    out, screen = command_line.folder(arguments.out, "results/breaks"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     names = command_line.chosen(plan.CASES, arguments.cases)
     summary = machine.circumstances()
     with console.Meter(screen, len(names) * len(plan.FIXES), "cases") as meter:

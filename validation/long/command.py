@@ -29,7 +29,7 @@ def run(arguments: Namespace) -> int:
     from validation.long import measure, report  # heavy: not for --help
     from validation.pages import console
 
-    out, screen = command_line.folder(arguments.out, "results/long-run"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     names, steps = arguments.only, arguments.steps
     with console.Meter(screen, len(measure.ANGLES) * len(names) * steps) as meter:
         summary, series = measure.long_run(out, steps, names, meter, arguments.silence)

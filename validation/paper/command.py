@@ -52,7 +52,7 @@ def run(arguments: Namespace) -> int:
     lengths = plan.FULL if arguments.full else plan.SHORT
     if arguments.liquid:
         lengths = replace(lengths, liquid=arguments.liquid)
-    out = command_line.folder(arguments.out, "results/paper", not arguments.full)
+    out = command_line.folder(arguments, not arguments.full)
     screen, runs = console.console(), out / "runs"
     all_of_them = {one.name: one for one in plan.plan(lengths, arguments.ranks, runs)}
     wanted: set[str] = set()

@@ -31,7 +31,7 @@ def run(arguments: Namespace) -> int:
     from validation.published import measure, report  # heavy: not for --help
     from validation.running import machine
 
-    out, screen = command_line.folder(arguments.out, "results/published"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     with console.Meter(screen, measure.total(arguments.time)) as meter:
         found, interrupted = measure.published(
             out / "runs", arguments.time, arguments.ranks, arguments.silence, meter

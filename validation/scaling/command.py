@@ -28,7 +28,7 @@ def run(arguments: Namespace) -> int:
     from validation.pages import console
     from validation.scaling import measure, report  # heavy: not for --help
 
-    out, screen = command_line.folder(arguments.out, "results/scaling"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     cases = measure.cases(arguments.ranks)
     with console.Meter(screen, len(cases) * (measure.WARM_UP + measure.STEPS)) as meter:
         summary = measure.scaling(cases, out, meter)

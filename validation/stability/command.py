@@ -70,7 +70,7 @@ def run(arguments: Namespace) -> int:
         report.list_cases(screen, CASES)
         return 0
     names, full = command_line.chosen(CASES, arguments.cases), arguments.full
-    out = command_line.folder(arguments.out, "results/stability", not full)
+    out = command_line.folder(arguments, not full)
     known = {key: getattr(arguments, key) for key in ("silence", "only", "starts", "take")}
     with console.Meter(
         screen, len(measure.plan(CASES, names, full, known["only"])), "rows"

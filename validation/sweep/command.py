@@ -65,7 +65,7 @@ def run(arguments: Namespace) -> int:
         points = plan.points(names, short, arguments.only, arguments.steps)
     except ValueError as error:
         arguments.parser.error(str(error))
-    out = command_line.folder(arguments.out, "results/sweep", short)
+    out = command_line.folder(arguments, short)
     silence = arguments.silence or (30.0 if short else 120.0)
     screen = console.console()
     with console.Meter(screen, plan.total(points, lengths), "runs") as meter:

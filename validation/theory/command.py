@@ -43,7 +43,7 @@ def run(arguments: Namespace) -> int:
     from validation.theory import measure, report  # heavy: not for --help
 
     parts = command_line.chosen(measure.PARTS, arguments.parts)
-    out, screen = command_line.folder(arguments.out, "results/theory"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     with console.Meter(screen, sum(measure.PARTS[part][1] for part in parts), "pieces") as meter:
         checks, data, interrupted = measure.theory(parts, out, meter, arguments.silence)
     summary = machine.circumstances() | {
