@@ -10,7 +10,7 @@ from rich.console import Console
 from validation import RESULTS
 from validation.pages import report
 from validation.statistics.estimate import SURE
-from validation.sweep.choice import Targets, choose, each, meets, nearest, ours, resolution
+from validation.sweep.choice import Targets, choose, each, least, meets, nearest, ours, resolution
 from validation.sweep.report import ONE_START, error_of, named, names, over, seconds
 
 FOLDERS = (Path("results/sweep"), RESULTS / "sweep")  # looked into in this order
@@ -117,11 +117,12 @@ def _circumstances(summary, scene, targets) -> Iterator[str]:
     if scene["swept"]["interrupted"]:
         yield "The sweep was interrupted: points may be missing."
     for measure, most in targets.items():
-        if most < (least := resolution(scene["points"], measure)):
+        lowest = resolution(scene["points"], measure)
+        if most < lowest:
             yield (
-                f"Not resolved by this sampling: half of the points whose {measure} cannot be told "
-                f"from zero are only known to be below {least:.2g} or more; which one is below the "
-                "target for sure is chance."
+                f"Not resolved by this sampling: half of the points whose {measure} cannot be "
+                f"told from zero are only known to be below {lowest:.2g} or more; which one is "
+                "below the target for sure is chance."
             )
     wanted = "; ".join(f"{_title(summary, key)} below {most:g}" for key, most in targets.items())
     yield f"Wanted, sure by {SURE}: {wanted}\n"
@@ -193,7 +194,7 @@ def _show_each(console, points, targets):
     rows, styles = [], []
 
     def time(pair):
-        return pair[1].best["cost"]["min"] if pair[1].best else float("inf")
+        return least(pair[1].best) if pair[1].best else float("inf")
 
     for key, choice in sorted(each(points, targets).items(), key=time):
         own = [point for point in points if point["integrator"] == key]

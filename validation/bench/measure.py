@@ -203,7 +203,7 @@ def _messages(
 
 def _sent(own: list[dict] | None, free: list[dict] | None) -> dict:
     """Spreads over the ranks of what each sends in a step: in all, by fixes, more than freely."""
-    found: dict[str, dict] = {}
+    found: dict[str, measures.Spread] = {}
     if not own:
         return found
     for key in "messages", "bytes", "collectives", "collective_bytes":

@@ -54,11 +54,11 @@ class Row:
     pressure: Estimate | None = None
     rigidity: float | None = None
     distance: float | None = None
-    modify: dict | None = None
-    loop: dict | None = None
+    modify: measures.Spread | None = None
+    loop: measures.Spread | None = None
     cpu: float | None = None
-    modify_ratio: dict | None = None
-    loop_ratio: dict | None = None
+    modify_ratio: measures.Spread | None = None
+    loop_ratio: measures.Spread | None = None
 
 
 def compare(

@@ -30,11 +30,9 @@ def package(summary: dict) -> str:
     """With which package something was measured, of its `circumstances`: version, and the first
     digits of its files' hash."""
     found = summary.get("versions", {})
-    return (
-        f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
-        if "package" in found
-        else "a package that is not told"
-    )
+    if "package" not in found:
+        return "a package that is not told"
+    return f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
 
 
 def now() -> str:

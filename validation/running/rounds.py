@@ -151,19 +151,21 @@ def timing(job: run.Job, result: run.Result) -> Timing:
     )
 
 
-def spread(rounds: list[Timing], key: str, times: float = 1.0) -> dict | None:
+def spread(rounds: list[Timing], key: str, times: float = 1.0) -> measures.Spread | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
     values = (getattr(one, key) for one in rounds)
     return _spread(value * times for value in values if value is not None)
 
 
-def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> dict | None:
+def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> measures.Spread | None:
     """Spread of ours over theirs, each pair of one round; None if there is no pair."""
     pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(ours, theirs)]
     return _spread(a / b for a, b in pairs if a is not None and b)
 
 
-def difference(own: list[Timing], other: list[Timing], key: str, times: float = 1.0) -> dict | None:
+def difference(
+    own: list[Timing], other: list[Timing], key: str, times: float = 1.0
+) -> measures.Spread | None:
     """Spread of own minus other, each pair of one round; None if there is no pair."""
     pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(own, other)]
     return _spread((a - b) * times for a, b in pairs if a is not None and b is not None)
@@ -174,6 +176,6 @@ def least_cpu(rounds: Iterable[Timing]) -> float | None:
     return min((one.cpu for one in rounds if one.cpu is not None), default=None)
 
 
-def _spread(values: Iterable[float]) -> dict | None:
+def _spread(values: Iterable[float]) -> measures.Spread | None:
     known = list(values)
     return measures.spread(known) if known else None

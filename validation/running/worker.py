@@ -78,11 +78,8 @@ def work(job: dict, out: Path) -> None:
     MPI.Pcontrol(0)
     seconds = {"commands": [timed(command) for command in job["commands"]]}
     seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
-    kept = (
-        {name: [gather(lmp, name, 1, 3)] for name in (("x", "v") if job["motion"] else ("x",))}
-        if job["body_property"]
-        else {}
-    )
+    names = ("x", "v") if job["motion"] else ("x",)
+    kept = {name: [gather(lmp, name, 1, 3)] for name in names if job["body_property"]}
     seconds["runs"] = []
     for index, steps in enumerate(job["runs"]):
         last = index == len(job["runs"]) - 1

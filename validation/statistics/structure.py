@@ -27,7 +27,8 @@ KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
 REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
 BLOCKS = 5  # of a run's frames, for the noise of g(r)
-SEED = 1  # of physical_validation's resampling
+# samples, for physical_validation; the seed is of its resampling
+INDEPENDENT = {"verbosity": 0, "bootstrap_seed": 1, "data_is_uncorrelated": True}
 
 
 class Motion:
@@ -98,10 +99,7 @@ class Motion:
         sizes = np.bincount(self.bodies)
         rows = self._within(self._angles)
         i, centre, k = rows[sizes[self.bodies[rows[:, 0]]] == 3].T
-        a, b = (
-            self._image(self.x[:, i] - self.x[:, centre]),
-            self._image(self.x[:, k] - self.x[:, centre]),
-        )
+        a, b = (self._image(self.x[:, end] - self.x[:, centre]) for end in (i, k))
         angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
         return np.abs(angle - angle[0]).max()
 
@@ -115,22 +113,17 @@ class Motion:
         a whole: (frames, bodies), kcal/mol."""
         (group,) = (group for group in self.groups if group.shape[1] == 3)
         group = group[~_straight(self._parts(self.x[0], group)[1])]
-        return (
-            KCAL
-            / 2
-            * (self.mass[group][..., None] * self.v[frames][:, group] ** 2).sum(axis=(2, 3))
-        )
+        square = self.mass[group][..., None] * self.v[frames][:, group] ** 2
+        return KCAL / 2 * square.sum(axis=(2, 3))
 
 
 def _rms(distances):
     """`Estimate` of it, of independent distances."""
     square = distances**2
     value, number = np.sqrt(square.mean()), len(square)
-    return (
-        Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
-        if value and number > 1
-        else Estimate(value)
-    )
+    if not value or number < 2:
+        return Estimate(value)
+    return Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
 
 
 def _straight(r):
@@ -160,12 +153,8 @@ def _turned(a, b):
 def pair_distribution(motion: Motion, frames: Sequence[int] | slice) -> np.ndarray:
     """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the
     frames; bins of ``BIN`` in ``REACH``."""
-    heaviest = np.concatenate(
-        [
-            group[np.arange(len(group)), np.argmax(motion.mass[group], axis=1)]
-            for group in motion.groups
-        ]
-    )
+    most = [(group, np.argmax(motion.mass[group], axis=1)) for group in motion.groups]
+    heaviest = np.concatenate([group[np.arange(len(group)), at] for group, at in most])
     top = mdtraj.Topology()
     residue = top.add_residue("HOH", top.add_chain())
     for _ in heaviest:
@@ -225,13 +214,7 @@ def distribution(energies: np.ndarray, temperature: float) -> float:
     """
     # two atoms' degrees of freedom are six, a body's
     data = _data(temperature, natoms=2, kinetic_energy=energies)
-    found = _quiet(
-        physical_validation.kinetic_energy.distribution,
-        data,
-        verbosity=0,
-        bootstrap_seed=SEED,
-        data_is_uncorrelated=True,
-    )
+    found = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
     return max(abs(distance) for distance in found)
 
 
@@ -262,16 +245,9 @@ def equipartition(
         dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)
     ]
     # not looked at, for energies are there
-    data.trajectory = records.TrajectoryData(
-        *(np.zeros((len(translation), 2, 3)) for _ in range(2))
-    )
-    found = _quiet(
-        physical_validation.kinetic_energy.equipartition,
-        data,
-        verbosity=0,
-        bootstrap_seed=SEED,
-        data_is_uncorrelated=True,
-    )
+    nothing = np.zeros((len(translation), 2, 3))
+    data.trajectory = records.TrajectoryData(nothing, nothing)
+    found = _quiet(physical_validation.kinetic_energy.equipartition, data, **INDEPENDENT)
     _, (translational, _), (rotational, _), *_ = found
     return max(abs(translational), abs(rotational))
 
@@ -283,12 +259,8 @@ def convergence(deviations: Mapping[float, np.ndarray]) -> float:
     Args:
         deviations: time step to (samples,).
     """
-    runs = [
-        records.SimulationData(
-            units=records.UnitData.units("LAMMPS real"),
-            dt=dt,
-            observables=records.ObservableData(constant_of_motion=values),
-        )
-        for dt, values in deviations.items()
-    ]
+    units, runs = records.UnitData.units("LAMMPS real"), []
+    for dt, values in deviations.items():
+        observables = records.ObservableData(constant_of_motion=values)
+        runs.append(records.SimulationData(units=units, dt=dt, observables=observables))
     return _quiet(physical_validation.integrator.convergence, runs, verbose=False)

@@ -81,7 +81,7 @@ _TOLD = {
     ),
 }
 MEASURES = {
-    name: {"title": title, "unit": unit, "relative_to": relative_to, "log": True}
+    name: {"title": title, "unit": unit, "relative_to": relative_to}
     for name, (title, unit, relative_to) in _TOLD.items()
 }
 

@@ -14,7 +14,7 @@ from validation.pages.figures import MARKS, MISSED, PALE, draw_each
 from validation.scenes.integrators import OURS
 from validation.statistics.estimate import SURE, Estimate
 from validation.sweep.choice import bound, is_zero
-from validation.sweep.plan import SHORT
+from validation.sweep.plan import SHORT, Measured
 
 MAIN = "energy_sd", "drift", "paper"  # the first of these that a scene has is its main figure
 SHOWN = SHORT  # in all panels; tolerances and mrot have one of their own
@@ -53,7 +53,7 @@ def draw(summary: dict, out: Path) -> dict[str, list[tuple[Path, str]]]:
     }
 
 
-def styles(points: Iterable[dict]) -> dict[str, dict]:
+def styles(points: Iterable[Measured]) -> dict[str, dict]:
     """How each integrator is drawn, alike in all panels and scenes: name to keywords of matplotlib.
 
     The beginning of the name says colour and marker; dashes tell those with the same beginning
@@ -255,7 +255,7 @@ def _tick(value, _):
 
 def _by_integrator(points):
     """{integrator: its points, from the shortest step}"""
-    found: dict[str, list[dict]] = {point["integrator"]: [] for point in points}
+    found: dict[str, list[Measured]] = {point["integrator"]: [] for point in points}
     for point in sorted(points, key=lambda point: point["dt"]):
         found[point["integrator"]].append(point)
     return found

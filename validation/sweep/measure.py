@@ -22,7 +22,7 @@ from validation.scenes import FS_PER_PS, starts
 from validation.scenes.integrators import OURS, SWEPT
 from validation.statistics import measures
 from validation.sweep import errors
-from validation.sweep.plan import FINER, Lengths, Point, parts, points, sweeps
+from validation.sweep.plan import FINER, Lengths, Measured, Point, parts, points, sweeps
 
 # kinetic energy of the bodies' centres, and of the atoms about them: from the atoms, so alike for
 # all integrators
@@ -219,7 +219,7 @@ class _Scene:
             ],
         }
 
-    def _row(self, point, fails, errors, signed):
+    def _row(self, point, fails, errors, signed) -> Measured:
         found, failures, integrator = self.found[point], self.failures[point], point.integrator
         one = parts(self.swept, point.dt, self.lengths.time)
         asked = self.swept.measures_of(integrator)

@@ -8,9 +8,10 @@ from rich.console import Console
 
 from validation.pages import report
 from validation.statistics.estimate import SURE, Estimate
-from validation.sweep.choice import fastest, front
+from validation.statistics.measures import Spread
+from validation.sweep.choice import fastest, front, least
 from validation.sweep.figures import MAIN, draw
-from validation.sweep.plan import MESH, SAMPLED
+from validation.sweep.plan import MESH, SAMPLED, Measured
 
 PARTS = "min", "median", "max"
 ONE_START = (
@@ -79,12 +80,12 @@ def _stays(earlier, summary, name):
     return (same and runs > now) or (not new[0]["points"] and not new[0]["error"])
 
 
-def named(point: dict) -> str:
+def named(point: Measured) -> str:
     """An integrator with its time step, as text."""
     return f"{point['label']}, {point['dt']:g} fs"
 
 
-def names(points: Sequence[dict], most: int | None = None) -> str:
+def names(points: Sequence[Measured], most: int | None = None) -> str:
     """Several of these; of many the first ``most``, and how many more."""
     more = len(points) - (most or len(points))
     return "; ".join(map(named, points[:most])) + (f" and {more} more" if more > 0 else "")
@@ -100,7 +101,7 @@ def distinct(ways: Sequence[tuple]) -> list[tuple]:
     return kept
 
 
-def seconds(cost: Mapping | None) -> str:
+def seconds(cost: Spread | None) -> str:
     """A run time per ns as text: the least, and the median where it differs in what is shown."""
     if cost is None:
         return "–"
@@ -109,7 +110,7 @@ def seconds(cost: Mapping | None) -> str:
     return least if least == usual else f"{least} ({usual})"
 
 
-def error_of(point: dict, measure: str) -> str:
+def error_of(point: Measured, measure: str) -> str:
     """An error of a point as text."""
     found = point["errors"].get(measure)
     if found is None:
@@ -117,9 +118,9 @@ def error_of(point: dict, measure: str) -> str:
     return f"{found['value']:.3g} ± ?" if found["error"] is None else Estimate.of(found).text()
 
 
-def over(ours: dict | None, fastest: dict | None) -> str:
+def over(ours: Measured | None, fastest: Measured | None) -> str:
     """How many times the fastest one's run time ours takes, as text."""
-    return f"{ours['cost']['min'] / fastest['cost']['min']:.2f}" if ours and fastest else "–"
+    return f"{least(ours) / least(fastest):.2f}" if ours and fastest else "–"
 
 
 def unit_of(measure: Mapping) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
 from validation.pages.tables import ranks_of
 from validation.statistics.estimate import SURE
-from validation.sweep.choice import choose, each, fastest, meets, ours
+from validation.sweep.choice import choose, each, fastest, least, meets, ours
 from validation.sweep.errors import BOLTZMANN
 from validation.sweep.figures import READ
 from validation.sweep.plan import SWEEPS
@@ -136,23 +136,19 @@ def _advice(name, scene):
     return Advice(cells, f"{name.capitalize()}: {told}", tie)
 
 
-def _least(point):
-    return point["cost"]["min"]
-
-
 def _cost(point):
-    return Cell(seconds(point["cost"]), _least(point) if point["cost"] else NONE.value)
+    return Cell(seconds(point["cost"]), least(point) if point["cost"] else NONE.value)
 
 
 def _ratio(one, other):
     """How many times the run time of the other one takes; not a number if there is none."""
-    return _least(one) / _least(other) if one and other else NONE.value
+    return least(one) / least(other) if one and other else NONE.value
 
 
 def _rival(points, targets, counts):
     """The fastest way of another integrator that ``counts``; None if there is none."""
     ways = (one.best for one in each(points, targets).values())
-    return min((one for one in ways if one and counts(one)), key=_least, default=None)
+    return min((one for one in ways if one and counts(one)), key=least, default=None)
 
 
 def _in_short(points, targets, choice, own):

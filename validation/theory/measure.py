@@ -464,9 +464,8 @@ def _tied(bench, scheme, kind):
         check(f"{what}, those that turn by up to 1 rad", slow, high=TIED)
 
 
-PARTS: dict[
-    str, tuple[Callable[[Bench], dict | None], int]
-] = {  # pieces of work that each tells of
+Part = tuple[Callable[[Bench], dict | None], int]  # and the pieces of work that it tells of
+PARTS: dict[str, Part] = {
     "reversal": (reversed_, len(reversal.INTEGRATORS)),
     "symplectic": (symplectic, 2 * len(MULTIPLES) + len(TOLERANCES)),
     "conserved": (conserved, 3 * len(MULTIPLES) + 1),
