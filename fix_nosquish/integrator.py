@@ -13,6 +13,7 @@ moves the bodies.
 """
 
 import weakref
+from collections.abc import Callable
 from enum import IntEnum
 from itertools import count as count_from_zero
 from math import gcd
@@ -84,8 +85,12 @@ class Integrator:
             between the halves of a step, and every how many steps at its end.
     """
 
-    splitting, operations, rows, work, starts = "", {}, 0, 0, None
+    splitting, operations, rows, work = "", {}, 0, 0
+    starts: Callable | None = None
     method, splits, respa = "", False, True
+    advance: compiled.Loop  # of the splitting, as kick
+    kick: compiled.Loop
+    start: compiled.Loop | None
 
     host = None
     follows_atoms = True
