@@ -11,8 +11,10 @@ the centre of mass.
 
 import numpy as np
 
-from .bodies import matrices
+from .bodies import Bodies, matrices
+from .communicator import Alone
 from .errors import RunError
+from .lammps import Lammps
 
 _COLUMNS = 20
 
@@ -28,7 +30,9 @@ class Given:
         inertia: (m, 3, 3), space frame.
     """
 
-    def __init__(self, ids, bodies, rows, named):
+    def __init__(
+        self, ids: np.ndarray, bodies: np.ndarray, rows: np.ndarray, named: np.ndarray
+    ) -> None:
         self.named = named
         self.bodies, self.absent = bodies, np.ones(len(ids), bool)
         self.absent[bodies] = False
@@ -41,19 +45,17 @@ class Given:
         self.inertia = _tensors(rows)
         self._momenta = np.concatenate([self.mass * rows[:, 11:14].T, rows[:, 14:17].T])
 
-    def momenta(self, ids):
+    def momenta(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The bodies' places in a list of IDs, and their linear and angular momenta, (6, m)."""
         order = np.argsort(ids)
         return order[np.searchsorted(ids, self._ids, sorter=order)], self._momenta
 
 
-def read(path, communicator, ids, owned):
+def read(path: str, communicator: Alone, ids: np.ndarray, owned: np.ndarray) -> Given:
     """Read the file; collective.
 
     Args:
         ids: (n,) IDs of this rank's bodies.  owned: (n,) bool, each body on one rank only.
-    Returns:
-        Given.
     Raises:
         RunError: if the file cannot be read, or names a body that is not there, or one twice.
     """
@@ -123,7 +125,7 @@ def _tensors(rows):
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
 
 
-def write(path, bodies, lammps, communicator):
+def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> None:
     """Write the bodies as they are; collective.
 
     Raises:

@@ -13,6 +13,7 @@ moves the bodies.
 """
 
 import weakref
+from collections.abc import Callable
 from enum import IntEnum
 from itertools import count as count_from_zero
 from math import gcd
@@ -97,8 +98,14 @@ class Integrator:
             between the halves of a step, and every how many steps at its end.
     """
 
-    splitting, operations, rows, work, starts, prepares = "", {}, 0, 0, None, None
+    splitting, operations, rows, work = "", {}, 0, 0
+    starts: Callable | None = None
+    prepares: compiled.Loop | None = None
     method, splits, respa, middle, thermostat, keywords = "", False, True, False, False, ()
+    advance: compiled.Loop  # of the splitting, as go_on and kick
+    go_on: compiled.Loop | None
+    kick: compiled.Loop
+    start: compiled.Loop | None
 
     host = parameters = None
     unprepared = ""

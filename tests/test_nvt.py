@@ -167,7 +167,7 @@ def test_kinetic_energy_is_canonical(run_lammps, name, damping, every):
     script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run {1200 * every}\n"
     rows = run_lammps(script, files=system.files).thermo[200:]
     energy = rows["f_1[1]"] + rows["f_1[2]"]
-    kinds = "solid planar pair row single solid planar pair".split()
+    kinds = ["solid", "planar", "pair", "row", "single", "solid", "planar", "pair"]
     degrees = sum({"pair": 5, "row": 5, "single": 3}.get(kind, 6) for kind in kinds) - 3
     assert stats.kstest(energy[::2], "gamma", (degrees / 2, 0, 2.0)).pvalue > 1e-3
 
@@ -396,7 +396,10 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
         ("temp 2 2 x seed 5", "'x' was given where"),
         ("temp 2 2 v_none seed 5", "there is no variable 'none'"),
         ("temp 2 2 1 seed 0", "'0' was given where a whole number"),
-        ("temp 2 2 1 thermostat berendsen", "'berendsen' was given where one of langevin, csvr, nh"),
+        (
+            "temp 2 2 1 thermostat berendsen",
+            "'berendsen' was given where one of langevin, csvr, nh",
+        ),
         ("temp 2 2 1 thermostat nh seed 5", "keyword seed is of no use"),
         ("temp 2 2 1 tchain 5 seed 5", "keyword tchain is of no use"),
         ("temp 2 2 1 seed 5 separate yes", "keyword separate is for thermostats csvr and nh"),
