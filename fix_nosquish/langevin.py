@@ -4,6 +4,8 @@
     L_k <- c L_k + sqrt((1 - c^2) k T I_k)   xi_k       c = exp(-dt / TDAMP)
 
 with independent standard normal numbers xi, and the angular momentum L in the principal frame.
+The three numbers xi_k are drawn in the space frame: so they do not depend on the choice of axes that
+moments leave open, nor on their signs, which may be others after a restart.
 """
 
 from math import exp, sqrt
@@ -26,7 +28,7 @@ from .block import (
     write,
 )  # fmt: skip
 from .compiled import F1, L1, inlined, loop
-from .frames import angular_momentum
+from .frames import angular_momentum, rotation_matrix, to_body
 from .nve import NVE
 from .nvt import BODY, DRAW, HEAT, KEY_0, KEY_1, KT, MIDDLE, NVT, RATE, STEP, prepare
 from .philox import normal_pair, words
@@ -73,7 +75,8 @@ def thermalise(block, kind, dt, parameters):
         about = 0.0 if kind == PLANAR else 1.0  # axes 1 and 2
         for b in range(LANES):
             q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
-            a1, a2, a3 = three(block, NOISE, b)
+            x, y, z = three(block, NOISE, b)
+            a1, a2, a3 = to_body(rotation_matrix(q), x, y, z)
             l1, l2, l3 = angular_momentum(q, four(block, P, b))
             free = block[FREE + 3, b]
             n1 = l1 + free * about * (noise * sqrt(i1) * a1 - lost * l1)
