@@ -15,6 +15,7 @@ from .compiled import Cell, I
 from .errors import RunError
 from .frames import angular_momentum, rotation_matrix
 from .lookup import gone
+from .membership import POINTS
 from .memory import Memory
 from .migration import ARRANGE, LOCATE, NOTE, OF_BODY, SETTLE
 from .sharing import Sharers, places
@@ -148,6 +149,11 @@ class Bodies:
         return self.state[block.ID].astype(np.int64)
 
     @property
+    def listed(self):
+        """Which bodies are counted here and are bodies of the fix line, not its points, (n,)."""
+        return self.sharers.owned & (self.state[block.ID] < POINTS)
+
+    @property
     def tag(self):
         return self.displace[3].astype(np.int64)
 
@@ -164,8 +170,7 @@ class Bodies:
 
     def bind(self, lammps, membership):
         """Bind the pass that follows the atoms of this LAMMPS."""
-        fix_group, body_groups = membership.masks
-        masks = {"fix_group": fix_group, "body_groups": body_groups}
+        masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         self.cells |= {name: Cell(migration.follow.kinds[name]) for name in migration.Box._fields}
         bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
         self.following = migration.follow.bind_to(bound, what=LOCATE | ARRANGE | NOTE | SETTLE)

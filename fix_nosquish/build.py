@@ -5,6 +5,7 @@ import numpy as np
 from . import compiled, infile, spheres
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, SPHERE, Bodies, Q, X, matrices
 from .errors import RunError
+from .membership import POINTS
 from .shapes import keep
 from .sharing import Sharers
 from .unfold import unfold
@@ -15,7 +16,7 @@ ZERO_MOMENT = (
 _EQUAL_MOMENTS = (
     1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
 )
-_LARGEST_ID = 2**53  # IDs travel as floating-point numbers
+_LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
@@ -155,6 +156,7 @@ def count(lammps, communicator, membership):
     ids, problem = np.empty(0, np.int64), False
     try:
         ids = np.unique(membership.bodies(membership.atoms()))
+        ids = ids[ids < POINTS]
     except RunError:
         problem = True
     if communicator.any(problem):
@@ -224,9 +226,9 @@ def _members(lammps, communicator, membership):
         )
     communicator.agree(problem)
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
-    far = (ids > _LARGEST_ID) | (ids < -_LARGEST_ID)
+    far = (ids_of_atoms < _LEAST_ID) | ((ids_of_atoms >= POINTS) & (ids_of_atoms != POINTS + tag))
     communicator.agree(
-        f"{membership.name(ids[far][0])} has too large an ID: at most 2^53 is possible"
+        f"the body with ID {ids_of_atoms[far][0]} has too large an ID: less than 2^52 is possible"
         if far.any()
         else None
     )

@@ -16,6 +16,7 @@ KEYWORDS = {
     "reinit": "yes or no",
     "infile": _FILE,
     "output": "N, a whole number of at least 1, and " + _FILE,
+    "points": "the ID of a group, whose atoms are in no body",
 }
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
@@ -67,6 +68,7 @@ class Command:
         reinit: whether the bodies are made anew when a run starts.
         infile: the file with the bodies' properties, None for none.
         output: (N, file) for the table of bodies every N steps, None for none.
+        points: ID of the group whose atoms move as points, each by itself; None for none.
         temp: (TSTART, TSTOP, TDAMP), words for numbers, None for none.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
@@ -83,6 +85,7 @@ class Command:
     reinit: bool = True
     infile: str | None = None
     output: tuple | None = None
+    points: str | None = None
     temp: tuple | None = None
     thermostat: str = THERMOSTATS[0]
     seed: int | None = None
@@ -149,6 +152,8 @@ class Command:
                 values["infile"] = words.take(expected)
             elif keyword == "output":
                 values["output"] = (words.whole(expected), words.take(expected))
+            elif keyword == "points":
+                values["points"] = words.take(expected)
             elif keyword == "temp":
                 values["temp"] = tuple(words.number(expected) for _ in range(3))
             elif keyword == "thermostat":

@@ -234,7 +234,7 @@ class Integrator:
         self.host.begin_run(self.reports.virial_of_all)
         if not self.host.calls_setup:
             self.reports.say(self.host.has_virial)
-        self.host.set_array_rows(self.communicator.count(self.bodies.sharers.owned.sum()))
+        self.host.set_array_rows(self.communicator.count(self.bodies.listed.sum()))
 
     def _look_at_fixes(self):
         """Find out what other fixes may read and change."""
@@ -314,6 +314,7 @@ class Integrator:
         problem, lammps, command = None, self.lammps, self.command
         atoms, groups = self.membership.atoms(), lammps.groups
         ids = [[command.group]] + [command.arguments] * (command.style == "group")
+        points = [command.points] if command.points else []
         for fix in self._fixes:
             both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
             if fix.time_integrate:
@@ -331,6 +332,12 @@ class Integrator:
                         f'("{command.text}") does: give it a group without the bodies\' atoms, or '
                         "use fix_nosquish.NVE"
                     )
+            elif any(self.host.removed_freedom(fix.id, group) for group in points):
+                problem = (
+                    f"fix {fix.id} (style {fix.style}) constrains atoms of group "
+                    f"'{command.points}', which keyword points moves as points: "
+                    "unfix it, or leave them out of the group"
+                )
             elif all(
                 any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids
             ):

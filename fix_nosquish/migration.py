@@ -99,9 +99,9 @@ class Atoms(NamedTuple):
     """LAMMPS's atoms on this rank.
 
     Attributes:
-        groups: (natoms,) the bits of each atom's groups; it is in a body if it has a bit of each
-            mask.
-        fix_group, body_groups: these masks.
+        groups: (natoms,) the bits of each atom's groups.
+        fix_group, body_groups, points: masks: an atom is in a body if it has a bit of each of the
+            first two, and a point if it has one of the third.
         origins: (natoms,) where each atom was: rank << 32 | its place in `index`; if it comes from
             another rank, -2 minus its row in arrived; -1 if it was in no body.
         arrived: what came with atoms from other ranks.
@@ -112,6 +112,7 @@ class Atoms(NamedTuple):
     groups: I1
     fix_group: I
     body_groups: I
+    points: I
     origins: L1
     arrived: F2
     arrays: L2
@@ -149,7 +150,8 @@ def locate(atoms, bodies, found):
     index = ints(bodies[INDEX, 0], before)
     here, place = in_row(bodies, HERE, natoms), in_row(bodies, PLACE, natoms)
     for i in range(natoms):
-        if atoms.groups[i] & atoms.fix_group and atoms.groups[i] & atoms.body_groups:
+        groups = atoms.groups[i]
+        if (groups & atoms.fix_group and groups & atoms.body_groups) or groups & atoms.points:
             origin = atoms.origins[i]
             j = origin & 0xFFFFFFFF if origin >= 0 else origin + 1
             if origin == -1 or j >= before or -j > arrived:

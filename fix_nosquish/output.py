@@ -47,6 +47,8 @@ DTYPE = np.dtype(
 def table(bodies, lammps):
     """The bodies that are counted on this rank: each of the simulation's bodies is on one rank.
 
+    Atoms of keyword points are not among them.
+
     Returns:
         structured array (n,), in LAMMPS's units, vectors in the space frame: step, time, body (its
         ID), natoms, mass, x (centre of mass in the box, or slightly outside) with its image flags,
@@ -67,7 +69,7 @@ def table(bodies, lammps):
     rows["angmom"] = bodies.momenta()[3:].T
     rows["omega"] = np.einsum("abn,bn->na", turn, bodies.angular_velocity())
     rows["force"], rows["torque"] = bodies.force.T, bodies.torque.T
-    return rows[bodies.sharers.owned]
+    return rows[bodies.listed]
 
 
 def global_array(rows):

@@ -28,7 +28,7 @@ class Switches:
         ]
         if not asked:
             return
-        owned = bodies.sharers.owned
+        owned = bodies.listed
         count = communicator.count(owned.sum())
         ends = []
         for (low, high, flags), rows in asked:

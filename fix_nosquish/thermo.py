@@ -84,16 +84,18 @@ def summary(nve, virial):
     owned = bodies.sharers.owned
     n, r, e = len(bodies), bodies.rotors, bodies.turning
     flat = bodies.flat
+    listed = bodies.listed
     counts = [
-        owned.sum(),
+        listed.sum(),
         (owned[:r] & ~flat).sum(),
         (owned[:r] & flat).sum(),
         owned[r:e].sum(),
-        owned[e:n].sum(),
-        bodies.natoms[owned].sum(),
+        listed[e:n].sum(),
+        bodies.natoms[listed].sum(),
+        (owned & ~listed).sum(),
         len(bodies.sharers.bodies[owned[bodies.sharers.bodies]]),
     ]
-    total, solid, planar, linear, points, atoms, shared = communicator.total(
+    total, solid, planar, linear, single, atoms, points, shared = communicator.total(
         np.array(counts, float)
     ).astype(int)
     removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), nve.lammps)
@@ -116,11 +118,11 @@ def summary(nve, virial):
             (solid + planar, f"rotation of rotors{how}", "no rotors"),
             (linear, "rotation of linear bodies", "no linear bodies"),
         )
-    kinds = [f"{k} {what}" for k, what in (*kinds, (points, "single atoms")) if k]
+    kinds = [f"{k} {what}" for k, what in (*kinds, (single, "single atoms")) if k]
     done, left = [], []
     for needed, pass_, without in (
         *turning,
-        (points, "", "no single atoms"),
+        (single, "", "no single atoms"),
         (bodies.spheres, "torque and spin of spheres", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
         (
@@ -157,7 +159,8 @@ def summary(nve, virial):
             (done if needed else left).append(pass_ if needed else without)
     lines = [
         f"Rigid bodies by {nve.method}, fix_nosquish {__version__}: {command.text}",
-        f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",
+        f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}"
+        + (f"; {points} points, the atoms of group {command.points}" if command.points else ""),
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
         "  start velocities: "
         + (

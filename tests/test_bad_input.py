@@ -121,7 +121,7 @@ CASES = {
     ),
     "variable too large": Case(
         "all custom v_body",
-        ("v_body", "too large an ID", "2^53"),
+        ("v_body", "too large an ID", "2^52"),
         before="variable body atom 1e20*(id-9)",
     ),
     # the atoms

@@ -439,3 +439,84 @@ def test_nve_has_no_temperature(run_lammps):
     line = 'fix 1 all python/move "fix_nosquish.NVE all molecule temp 2 2 1"\n'
     done = run_lammps(f"{system.setup}\n{line}", files=system.files, check=False)
     assert "this integrator keeps no temperature, fix_nosquish.NVT does" in done.screen
+
+
+# ------------------------------------------------------------------ atoms as points
+
+
+POINTS = "group loose molecule 1 2 3 4 5\ngroup stiff subtract all loose\n"
+
+
+def with_points(words, temperature="2 2 2e-1"):
+    """The lines for bodies and, besides, the atoms of five molecules as points."""
+    line = f"NVT stiff molecule temp {temperature} {words} points loose"
+    return f'{POINTS}fix 1 all python/move "fix_nosquish.{line}"\n'
+
+
+def test_points_move_as_with_nve(run_lammps, tmp_path):
+    """Locks out points that miss forces, or feel those of a body: without a thermostat they move as
+    fix nve has them beside the bodies."""
+    system, ends = mixture(side=3, spacing=2.9), []
+    one = 'fix 1 all python/move "fix_nosquish.NVE stiff molecule points loose"\n'
+    two = 'fix 1 stiff python/move "fix_nosquish.NVE stiff molecule"\nfix 2 loose nve\n'
+    setup = system.setup.replace("exclude molecule/intra all", "exclude molecule/intra all")
+    for words in (one, two):
+        script = f"{setup}\n{POINTS}{words}{thermo('press', 50)}timestep 0.002\nrun 100\n"
+        rows = run_lammps(script + DUMP.format("end"), files=system.files).thermo
+        ends.append((np.loadtxt(tmp_path / "end", skiprows=9), rows["Temp"], rows["Press"]))
+    for a, b in zip(*ends, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["langevin", "csvr"])
+def test_points_on_ranks(run_lammps, tmp_path, name):
+    """Locks out noise of a point that depends on the rank, and a point that is lost on its way."""
+    system = mixture(side=3, spacing=2.9)
+    script = f"{system.setup}\n{with_points(THERMOSTATS[name])}timestep 0.002\nrun 100\n"
+    runs = [(script + DUMP.format("end"), ranks) for ranks in (1, 2, 4, 8)]
+    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
+
+
+def test_points_have_the_temperature(run_lammps, tmp_path):
+    """Locks out points without noise, or with that of another mass."""
+    system = mixture(side=8, temperature=2.0)
+    groups = "group loose molecule 1:400\ngroup stiff subtract all loose\n"
+    words = with_points(THERMOSTATS["langevin"], "2 2 4e-3").replace(POINTS, groups)
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('end')}"
+    log = run_lammps(script, files=system.files).log
+    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+    loose = atoms[atoms[:, 1] <= 400]
+    for component in (loose[:, 6:] * np.sqrt(loose[:, 2:3] / 2.0)).T:
+        assert stats.kstest(component, "norm").pvalue > 1e-3
+    assert f"{len(loose)} points, the atoms of group loose" in log
+    assert "  112 rigid bodies with" in log
+
+
+def test_points_are_no_rows(run_lammps):
+    """Locks out points among the bodies of the fix's array, and of its table."""
+    system = mixture(side=3, spacing=2.9)
+    words = with_points(THERMOSTATS["langevin"] + " output 5 bodies_csv")
+    script = f"{system.setup}\n{words}timestep 0.002\nrun 0\nprint 'rows $(f_1[22][1]) end'\n"
+    done = run_lammps(script + "print 'none $(f_1[23][1])'\n", files=system.files, check=False)
+    assert re.search(r"^rows [-0-9.e]+ end", done.screen, re.MULTILINE)
+    assert "out-of-range" in done.screen
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        (
+            "group loose molecule 1 2\ngroup stiff union all",
+            "is in a rigid body, and in group 'loose'",
+        ),
+        ("group stiff union all", "there is no group 'loose'"),
+        (f"{POINTS}fix 2 loose nve", "is also integrated by fix 2 (style nve)"),
+    ],
+)
+def test_points_refused(run_lammps, lines, says):
+    """Locks out an atom that is moved twice."""
+    system = mixture(side=2)
+    words = with_points(THERMOSTATS["langevin"]).replace(POINTS, "")
+    done = run_lammps(f"{system.setup}\n{lines}\n{words}run 0\n", files=system.files, check=False)
+    assert done.code
+    assert says in done.screen
