@@ -47,7 +47,7 @@ class Host(Protocol):
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
 
     def advice(self, removed):
-        """Lines for the log, on what a user has to add to the input for a right temp and press."""
+        """Lines for the log, on what to add to the input so that temp and press are right."""
 
     def begin_run(self, virial):
         """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""

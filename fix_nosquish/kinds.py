@@ -76,7 +76,7 @@ def compare(bodies, lammps, communicator, membership):
         for k in said[:_SAID]
     ]
     if len(said) > _SAID:
-        lines.append(f"WARNING: so it is with {len(said) - _SAID} other kinds of bodies")
+        lines.append(f"WARNING: bodies of {len(said) - _SAID} other kinds differ in shape, too")
     return lines
 
 
@@ -147,7 +147,7 @@ def _line(membership, natoms, lowest, counts, differ, far, furthest):
     name = membership.name(int(lowest))
     text = (
         f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as "
-        f"{name}, in the same order, have not one shape"
+        f"{name}, in the same order, differ in shape"
     )
     if differ:
         other = membership.name(int(furthest))

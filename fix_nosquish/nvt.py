@@ -117,7 +117,9 @@ class NVT(Integrator):
             self._energy = self.energy()
         self.restart_state[:2] = self.kind, np.nan  # of no more use
         unit = lammps.boltz / lammps.mvv2e
-        key = crc32((self.host.fix_id or "").encode()) & 0xFFFFFFFE
+        # bodies of two fixes may have the same IDs
+        whose = " ".join((command.group, command.style, *command.arguments))
+        key = crc32(whose.encode()) & 0xFFFFFFFE
         return (
             1.0 / damping, unit * start, unit * stop, unit * start, -1.0, 0.0,
             command.seed or 0, key, 0.0,

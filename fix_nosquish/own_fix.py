@@ -53,9 +53,9 @@ class OwnFix:
     def advice(self, removed):
         return (
             "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. "
-            "For a right temp:",
+            "For temp to be right:",
             f"    compute_modify thermo_temp extra/dof {removed + self.lammps.dimension}",
-            "  and for a right press, after all other fixes:",
+            "  and for press to be right, after all other fixes:",
             f"    fix {EXTERNAL} all external pf/callback 1 1",
         )
 

@@ -124,6 +124,12 @@ def summary(nve, virial):
         *turning,
         (single, "", "no single atoms"),
         (bodies.spheres, "torque and spin of spheres", ""),
+        (
+            nve.prepares,
+            "thermostat"
+            + (", a sum over the ranks, a second pass over the bodies" if nve.go_on else ""),
+            "",
+        ),
         (command.force or command.torque, "forces and torques that are switched off", ""),
         (
             nve.late,
@@ -143,9 +149,7 @@ def summary(nve, virial):
         ),
         (
             nve.velocities_every,
-            "velocities of the atoms every "
-            + " and ".join(str(n) for n in nve.velocities_every)
-            + " steps and with output",
+            f"velocities of the atoms {_often(nve.velocities_every)} and with output",
             "velocities of the atoms on steps without output",
         ),
         (
@@ -179,6 +183,13 @@ def summary(nve, virial):
             "nearest image"
         )
     return lines, removed
+
+
+def _often(steps):
+    """How often something is done that is done every so many steps, for each of these numbers."""
+    if 1 in steps:
+        return "each step"
+    return f"every {' and '.join(str(n) for n in steps)} steps"
 
 
 def warnings(nve):

@@ -96,7 +96,7 @@ def test_what_is_drawn(run_lammps, tmp_path):
     mass, momentum, *_ = motion(tmp_path / "end")
     expected = []
     for body in range(1, len(mass) + 1):
-        w = philox.words(float(body), 1, 0, 771, crc32(b"1") & 0xFFFFFFFE)
+        w = philox.words(float(body), 1, 0, 771, crc32(b"all molecule") & 0xFFFFFFFE)
         expected.append([*philox.normal_pair(*w[:2]), philox.normal_pair(*w[2:])[0]])
     noise = sqrt(2.0 * (1 - exp(-2 * 0.002 / 4e-3)))
     np.testing.assert_allclose(

@@ -264,3 +264,26 @@ def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
     else:
         assert len([line for line in said if line.startswith("ERROR")]) == 1, run.screen
     assert not left_behind(tmp_path)
+
+
+# the plugin and LAMMPS's own fix draw the same numbers
+NVT = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 295 295 100 {words}"'
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("words", ["seed 71", "seed 71 thermostat csvr", "thermostat nh"])
+def test_constant_temperature(run_water, words, ranks):
+    """Locks out a thermostat that needs the plugin: the motion is the same with LAMMPS's own fix."""
+    fix = NVT.format(words=words)
+    _, plugin = run_water(fix, launcher="native")
+    _, own = run_water(fix, ranks=ranks)
+    assert np.abs(plugin - own).max() < 1e-7
+
+
+def test_ramp_needs_the_end_of_the_run(run_lammps):
+    """Locks out a ramp whose end is not known, and that is silently constant."""
+    fix = NVT.format(words="seed 71").replace("295 295", "295 400")
+    script = SCRIPT.format(fix=fix, runs="run 1", forcefield=ROOT / "inputs/water/forcefield.water")
+    done = run_lammps(script, files={"data.ice": ice()}, launcher=debian(1), check=False)
+    assert done.code
+    assert "a LAMMPS's own fix python/move does not tell where a run ends" in done.screen
