@@ -4,8 +4,8 @@
     L_k <- c L_k + sqrt((1 - c^2) k T I_k)   xi_k       c = exp(-dt / TDAMP)
 
 with independent standard normal numbers xi, and the angular momentum L in the principal frame.
-The three numbers xi_k are drawn in the space frame: so they do not depend on the choice of axes that
-moments leave open, nor on their signs, which may be others after a restart.
+The three numbers xi_k are drawn in the space frame: so they do not depend on the choice of axes
+that moments leave open, nor on their signs, which may be others after a restart.
 """
 
 from math import exp, sqrt

@@ -1,4 +1,4 @@
-"""NVT: distributions, decay, conserved energy, reversibility, ranks, restart, and what it refuses."""
+"""NVT: distributions, decay, conserved energy, reversibility, ranks, restart, what it refuses."""
 
 import re
 import sys
@@ -40,8 +40,8 @@ def motion(path):
     """What a dump says of the bodies.
 
     Returns:
-        mass (n,), momentum, angular momentum in space, both (n, 3), and each of its components along
-        a principal axis, divided by the root of the moment, a list.
+        mass (n,), momentum, angular momentum in space, both (n, 3), and each of its components
+        along a principal axis, divided by the root of the moment, a list.
     """
     atoms = np.loadtxt(path, skiprows=9)
     momenta, turns, along, masses = [], [], [], []
@@ -87,8 +87,8 @@ def test_normal_numbers():
 
 
 def test_what_is_drawn(run_lammps, tmp_path):
-    """Locks out compiled numbers that are not those of seed, body and step: a body at rest has after
-    one step the velocity that the noise alone gives it."""
+    """Locks out compiled numbers that are not those of seed, body and step: a body at rest has
+    after one step the velocity that the noise alone gives it."""
     system = mixture(side=2)
     words = fix(THERMOSTATS["langevin"])
     script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 1\n"
@@ -109,9 +109,9 @@ def test_what_is_drawn(run_lammps, tmp_path):
 
 @pytest.mark.parametrize("name", ["langevin", "csvr", "separate"])
 def test_free_bodies_have_the_exact_distribution(run_lammps, tmp_path, name):
-    """Locks out noise of a wrong strength for a mass, a moment, a kind of body; an axis that is left
-    out; an energy that flows from rotation to translation. There are no forces: each velocity and
-    each component of the angular momentum is normal, to the last digit."""
+    """Locks out noise of a wrong strength for a mass, a moment, a kind of body; an axis that is
+    left out; an energy that flows from rotation to translation. There are no forces: each velocity
+    and each component of the angular momentum is normal, to the last digit."""
     system = mixture(side=8, temperature=2.0)
     script = f"{system.setup}\n{FREE}timestep 0.002\n{fix(THERMOSTATS[name])}run 60\n"
     run_lammps(script + DUMP.format("end"), files=system.files)
@@ -145,8 +145,8 @@ def test_in_the_plane(run_lammps, tmp_path):
 
 
 def test_friction_of_langevin(run_lammps, tmp_path):
-    """Locks out a friction that is not 1 / TDAMP, or another one for rotation: momenta are forgotten
-    as exp(-t / TDAMP)."""
+    """Locks out a friction that is not 1 / TDAMP, or another one for rotation: momenta are
+    forgotten as exp(-t / TDAMP)."""
     system = mixture(side=8, temperature=2.0)
     words = fix(THERMOSTATS["langevin"], "2 2 2e-2")
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
@@ -160,8 +160,8 @@ def test_friction_of_langevin(run_lammps, tmp_path):
 
 @pytest.mark.parametrize(("name", "damping", "every"), [("csvr", "2e-2", 20), ("nh", "1e-1", 50)])
 def test_kinetic_energy_is_canonical(run_lammps, name, damping, every):
-    """Locks out a thermostat that keeps the mean and not the distribution, as one that scales to the
-    target does, and degrees of freedom that are miscounted: few bodies, with forces."""
+    """Locks out a thermostat that keeps the mean and not the distribution, as one that scales to
+    the target does, and degrees of freedom that are miscounted: few bodies, with forces."""
     system = mixture(side=2, spacing=2.9)
     words = fix(THERMOSTATS[name], f"2 2 {damping}") + thermo("f_1[1] f_1[2]", every)
     script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run {1200 * every}\n"
@@ -177,8 +177,8 @@ def test_kinetic_energy_is_canonical(run_lammps, name, damping, every):
 
 @pytest.mark.parametrize("name", ["langevin", "csvr", "nh", "chains"])
 def test_effective_energy(run_lammps, name):
-    """Locks out an energy of the thermostat that leaves something out: econserve keeps its value but
-    for an error that goes as the square of the step, while the energy itself changes."""
+    """Locks out an energy of the thermostat that leaves something out: econserve keeps its value
+    but for an error that goes as the square of the step, while the energy itself changes."""
     system = mixture(side=3, spacing=2.9)
     spread = {}
     for dt in (0.001, 0.002, 0.004):
@@ -209,7 +209,8 @@ fix.chains.reshape(2, 2, -1)[:, 1] *= -1
 fix.passes.level_dt.set(-fix.dt)
 fix.do("close")
 lmp.command("run 300")
-lmp.command("write_dump all custom end id mol mass xu yu zu vx vy vz modify sort id format float %.17g")
+columns = "id mol mass xu yu zu vx vy vz modify sort id format float %.17g"
+lmp.command("write_dump all custom end " + columns)
 """
 
 
@@ -269,7 +270,8 @@ def test_other_fixes_change_velocities(run_lammps, tmp_path):
 
 
 def ends_alike(run_lammps, tmp_path, scripts, files, h):
-    """How far the atoms at the ends of several runs, (script, ranks), are from those of the first."""
+    """How far the atoms at the ends of several runs, (script, ranks), are from those of the
+    first."""
     ends = []
     for script, ranks in scripts:
         run_lammps(script, ranks=ranks, files=files)
@@ -280,8 +282,8 @@ def ends_alike(run_lammps, tmp_path, scripts, files, h):
 
 @pytest.mark.parametrize("name", THERMOSTATS)
 def test_ranks(run_lammps, tmp_path, name):
-    """Locks out noise that depends on the rank, a sum that counts a shared body twice, and copies of
-    a body that drift apart."""
+    """Locks out noise that depends on the rank, a sum that counts a shared body twice, and copies
+    of a body that drift apart."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     words = fix(THERMOSTATS[name], "2 2 2e-1")
     script = f"{system.setup}\ntimestep 0.004\n{words}run 100\n{DUMP.format('end')}"
@@ -291,8 +293,8 @@ def test_ranks(run_lammps, tmp_path, name):
 
 @pytest.mark.parametrize("name", THERMOSTATS)
 def test_continued(run_lammps, tmp_path, name):
-    """Locks out a run that goes on otherwise than one that did not stop: after a second run command,
-    and from a restart file on another number of ranks, with the thermostat's own state."""
+    """Locks out a run that goes on otherwise than one that did not stop: after a second run
+    command, and from a restart file on another number of ranks, with the thermostat's own state."""
     system = mixture(side=3, spacing=2.9)
     words = fix(THERMOSTATS[name], "2 2 2e-1") + thermo("econserve", 50)
     start, end = f"{system.setup}\ntimestep 0.004\n", DUMP.format("end")
@@ -335,8 +337,8 @@ def test_ramp(run_lammps):
 
 
 def test_respa(run_lammps):
-    """Locks out draws that repeat within a step of run_style respa, or a friction of the outer step:
-    free bodies have the temperature, and momenta are forgotten as without it."""
+    """Locks out draws that repeat within a step of run_style respa, or a friction of the outer
+    step: free bodies have the temperature, and momenta are forgotten as without it."""
     system = mixture(side=8, temperature=1.0)
     words = fix(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 1)
     script = f"{system.setup}\n{FREE}run_style respa 2 4 pair 2\ntimestep 0.002\n{words}run 20\n"
@@ -364,8 +366,8 @@ def test_components_that_are_off(run_lammps, tmp_path):
 
 
 def test_degrees_of_freedom_that_are_off(run_lammps):
-    """Locks out a kinetic energy that counts what cannot change: half of the bodies cannot turn, and
-    rescaling gives the others their temperature."""
+    """Locks out a kinetic energy that counts what cannot change: half of the bodies cannot turn,
+    and rescaling gives the others their temperature."""
     system = mixture("solid", side=6, spacing=2.9)
     words = THERMOSTATS["csvr"] + " torque 1*108 off off off"
     script = (

@@ -273,7 +273,7 @@ NVT = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 295 295 100
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("words", ["seed 71", "seed 71 thermostat csvr", "thermostat nh"])
 def test_constant_temperature(run_water, words, ranks):
-    """Locks out a thermostat that needs the plugin: the motion is the same with LAMMPS's own fix."""
+    """Locks out a thermostat that needs the plugin: LAMMPS's own fix has the same motion."""
     fix = NVT.format(words=words)
     _, plugin = run_water(fix, launcher="native")
     _, own = run_water(fix, ranks=ranks)
