@@ -80,7 +80,7 @@ CASES = {
         "all molecule langevin 0.45 0.45 0.5 1", ("unknown keyword 'langevin'", "use fix langevin")
     ),
     "thermostat before a point": Case(
-        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps the energy")
+        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps no temperature")
     ),
     "barostat before a point": Case(
         "all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "keeps the volume")
