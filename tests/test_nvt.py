@@ -400,6 +400,7 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
         ("temp 2 2 x seed 5", "'x' was given where"),
         ("temp 2 2 v_none seed 5", "there is no variable 'none'"),
         ("temp 2 2 1 seed 0", "'0' was given where a whole number"),
+        ("temp 2 2 1 seed 2147483648", "from 1 to 2147483647 is expected"),
         (
             "temp 2 2 1 thermostat berendsen",
             "'berendsen' was given where one of langevin, csvr, nh",
