@@ -18,6 +18,7 @@ from . import thermo
 from .command import Command
 from .compiled import L1, Cell, inlined
 from .errors import RunError
+from .hosts import hook
 from .integrator import Integrator
 from .operations import PARAMETERS
 
@@ -152,6 +153,7 @@ class NVT(Integrator):
         collective."""
         return self._energy - self.communicator.total(self.parameters[HEAT : HEAT + 1])[0]
 
+    @hook
     def compute_scalar(self):
         """What the potential energy and that of the atoms' velocities have to be added to make the
         energy that a right step keeps: what went to the thermostat, and what the bodies' kinetic
@@ -159,7 +161,8 @@ class NVT(Integrator):
         end, middle = self.reports.kinetic_at_end()
         return self.lammps.mvv2e * self.energy() + end - middle
 
+    @hook
     def write_restart(self):
         """LAMMPS writes a restart file: have the state ready for it; collective."""
-        state = self.own_state()
-        self.restart_state[:] = self.kind, self.energy() if self.passes else 0.0, *state
+        if self.passes:  # else it is what the last restart file had
+            self.restart_state[:] = self.kind, self.energy(), *self.own_state()
