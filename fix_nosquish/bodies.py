@@ -362,5 +362,5 @@ def _atoms_changed(lammps, communicator, membership, bodies):
     return (
         f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by "
         f"step {lammps.step}, but bodies are made when a run starts: use a static group, "
-        "and insert atoms between runs"
+        "and insert atoms between runs, with reinit yes"
     )

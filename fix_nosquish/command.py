@@ -41,7 +41,7 @@ _ELSEWHERE = {
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
         ("iso", "aniso", "x", "y", "z", "couple", "pchain", "pparam", "fixedpoint", "dilate"),
-        "this fix keeps the volume: for constant pressure use fix rigid/npt/small or shake",
+        "this fix keeps the volume: for constant pressure use fix rigid/npt/small",
     ),
 }
 

@@ -247,7 +247,8 @@ CASES = {
     "overlap at the start": Case(
         "all molecule",
         (
-            "atoms overlap at the start: the force on the body of molecule 2",
+            "atoms overlap at the start, or the time step is too long: "
+            "the force on the body of molecule 2",
             "moves it by",
             "in the first step, and atom",
             "is gone by step 1",
