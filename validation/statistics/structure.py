@@ -208,10 +208,10 @@ def _quiet(function, *arguments, **more):
         return function(*arguments, **more)
 
 
-def _data(temperature, natoms, **more):
+def _data(temperature, natoms, held=0, **more):
     """physical_validation's record of a whole at this temperature."""
     system = SystemData(
-        natoms=natoms, nconstraints=0, ndof_reduction_tra=0, ndof_reduction_rot=0, mass=np.ones(natoms), molecule_idx=[0], nconstraints_per_molecule=[0]
+        natoms=natoms, nconstraints=0, ndof_reduction_tra=held, ndof_reduction_rot=0, mass=np.ones(natoms), molecule_idx=[0], nconstraints_per_molecule=[0]
     )  # fmt: skip
     ensemble = EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
     return SimulationData(
@@ -222,20 +222,22 @@ def _data(temperature, natoms, **more):
     )
 
 
-def distribution(energies, temperature):
-    """How far the kinetic energies of single nonlinear bodies are from the canonical distribution,
-    in standard deviations.
+def distribution(energies, temperature, bodies=1, held=0):
+    """How far the kinetic energies of nonlinear bodies are from the canonical distribution, in
+    standard deviations.
 
-    A body among many is a small part of a large whole, so its distribution is canonical also where
-    the whole's energy is constant.  physical_validation holds mean and width against the gamma
+    A single body among many is a small part of a large whole, so its distribution is canonical also
+    where the whole's energy is constant.  physical_validation holds mean and width against the gamma
     distribution; the larger distance counts.
 
     Args:
         energies: independent ones, kcal/mol.
         temperature: K.
+        bodies: how many an energy is of.
+        held: degrees of freedom that are not theirs, as those of a total momentum that is zero.
     """
     # two atoms' degrees of freedom are six, a body's
-    data = _data(temperature, natoms=2, kinetic_energy=energies)
+    data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
     found = _quiet(
         physical_validation.kinetic_energy.distribution,
         data,

@@ -1,0 +1,90 @@
+"""From the points of ``ensembles`` to files and the terminal."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from validation.ensembles.criteria import MOLECULE, TITLES
+from validation.ensembles.figures import bias
+from validation.ensembles.plan import BESIDE, REFERENCE, Point
+from validation.pages import report
+from validation.pages.figures import draw_each
+from validation.pages.said import Figure, Said, of_checks
+from validation.pages.tables import Column, cell, numbers
+from validation.statistics import check
+from validation.statistics.estimate import Estimate
+
+COLUMNS = (
+    Column("bias", "bias of U", MOLECULE, "estimate"),
+    Column("temperature", "temp", "K", "estimate"),
+    Column("translation", "T translation", "K", "estimate"),
+    Column("rotation", "T rotation", "K", "estimate"),
+    Column("apart", "apart", "K", "estimate"),
+    Column("pressure_bias", "bias of P", "atm", "estimate"),
+    Column("drift", "drift", "kcal/mol/ps", "estimate"),
+    Column("distribution", "K", "sd", "estimate"),
+    Column("cost", "cost", "s/ps", "estimate"),
+)
+MEANS = (
+    Column("potential", "potential energy", MOLECULE, "estimate"),
+    Column("pressure", "pressure", "atm", "estimate"),
+)
+
+
+def label(row: dict) -> str:
+    """A row's scheme and step."""
+    return Point(row["scheme"], row["dt"]).label
+
+
+def limit(summary: dict) -> str:
+    """What the reference's means are, and how near it is to the limit of small steps."""
+    found = {(row["scheme"], row["dt"]): row for row in summary["rows"] if not row["error"]}
+    if (one := found.get(REFERENCE)) is None:
+        return f"The reference, {REFERENCE.label}, was not measured: there are no biases."
+    told = [f"{cell(one, column)} {column.unit} ({column.title})" for column in MEANS]
+    said = f"The reference, {REFERENCE.label}, has {' and '.join(told)}. "
+    if (two := found.get(BESIDE)) is None:
+        return said + f"How near it is to the limit is not known without {BESIDE.label}."
+    told = [f"{cell(two, column)} {column.unit}" for column in COLUMNS if "bias" in column.key]
+    return said + f"{BESIDE.dt:g} fs are apart from it by {' and '.join(told)}."
+
+
+def write(summary: dict, out: Path) -> None:
+    """Write summary.json, table.csv, checks.csv, the figure and report.html into a folder.
+
+    Args:
+        summary: plain data: ``rows``, ``checks``, settings and circumstances.
+    """
+    table = [
+        {"scheme": row["label"], "step (fs)": row["dt"], "starts": row["starts"]}
+        | numbers(row, (*MEANS, *COLUMNS))
+        | {"status": row["error"] or "ok"}
+        for row in summary["rows"]
+    ]
+    judged = [one | {"margin": Estimate.of(one).margin or None} for one in summary["checks"]]
+    tables = {"table": report.frame(table), "checks": report.frame(judged, check.COLUMNS)}
+    values = {"columns": COLUMNS, "cell": cell, "label": label, "titles": TITLES}
+    figures = draw_each((bias,), out, summary)
+    report.write(summary, out, tables, "ensembles.html", figures, **values, limit=limit(summary))
+
+
+def show(console: Console, summary: dict, out: Path) -> None:
+    """Print the points, the checks, what failed and where the files are."""
+    heads = ["scheme", *(one.head for one in COLUMNS)]
+    cells = [
+        ["✗ " * bool(row["error"]) + label(row), *(cell(row, one, short=True) for one in COLUMNS)]
+        for row in summary["rows"]
+    ]
+    styles = ["bold" if row["ours"] else None for row in summary["rows"]]
+    report.table(console, summary["title"], heads, cells, styles=styles)
+    console.print(limit(summary), soft_wrap=True)
+    check.show(console, summary["checks"], TITLES)
+    failures = [f"{label(row)}: {row['error']}" for row in summary["rows"] if row["error"]]
+    report.end(console, summary, out, failures)
+
+
+def say(summary: dict) -> Said:
+    """For the report of all verbs."""
+    noun = "statements about what thermostats with long steps sample"
+    figures = [Figure("bias.png", "Bias of the mean potential energy against the time step.")]
+    return of_checks(summary, TITLES, noun, lines=[limit(summary)], figures=figures)
