@@ -50,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     screen = console.console()
     with console.Meter(screen, plan.total(points, lengths)) as meter:
         summary, rows = measure.ensembles(points, lengths, out, meter, arguments.silence)
-    made = criteria.checks({plan.Point(row.scheme, row.dt): vars(row) for row in rows})
+    made = criteria.checks({plan.Point(row.scheme, row.dt): vars(row) for row in rows}, time)
     summary |= {"rows": [plain(row) for row in rows], "checks": [one.plain() for one in made]}
     report.write(summary, out)
     report.show(screen, summary, out)

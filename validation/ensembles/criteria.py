@@ -5,7 +5,7 @@ trial of the same thermostats in another program.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from validation.ensembles.plan import SCHEMES, STEPS, TEMPERATURE, Point
 from validation.statistics.check import Check
@@ -35,7 +35,9 @@ class Bound(NamedTuple):
     around: float = 0.0
 
 
-def _bounds(part, key, what, unit, within, around=0.0) -> list[Bound]:
+def _bounds(
+    part: str, key: str, what: str, unit: str, within: dict[str, dict[float, float]], around=0.0
+) -> list[Bound]:
     """Of {scheme: {fs: how far}}."""
     return [
         Bound(part, key, what, unit, scheme, dt, most, around)
@@ -72,15 +74,23 @@ TRIAL = {
     "csvr": {4.0: -0.004, 6.0: -0.011, 8.0: -0.032},
 }
 TRIAL_ERROR, APART = 0.0045, 2.0  # how many standard errors of both together they may be apart
+LEAST = 20.0  # ps of a point: of a shorter one blocks are as short as the energy remembers
+TOO_SHORT = (
+    f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell their own "
+    "errors."
+)
 TRIED = "a trial with 512 TIP3P molecules, a reaction field, 180 to 400 ps and one start a point"
 
 
-def checks(rows: Mapping[Point, Mapping[str, Estimate | str | None]]) -> list[Check]:
-    """What is held against the bounds: of each point that was run, its numbers and its error."""
-    return [*_judged(rows), *_tried(rows)]
+Rows = Mapping[Point, Mapping[str, Any]]  # of each point that was run its `measure.Row` by name
 
 
-def _judged(rows) -> Iterator[Check]:
+def checks(rows: Rows, time: float) -> list[Check]:
+    """What is held against the bounds, of points of so many ps; nothing if these are too few."""
+    return [*_judged(rows), *_tried(rows)] if time >= LEAST else []
+
+
+def _judged(rows: Rows) -> Iterator[Check]:
     for one in BOUNDS:
         if (row := rows.get(Point(one.scheme, one.dt))) is not None:
             ends = {"low": one.around - one.within, "high": one.around + one.within}
@@ -91,7 +101,7 @@ def _judged(rows) -> Iterator[Check]:
             )  # fmt: skip
 
 
-def _tried(rows) -> Iterator[Check]:
+def _tried(rows: Rows) -> Iterator[Check]:
     what = "distance from the trial's bias, in standard errors of both"
     for scheme, those in TRIAL.items():
         for dt, theirs in those.items():
@@ -107,9 +117,9 @@ def _distance(found: Estimate, theirs: float) -> tuple[float | None, str]:
     """Standard errors between two biases, and what to say; None if ours is less sure than theirs:
     a run that is short enough agrees with anything."""
     error, _ = combined(found[1:], (TRIAL_ERROR, None))
-    told = f"{found.text()} beside {theirs:+.3f} ({TRIED})"
+    told = f"{found.text()} beside {theirs:+.3f} {MOLECULE}"
     if found.error > TRIAL_ERROR:
-        return None, f"{told}: its standard error is above {TRIAL_ERROR:g}, so run longer"
+        return None, f"{told}: run longer, for the trial's standard error is {TRIAL_ERROR:g}"
     return abs(found.value - theirs) / error, told
 
 

@@ -10,9 +10,9 @@ from validation.statistics.estimate import SURE, Estimate
 
 STYLES = {  # of schemes: colour, marker
     "langevin-5": (OURS, "o"),
-    "langevin-20": (OURS, "D"),
-    "csvr": ("#58a68a", "s"),
-    "nh": ("#9ccdb9", "X"),
+    "langevin-20": ("#2fa37c", "D"),
+    "csvr": ("#8a8f2a", "s"),
+    "nh": ("#c3b84c", "X"),
     "rigid/nvt/small": (OTHERS, "s"),
     "rigid+langevin": ("#2f4b7c", "^"),
     "shake+langevin": ("#7a5195", "v"),

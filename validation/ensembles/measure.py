@@ -31,6 +31,7 @@ MOVES = (
 OURS_PRINTS, ALL_PRINT = ("f_1[3]", "f_1[4]"), "v_moves"
 
 Numbers = dict[str, Estimate]  # of a run, by the names in `Row`
+SPREAD = "cost", "distribution"  # of these a row has a spread over starts (`measures.spread`)
 
 
 @dataclass
@@ -40,9 +41,10 @@ class Row:
     Attributes:
         potential, bias: kcal/mol a molecule.  temperature, translation, rotation, apart: K; the
             last is translation less rotation.  pressure, pressure_bias: atm.  drift: of the
-            effective energy, kcal/mol/ps in all.  cost: s of one core for a ps.
+            effective energy, kcal/mol/ps in all.
+        cost: s of one core for a ps, over starts.
         distribution: standard deviations between the kinetic energy's distribution and the
-            canonical one (physical_validation).
+            canonical one (physical_validation), over starts.
     """
 
     scheme: str
@@ -61,8 +63,8 @@ class Row:
     pressure: Estimate | None = None
     pressure_bias: Estimate | None = None
     drift: Estimate | None = None
-    cost: Estimate | None = None
-    distribution: Estimate | None = None
+    cost: dict | None = None
+    distribution: dict | None = None
 
 
 @dataclass
@@ -216,8 +218,12 @@ def cost(loop: float, cpu: float | None, dt: float) -> Estimate:
 def pooled(starts: Sequence[Numbers]) -> Numbers:
     """The means over starts, whose scatter tells their errors; one start's own errors."""
     if len(starts) == 1:
-        return dict(starts[0])
-    return {name: measures.of_few([one[name].value for one in starts]) for name in starts[0]}
+        return {name: one for name, one in starts[0].items() if name not in SPREAD}
+    return {
+        name: measures.of_few([one[name].value for one in starts])
+        for name in starts[0]
+        if name not in SPREAD
+    }
 
 
 def rows(found: Found, points: Iterable[Point]) -> list[Row]:
@@ -231,7 +237,10 @@ def rows(found: Found, points: Iterable[Point]) -> list[Row]:
         lines = scheme.integrator.commands(plan.scene())
         row = Row(scheme.name, scheme.label, scheme.ours, point.dt, lines, error=error)
         if not error:
-            vars(row).update(means[point], starts=len(found.numbers[point]))
+            starts = found.numbers[point]
+            vars(row).update(means[point], starts=len(starts))
+            for name in SPREAD:
+                vars(row)[name] = measures.spread(one[name].value for one in starts)
             vars(row).update(biases(means[point], limit) if limit and point != REFERENCE else {})
         made.append(row)
     return made

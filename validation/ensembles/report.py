@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.ensembles.criteria import MOLECULE, TITLES
+from validation.ensembles.criteria import LEAST, MOLECULE, TITLES, TOO_SHORT
 from validation.ensembles.figures import bias
 from validation.ensembles.plan import BESIDE, REFERENCE, Point
 from validation.pages import report
@@ -15,16 +15,17 @@ from validation.statistics import check
 from validation.statistics.estimate import Estimate
 
 COLUMNS = (
-    Column("bias", "bias of U", MOLECULE, "estimate"),
+    Column("bias", "bias of U/N", "kcal/mol", "estimate"),
     Column("temperature", "temp", "K", "estimate"),
-    Column("translation", "T translation", "K", "estimate"),
-    Column("rotation", "T rotation", "K", "estimate"),
-    Column("apart", "apart", "K", "estimate"),
+    Column("translation", "T_trans", "K", "estimate"),
+    Column("rotation", "T_rot", "K", "estimate"),
+    Column("apart", "T_trans − T_rot", "K", "estimate"),
     Column("pressure_bias", "bias of P", "atm", "estimate"),
     Column("drift", "drift", "kcal/mol/ps", "estimate"),
-    Column("distribution", "K", "sd", "estimate"),
-    Column("cost", "cost", "s/ps", "estimate"),
+    Column("distribution", "K", "sd"),
+    Column("cost", "cost", "s/ps"),
 )
+SHOWN = [one for one in COLUMNS if one.key not in ("translation", "rotation")]  # in the terminal
 MEANS = (
     Column("potential", "potential energy", MOLECULE, "estimate"),
     Column("pressure", "pressure", "atm", "estimate"),
@@ -64,21 +65,25 @@ def write(summary: dict, out: Path) -> None:
     judged = [one | {"margin": Estimate.of(one).margin or None} for one in summary["checks"]]
     tables = {"table": report.frame(table), "checks": report.frame(judged, check.COLUMNS)}
     values = {"columns": COLUMNS, "cell": cell, "label": label, "titles": TITLES}
+    values |= {"too_short": TOO_SHORT if summary["settings"]["time"] < LEAST else ""}
     figures = draw_each((bias,), out, summary)
     report.write(summary, out, tables, "ensembles.html", figures, **values, limit=limit(summary))
 
 
 def show(console: Console, summary: dict, out: Path) -> None:
     """Print the points, the checks, what failed and where the files are."""
-    heads = ["scheme", *(one.head for one in COLUMNS)]
-    cells = [
-        ["✗ " * bool(row["error"]) + label(row), *(cell(row, one, short=True) for one in COLUMNS)]
-        for row in summary["rows"]
-    ]
+    heads, cells = ["scheme", "step\nfs", *(one.head for one in SHOWN)], []
+    for row in summary["rows"]:
+        name = "✗ " * bool(row["error"]) + row["label"]
+        step = f"{row['dt']:g}"
+        cells.append([name, step, *(cell(row, one, short=True) for one in SHOWN)])
     styles = ["bold" if row["ours"] else None for row in summary["rows"]]
     report.table(console, summary["title"], heads, cells, styles=styles)
     console.print(limit(summary), soft_wrap=True)
-    check.show(console, summary["checks"], TITLES)
+    if summary["settings"]["time"] < LEAST:
+        console.print(TOO_SHORT, soft_wrap=True)
+    else:
+        check.show(console, summary["checks"], TITLES)
     failures = [f"{label(row)}: {row['error']}" for row in summary["rows"] if row["error"]]
     report.end(console, summary, out, failures)
 

@@ -13,6 +13,7 @@ from validation.bench.report import spread
 from validation.bench.report import title as point_title
 from validation.breaks import report as breaks_report
 from validation.compare import report
+from validation.ensembles import report as ensembles_report
 from validation.long.measure import QUANTITIES
 from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
 from validation.pages.tables import FREE, busy, cell
@@ -27,6 +28,7 @@ OURS = "nosquish"
 # what summaries call a scheme: what the page calls it
 NAMES = {"reference 12": "Matubayasi-Nakahara"}
 _USUAL = "rigid/nve", "rigid/nve/small", "shake"
+_SAMPLED = "What thermostats with long steps sample"
 _SPREAD = "The energy's spread beside published numbers"
 
 
@@ -241,6 +243,7 @@ PARTS = (
     Part("theory", "Whether the theory holds", "theory", theory_report.say),
     Part("paper", "The paper's test problems again", "paper --full", paper_report.say),
     Part("published", _SPREAD, "published", published_report.say),
+    Part("ensembles", _SAMPLED, "ensembles --full", ensembles_report.say),
     Part("compare-*", "The same start with all fixes", "compare water", _compare),
     Part("long-run", "A free body for very many steps", "long", _long),
     Part("scaling", "What ranks send each other", "scaling", _scaling),
