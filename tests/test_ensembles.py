@@ -238,6 +238,25 @@ def test_the_verb_runs(tmp_path, monkeypatch):
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")} == done
 
 
+def test_what_settles_is_left_out(tmp_path, monkeypatch):
+    """Locks out samples of the part that is run before: of 20 and 40 steps only the second's."""
+    series, _ = table(np.random.default_rng(4), 512, 61)
+    series |= {"Step": np.arange(61.0)}
+    series["PotEng"] = np.where(series["Step"] < 20, 0.0, -512 * 9.5)
+    section = {"sections": {"Modify": 0.1}, "cpu": 100.0}
+    timings = [{"loop": 9.0, "steps": 20} | section, {"loop": 0.4, "steps": 40} | section]
+    result = run.Result(None, series, timings, None, {}, [1], {"commands": [], "setups": []})
+    monkeypatch.setattr(run, "collect", lambda directory: result)
+    found, job = measure.Found(), run.Job(str(tmp_path), "", [], [20, 40], None)
+    measure._measure(found, Point("csvr", 8.0), job)
+    ((only,),) = found.numbers.values()
+    assert only["potential"].value == -9.5
+    assert only["cost"].value == pytest.approx(0.4 / 40 * 125)
+    series["PotEng"][50] = np.nan
+    measure._measure(found, Point("nh", 8.0), job)
+    assert found.errors == {Point("nh", 8.0): "energy is not finite"}
+
+
 def test_a_start_that_fails_is_said(tmp_path, monkeypatch):
     """Locks out points that run from a start which is not there."""
     bad = replace(SCHEMES["csvr"].integrator, lines=("fix 1 {group} no/such",))

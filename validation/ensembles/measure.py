@@ -113,7 +113,7 @@ def ensembles(
             continue
         job = _job(scene, folder, name, point, start, lengths, silence)
         if run.is_there(job, failures=True):
-            _measure(found, point, job, lengths)
+            _measure(found, point, job)
     summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
     summary["versions"] |= machine.worker_versions(found.versions)
     summary |= {"interrupted": found.interrupted, "molecules": scene.unit}
@@ -133,11 +133,11 @@ def _do(found: Found, label: str, job: run.Job, meter: run.Meter) -> run.Result:
     return result
 
 
-def _dump(folder, start):
+def _dump(folder: Path, start: int) -> Path:
     return (folder / f"start-{start}" / "start" / "state.dump").resolve()
 
 
-def _start(scene, directory, start, lengths, silence) -> run.Job:
+def _start(scene: Scene, directory: Path, start: int, lengths: Lengths, silence: float) -> run.Job:
     """The run that makes a start."""
     runs = [plan.steps(lengths.begin, plan.BEGIN_STEP)]
     one = STARTER.seeded(start)
@@ -147,7 +147,15 @@ def _start(scene, directory, start, lengths, silence) -> run.Job:
     return run.job(scene, one, directory, runs, **how)
 
 
-def _job(scene: Scene, folder, name, point, start, lengths, silence) -> run.Job:
+def _job(
+    scene: Scene,
+    folder: Path,
+    name: str,
+    point: Point,
+    start: int,
+    lengths: Lengths,
+    silence: float,
+) -> run.Job:
     """The run of a point from a start; its momentum is zero, for some schemes keep it."""
     scheme, dump = SCHEMES[point.scheme], _dump(folder, start)
     one = scheme.seeded(start)
@@ -163,7 +171,7 @@ def _job(scene: Scene, folder, name, point, start, lengths, silence) -> run.Job:
     return run.job(begun, one, folder / name, lengths.runs(point.dt), **how)
 
 
-def _measure(found: Found, point: Point, job: run.Job, lengths: Lengths) -> None:
+def _measure(found: Found, point: Point, job: run.Job) -> None:
     """The numbers of a run that is there, or why it has none."""
     result = run.collect(job.directory)
     kept = result.thermo.get("Step", np.empty(0)) >= job.runs[0]

@@ -58,19 +58,19 @@ class Scheme:
         return replace(self.integrator, lines=tuple(lines))
 
 
-def _middle(name, label, words, damping=DAMPING, held=0):
+def _middle(name: str, label: str, words: str, damping: float = DAMPING, held: int = 0) -> Scheme:
     """This package's thermostat, in the middle of the step."""
     words = f" temp {TEMPERATURE:g} {TEMPERATURE:g} {damping:g} thermostat {words}"
     return Scheme(damping, nosquish(name, label, words, "NVT"), held)
 
 
-def _kicked(name, label, integrator):
+def _kicked(name: str, label: str, integrator: Integrator) -> Scheme:
     """Fix langevin, beside an integrator of constant energy."""
     lines = (BATH, *integrator.lines)
     return Scheme(DAMPING, replace(integrator, name=name, label=label, lines=lines))
 
 
-def _nvt():
+def _nvt() -> Scheme:
     one = rigid("rigid/nvt/small")
     words = f" temp {TEMPERATURE:g} {TEMPERATURE:g} {DAMPING:g}"
     return Scheme(DAMPING, replace(one, lines=tuple(line + words for line in one.lines)), held=3)
