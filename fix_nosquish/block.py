@@ -24,10 +24,11 @@ from .compiled import F2, F64, I1, I2, L1, LANES, inlined, prefetch
 # quaternion, its momentum, force, torque; number of atoms, image flags, home, ID
 MASS, MOMENT, X, V, Q, P, FORCE, TORQUE = 0, 1, 4, 7, 10, 14, 18, 21
 NATOMS, IMAGE, HOME, ID, ROWS = 24, 25, 28, 29, 30
-# rows of a block: a matrix, an atom's vector, and what each loop needs for itself; whether a body
-# counts (see `take_names`), and its ID
+# rows of a block: a matrix, an atom's vector, and what each loop needs for itself; those of
+# `take_names`: whether a body counts, its ID, which of its velocities and whether its rotation are
+# free to change
 MATRIX, ATOM, OWN = 24, 33, 36
-COUNTED, NUMBER, BLOCK_ROWS = 45, 46, 47
+COUNTED, NUMBER, FREE, BLOCK_ROWS = 45, 46, 47, 51
 LINE = 8  # numbers that the processor fetches at a time
 
 # kinds of bodies: single atoms, linear bodies, those that turn in a plane only, those with three
@@ -114,13 +115,23 @@ def take(layout, k, row, until, to):
 
 
 @inlined
-def take_names(layout, k, rank):
+def take_names(layout, k, rank, mask):
     """Have the bodies' IDs in row NUMBER, and in row COUNTED what sums over all bodies on all ranks
-    multiply by: 1.0 where a body counts, 0.0 for other ranks' and for the lanes behind the last."""
-    block, bodies = layout.block, layout.blocks[k + 1, 0] - layout.blocks[k, 0]
+    multiply by: 1.0 where a body counts, 0.0 for other ranks' and for the lanes behind the last.
+
+    Rows FREE have 1.0 for each component of the velocity that a force changes, and for a rotation
+    that any torque changes, else 0.0; mask is that of forces and torques, (6, bodies) or (6, 1).
+    """
+    block, begin = layout.block, layout.blocks[k, 0]
+    bodies, each = layout.blocks[k + 1, 0] - begin, mask.shape[1] > 1
     take(layout, k, HOME, ID + 1, COUNTED)
     for b in range(LANES):
         block[COUNTED, b] = 1.0 if b < bodies and block[COUNTED, b] == rank else 0.0
+        column = begin + min(b, bodies - 1) if each else 0
+        write(block, FREE, b, (mask[0, column], mask[1, column], mask[2, column]))
+        block[FREE + 3, b] = mask[5, column]
+        if not layout.kinds[2]:
+            block[FREE + 3, b] *= mask[3, column] * mask[4, column]
 
 
 @inlined

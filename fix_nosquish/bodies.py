@@ -15,6 +15,7 @@ from .compiled import Cell, I
 from .errors import RunError
 from .frames import angular_momentum, rotation_matrix
 from .lookup import gone
+from .membership import POINTS
 from .memory import Memory
 from .migration import ARRANGE, LOCATE, NOTE, OF_BODY, SETTLE
 from .sharing import Sharers, places
@@ -49,8 +50,7 @@ class Former(NamedTuple):
         known: (natoms,) bool, which atoms were in a body.
         id, natoms: (natoms,) the body's ID and number of atoms.  q: (4, natoms) its quaternion.
         displace: (3, natoms) the atom's place in the body's principal frame.
-        followed: whether LAMMPS took all that along with the atoms; else they were found by their
-            IDs.
+        followed: whether LAMMPS took all that along with the atoms; else their IDs found them.
     """
 
     known: np.ndarray
@@ -107,9 +107,12 @@ class Bodies:
         self._communicator, self._box = communicator, None
         self._memory = Memory(migration.KINDS)
         for name, values in (
-            ("state", state), ("body", body), ("displace", displace), ("here", here),
+            ("state", state),
+            ("body", body),
+            ("displace", displace),
+            ("here", here),
             ("place", np.arange(len(here))),
-        ):  # fmt: skip
+        ):
             self._memory.put(name, values)
         self.sharers = Sharers(communicator)
         self._found = np.zeros(migration.FOUND, np.int64)
@@ -119,10 +122,13 @@ class Bodies:
         self.cells["bodies"] = self.cells.pop("memory")
         kinds = migration.follow.kinds
         for name, value in (
-            ("kinds", np.array([0, 0, planar])), ("block", lanes), ("found", self._found),
-            ("aways", np.zeros(1, np.int64)), ("off", np.zeros(2)),
+            ("kinds", np.array([0, 0, planar])),
+            ("block", lanes),
+            ("found", self._found),
+            ("aways", np.zeros(1, np.int64)),
+            ("off", np.zeros(2)),
             ("arrived", np.empty((0, OF_BODY + len(state)))),
-        ):  # fmt: skip
+        ):
             self.cells[name] = Cell(kinds[name], value)
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
@@ -143,13 +149,17 @@ class Bodies:
         return self.state[block.ID].astype(np.int64)
 
     @property
+    def listed(self):
+        """Which bodies are counted here and are bodies of the fix line, not its points, (n,)."""
+        return self.sharers.owned & (self.state[block.ID] < POINTS)
+
+    @property
     def tag(self):
         return self.displace[3].astype(np.int64)
 
     @property
     def flat(self):
-        """Which of the first `rotors` bodies are planar, (rotors,): two moments add up to the
-        largest."""
+        """Which rotors are planar, (rotors,): two of their moments add up to the largest."""
         moment = self.moment[:, : self.rotors]
         return moment.sum(axis=0) <= moment.max(axis=0) * (2 + 1e-7)
 
@@ -160,8 +170,7 @@ class Bodies:
 
     def bind(self, lammps, membership):
         """Bind the pass that follows the atoms of this LAMMPS."""
-        fix_group, body_groups = membership.masks
-        masks = {"fix_group": fix_group, "body_groups": body_groups}
+        masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         self.cells |= {name: Cell(migration.follow.kinds[name]) for name in migration.Box._fields}
         bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
         self.following = migration.follow.bind_to(bound, what=LOCATE | ARRANGE | NOTE | SETTLE)
@@ -173,8 +182,7 @@ class Bodies:
         self._note()
 
     def follow(self, lammps, membership):
-        """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays;
-        collective.
+        """Be the same bodies after LAMMPS has moved atoms; collective.
 
         Raises:
             RunError: if atoms are missing or new, or stand where this fix has not put them.
@@ -190,16 +198,18 @@ class Bodies:
             self._communicator.agree(self._off())
 
     def refuse_moved_atoms(self, lammps):
-        """End the run if an atom is not where its body has it; the bodies stay as they are, to the
-        last bit; collective."""
+        """End the run if an atom is not where its body has it; collective.
+
+        The bodies stay as they are, to the last bit.
+        """
         tags, problem = lammps.tags, None
         now = np.append(tags, 0)[np.minimum(self.index, len(tags))]  # 0 is no atom's ID
         other = now != self.tag
         if other.any():
             problem = (
-                f"atom {self.tag[other.argmax()]} is not where its rigid body has it: since the last "
-                "run it has gone to another rank or to another place in LAMMPS's arrays, or has "
-                "another ID. Use 'run N pre yes'"
+                f"atom {self.tag[other.argmax()]} is not where its rigid body has it: "
+                "since the last run it has gone to another rank or to another place in LAMMPS's "
+                "arrays, or has another ID. Use 'run N pre yes'"
             )
         self._communicator.agree(problem)
         kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift", "aways")}
@@ -236,10 +246,10 @@ class Bodies:
         if far <= self.cells["near"].number:
             return None
         return (
-            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: something "
-            "else moved it. Let no other fix integrate atoms of the bodies, and change positions "
-            "between runs only, with 'run N pre yes' after it, and not with reinit no or infile, "
-            "which keep the bodies of the last run"
+            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
+            "something else moved it. Let no other fix integrate atoms of the bodies, "
+            "and change positions between runs only, with 'run N pre yes' after it, "
+            "and not with reinit no or infile, which keep the bodies of the last run"
         )
 
     # ------------------------------------------------------------- motion
@@ -323,9 +333,10 @@ def matrices(q):
 
 
 def _atoms_changed(lammps, communicator, membership, bodies):
-    """The message for atoms that bodies lost, or that came in between two steps, None for none on
-    this
-    rank; collective."""
+    """The message for atoms that bodies lost, or that came in between two steps; collective.
+
+    None if there is none on this rank.
+    """
     atoms, origins = membership.atoms(), lammps.cells["origins"].array
     of_atoms = origins[atoms]
     arrived = lammps.cells["arrived"].array
@@ -341,14 +352,14 @@ def _atoms_changed(lammps, communicator, membership, bodies):
         if cause:
             return f"{cause}, and {text}: {remedy}"
         return (
-            f"{text}: it left the box, or was deleted or taken out of the group. Check the boundary, "
-            "thermo_modify lost, and fixes that delete atoms, because bodies keep their atoms during a "
-            "run (and with reinit no or infile, from run to run)"
+            f"{text}: it left the box, or was deleted or taken out of the group. "
+            "Check the boundary, thermo_modify lost, and fixes that delete atoms, because bodies "
+            "keep their atoms during a run (and with reinit no or infile, from run to run)"
         )
     if not (of_atoms == -1).any():
         return None
     return (
-        f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by step "
-        f"{lammps.step}, but bodies are made when a run starts: use a static group, and insert atoms "
-        "between runs"
+        f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by "
+        f"step {lammps.step}, but bodies are made when a run starts: use a static group, "
+        "and insert atoms between runs"
     )

@@ -1,11 +1,11 @@
-"""How rigid bodies are made of LAMMPS's atoms: periodic image, mass, centre of mass, inertia,
-principal frame."""
+"""How bodies are made of LAMMPS's atoms: image, mass, centre of mass, inertia, principal frame."""
 
 import numpy as np
 
 from . import compiled, infile, spheres
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, SPHERE, Bodies, Q, X, matrices
 from .errors import RunError
+from .membership import POINTS
 from .shapes import keep
 from .sharing import Sharers
 from .unfold import unfold
@@ -16,7 +16,7 @@ ZERO_MOMENT = (
 _EQUAL_MOMENTS = (
     1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
 )
-_LARGEST_ID = 2**53  # IDs travel as floating-point numbers
+_LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
@@ -24,8 +24,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Args:
-        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  membership: the
-        `Membership`.
+        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
+        membership: the `Membership`.
         path: the file of keyword infile, None for none.
         own_rows: rows of zeros in the bodies' state, behind those that `block` names.
         former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
@@ -80,7 +80,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         blame(
             far.any(axis=0),
             lambda k: (
-                "has its centre in the infile more than half the box from its atoms: check the image flags there"
+                "has its centre in the infile more than half the box from its atoms: "
+                "check the image flags there"
             ),
         )
     r, kept, new = delta - centre[:, body].T, None, True
@@ -99,7 +100,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
         & (given.absent if given else True),
         lambda k: (
-            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, or leave them out of the group"
+            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, "
+            "or leave them out of the group"
         ),
     )
     inertia = np.array(
@@ -132,8 +134,7 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
-    d = np.empty((4, len(atoms)))
-    d[:3], d[3] = np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag
+    d = np.vstack([np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag])
     has_spheres = communicator.any(radius is not None and radius.any())
     if has_spheres:
         compiled.load(communicator, spheres.__name__)
@@ -155,6 +156,7 @@ def count(lammps, communicator, membership):
     ids, problem = np.empty(0, np.int64), False
     try:
         ids = np.unique(membership.bodies(membership.atoms()))
+        ids = ids[ids < POINTS]
     except RunError:
         problem = True
     if communicator.any(problem):
@@ -182,14 +184,19 @@ def _notes(bodies, lammps, communicator, membership, rebuilt):
         np.array([before, bodies.kinetic()[:, owned].sum(), rebuilt, bodies.natoms[zero].sum()])
     )
     return {
-        "kinetic": lammps.mvv2e * before, "removed": lammps.mvv2e * (before - after),
-        "rebuilt": round(rebuilt), "stray": round(stray),
-    }  # fmt: skip
+        "kinetic": lammps.mvv2e * before,
+        "removed": lammps.mvv2e * (before - after),
+        "rebuilt": round(rebuilt),
+        "stray": round(stray),
+    }
 
 
 def _members(lammps, communicator, membership):
-    """This rank's atoms of bodies: their index, the bodies' IDs, the place of each atom's body
-    there, mass, tag, radius."""
+    """This rank's atoms of bodies; collective.
+
+    Returns:
+        their index, the bodies' IDs, the place of each atom's body there, mass, tag, radius.
+    """
     problem = None
     atoms = membership.atoms()
     try:
@@ -203,7 +210,8 @@ def _members(lammps, communicator, membership):
     communicator.agree(problem)
     if communicator.total(np.array([len(atoms)]))[0] == 0:
         raise RunError(
-            f"there is no atom to form a body of in group '{membership.command.group}': fill the group before the run",
+            f"there is no atom to form a body of in group '{membership.command.group}': "
+            "fill the group before the run",
             everywhere=True,
         )
     radius, more = lammps.finite()
@@ -211,15 +219,16 @@ def _members(lammps, communicator, membership):
     odd = more != ""
     communicator.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
     bad = ~(mass >= 0)
-    communicator.agree(
-        f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: give it a mass above zero"
-        if bad.any()
-        else None
-    )
+    if bad.any():
+        problem = (
+            f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: "
+            "give it a mass above zero"
+        )
+    communicator.agree(problem)
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
-    far = (ids > _LARGEST_ID) | (ids < -_LARGEST_ID)
+    far = (ids_of_atoms < _LEAST_ID) | ((ids_of_atoms >= POINTS) & (ids_of_atoms != POINTS + tag))
     communicator.agree(
-        f"{membership.name(ids[far][0])} has too large an ID: at most 2^53 is possible"
+        f"the body with ID {ids_of_atoms[far][0]} has too large an ID: less than 2^52 is possible"
         if far.any()
         else None
     )
@@ -254,8 +263,8 @@ def _principal(inertia):
 
 
 def _frames_along(axis):
-    """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3); the rest follows from
-    the vector alone."""
+    """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3);
+    the rest follows from the vector alone."""
     n = np.arange(len(axis))
     axis = axis * np.sign(axis[n, np.abs(axis).argmax(axis=1)])[:, None]
     other = np.zeros_like(axis)
@@ -276,8 +285,10 @@ def _principal_in_plane(inertia):
 
 
 def weights(tag):
-    """Two numbers in [0, 1) for each atom that follow from its tag and are like no others:
-    splitmix64 of it, (2, n)."""
+    """Two numbers in [0, 1) for each atom that follow from its tag and are like no others, (2, n).
+
+    They are splitmix64 of it.
+    """
     bits = 2 * tag.astype(np.uint64) + np.array([[0], [1]], np.uint64)
     bits = (bits + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in (30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB):
@@ -289,19 +300,16 @@ def _choose_axes(axes, equal, sums):
     """Where moments are equal, turn the axes to weighted sums of the atoms' places, in place.
 
     A frame that follows from the atoms alone is found again, whenever and on however many ranks
-    the bodies are made: the splitting into rotations about axes, and so the trajectory, depends on
-    it.
+    the bodies are made.  The splitting into rotations about axes, and so the trajectory, needs it.
 
     Args:
-        axes: (n, 3, 3), in columns.  equal: (2, n), see `_principal`.  sums: (n, 2, 3), two vectors
-            of each body.
+        axes: (n, 3, 3), in columns.  equal: (2, n), see `_principal`.
+        sums: (n, 2, 3), two vectors of each body.
     """
     chosen = np.flatnonzero(equal.any(axis=0))
     equal, frames = equal[:, chosen], axes[chosen]
-    both, last = (
-        equal.all(axis=0),
-        equal[0] & ~equal[1],
-    )  # all moments are equal; the third one is alone
+    # all moments are equal; the third one is alone
+    both, last = equal.all(axis=0), equal[0] & ~equal[1]
     one, two = sums[chosen, 0], sums[chosen, 1]
     alone = np.where(last[:, None], frames[:, :, 2], frames[:, :, 0])
 
@@ -318,9 +326,8 @@ def _choose_axes(axes, equal, sums):
     one, two = without(one, alone), without(two, first)
     second = np.where(both[:, None] | (dot(one, one) < 1e-6 * dot(two, two)), two, one)
     # a sphere has no direction
-    found = (dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))) & (
-        dot(first, first)[:, 0] > 0
-    )
+    found = dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))
+    found &= dot(first, first)[:, 0] > 0
     first, second = (a[found] / np.sqrt(dot(a, a)[found]) for a in (first, second))
     third = np.cross(first, second)
     last = last[found, None, None]

@@ -16,6 +16,7 @@ KEYWORDS = {
     "reinit": "yes or no",
     "infile": _FILE,
     "output": "N, a whole number of at least 1, and " + _FILE,
+    "points": "the ID of a group, whose atoms are in no body",
 }
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
@@ -59,13 +60,15 @@ class Command:
         style: single, molecule, custom or group, as in LAMMPS's fix rigid.
         arguments: those of the style: () or (i_NAME or v_NAME,) or the groups' IDs.
         mrot: inner rotor steps per time step (m_rot of eq. 2.53).
-        order: 321 or 123, the order of the axes in a rotor step, outermost first, with I_1 >= I_2
-        >= I_3. force, torque: what each of these keywords says, in their order: (first body, last
-        body, (x, y, z));
-            bodies count from 1, 0 stands for the open end of a range, x y z are True for on.
+        order: 321 or 123, the order of the axes in a rotor step, outermost first, with
+            I_1 >= I_2 >= I_3.
+        force, torque: what each of these keywords says, in their order: (first body, last body,
+            (x, y, z)); bodies count from 1, 0 stands for the open end of a range, x y z are True
+            for on.
         reinit: whether the bodies are made anew when a run starts.
         infile: the file with the bodies' properties, None for none.
         output: (N, file) for the table of bodies every N steps, None for none.
+        points: ID of the group whose atoms move as points, each by itself; None for none.
         temp: (TSTART, TSTOP, TDAMP), words for numbers, None for none.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
@@ -82,6 +85,7 @@ class Command:
     reinit: bool = True
     infile: str | None = None
     output: tuple | None = None
+    points: str | None = None
     temp: tuple | None = None
     thermostat: str = THERMOSTATS[0]
     seed: int | None = None
@@ -107,8 +111,8 @@ class Command:
             arguments = (words.take("i_NAME or v_NAME"),)
             if arguments[0][:2] not in ("i_", "v_") or len(arguments[0]) < 3:
                 raise words.wrong(
-                    f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per atom, "
-                    "of fix property/atom) or v_NAME (an atom-style variable)"
+                    f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per "
+                    "atom, of fix property/atom) or v_NAME (an atom-style variable)"
                 )
         elif style == "group":
             count = words.whole("the number of groups")
@@ -148,6 +152,8 @@ class Command:
                 values["infile"] = words.take(expected)
             elif keyword == "output":
                 values["output"] = (words.whole(expected), words.take(expected))
+            elif keyword == "points":
+                values["points"] = words.take(expected)
             elif keyword == "temp":
                 values["temp"] = tuple(words.number(expected) for _ in range(3))
             elif keyword == "thermostat":
@@ -157,9 +163,8 @@ class Command:
             elif keyword == "separate":
                 values["separate"] = words.choice(("no", "yes"), expected)
         if "infile" in values:
-            values["reinit"] = (
-                False  # as in fix rigid: the file is the start, not the state of later runs
-            )
+            # as in fix rigid: the file is the start, not the state of later runs
+            values["reinit"] = False
         _check_thermostat(words, values, known)
         return cls(text, group, style, arguments, **values)
 
@@ -181,7 +186,8 @@ def _check_thermostat(words, values, known):
             raise words.wrong(f"keyword {keyword} is of no use to this thermostat: leave it out")
     if values.get("separate") and values.get("thermostat", THERMOSTATS[0]) == THERMOSTATS[0]:
         raise words.wrong(
-            "keyword separate is for thermostats csvr and nh: langevin acts on each motion by itself"
+            "keyword separate is for thermostats csvr and nh: "
+            "langevin acts on each motion by itself"
         )
 
 

@@ -158,8 +158,7 @@ def _entry(loop):
 
 
 def _machine_code(loops):
-    """The machine code of loops, an object file with a function `int64 NAME(int64 **cells)` for
-    each.
+    """The machine code of loops: an object file, for each a function `int64 NAME(int64 **cells)`.
 
     Raises:
         RuntimeError: for a loop that needs Python when it runs.

@@ -72,9 +72,9 @@ class Kind(NamedTuple):
         if self is F:
             return [ctypes.c_int64.from_buffer(ctypes.c_double(value)).value]
         alike = isinstance(value, np.ndarray) and value.dtype == self.dtype
-        if alike and value.ndim == self.dimensions and value.flags.c_contiguous:
-            if not self.columns or value.shape[1] == self.columns:
-                return [_address(value), *value.shape]
+        alike = alike and value.ndim == self.dimensions and value.flags.c_contiguous
+        if alike and (not self.columns or value.shape[1] == self.columns):
+            return [_address(value), *value.shape]
         raise TypeError
 
 
@@ -86,7 +86,9 @@ def _address(array):
 
 
 F, F1, F2 = (Kind(f"F{n or ''}", np.dtype(np.float64), n) for n in range(3))
-I, L1, L2 = (Kind(f"L{n}" if n else "I", np.dtype(np.int64), n) for n in range(3))
+I, L1, L2 = (  # noqa: E741  a kind's letter, as F
+    Kind(f"L{n}" if n else "I", np.dtype(np.int64), n) for n in range(3)
+)
 I1, I2 = (Kind(f"I{n}", np.dtype(np.int32), n) for n in (1, 2))
 LANES = 64
 F64 = Kind("F64", np.dtype(np.float64), 2, LANES)
@@ -205,8 +207,7 @@ def int_rows(place, rows, columns):
 
 
 def call(place, *arguments):
-    """Call the C function at this place with up to 7 integers or addresses. Returns: its
-    integer."""
+    """The integer that the C function at this place gives for up to 7 integers or addresses."""
 
 
 def loop(function):
@@ -283,8 +284,7 @@ class Loop:
 
 
 def load(communicator, *names):
-    """Make the loops of some modules ready, with machine code that rank 0 reads or makes;
-    collective.
+    """Make the loops of some modules ready; rank 0 reads or makes their code; collective.
 
     Without this a loop's first use does it, on each rank for itself.
 
@@ -356,7 +356,7 @@ class Module:
         package = self.name.partition(".")[0]
         of_package = [one for name, one in MODULES.items() if name.partition(".")[0] == package]
         missing = [one for one in of_package if one is self or not one.read()]
-        _tell(f"{package} compiles its loops, once for this machine and version: about 20 s")
+        _tell(f"{package} compiles its loops, once for this machine and version: up to a minute")
         begin = time.perf_counter()
         codes = _compile(missing, min(4, len(os.sched_getaffinity(0))))
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")

@@ -28,6 +28,7 @@ with `reinit no`, where the derivatives go on.
 """
 
 from math import sqrt
+from typing import ClassVar
 
 from .block import (
     BLOCK_ROWS,
@@ -45,7 +46,7 @@ from .block import (
     nine,
     three,
     write,
-)  # fmt: skip
+)
 from .compiled import inlined
 from .frames import angular_velocity, to_body
 from .integrator import Integrator
@@ -121,10 +122,11 @@ def put_bodies(block, dt):
 
 @inlined
 def omega_term(block, n, b, dt, ftm2v):
-    """Term n + 1 of omega, by Euler's equations from the terms up to n (of a product: the sum over
-    j of its factors' terms j and
-    n - j), with a torque that stays as it is in the principal frame; none about an axis without
-    moment."""
+    """Term n + 1 of omega, by Euler's equations from the terms up to n.
+
+    Of a product: the sum over j of its factors' terms j and n - j.  The torque stays as it is in
+    the principal frame; there is none about an axis without moment.
+    """
     i1, i2, i3 = three(block, MOMENT, b)
     a1 = a2 = a3 = 0.0
     if n == 0:
@@ -174,8 +176,10 @@ def predict_block(block):
 
 @inlined
 def add_error(block, k, known, b, coefficients):
-    """Add to each term of quantity k the error of the term `known`, which the equation of motion
-    gave, times a coefficient."""
+    """Add to each term of quantity k the error of the term `known`, times a coefficient.
+
+    The equation of motion gave this term.
+    """
     error = block[RIGHT + k, b] - block[TERM + WIDTH * known + k, b]
     block[TERM + k, b] += coefficients[0] * error
     block[TERM + WIDTH + k, b] += coefficients[1] * error
@@ -236,8 +240,7 @@ def start(block, kind, dt, parameters):
 
 
 class Gear(Integrator):
-    """fix python/move "fix_nosquish.Gear GROUP BODYSTYLE ...": with the words of `NVE` but mrot and
-    order.
+    """fix python/move "fix_nosquish.Gear GROUP BODYSTYLE ...": with all words of `NVE` but two.
 
     Each step ends with the corrected positions, at which no force was computed: the potential
     energy is that of the predicted ones.  Velocities that another fix changes are taken over as
@@ -249,6 +252,9 @@ class Gear(Integrator):
     """
 
     splitting = "P F C"
-    operations = {"P": Operation(predict, moves=True), "C": Operation(correct, moves=True)}
+    operations: ClassVar = {
+        "P": Operation(predict, moves=True),
+        "C": Operation(correct, moves=True),
+    }
     rows, work, starts = WIDTH * ORDER, WIDTH * (ORDER + 2), start
     method, respa = "Gear's predictor-corrector", False

@@ -19,10 +19,8 @@ class Host(Protocol):
         has_virial: whether LAMMPS asks for the virial, where that is known early.
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
         next_output: the next step for which LAMMPS writes something; None if that is not known.
-        span: (1,) int64 each, the steps at which the run begins and ends; None if they are not
-            known.
-        creates_velocities: whether ``velocity ... create`` is the command that LAMMPS has begun
-            last.
+        span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
+        creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
     """
 
     fix_id: str | None
@@ -49,22 +47,20 @@ class Host(Protocol):
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
 
     def advice(self, removed):
-        """Lines for the log, on what a user has to add to the input for a right temp and press."""
+        """Lines for the log, on what to add to the input so that temp and press are right."""
 
     def begin_run(self, virial):
         """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""
 
     def set_bodies(self, body, mass):
-        """Lend LAMMPS the body of each atom and the mass of each body; None, None takes them
-        back."""
+        """Lend LAMMPS the body of each atom and the mass of each body; None, None ends that."""
 
     def set_array_rows(self, n):
         """Tell LAMMPS how many rows ``compute_array`` gives now."""
 
     def carry(self, lammps, bodies):
-        """Have LAMMPS take along, with atoms of these bodies, what is to be known of them; None,
-        None
-        for no more."""
+        """Have LAMMPS take along, with atoms of these bodies, what is to be known of them;
+        None, None for no more."""
 
     def point(self):
         """Point the cells of `lammps.Lammps` at LAMMPS's arrays as they are; collective."""

@@ -1,8 +1,6 @@
-"""Keyword infile of fix rigid: a file with the bodies' mass, centre of mass, inertia and
-velocities.
+"""Keyword infile of fix rigid: a file with mass, centre of mass, inertia, velocities of bodies.
 
-The first line that is not empty and no comment holds the number of lines that follow, one for each
-body:
+The first line that is not empty and no comment holds the number of lines that follow, one a body:
 
     ID mass x y z ixx iyy izz ixy ixz iyz vx vy vz lx ly lz ix iy iz
 
@@ -13,8 +11,10 @@ the centre of mass.
 
 import numpy as np
 
-from .bodies import matrices
+from .bodies import Bodies, matrices
+from .communicator import Alone
 from .errors import RunError
+from .lammps import Lammps
 
 _COLUMNS = 20
 
@@ -23,14 +23,16 @@ class Given:
     """What the file says of this rank's bodies.
 
     Attributes:
-        bodies: (m,) their places in this rank's list of bodies.  absent: (n,) bool, the other ones
-        of the list.
+        bodies: (m,) their places in this rank's list of bodies.
+        absent: (n,) bool, the other ones of the list.
         named: IDs of all bodies in the file.
-        mass: (m,).  x, image: (3, m), centre of mass and its image flags.  inertia: (m, 3, 3),
-            space frame.
+        mass: (m,).  x, image: (3, m), centre of mass and its image flags.
+        inertia: (m, 3, 3), space frame.
     """
 
-    def __init__(self, ids, bodies, rows, named):
+    def __init__(
+        self, ids: np.ndarray, bodies: np.ndarray, rows: np.ndarray, named: np.ndarray
+    ) -> None:
         self.named = named
         self.bodies, self.absent = bodies, np.ones(len(ids), bool)
         self.absent[bodies] = False
@@ -43,19 +45,17 @@ class Given:
         self.inertia = _tensors(rows)
         self._momenta = np.concatenate([self.mass * rows[:, 11:14].T, rows[:, 14:17].T])
 
-    def momenta(self, ids):
+    def momenta(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The bodies' places in a list of IDs, and their linear and angular momenta, (6, m)."""
         order = np.argsort(ids)
         return order[np.searchsorted(ids, self._ids, sorter=order)], self._momenta
 
 
-def read(path, communicator, ids, owned):
+def read(path: str, communicator: Alone, ids: np.ndarray, owned: np.ndarray) -> Given:
     """Read the file; collective.
 
     Args:
         ids: (n,) IDs of this rank's bodies.  owned: (n,) bool, each body on one rank only.
-    Returns:
-        Given.
     Raises:
         RunError: if the file cannot be read, or names a body that is not there, or one twice.
     """
@@ -64,7 +64,10 @@ def read(path, communicator, ids, owned):
         try:
             rows = _parse(path)
         except (OSError, ValueError) as error:
-            problem = f"cannot read the infile {path}: {error.strerror if isinstance(error, OSError) else error}"
+            problem = (
+                f"cannot read the infile {path}: "
+                f"{error.strerror if isinstance(error, OSError) else error}"
+            )
     communicator.agree(problem)
     rows = communicator.share(rows)
     named = rows[:, 0].astype(np.int64)
@@ -101,7 +104,8 @@ def _parse(path):
         raise ValueError(f"body {ids[times > 1][0]:.0f} stands in it twice")
     if not np.isfinite(rows).all():
         raise ValueError(
-            f"the line of body {rows[~np.isfinite(rows).all(axis=1)][0, 0]:.0f} has a value that is not finite"
+            f"the line of body {rows[~np.isfinite(rows).all(axis=1)][0, 0]:.0f} has a value that "
+            "is not finite"
         )
     if (rows[:, 0] % 1).any():
         raise ValueError(f"{rows[rows[:, 0] % 1 > 0][0, 0]:g} is no ID of a body")
@@ -109,7 +113,8 @@ def _parse(path):
     negative = moment[:, 0] < -1e-7 * np.abs(moment).max(axis=1)
     if negative.any():
         raise ValueError(
-            f"the inertia of body {rows[negative][0, 0]:.0f} has a negative principal moment, {moment[negative][0, 0]:g}"
+            f"the inertia of body {rows[negative][0, 0]:.0f} has a negative principal moment, "
+            f"{moment[negative][0, 0]:g}"
         )
     return rows
 
@@ -120,7 +125,7 @@ def _tensors(rows):
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
 
 
-def write(path, bodies, lammps, communicator):
+def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> None:
     """Write the bodies as they are; collective.
 
     Raises:
@@ -129,17 +134,24 @@ def write(path, bodies, lammps, communicator):
     owned = bodies.sharers.owned
     turn = matrices(bodies.q)
     inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moment, turn)
-    rows = np.concatenate([
-        bodies.id[None, :], bodies.mass[None, :], bodies.x,
-        [inertia[0, 0], inertia[1, 1], inertia[2, 2], inertia[0, 1], inertia[0, 2], inertia[1, 2]],
-        bodies.v, bodies.momenta()[3:], bodies.image,
-    ])[:, owned].T  # fmt: skip
+    rows = np.concatenate(
+        [
+            bodies.id[None, :],
+            bodies.mass[None, :],
+            bodies.x,
+            inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
+            bodies.v,
+            bodies.momenta()[3:],
+            bodies.image,
+        ]
+    )[:, owned].T
     rows, problem = communicator.gather(rows), None
     if communicator.rank == 0:
         try:
             with open(path, "w") as file:
                 file.write(
-                    f"# fix_nosquish: mass, centre of mass, inertia, velocities of the bodies on timestep {lammps.step}\n\n{len(rows)}\n"
+                    "# fix_nosquish: mass, centre of mass, inertia, velocities of the bodies on "
+                    f"timestep {lammps.step}\n\n{len(rows)}\n"
                 )
                 np.savetxt(
                     file, rows[np.argsort(rows[:, 0])], fmt=["%d"] + ["%.17g"] * 16 + ["%d"] * 3

@@ -13,6 +13,7 @@ moves the bodies.
 """
 
 import weakref
+from collections.abc import Callable
 from enum import IntEnum
 from itertools import count as count_from_zero
 from math import gcd
@@ -35,6 +36,8 @@ from .switches import Switches
 
 # fixes that read no velocities but those of their own atoms
 _BLIND = "nve", "rigid", "shake", "rattle"
+# fixes that keep a temperature
+_THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
 # fixes that act at the end of a step and change no velocity
 _READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 
@@ -87,14 +90,22 @@ class Integrator:
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
         parameters: (n,) what the operations take.
+        mask: what of forces and torques acts, (6, bodies) or (6, 1), as the run begins; None if all
+            does.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         late: other fixes that act at the end of a step, and so may change velocities.
         half_step_velocities, velocities_every: whether something may read the atoms' velocities
             between the halves of a step, and every how many steps at its end.
     """
 
-    splitting, operations, rows, work, starts, prepares = "", {}, 0, 0, None, None
+    splitting, operations, rows, work = "", {}, 0, 0
+    starts: Callable | None = None
+    prepares: compiled.Loop | None = None
     method, splits, respa, middle, thermostat, keywords = "", False, True, False, False, ()
+    advance: compiled.Loop  # of the splitting, as go_on and kick
+    go_on: compiled.Loop | None
+    kick: compiled.Loop
+    start: compiled.Loop | None
 
     host = parameters = None
     unprepared = ""
@@ -199,8 +210,8 @@ class Integrator:
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
         if self.lammps.respa_dt is not None and not self.respa:
             raise RunError(
-                f"the integrator {type(self).__name__} takes one force a step, not those of levels: "
-                "use run_style verlet",
+                f"the integrator {type(self).__name__} takes one force a step, "
+                "not those of levels: use run_style verlet",
                 everywhere=True,
             )
         self.host.call_always()
@@ -223,7 +234,7 @@ class Integrator:
         self.host.begin_run(self.reports.virial_of_all)
         if not self.host.calls_setup:
             self.reports.say(self.host.has_virial)
-        self.host.set_array_rows(self.communicator.count(self.bodies.sharers.owned.sum()))
+        self.host.set_array_rows(self.communicator.count(self.bodies.listed.sum()))
 
     def _look_at_fixes(self):
         """Find out what other fixes may read and change."""
@@ -271,9 +282,10 @@ class Integrator:
     def _bind(self):
         own = [0.0] * PARAMETERS
         own[FTM2V], own[MROT] = self.lammps.ftm2v, self.command.mrot
+        self.mask = self._switches.mask(self.bodies)
         self.parameters = np.array([*own, *self.own_parameters()])
         self.passes = passes.Passes(
-            self, self.bodies, self.lammps, self.communicator, self._switches.mask(self.bodies),
+            self, self.bodies, self.lammps, self.communicator, self.mask,
             self.half_step_velocities, self.own_cells(),
         )  # fmt: skip
         self._set_time_step()
@@ -286,8 +298,8 @@ class Integrator:
         """
         if self._lost:
             raise RunError(
-                "the bodies of the last run are gone, because this one could not begin: unfix this fix "
-                "and define it again",
+                "the bodies of the last run are gone, because this one could not begin: "
+                "unfix this fix and define it again",
                 everywhere=True,
             )
         if self.bodies is None:
@@ -302,29 +314,45 @@ class Integrator:
         problem, lammps, command = None, self.lammps, self.command
         atoms, groups = self.membership.atoms(), lammps.groups
         ids = [[command.group]] + [command.arguments] * (command.style == "group")
+        points = [command.points] if command.points else []
         for fix in self._fixes:
+            both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
             if fix.time_integrate:
-                both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
                 if len(both):
                     problem = (
-                        f'atom {lammps.tags[both[0]]} of the rigid bodies ("{command.text}") is also '
-                        f"integrated by fix {fix.id} (style {fix.style}): give that fix a group without "
-                        "the bodies' atoms"
+                        f'atom {lammps.tags[both[0]]} of the rigid bodies ("{command.text}") '
+                        f"is also integrated by fix {fix.id} (style {fix.style}): "
+                        "give that fix a group without the bodies' atoms"
                     )
+            elif self.thermostat and fix.style.startswith(_THERMOSTATS):
+                if len(both):
+                    problem = (
+                        f"fix {fix.id} (style {fix.style}) keeps a temperature of atom "
+                        f"{lammps.tags[both[0]]} of the rigid bodies, as fix {self.host.fix_id} "
+                        f'("{command.text}") does: give it a group without the bodies\' atoms, or '
+                        "use fix_nosquish.NVE"
+                    )
+            elif any(self.host.removed_freedom(fix.id, group) for group in points):
+                problem = (
+                    f"fix {fix.id} (style {fix.style}) constrains atoms of group "
+                    f"'{command.points}', which keyword points moves as points: "
+                    "unfix it, or leave them out of the group"
+                )
             elif all(
                 any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids
             ):
                 problem = (
-                    f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, which fix "
-                    f'{self.host.fix_id} ("{command.text}") holds rigid: unfix it, or give it a group '
-                    "without the bodies' atoms"
+                    f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, "
+                    f'which fix {self.host.fix_id} ("{command.text}") holds rigid: '
+                    "unfix it, or give it a group without the bodies' atoms"
                 )
         for mate in self.mates:
             both = np.intersect1d(mate.membership.atoms(), atoms) if mate is not self else ()
             if len(both):
                 problem = (
-                    f'atom {lammps.tags[both[0]]} is claimed by two fixes: "{mate.command.text}" and '
-                    f'"{command.text}". An atom can be in one body only: use groups without common atoms'
+                    f"atom {lammps.tags[both[0]]} is claimed by two fixes: "
+                    f'"{mate.command.text}" and "{command.text}". An atom can be in one body only: '
+                    "use groups without common atoms"
                 )
         self.communicator.agree(problem)
 
@@ -355,8 +383,8 @@ class Integrator:
     def min_setup(self, vflag):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
-            "a minimisation would tear the rigid bodies apart: minimise before the fix is defined, or "
-            "unfix it first",
+            "a minimisation would tear the rigid bodies apart: minimise before the fix is defined, "
+            "or unfix it first",
             everywhere=True,
         )
 
@@ -491,10 +519,10 @@ class Integrator:
             return
         if ((box.h != self._box.h) & held).any():
             raise RunError(
-                f"the box has changed by step {self.lammps.step}, but in a run bodies move at constant "
-                "volume: use this fix without fixes that change the box (fix deform, npt, nph, "
-                "box/relax). The box may change between runs: bodies keep their shape when the next run "
-                "makes them anew, with reinit yes and without infile or 'pre no'",
+                f"the box has changed by step {self.lammps.step}, but in a run bodies move at "
+                "constant volume: use this fix without fixes that change the box (fix deform, npt, "
+                "nph, box/relax). The box may change between runs: bodies keep their shape when "
+                "the next run makes them anew, with reinit yes and without infile or 'pre no'",
                 everywhere=True,
             )
         self._box = box
@@ -512,8 +540,9 @@ class Integrator:
             "use a shorter time step or a better start, and look for what else acts on the body"
         )
         raise RunError(
-            f"{cause or 'the run is unstable'}, and the force on {self.membership.name(bodies.id[bad])} "
-            f"is not finite at step {step}: {remedy or advice}"
+            f"{cause or 'the run is unstable'}, and the force on "
+            f"{self.membership.name(bodies.id[bad])} is not finite at step {step}: "
+            f"{remedy or advice}"
         )
 
     # ------------------------------------------------------------- velocities of atoms
@@ -533,14 +562,13 @@ class Integrator:
     def _say_ignored(self, why):
         if self._velocities_changed():
             self.host.log(
-                "The velocities of the bodies' atoms were changed between runs: without effect, because "
-                f"the bodies go on ({why})\n"
+                "The velocities of the bodies' atoms were changed between runs: "
+                f"without effect, because the bodies go on ({why})\n"
             )
 
     def take_changed_velocities(self, step):
         """If a fix has changed the atoms' velocities at the end of this step, have the bodies move
-        with
-        them; collective."""
+        with them; collective."""
         due = [fix.id for fix in self.late if step % fix.nevery == 0]
         if not due or not self._velocities_changed():
             return
@@ -554,8 +582,7 @@ class Integrator:
     @hook
     def post_run(self):
         """A run is over; what comes now, from a script's commands to another run, finds the bodies
-        as
-        their atoms are."""
+        as their atoms are."""
         if self.phase != Phase.NEW:
             self.come_to_rest()
             if not self.host.velocities_set:
@@ -613,8 +640,7 @@ class Integrator:
     @hook
     def compute_scalar(self):
         """Temperature of the bodies; as fix rigid's, but of all components, whether force and
-        torque act
-        on them or not; collective."""
+        torque act on them or not; collective."""
         return self.reports.energies()[4]
 
     @hook

@@ -10,8 +10,7 @@ _SHAPES = "three-dimensional", "planar", "linear"
 
 
 def compare(bodies, lammps, communicator, membership):
-    """Warn of bodies with the same atom types, in the order of atom IDs, but not one shape;
-    collective.
+    """Warn of bodies with the same atom types, in the order of IDs, but not one shape; collective.
 
     Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a
     racemate is of one kind) by least squares weighted with mass.
@@ -21,27 +20,10 @@ def compare(bodies, lammps, communicator, membership):
     """
     sharers, n = bodies.sharers, len(bodies)
     place, key = _places_and_keys(bodies, lammps)
-    shape = _shapes(bodies)
     compared = (bodies.natoms > 1) & (key >= 0)
-    owned = compared & sharers.owned
-    keys, first, kind = np.unique(key[owned], return_index=True, return_inverse=True)
-    rows = np.empty((len(keys), 6), np.int64)
-    rows[:, 0], rows[:, 1] = keys, bodies.natoms[owned][first]
-    rows[:, 2] = np.iinfo(np.int64).max
-    np.minimum.at(rows[:, 2], kind, bodies.id[owned])
-    for k in range(3):
-        rows[:, 3 + k] = np.bincount(kind, shape[owned] == k, minlength=len(keys))
-    rows = communicator.gather_to_all(rows)
-    keys, first, kind = np.unique(rows[:, 0], return_index=True, return_inverse=True)
-    natoms, counts = rows[first, 1], np.zeros((len(keys), 3), int)
-    lowest = np.full(len(keys), np.iinfo(np.int64).max)
-    np.minimum.at(lowest, kind, rows[:, 2])
-    np.add.at(counts, kind, rows[:, 3:])
-    several = counts.sum(axis=1) > 1
-    if not several.any():
+    keys, natoms, lowest, counts = _kinds(bodies, communicator, key, compared & sharers.owned)
+    if not len(keys):
         return []
-    keys, natoms, lowest, counts = keys[several], natoms[several], lowest[several], counts[several]
-
     kind = np.searchsorted(keys, key).clip(max=len(keys) - 1)
     kind[~compared | (keys[kind] != key)] = -1
     start = np.concatenate([[0], np.cumsum(natoms)])
@@ -60,8 +42,7 @@ def compare(bodies, lammps, communicator, membership):
     products = products.T.reshape(n, 3, 3)
 
     def deviation(turn):
-        """How far each body is from the first of its kind, turned so, as a part of its size,
-        (n,)."""
+        """How far each body is from the first of its kind, turned so, of its size, (n,)."""
         far, off = np.zeros((1, n)), d - np.einsum("mab,bm->am", turn[body], model)
         np.maximum.at(far[0], body, np.linalg.norm(off, axis=0))
         sharers.combine(far, np.maximum)
@@ -95,13 +76,38 @@ def compare(bodies, lammps, communicator, membership):
         for k in said[:_SAID]
     ]
     if len(said) > _SAID:
-        lines.append(f"WARNING: so it is with {len(said) - _SAID} other kinds of bodies")
+        lines.append(f"WARNING: bodies of {len(said) - _SAID} other kinds differ in shape, too")
     return lines
 
 
+def _kinds(bodies, communicator, key, owned):
+    """The kinds of which there are several bodies; collective.
+
+    Args:
+        key: (bodies,) what tells kinds apart.  owned: (bodies,) bool, which to count here.
+    Returns:
+        keys (n,), natoms (n,), the lowest body ID of each (n,), how many have each shape (n, 3).
+    """
+    shape = _shapes(bodies)[owned]
+    keys, first, kind = np.unique(key[owned], return_index=True, return_inverse=True)
+    rows = np.empty((len(keys), 6), np.int64)
+    rows[:, 0], rows[:, 1] = keys, bodies.natoms[owned][first]
+    rows[:, 2] = np.iinfo(np.int64).max
+    np.minimum.at(rows[:, 2], kind, bodies.id[owned])
+    for k in range(3):
+        rows[:, 3 + k] = np.bincount(kind, shape == k, minlength=len(keys))
+    rows = communicator.gather_to_all(rows)
+    keys, first, kind = np.unique(rows[:, 0], return_index=True, return_inverse=True)
+    natoms, counts = rows[first, 1], np.zeros((len(keys), 3), int)
+    lowest = np.full(len(keys), np.iinfo(np.int64).max)
+    np.minimum.at(lowest, kind, rows[:, 2])
+    np.add.at(counts, kind, rows[:, 3:])
+    several = counts.sum(axis=1) > 1
+    return keys[several], natoms[several], lowest[several], counts[several]
+
+
 def _places_and_keys(bodies, lammps):
-    """The place of each atom here among its body's, in the order of IDs, and what tells kinds
-    apart.
+    """The place of each atom here among its body's, in the order of IDs, and keys of kinds.
 
     Returns:
         (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if
@@ -140,15 +146,18 @@ def _shapes(bodies):
 def _line(membership, natoms, lowest, counts, differ, far, furthest):
     name = membership.name(int(lowest))
     text = (
-        f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as {name}, "
-        "in the same order, have not one shape"
+        f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as "
+        f"{name}, in the same order, differ in shape"
     )
     if differ:
         other = membership.name(int(furthest))
-        text += f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {other} the most, by {far:.2g}"
+        text += (
+            f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {other} the most, "
+            f"by {far:.2g}"
+        )
     if np.count_nonzero(counts) > 1:
         text += "; " + " and ".join(f"{n} are {what}" for n, what in zip(counts, _SHAPES) if n)
     return (
-        f"{text}. If like molecules are meant, give them one shape before the fix is defined (a minimisation "
-        "without bonds and angles bends them)"
+        f"{text}. If like molecules are meant, give them one shape before the fix is defined (a "
+        "minimisation without bonds and angles bends them)"
     )

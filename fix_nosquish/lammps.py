@@ -24,10 +24,20 @@ _STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
 
 # LAMMPS's arrays as loops take them; the plugin has the same order
 ARRAYS = {
-    "atom_x": F2, "atom_v": F2, "atom_f": F2, "groups": I1, "origins": L1, "arrived": F2,
-    "atom_torque": F2, "atom_omega": F2, "atom_mass": F1, "type_mass": F1, "type": I1,
-    "virial": F1, "atom_virial": F2,
-}  # fmt: skip
+    "atom_x": F2,
+    "atom_v": F2,
+    "atom_f": F2,
+    "groups": I1,
+    "origins": L1,
+    "arrived": F2,
+    "atom_torque": F2,
+    "atom_omega": F2,
+    "atom_mass": F1,
+    "type_mass": F1,
+    "type": I1,
+    "virial": F1,
+    "atom_virial": F2,
+}
 
 
 def pointer(ptr):
@@ -162,8 +172,7 @@ class Lammps:
 
     @property
     def respa_dt(self):
-        """The time steps of run_style respa's levels, innermost first; None with another run
-        style."""
+        """The time steps of run_style respa's levels, innermost first; None without it."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
         return array(self._global("respa_dt"), (count,), float).copy() if count else None
@@ -248,8 +257,7 @@ class Lammps:
 
     @property
     def images(self):
-        """Image flags: how many box vectors each atom is away from its place in the box, (natoms,
-        3)."""
+        """Image flags (natoms, 3): how many box vectors an atom is from its place in the box."""
         packed = self.per_atom("image", self.imageint).astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
         return np.stack(
@@ -335,8 +343,7 @@ class Lammps:
         return values
 
     def text(self, word):
-        """A word of the fix line: as it stands, or the value of the variable that v_NAME names;
-        collective.
+        """A word of the fix line, or the value of the variable that v_NAME names; collective.
 
         Raises:
             RunError: if there is no such variable, or it is not a string-style one.

@@ -4,17 +4,33 @@
     L_k <- c L_k + sqrt((1 - c^2) k T I_k)   xi_k       c = exp(-dt / TDAMP)
 
 with independent standard normal numbers xi, and the angular momentum L in the principal frame.
+The three numbers xi_k are drawn in the space frame: so they do not depend on the choice of axes
+that moments leave open, nor on their signs, which may be others after a restart.
 """
 
 from math import exp, sqrt
 
 from .block import (
-    BLOCK_ROWS, COUNTED, LANES, MASS, MOMENT, NUMBER, PLANAR, POINT, P, Q, V, four, three, write,
+    BLOCK_ROWS,
+    COUNTED,
+    FREE,
+    LANES,
+    MASS,
+    MOMENT,
+    NUMBER,
+    PLANAR,
+    POINT,
+    P,
+    Q,
+    V,
+    four,
+    three,
+    write,
 )  # fmt: skip
 from .compiled import F1, L1, inlined, loop
-from .frames import angular_momentum
+from .frames import angular_momentum, rotation_matrix, to_body
 from .nve import NVE
-from .nvt import BODY, DRAW, HEAT, KEY_0, KEY_1, KT, MIDDLE, NVT, RATE, SPACE, STEP, prepare
+from .nvt import BODY, DRAW, HEAT, KEY_0, KEY_1, KT, MIDDLE, NVT, RATE, STEP, prepare
 from .philox import normal_pair, words
 from .rotor import s_times
 from .step import Operation
@@ -44,24 +60,28 @@ def draw(block, parameters, which):
 def thermalise(block, kind, dt, parameters):
     """Friction and noise for dt, on translation and rotation."""
     keep = exp(-parameters[RATE] * dt)
-    noise = sqrt((1.0 - keep * keep) * parameters[KT])
+    lost, noise = 1.0 - keep, sqrt((1.0 - keep * keep) * parameters[KT])
     draw(block, parameters, 0)
     for b in range(LANES):
         mass, (x, y, z), (a1, a2, a3) = block[MASS, b], three(block, V, b), three(block, NOISE, b)
-        push = noise / sqrt(mass)
-        u, v, w = keep * x + push * a1, keep * y + push * a2, keep * z + push * a3
-        w *= parameters[SPACE]
+        (f1, f2, f3), push = three(block, FREE, b), noise / sqrt(mass)
+        u = x + f1 * (push * a1 - lost * x)
+        v = y + f2 * (push * a2 - lost * y)
+        w = z + f3 * (push * a3 - lost * z)
         write(block, V, b, (u, v, w))
         block[GIVEN, b] = 0.5 * mass * ((u * u + v * v + w * w) - (x * x + y * y + z * z))
     if kind != POINT:
         draw(block, parameters, 1)
-        about = 0.0 if kind == PLANAR else noise  # axes 1 and 2
+        about = 0.0 if kind == PLANAR else 1.0  # axes 1 and 2
         for b in range(LANES):
             q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
-            a1, a2, a3 = three(block, NOISE, b)
+            x, y, z = three(block, NOISE, b)
+            a1, a2, a3 = to_body(rotation_matrix(q), x, y, z)
             l1, l2, l3 = angular_momentum(q, four(block, P, b))
-            n1, n2 = keep * l1 + about * sqrt(i1) * a1, keep * l2 + about * sqrt(i2) * a2
-            n3 = keep * l3 + noise * sqrt(i3) * a3
+            free = block[FREE + 3, b]
+            n1 = l1 + free * about * (noise * sqrt(i1) * a1 - lost * l1)
+            n2 = l2 + free * about * (noise * sqrt(i2) * a2 - lost * l2)
+            n3 = l3 + free * (noise * sqrt(i3) * a3 - lost * l3)
             write(block, P, b, s_times(q, 2.0 * n1, 2.0 * n2, 2.0 * n3))
             given = (n1 * n1 - l1 * l1) / i1 if i1 > 0.0 else 0.0
             given += (n2 * n2 - l2 * l2) / i2 if i2 > 0.0 else 0.0
@@ -79,5 +99,3 @@ class Langevin(NVT):
     operations = NVE.operations | {"O": Operation(thermalise, prepared=True)}
     splitting, work, prepares = MIDDLE, WORK, set_temperature
     method = "NO_SQUISH with Langevin's thermostat in the middle of the step"
-
-

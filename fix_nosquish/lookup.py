@@ -1,5 +1,4 @@
-"""What ranks ask each other of atoms: for a LAMMPS that takes nothing along with them, and for
-messages."""
+"""What ranks ask each other of atoms, for messages and a LAMMPS that takes nothing along."""
 
 import numpy as np
 
@@ -18,9 +17,8 @@ def deliver_parts(mpi: Mpi, messages: L2, to: L1, many: L1, parts: L1, sources: 
 
 @loop
 def describe(places: L1, body: L1, displace: F2, state: F2, rows: F2):
-    """Write what another rank needs to know of the atoms at these places, but for their origin, to
-    rows
-    (places, OF_BODY + ...)."""
+    """Write what another rank needs to know of the atoms at these places, but for their origin,
+    to rows (places, OF_BODY + ...)."""
     for j in range(places.size):
         p = places[j]
         for c in range(OF_BODY - OF_ATOM):
@@ -77,9 +75,13 @@ class Messages:
         ranks, counts = np.unique(to, return_counts=True)
         known = sources is not None
         deliver_parts.bind_to(
-            self._cells, to=ranks, many=counts * numbers.shape[1], parts=numbers.ravel(),
-            sources=sources if known else ranks, known=known,
-        )()  # fmt: skip
+            self._cells,
+            to=ranks,
+            many=counts * numbers.shape[1],
+            parts=numbers.ravel(),
+            sources=sources if known else ranks,
+            known=known,
+        )()
         got = (self._memory.cells[name].array.copy() for name in ("senders", "sent", "numbers"))
         ranks, counts, numbers_got = got
         return ranks, counts // numbers.shape[1], numbers_got.reshape(-1, numbers.shape[1])

@@ -1,21 +1,25 @@
-"""MatubayasiNakahara: the reversible scheme of Matubayasi and Nakahara, J. Chem. Phys. 110, 3291
-(1999), beside NO_SQUISH.
+"""MatubayasiNakahara: the reversible scheme of Matubayasi and Nakahara, beside NO_SQUISH.
+
+J. Chem. Phys. 110, 3291 (1999).
 
 Reference 12 of Miller et al. (2002), in that paper's form: a body's orientation is the quaternion q
 and the angular velocity omega in the principal frame, which obey (2.5).  Their Liouville operator
 is split into four parts (2.61):
 
     iL_1    dq/dt = S(q) (0, omega) / 2
-    iL_2    d omega_x/dt = (I_y - I_z) / I_x omega_y omega_z        d omega_y/dt = (I_z - I_y) / I_y
-    omega_x omega_z iL_3    d omega_y/dt = (I_y - I_x) / I_y omega_x omega_z        d omega_z/dt =
-    (I_x - I_y) / I_z omega_x omega_y iL_4    d omega_k/dt = tau_k / I_k
+    iL_2    d omega_x/dt = (I_y - I_z) / I_x omega_y omega_z
+            d omega_y/dt = (I_z - I_y) / I_y omega_x omega_z
+    iL_3    d omega_y/dt = (I_y - I_x) / I_y omega_x omega_z
+            d omega_z/dt = (I_x - I_y) / I_z omega_x omega_y
+    iL_4    d omega_k/dt = tau_k / I_k
 
 Each part alone is solved exactly: iL_2 and iL_3 leave one component of omega as it is and turn the
 other two along an ellipse.  They are combined as in (2.53), which "an approximate evolution
 operator analogous to (2.53)" is taken to mean:
 
-    exp(iL_4 dt/2)  [exp(iL_3 h/2) exp(iL_2 h/2) exp(iL_1 h) exp(iL_2 h/2) exp(iL_3 h/2)]^mrot
-    exp(iL_4 dt/2),   h = dt/mrot
+    exp(iL_4 dt/2)
+        [exp(iL_3 h/2) exp(iL_2 h/2) exp(iL_1 h) exp(iL_2 h/2) exp(iL_3 h/2)]^mrot
+        exp(iL_4 dt/2),   h = dt/mrot
 
 No part changes a volume in the space of (q, omega), and the product is a palindrome: the scheme is
 time-reversible and preserves phase-space volume.  But the parts are no Hamiltonian motions, so it
@@ -41,8 +45,10 @@ from .step import Operation
 
 @inlined
 def along_ellipse(a, b, moment_a, moment_b, rate, dt):
-    """Two components of omega after dt with da/dt = rate / moment_a b, db/dt = -rate / moment_b
-    a."""
+    """Two components of omega after dt.
+
+    da/dt = rate / moment_a b and db/dt = -rate / moment_b a.
+    """
     s, versine = sine_and_versine(dt * rate / sqrt(moment_a * moment_b), False)
     shape = sqrt(moment_b / moment_a)
     return a + (s * shape * b - versine * a), b - (s / shape * a + versine * b)
@@ -72,9 +78,8 @@ def rotate(block, dt, mrot):
             q = turned(q, wx, wy, wz, h)  # iL_1
             wx, wy = along_ellipse(wx, wy, ix, iy, (iy - iz) * wz, 0.5 * h)  # iL_2
             wz, wy = along_ellipse(wz, wy, iz, iy, (ix - iy) * wx, 0.5 * h)  # iL_3
-        q = mix(
-            1.0 / sqrt(dot(q, q)), 0.0, q, q
-        )  # else rounding errors of |q| would go on into omega, step by step
+        # else rounding errors of |q| would go on into omega, step by step
+        q = mix(1.0 / sqrt(dot(q, q)), 0.0, q, q)
         write(block, Q, b, q)
         write(block, P, b, s_times(q, 2.0 * ix * wx, 2.0 * iy * wy, 2.0 * iz * wz))
 

@@ -20,8 +20,7 @@ class Memory:
     """Arrays by name, which live as long as this object.
 
     Args:
-        kinds: dictionary from names to their `compiled.Kind`, in the order of rows 1, 2, ... of the
-            table.
+        kinds: dictionary from names to their `compiled.Kind`, in the order of the table's rows.
 
     Attributes:
         table: (rows, 4) of each array its address, its shape (0 for a dimension that it has not),
@@ -56,8 +55,7 @@ def _free(table):
 
 @inlined
 def room(memory, row, size):
-    """Have room for so many bytes in the array of this row; what is there stays. Returns: its
-    place."""
+    """The place of this row's array, with room for so many bytes; what is there stays."""
     if size > memory[row, SIZE]:
         memory[row, SIZE] = size + size // 4 + 64
         memory[row, PLACE] = call(memory[REALLOC, PLACE], memory[row, PLACE], memory[row, SIZE])

@@ -22,7 +22,7 @@ from .block import (
     take,
     three,
     write,
-)  # fmt: skip
+)
 from .compiled import (
     F1,
     F2,
@@ -52,9 +52,17 @@ OF_ATOM, OF_BODY = 1, 5
 # rows of the bodies' memory: what loops take (see `block.Layout`), the body of each atom, how many
 # atoms of each body are here, where force and torque are, `block.Images`;
 KINDS = {
-    "state": F2, "displace": F2, "blocks": I2, "rounds": I1, "index": I1, "body": L1, "atoms": L1,
-    "wrench": F2, "away": I1, "shift": F2,
-}  # fmt: skip
+    "state": F2,
+    "displace": F2,
+    "blocks": I2,
+    "rounds": I1,
+    "index": I1,
+    "body": L1,
+    "atoms": L1,
+    "wrench": F2,
+    "away": I1,
+    "shift": F2,
+}
 (STATE, DISPLACE, BLOCKS, ROUNDS, INDEX, BODY, ATOMS, WRENCH, AWAY, SHIFT) = range(1, 11)
 # those of before; atoms found, in LAMMPS's order, and their place in `index`, or -1 minus their row
 # of arrived; and what `arrange` works with
@@ -91,8 +99,9 @@ class Atoms(NamedTuple):
     """LAMMPS's atoms on this rank.
 
     Attributes:
-        groups: (natoms,) the bits of each atom's groups; it is in a body if it has a bit of each
-        mask. fix_group, body_groups: these masks.
+        groups: (natoms,) the bits of each atom's groups.
+        fix_group, body_groups, points: masks: an atom is in a body if it has a bit of each of the
+            first two, and a point if it has one of the third.
         origins: (natoms,) where each atom was: rank << 32 | its place in `index`; if it comes from
             another rank, -2 minus its row in arrived; -1 if it was in no body.
         arrived: what came with atoms from other ranks.
@@ -103,6 +112,7 @@ class Atoms(NamedTuple):
     groups: I1
     fix_group: I
     body_groups: I
+    points: I
     origins: L1
     arrived: F2
     arrays: L2
@@ -111,8 +121,7 @@ class Atoms(NamedTuple):
 
 class Box(NamedTuple):
     """The periodic box: its vectors in columns, their inverse (3, 3), its origin, 1.0 where
-    periodic, and
-    how far an atom may be from where its body has it."""
+    periodic, and how far an atom may be from where its body has it."""
 
     h: F2
     inverse: F2
@@ -141,7 +150,8 @@ def locate(atoms, bodies, found):
     index = ints(bodies[INDEX, 0], before)
     here, place = in_row(bodies, HERE, natoms), in_row(bodies, PLACE, natoms)
     for i in range(natoms):
-        if atoms.groups[i] & atoms.fix_group and atoms.groups[i] & atoms.body_groups:
+        groups = atoms.groups[i]
+        if (groups & atoms.fix_group and groups & atoms.body_groups) or groups & atoms.points:
             origin = atoms.origins[i]
             j = origin & 0xFFFFFFFF if origin >= 0 else origin + 1
             if origin == -1 or j >= before or -j > arrived:
@@ -351,8 +361,7 @@ def carry_over(arrived, bodies, strangers, n):
 
 @inlined
 def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
-    """Put the bodies of the n atoms that are here in the order of the passes, and find who shares
-    them."""
+    """Put the bodies of the n atoms here in the order of the passes, and find who shares them."""
     strangers = find_owners(arrived, bodies, sharing, counts, n)
     groups = in_row(bodies, FOLLOWING, GROUPS)
     number_bodies(arrived, bodies, strangers, n, groups)
@@ -446,9 +455,19 @@ def settle(layout, bodies, aways, box, atom_x, off):
 
 @loop
 def follow(
-    mpi: Mpi, sharing: L2, counts: L1, atoms: Atoms, bodies: L2, kinds: L1, aways: L1, block: F64,
-    found: L1, box: Box, off: F1, what: I,
-) -> I:  # fmt: skip
+    mpi: Mpi,
+    sharing: L2,
+    counts: L1,
+    atoms: Atoms,
+    bodies: L2,
+    kinds: L1,
+    aways: L1,
+    block: F64,
+    found: L1,
+    box: Box,
+    off: F1,
+    what: I,
+) -> I:
     """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
 
     Args:

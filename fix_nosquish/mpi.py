@@ -15,9 +15,19 @@ from .memory import room
 
 # entries of `Mpi.interface`: functions,
 _FUNCTIONS = (
-    "Isend", "Issend", "Irecv", "Waitall", "Testall", "Test", "Ibarrier", "Improbe", "Mprobe", "Mrecv",
-    "Get_count", "Allreduce",
-)  # fmt: skip
+    "Isend",
+    "Issend",
+    "Irecv",
+    "Waitall",
+    "Testall",
+    "Test",
+    "Ibarrier",
+    "Improbe",
+    "Mprobe",
+    "Mrecv",
+    "Get_count",
+    "Allreduce",
+)
 ISEND, ISSEND, IRECV, WAITALL, TESTALL, TEST, IBARRIER, IMPROBE, MPROBE, MRECV, GET_COUNT = range(
     11
 )
@@ -102,8 +112,7 @@ def request(mpi, memory):
 
 @inlined
 def send(mpi, memory, how, begin, count, kind, rank, tag):
-    """Begin to send so many numbers from this address on (how: ISEND, ISSEND), or to receive
-    (IRECV)."""
+    """Begin to send (how: ISEND, ISSEND) or receive (IRECV) so many numbers at this address."""
     interface = mpi.interface
     place = request(mpi, memory)
     call(interface[how], begin, count, interface[kind], rank, tag, interface[COMM], place)
@@ -138,8 +147,15 @@ def add_up(mpi, kind, numbers, sums):
     """The sums over all ranks of each of these numbers; kind is LONG or DOUBLE."""
     interface, n = mpi.interface, numbers.size
     if interface[RANKS] > 1:
-        call(interface[ALLREDUCE], address(numbers), address(sums), n, interface[kind], interface[SUM],
-             interface[COMM])  # fmt: skip
+        call(
+            interface[ALLREDUCE],
+            address(numbers),
+            address(sums),
+            n,
+            interface[kind],
+            interface[SUM],
+            interface[COMM],
+        )
     else:
         for k in range(n):
             sums[k] = numbers[k]
@@ -215,8 +231,15 @@ def deliver(mpi, memory, to, many, parts, sources, known):
         entered = over = False
         while not over:
             words[FLAG] = 0
-            call(interface[IMPROBE], interface[ANY_SOURCE], tag, interface[COMM], address(words), message,
-                 status)  # fmt: skip
+            call(
+                interface[IMPROBE],
+                interface[ANY_SOURCE],
+                tag,
+                interface[COMM],
+                address(words),
+                message,
+                status,
+            )
             if words[FLAG]:
                 receive(mpi, memory)
             elif not entered:

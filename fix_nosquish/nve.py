@@ -4,6 +4,8 @@ Velocity Verlet for the centres of mass, and for the rotation half a kick, the f
 into rotations about one axis at a time, and half a kick.
 """
 
+from typing import ClassVar
+
 from .integrator import Integrator
 from .operations import free_motion, kick, no_squish
 from .step import Operation
@@ -13,5 +15,8 @@ class NVE(Integrator):
     """fix python/move "fix_nosquish.NVE GROUP BODYSTYLE ...": NO_SQUISH at constant energy."""
 
     splitting = "B A B"
-    operations = {"A": Operation(free_motion(no_squish), moves=True), "B": Operation(kick)}
+    operations: ClassVar = {
+        "A": Operation(free_motion(no_squish), moves=True),
+        "B": Operation(kick),
+    }
     method, splits = "NO_SQUISH", True

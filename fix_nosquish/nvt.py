@@ -18,16 +18,14 @@ from . import thermo
 from .command import Command
 from .compiled import L1, Cell, inlined
 from .errors import RunError
+from .hosts import hook
 from .integrator import Integrator
 from .operations import PARAMETERS
 
 # the parameters behind those of `operations`: damping rate; temperature at the begin and the end of
 # the run, and now, as energies in mass times velocity squared; the step, and which of its draws the
-# next one is; key of the random numbers; 0.0 in two dimensions, else 1.0; the energy that the
-# thermostat has given, of this rank if it acts on each body by itself
-RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, SPACE, HEAT, COMMON = range(
-    PARAMETERS, PARAMETERS + 11
-)
+# next one is; key of the random numbers; the energy that this rank has given to the bodies
+RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, HEAT, COMMON = range(PARAMETERS, PARAMETERS + 10)
 MIDDLE = "B A O A B"  # the step
 BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
 
@@ -85,22 +83,25 @@ class NVT(Integrator):
         return 1.0 + crc32(f"{self.command.thermostat} {chain} {self.command.separate}".encode())
 
     def degrees(self):
-        """Degrees of freedom of translation and of rotation, less those of the momentum if all
-        atoms are in bodies, so that no force changes it; collective."""
+        """Degrees of freedom of translation and of rotation that are free to change, less those of
+        the momentum if all atoms are in bodies that are free, so that nothing changes it;
+        collective."""
         lammps, bodies, owned = self.lammps, self.bodies, self.bodies.sharers.owned
-        own = thermo.freedom(bodies, lammps.dimension)[owned]
-        atoms, in_bodies, count, freedom = self.communicator.total(
-            np.array([len(lammps.groups), len(bodies.index), len(own), own.sum()])
-        )
-        translation = lammps.dimension * count
-        held = lammps.dimension if atoms == in_bodies else 0
-        if not freedom > held:
+        dimension, mask = lammps.dimension, np.ones((6, len(bodies)))
+        mask *= self.mask if self.mask is not None else 1.0
+        of_rotation = thermo.freedom(bodies, dimension) - dimension
+        turns = mask[5] if dimension == 2 else mask[3:].prod(axis=0)
+        free = np.array([mask[:dimension].sum(axis=0), of_rotation * turns])[:, owned].sum(axis=1)
+        missing = dimension * owned.sum() - free[0] + len(lammps.groups) - len(bodies.index)
+        *free, missing = self.communicator.total(np.array([*free, missing]))
+        held = 0 if missing else dimension
+        if not sum(free) > held:
             raise RunError(
-                f"the bodies have {freedom:.0f} degrees of freedom, of which the total momentum takes "
-                f"{held}: there is none to keep at a temperature",
+                f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
+                f"momentum takes {held}: there is none to keep at a temperature",
                 everywhere=True,
             )
-        return np.array([translation - held, freedom - translation])
+        return np.array([free[0] - held, free[1]])
 
     def own_parameters(self):
         command, lammps = self.command, self.lammps
@@ -108,7 +109,8 @@ class NVT(Integrator):
         self._check(start, stop, damping)
         if self.restart_state[0] != self.kind:
             self.host.log(
-                "WARNING: the restart file has the state of another thermostat: this one begins anew\n"
+                "WARNING: the restart file has the state of another thermostat: "
+                "this one begins anew\n"
             )
         elif np.isfinite(self.restart_state[1]):
             self._energy, self.own_state()[:] = self.restart_state[1], self.restart_state[2:]
@@ -116,11 +118,12 @@ class NVT(Integrator):
             self._energy = self.energy()
         self.restart_state[:2] = self.kind, np.nan  # of no more use
         unit = lammps.boltz / lammps.mvv2e
-        key = crc32((self.host.fix_id or "").encode()) & 0xFFFFFFFE
-        space = float(lammps.dimension == 3)
+        # bodies of two fixes may have the same IDs
+        whose = " ".join((command.group, command.style, *command.arguments))
+        key = crc32(whose.encode()) & 0xFFFFFFFE
         return (
             1.0 / damping, unit * start, unit * stop, unit * start, -1.0, 0.0,
-            command.seed or 0, key, space, 0.0,
+            command.seed or 0, key, 0.0,
         )  # fmt: skip
 
     def _check(self, start, stop, damping):
@@ -134,8 +137,8 @@ class NVT(Integrator):
                 )
         if start != stop and self.host.span is None:
             raise RunError(
-                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, so TSTART "
-                "and TSTOP must be the same",
+                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
+                "so TSTART and TSTOP must be the same",
                 everywhere=True,
             )
 
@@ -150,6 +153,7 @@ class NVT(Integrator):
         collective."""
         return self._energy - self.communicator.total(self.parameters[HEAT : HEAT + 1])[0]
 
+    @hook
     def compute_scalar(self):
         """What the potential energy and that of the atoms' velocities have to be added to make the
         energy that a right step keeps: what went to the thermostat, and what the bodies' kinetic
@@ -157,7 +161,8 @@ class NVT(Integrator):
         end, middle = self.reports.kinetic_at_end()
         return self.lammps.mvv2e * self.energy() + end - middle
 
+    @hook
     def write_restart(self):
         """LAMMPS writes a restart file: have the state ready for it; collective."""
-        state = self.own_state()
-        self.restart_state[:] = self.kind, self.energy() if self.passes else 0.0, *state
+        if self.passes:  # else it is what the last restart file had
+            self.restart_state[:] = self.kind, self.energy(), *self.own_state()

@@ -1,5 +1,4 @@
-"""The table of bodies: as numpy array, as a file of keyword output, as LAMMPS's global array of the
-fix."""
+"""The table of bodies: as numpy array, as file of keyword output, as the fix's global array."""
 
 import contextlib
 import io
@@ -48,6 +47,8 @@ DTYPE = np.dtype(
 def table(bodies, lammps):
     """The bodies that are counted on this rank: each of the simulation's bodies is on one rank.
 
+    Atoms of keyword points are not among them.
+
     Returns:
         structured array (n,), in LAMMPS's units, vectors in the space frame: step, time, body (its
         ID), natoms, mass, x (centre of mass in the box, or slightly outside) with its image flags,
@@ -68,19 +69,17 @@ def table(bodies, lammps):
     rows["angmom"] = bodies.momenta()[3:].T
     rows["omega"] = np.einsum("abn,bn->na", turn, bodies.angular_velocity())
     rows["force"], rows["torque"] = bodies.force.T, bodies.torque.T
-    return rows[bodies.sharers.owned]
+    return rows[bodies.listed]
 
 
 def global_array(rows):
-    """What fix rigid gives as its global array, (bodies, 15): centre, its velocity, force, torque,
-    image flags."""
+    """Fix rigid's global array, (bodies, 15): centre, its velocity, force, torque, image flags."""
     rows = np.sort(rows, order="body")
     return np.concatenate([rows[name] for name in ("x", "v", "force", "torque", "image")], axis=1)
 
 
 class BodyFile:
-    """The file of keyword output: comma-separated, one line of column names, one row per body and
-    step.
+    """The file of keyword output: comma-separated, column names, then a row per body and step.
 
     Methods are collective; only rank 0 writes.  After each step all of it is on disk, and a step
     that does not fit is taken back, so that the file always ends with a whole step.
@@ -115,11 +114,14 @@ class BodyFile:
                     if self.last is None
                     else f"it is whole up to step {self.last}"
                 )
-                problem = f"cannot write the table of bodies (keyword output) to {self.path}: {error.strerror}; {kept}"
+                problem = (
+                    f"cannot write the table of bodies (keyword output) to {self.path}: "
+                    f"{error.strerror}; {kept}"
+                )
         self.communicator.agree(problem)
 
     def _open(self):
-        self._file = open(self.path, "wb", buffering=0)
+        self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115  for the rest of the run
 
     def _append(self, text):
         try:

@@ -1,5 +1,4 @@
-"""A LAMMPS's own fix python/move, which knows nothing of setup, degrees of freedom, virial,
-migration."""
+"""A LAMMPS's own fix python/move: it knows no setup, degrees of freedom, virial or migration."""
 
 import ctypes
 import sys
@@ -53,10 +52,10 @@ class OwnFix:
 
     def advice(self, removed):
         return (
-            "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. For a "
-            "right temp:",
+            "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. "
+            "For temp to be right:",
             f"    compute_modify thermo_temp extra/dof {removed + self.lammps.dimension}",
-            "  and for a right press, after all other fixes:",
+            "  and for press to be right, after all other fixes:",
             f"    fix {EXTERNAL} all external pf/callback 1 1",
         )
 

@@ -1,5 +1,4 @@
-"""What a run does at each point of a step: lists of loops, bound to the bodies and to LAMMPS's
-arrays.
+"""What a run does at each point of a step: lists of loops, bound to bodies and LAMMPS's arrays.
 
     begin        the first half of a step
     close        its second half, when the forces are known
@@ -14,6 +13,8 @@ arrays.
 
 The plugin does them by itself; with a LAMMPS's own fix python/move, Python does them, by `do`.
 """
+
+import numpy as np
 
 from . import spheres, step, virial
 from .block import ALL, BLOCK_ROWS, DIVIDED, LANES, WHOLE
@@ -61,6 +62,7 @@ class Passes:
         cells = bodies.cells | lammps.cells | own_cells
         cells |= {"dt": self.dt, "parameters": Cell(F1, integrator.parameters)}
         cells["rank"] = Cell(I, communicator.rank)
+        cells["mask"] = self.mask or Cell(F2, np.ones((6, 1)))
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
@@ -87,7 +89,7 @@ class Passes:
             gather.append(spheres.add_torques.bind_to(cells))
         gather += [*shared, *added]
         if mask is not None:
-            gather.append(switch_off.bind_to(cells, mask=self.mask))
+            gather.append(switch_off.bind_to(cells))
         velocities = [step.set_velocities.bind_to(cells)]
         if bodies.spheres:
             velocities.append(spheres.set_spins.bind_to(cells))
@@ -116,8 +118,7 @@ class Passes:
             self.lists["virial"] = [*gather, *self.lists["virial"]]
 
     def do(self, name):
-        """Do a list of passes. Returns: what the first one that found something wrong says, or
-        0."""
+        """Do a list of passes. Returns: what the first that found something wrong says, or 0."""
         for one in self.lists[name]:
             if found := one():
                 return found

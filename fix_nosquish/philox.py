@@ -55,7 +55,12 @@ def words(number, step, draw, k0, k1):
     low = np.int32(number - high * _HALF_WORD)
     above = np.int32(high)
     return philox(
-        np.int64(low), np.int64(above) & WORD, step & WORD, draw << 20 | step >> 32 & 0xFFFFF, k0, k1
+        int(low),
+        int(above) & WORD,
+        step & WORD,
+        draw << 20 | step >> 32 & 0xFFFFF,
+        k0,
+        k1,
     )
 
 

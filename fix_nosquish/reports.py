@@ -1,5 +1,4 @@
-"""What LAMMPS and the user are told of the bodies: log, degrees of freedom, virial, thermo,
-table."""
+"""What LAMMPS and the user are told of bodies: log, degrees of freedom, virial, thermo, table."""
 
 import weakref
 
@@ -39,8 +38,7 @@ class Reports:
     # ------------------------------------------------------------- the log
 
     def say(self, virial):
-        """Log what the bodies are, if that has changed, and what was taken from the atoms'
-        velocities."""
+        """Log what the bodies are, if that has changed, and what was taken from velocities."""
         state = self._state
         lines, removed = thermo.summary(state, virial)
         warnings = [line for line in thermo.warnings(state) if line not in self._warned]
@@ -54,14 +52,13 @@ class Reports:
             state.host.log("\n".join([*warnings, ""]))
 
     def say_taken_over(self, step, fixes):
-        """Log, once a run, that the bodies have velocities that these fixes have given their
-        atoms."""
+        """Log, once a run, that bodies took over the velocities that these fixes gave atoms."""
         if not self._heard:
             self._heard = True
             kept = " (not those of the infile)" if self._state.infile else ""
             self._state.host.log(
-                f"The velocities of the bodies' atoms were changed at the end of step {step} (by fix "
-                f"{' or '.join(fixes)}): the bodies take them over, as rigid motion{kept}\n"
+                f"The velocities of the bodies' atoms were changed at the end of step {step} (by "
+                f"fix {' or '.join(fixes)}): the bodies take them over, as rigid motion{kept}\n"
             )
 
     # ------------------------------------------------------------- the table of bodies
@@ -75,14 +72,14 @@ class Reports:
         files = [mate.reports.file for mate in state.mates]
         if any(file and file.path == path for file in files):
             raise RunError(
-                f"two fixes write their table of bodies (keyword output) to {path}: give each a file of "
-                "its own",
+                f"two fixes write their table of bodies (keyword output) to {path}: "
+                "give each a file of its own",
                 everywhere=True,
             )
         if state.respa_dt is not None and not state.host.calls_setup:
             raise RunError(
-                "keyword output needs the plugin's fix python/move under run_style respa: this LAMMPS's "
-                "own knows no end of a step",
+                "keyword output needs the plugin's fix python/move under run_style respa: "
+                "this LAMMPS's own knows no end of a step",
                 everywhere=True,
             )
         self.file = output.BodyFile(path, state.lammps.units, state.communicator)
@@ -149,8 +146,7 @@ class Reports:
         bodies.state[:] = kept
 
     def removed_freedom(self, group):
-        """Degrees of freedom that the bodies take from LAMMPS's group of this number;
-        collective."""
+        """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
         state = self._state
         bodies, running = state.bodies, state.lammps.running
         if (state.is_over or not running) and state.host.creates_velocities:
@@ -160,9 +156,12 @@ class Reports:
         if not running or bodies is None:
             # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
             bodies = build(
-                state.lammps, state.communicator, state.membership, state.infile,
+                state.lammps,
+                state.communicator,
+                state.membership,
+                state.infile,
                 former=state.former(),
-            )[0]  # fmt: skip
+            )[0]
         inside = state.lammps.groups[bodies.index] & (1 << group) != 0
         return thermo.removed_freedom(bodies, state.communicator, inside, state.lammps)
 

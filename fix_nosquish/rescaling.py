@@ -8,13 +8,37 @@ from math import exp, log, sqrt
 
 import numpy as np
 
-from .block import BLOCK_ROWS, COUNTED, LANES, MASS, MOMENT, POINT, P, Q, V, four, three
+from .block import (
+    BLOCK_ROWS,
+    COUNTED,
+    FREE,
+    LANES,
+    MASS,
+    MOMENT,
+    POINT,
+    P,
+    Q,
+    V,
+    four,
+    three,
+)  # fmt: skip
 from .compiled import F1, L1, Cell, F, I, inlined, loop
 from .frames import angular_momentum, angular_velocity
 from .mpi import DOUBLE, RANK, Mpi, add_up
 from .nve import NVE
 from .nvt import (
-    ALL_BODIES, COMMON, DRAW, HEAT, KEY_0, KEY_1, KT, MIDDLE, NVT, RATE, STEP, prepare,
+    ALL_BODIES,
+    COMMON,
+    DRAW,
+    HEAT,
+    KEY_0,
+    KEY_1,
+    KT,
+    MIDDLE,
+    NVT,
+    RATE,
+    STEP,
+    prepare,
 )  # fmt: skip
 from .philox import minus_log, normal_pair, words
 from .step import Operation
@@ -31,15 +55,15 @@ SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # parts of a step of the chain
 def measure(block, kind, dt, parameters):
     """Add twice the kinetic energies of the bodies to the sums."""
     for b in range(LANES):
-        x, y, z = three(block, V, b)
-        block[MOVES, b] = block[MASS, b] * (x * x + y * y + z * z)
+        (x, y, z), (f1, f2, f3) = three(block, V, b), three(block, FREE, b)
+        block[MOVES, b] = block[MASS, b] * (f1 * x * x + f2 * y * y + f3 * z * z)
         block[TURNS, b] = 0.0
     if kind != POINT:
         for b in range(LANES):
             q, p, (i1, i2, i3) = four(block, Q, b), four(block, P, b), three(block, MOMENT, b)
             l1, l2, l3 = angular_momentum(q, p)
             w1, w2, w3 = angular_velocity(q, p, i1, i2, i3)
-            block[TURNS, b] = l1 * w1 + l2 * w2 + l3 * w3
+            block[TURNS, b] = block[FREE + 3, b] * (l1 * w1 + l2 * w2 + l3 * w3)
     moves = turns = 0.0
     for b in range(LANES):
         moves += block[COUNTED, b] * block[MOVES, b]
@@ -51,13 +75,14 @@ def measure(block, kind, dt, parameters):
 @inlined
 def scale(block, kind, dt, parameters):
     """Multiply velocities and angular momenta by their factors."""
+    moves, turns = parameters[FACTOR] - 1.0, parameters[FACTOR + 1] - 1.0
     for k in range(3):
         for b in range(LANES):
-            block[V + k, b] *= parameters[FACTOR]
+            block[V + k, b] *= 1.0 + block[FREE + k, b] * moves
     if kind != POINT:
         for k in range(4):
             for b in range(LANES):
-                block[P + k, b] *= parameters[FACTOR + 1]
+                block[P + k, b] *= 1.0 + block[FREE + 3, b] * turns
 
 
 @inlined

@@ -117,7 +117,9 @@ def best_turns(products, plane=False):
 
 def _say(communicator, membership, ids, far, size, which, most):
     """The line for the log on these bodies (n,) bool, off by `most` sizes at most; collective.
-    Raises: as `keep`."""
+
+    Raises: as `keep`.
+    """
     worst = []
     if which.any():
         k = np.argmax(far / size * which)
@@ -127,15 +129,16 @@ def _say(communicator, membership, ids, far, size, which, most):
     name = membership.name(int(name))
     if part > most:
         raise RunError(
-            f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where the "
-            f"body's shape has it, {part:.2g} times its size. Bodies that a periodic face cuts are torn "
-            "when the boundary changes, or the box without 'remap'; IDs must stay as they are. "
-            "If the new shape is meant, unfix this fix and define it again",
+            f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where "
+            f"the body's shape has it, {part:.2g} times its size. Bodies that a periodic face cuts "
+            "are torn when the boundary changes, or the box without 'remap'; IDs must stay as they "
+            "are. If the new shape is meant, unfix this fix and define it again",
             everywhere=True,
         )
     count = round(communicator.total(np.array([which.sum()]))[0])
     return (
-        f"Bodies that were deformed between the runs: {count}; {name} the most, by {distance:.3g}, "
-        f"{part:.2g} of its size. They keep their shape: each was put at the centre of mass of its "
-        "atoms and turned to fit them. If the new shape is meant, unfix this fix and define it again\n"
+        f"Bodies that were deformed between the runs: {count}; "
+        f"{name} the most, by {distance:.3g}, {part:.2g} of its size. They keep their shape: "
+        "each was put at the centre of mass of its atoms and turned to fit them. "
+        "If the new shape is meant, unfix this fix and define it again\n"
     )

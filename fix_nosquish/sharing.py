@@ -40,11 +40,49 @@ BODIES, ASKED, MEETINGS, SHARED, PARTNERS, COPIES, COUNTS = range(7)
 # these; (partners,) ranks, how many bodies are shared with each; (copies,) what is sent; and what
 # to work with
 _OWN = (
-    "asked", "ids", "meet", "places", "questions", "meetings", "many", "home", "shared", "first",
-    "source", "partners", "shares", "copies", "order", "spare", "owner", "equal", "answers", "parts",
-)  # fmt: skip
-(ASKED_ROW, IDS, MEET, PLACES, QUESTIONS, MEETING, MANY, HOME, SHARED_ROW, FIRST, SOURCE, PARTNER,
- SHARES, COPIED, ORDER, SPARE, OWNER, EQUAL, ANSWERS, PARTS) = range(1 + len(ROWS), 21 + len(ROWS))  # fmt: skip
+    "asked",
+    "ids",
+    "meet",
+    "places",
+    "questions",
+    "meetings",
+    "many",
+    "home",
+    "shared",
+    "first",
+    "source",
+    "partners",
+    "shares",
+    "copies",
+    "order",
+    "spare",
+    "owner",
+    "equal",
+    "answers",
+    "parts",
+)
+(
+    ASKED_ROW,
+    IDS,
+    MEET,
+    PLACES,
+    QUESTIONS,
+    MEETING,
+    MANY,
+    HOME,
+    SHARED_ROW,
+    FIRST,
+    SOURCE,
+    PARTNER,
+    SHARES,
+    COPIED,
+    ORDER,
+    SPARE,
+    OWNER,
+    EQUAL,
+    ANSWERS,
+    PARTS,
+) = range(1 + len(ROWS), 21 + len(ROWS))
 PACKED, RECEIVED = 21 + len(ROWS), 22 + len(ROWS)
 ADD, LEAST, GREATEST = range(3)  # how parts are combined
 
@@ -72,8 +110,10 @@ def in_row(memory, row, n):
 
 @inlined
 def sort(order, spare, n, high, low):
-    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall; merges
-    runs."""
+    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall.
+
+    It merges sorted runs.
+    """
     for i in range(n):
         order[i] = i
     width = 1
@@ -99,14 +139,18 @@ def sort(order, spare, n, high, low):
 
 @inlined
 def ask(memory, counts):
-    """Put the bodies that may be shared in an order on which two holders agree: of where they meet,
-    and of ID."""
+    """Put the bodies that may be shared in the order of where holders meet, then of ID.
+
+    Two holders agree on it.
+    """
     n, ranks = counts[ASKED], 0
     asked, ids = in_row(memory, ASKED_ROW, n), in_row(memory, IDS, n)
     meet = in_row(memory, MEET, n)
     order, places, questions = (
-        in_row(memory, ORDER, n), in_row(memory, PLACES, n), in_row(memory, QUESTIONS, n)
-    )  # fmt: skip
+        in_row(memory, ORDER, n),
+        in_row(memory, PLACES, n),
+        in_row(memory, QUESTIONS, n),
+    )
     meeting, many = in_row(memory, MEETING, n), in_row(memory, MANY, n)
     sort(order, in_row(memory, SPARE, n), n, meet, ids)
     for k in range(n):
@@ -166,8 +210,7 @@ def answer(memory):
 
 @inlined
 def connect(memory, counts, own):
-    """Find out with whom this rank, `own`, shares which bodies, and how their parts lie in
-    messages.
+    """Find with whom this rank, `own`, shares which bodies, and how their parts lie in messages.
 
     NUMBERS has a part from each meeting, with what it was asked of the next many[r] places: by how
     many ranks each of these bodies is held, then by which, body by body; the first of them is its
@@ -236,8 +279,9 @@ def find(mpi, memory, counts):
     else:
         ask(memory, counts)
         meeting, many = (
-            in_row(memory, MEETING, counts[MEETINGS]), in_row(memory, MANY, counts[MEETINGS])
-        )  # fmt: skip
+            in_row(memory, MEETING, counts[MEETINGS]),
+            in_row(memory, MANY, counts[MEETINGS]),
+        )
         questions = in_row(memory, QUESTIONS, counts[ASKED])
         deliver(mpi, memory, meeting, many, questions, meeting, False)
         answer(memory)
@@ -261,8 +305,7 @@ def find_sharers(mpi: Mpi, sharing: L2, counts: L1):
 
 @loop
 def give(mpi: Mpi, sharing: L2, counts: L1, values: F2):
-    """Begin to send the columns of shared bodies to those that share them, and to receive
-    theirs."""
+    """Begin to send the columns of shared bodies to their sharers, and to receive theirs."""
     rows, n, begin = values.shape[0], counts[COPIES], 0
     copies = longs(sharing[COPIED, 0], n)
     packed = floats(room(sharing, PACKED, 8 * rows * n), n, rows)
@@ -280,9 +323,10 @@ def give(mpi: Mpi, sharing: L2, counts: L1, values: F2):
 
 @loop
 def combine(mpi: Mpi, sharing: L2, counts: L1, values: F2, how: I):
-    """Wait for the parts of the shared bodies, and set their columns to what these give, in their
-    order:
-    ADD, LEAST or GREATEST."""
+    """Wait for the parts of shared bodies; set their columns to what these give, in their order.
+
+    how: ADD, LEAST or GREATEST.
+    """
     wait(mpi, sharing)
     rows, n = values.shape[0], counts[SHARED]
     shared, first = longs(sharing[SHARED_ROW, 0], n), longs(sharing[FIRST, 0], n + 1)
@@ -319,8 +363,9 @@ class Sharers:
         kinds = dict.fromkeys((*ROWS, *_OWN), L1) | {"packed": F1, "received": F1}
         self._memory = Memory(kinds)
         self.cells = communicator.cells | {
-            "sharing": self._memory.cells["memory"], "counts": Cell(L1, self.counts)
-        }  # fmt: skip
+            "sharing": self._memory.cells["memory"],
+            "counts": Cell(L1, self.counts),
+        }
 
     def find(self, n, places, ids, meet):
         """Find who else holds some of this rank's bodies; collective.

@@ -234,7 +234,8 @@ def stages(splitting, operations):
     prepared = [k for k, one in enumerate(letters) if one != FORCES and operations[one].prepared]
     if len(prepared) > 1 or not all(first < k < cut for k in prepared):
         raise ValueError(
-            f"splitting {splitting!r}: a letter that is prepared stands once, between those that move"
+            f"splitting {splitting!r}: "
+            "a letter that is prepared stands once, between those that move"
         )
 
     def chain(begin, end, last=None):
@@ -284,9 +285,13 @@ def make_loops(integrator):
         (advance, go_on, kick), as loops of the integrator's module; go_on is None where a step is
         one pass.
     """
-    lead, middles, tail, tail_moves, prepared = stages(integrator.splitting, integrator.operations)
-    rows, several = integrator.rows, len(middles) > 1
-    middle, rest = middles[0], middles[-1]
+    parts = stages(integrator.splitting, integrator.operations)
+    go_on = _make_go_on(integrator, parts) if len(parts.middle) > 1 else None
+    return _make_advance(integrator, parts), go_on, _make_kick(integrator, parts)
+
+
+def _ends(lead, tail):
+    """A function that ends a step, begins one, or both."""
 
     @inlined
     def end_and_begin(block, kind, dt, parameters, ends, begins):
@@ -295,14 +300,24 @@ def make_loops(integrator):
         if begins:
             lead(block, kind, dt, parameters)
 
-    @inlined
-    def place(layout, k, atom_x):
-        rotation_matrices(layout.block)
-        write_atoms(layout, k, X, atom_x)
+    return end_and_begin
+
+
+@inlined
+def place(layout, k, atom_x):
+    """Place the atoms of block k."""
+    rotation_matrices(layout.block)
+    write_atoms(layout, k, X, atom_x)
+
+
+def _make_advance(integrator, parts):
+    """The first pass of a step, or all of it."""
+    rows, middle, prepared = integrator.rows, parts.middle[0], parts.prepared
+    several, end_and_begin = len(parts.middle) > 1, _ends(parts.lead, parts.tail)
 
     def advance(
         layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F, parameters: F1,
-        gathers: I, ends: I, begins: I, part: I, rank: I,
+        gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
     ) -> I:  # fmt: skip
         """Move the bodies, and place their atoms.
 
@@ -332,7 +347,7 @@ def make_loops(integrator):
                 take(layout, k, FORCE, TORQUE + 3, FORCE)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
             if prepared:
-                take_names(layout, k, rank)
+                take_names(layout, k, rank, mask)
             kind = kind_of(layout, blocks[k, 0])
             end_and_begin(block, kind, dt, parameters, ends, begins)
             middle(block, kind, dt, parameters)
@@ -344,20 +359,35 @@ def make_loops(integrator):
             move_to_images(layout, images, atom_x)
         return wrong
 
+    return _loop_of(integrator, advance)
+
+
+def _make_go_on(integrator, parts):
+    """The second pass of a step."""
+    rows, rest = integrator.rows, parts.middle[-1]
+
     def go_on(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, rank: I
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, rank: I, mask: F2
     ):  # fmt: skip
         """The second pass of a step, which places the atoms."""
         for k in range(layout.blocks.shape[0] - 1):
             take(layout, k, MASS, P + 4, MASS)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-            take_names(layout, k, rank)
+            take_names(layout, k, rank, mask)
             kind = kind_of(layout, layout.blocks[k, 0])
             rest(layout.block, kind, dt, parameters)
             put(layout, k, X, P + 4, X)
             put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
             place(layout, k, atom_x)
         move_to_images(layout, images, atom_x)
+
+    return _loop_of(integrator, go_on)
+
+
+def _make_kick(integrator, parts):
+    """What a step ends or begins with, alone."""
+    rows, tail_moves = integrator.rows, parts.tail_moves
+    end_and_begin = _ends(parts.lead, parts.tail)
 
     def kick(
         layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, ends: I, begins: I
@@ -375,8 +405,7 @@ def make_loops(integrator):
         if tail_moves:
             move_to_images(layout, images, atom_x)
 
-    loops = [_loop_of(integrator, one) for one in (advance, kick)]
-    return loops[0], _loop_of(integrator, go_on) if several else None, loops[1]
+    return _loop_of(integrator, kick)
 
 
 def make_start(integrator):

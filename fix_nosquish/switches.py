@@ -6,8 +6,7 @@ from .errors import RunError
 
 
 class Switches:
-    """The components that are switched off, for bodies chosen by number as in fix rigid;
-    collective.
+    """The components switched off, for bodies chosen by number as in fix rigid; collective.
 
     Bodies are numbered from 1 in the order of their IDs. No rank holds all IDs: the ID that has
     a number is found by bisection.
@@ -29,7 +28,7 @@ class Switches:
         ]
         if not asked:
             return
-        owned = bodies.sharers.owned
+        owned = bodies.listed
         count = communicator.count(owned.sum())
         ends = []
         for (low, high, flags), rows in asked:
@@ -54,8 +53,7 @@ class Switches:
             self.choices.append((low, high, rows, flags))
 
     def mask(self, bodies):
-        """What to multiply the wrench of the bodies by, (6, n) or (6, 1); None if all of it
-        acts."""
+        """What to multiply the wrench of bodies by, (6, n) or (6, 1); None if all of it acts."""
         if not self.choices:
             return np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]]) if self._plane else None
         mask, ids = np.ones((6, len(bodies))), bodies.id
@@ -67,8 +65,10 @@ class Switches:
 
 
 def _id_of_number(numbers, communicator, ids):
-    """The ID that stands at each of these numbers when all ranks' IDs are in order; `ids` are this
-    rank's, in order."""
+    """The ID at each of these numbers when all ranks' IDs are in order.
+
+    ids: this rank's, in order.
+    """
     low, high = np.full(len(numbers), -(2**62)), np.full(len(numbers), 2**62)
     while (low < high).any():
         middle = (low + high) // 2

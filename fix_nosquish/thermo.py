@@ -5,7 +5,8 @@ import numpy as np
 from . import __version__
 
 _FAST = 1.0  # radians in a time step that call for a warning
-_PUSHED = 0.1  # of the distance between atoms: no force moves a body further in the first step, unless atoms overlap
+# of the distance between atoms: unless these overlap, no force moves a body further in a step
+_PUSHED = 0.1
 
 
 def freedom(bodies, dimension):
@@ -83,17 +84,25 @@ def summary(nve, virial):
     owned = bodies.sharers.owned
     n, r, e = len(bodies), bodies.rotors, bodies.turning
     flat = bodies.flat
-    counts = [owned.sum(), (owned[:r] & ~flat).sum(), (owned[:r] & flat).sum(), owned[r:e].sum(), owned[e:n].sum(),
-              bodies.natoms[owned].sum(), len(bodies.sharers.bodies[owned[bodies.sharers.bodies]])]  # fmt: skip
-    total, solid, planar, linear, points, atoms, shared = communicator.total(
+    listed = bodies.listed
+    counts = [
+        listed.sum(),
+        (owned[:r] & ~flat).sum(),
+        (owned[:r] & flat).sum(),
+        owned[r:e].sum(),
+        listed[e:n].sum(),
+        bodies.natoms[listed].sum(),
+        (owned & ~listed).sum(),
+        len(bodies.sharers.bodies[owned[bodies.sharers.bodies]]),
+    ]
+    total, solid, planar, linear, single, atoms, points, shared = communicator.total(
         np.array(counts, float)
     ).astype(int)
     removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), nve.lammps)
     own = communicator.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0]
     kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
-    degrees = (
-        np.array([removed + own, own]) - nve.lammps.dimension
-    )  # as compute temp of these atoms counts them
+    # as compute temp of these atoms counts them
+    degrees = np.array([removed + own, own]) - nve.lammps.dimension
     before, now = np.divide(
         2 * kinetic, degrees * nve.lammps.boltz, out=np.zeros(2), where=degrees > 0
     )
@@ -104,18 +113,28 @@ def summary(nve, virial):
         )
     else:
         kinds = (solid, "three-dimensional"), (planar, "planar"), (linear, "linear")
-        turning = ((solid + planar, "rotation of rotors" + (f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""), "no rotors"),
-                   (linear, "rotation of linear bodies", "no linear bodies"))  # fmt: skip
-    kinds = [f"{k} {what}" for k, what in (*kinds, (points, "single atoms")) if k]
+        how = f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""
+        turning = (
+            (solid + planar, f"rotation of rotors{how}", "no rotors"),
+            (linear, "rotation of linear bodies", "no linear bodies"),
+        )
+    kinds = [f"{k} {what}" for k, what in (*kinds, (single, "single atoms")) if k]
     done, left = [], []
     for needed, pass_, without in (
         *turning,
-        (points, "", "no single atoms"),
+        (single, "", "no single atoms"),
         (bodies.spheres, "torque and spin of spheres", ""),
+        (
+            nve.prepares,
+            "thermostat"
+            + (", a sum over the ranks, a second pass over the bodies" if nve.go_on else ""),
+            "",
+        ),
         (command.force or command.torque, "forces and torques that are switched off", ""),
         (
             nve.late,
-            f"velocities that {' '.join(fix.id for fix in nve.late)} may change, at the end of a step",
+            f"velocities that {' '.join(fix.id for fix in nve.late)} may change, "
+            "at the end of a step",
             "",
         ),
         (
@@ -130,9 +149,7 @@ def summary(nve, virial):
         ),
         (
             nve.velocities_every,
-            "velocities of the atoms every "
-            + " and ".join(str(n) for n in nve.velocities_every)
-            + " steps and with output",
+            f"velocities of the atoms {_often(nve.velocities_every)} and with output",
             "velocities of the atoms on steps without output",
         ),
         (
@@ -146,12 +163,14 @@ def summary(nve, virial):
             (done if needed else left).append(pass_ if needed else without)
     lines = [
         f"Rigid bodies by {nve.method}, fix_nosquish {__version__}: {command.text}",
-        f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}",
+        f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}"
+        + (f"; {points} points, the atoms of group {command.points}" if command.points else ""),
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
         "  start velocities: "
         + (
-            f"{notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion and was removed; "
-            f"temperature {before:.8g} of the atoms before, {now:.8g} of the bodies now"
+            f"{notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not "
+            f"rigid motion and was removed; temperature {before:.8g} of the atoms before, "
+            f"{now:.8g} of the bodies now"
             if projected(notes)
             else f"rigid motion, temperature {now:.8g} of the bodies"
         ),
@@ -160,9 +179,17 @@ def summary(nve, virial):
     ]
     if notes["rebuilt"]:
         lines.append(
-            f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the nearest image"
+            f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the "
+            "nearest image"
         )
     return lines, removed
+
+
+def _often(steps):
+    """How often something is done that is done every so many steps, for each of these numbers."""
+    if 1 in steps:
+        return "each step"
+    return f"every {' and '.join(str(n) for n in steps)} steps"
 
 
 def warnings(nve):
@@ -170,20 +197,22 @@ def warnings(nve):
     lines, group, notes = [], nve.command.group, nve.notes
     if nve.host.group not in (None, group):
         lines.append(
-            f"WARNING: the fix line names group {nve.host.group}, the class group {group}: the bodies are of {group}, "
-            "so give the fix the same group"
+            f"WARNING: the fix line names group {nve.host.group}, the class group {group}: "
+            f"the bodies are of {group}, so give the fix the same group"
         )
     if notes["stray"] > 1:
         lines.append(
-            f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: give every body a molecule-ID of its own, "
-            "or leave these atoms out of the group"
+            f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: "
+            "give every body a molecule-ID of its own, or leave these atoms out of the group"
         )
     lines += notes["warnings"]
     turn, body = _fastest(nve.bodies, nve.communicator, nve.lammps.innermost_dt)
     if turn > _FAST:
         lines.append(
-            f"WARNING: {nve.membership.name(body)} turns by {turn:.2g} rad in a step, which no time step of this length can follow "
-            f"well: use one of about {0.2 * nve.dt / turn:.2g}, or a better start; a body that is almost linear can be made linear"
+            f"WARNING: {nve.membership.name(body)} turns by {turn:.2g} rad in a step, "
+            "which no time step of this length can follow well: "
+            f"use one of about {0.2 * nve.dt / turn:.2g}, or a better start; "
+            "a body that is almost linear can be made linear"
         )
     return lines
 

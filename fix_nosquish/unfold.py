@@ -70,8 +70,7 @@ def unfold(lammps, communicator, membership, sharers, ids, body, tag, atoms):
 
 
 def _doubt(communicator, membership, owned, ids, first, width, gap):
-    """The warning for bodies that may be cut, with a gap (3, n) above zero; None for none;
-    collective."""
+    """The warning for bodies that may be cut, with a gap (3, n) above zero, or None; collective."""
     gap = gap * owned
     worst = []
     if gap.any():
@@ -83,9 +82,10 @@ def _doubt(communicator, membership, owned, ids, first, width, gap):
     inside, wide, k, body, atom, _ = rows[rows[:, 0].argmax()]
     others = rows[:, 5].sum() - 1
     return (
-        f"WARNING: {membership.name(int(body))} (its first atom is {atom:.0f}) may be cut by a periodic "
-        f"face: by its image flags it is {wide:.2f} box lengths wide along {'xyz'[int(k)]}, with a gap of "
-        f"{inside:.2f} inside and of {max(0.0, 1.0 - wide):.2f} outside. The flags are trusted"
+        f"WARNING: {membership.name(int(body))} (its first atom is {atom:.0f}) "
+        f"may be cut by a periodic face: by its image flags it is {wide:.2f} box "
+        f"lengths wide along {'xyz'[int(k)]}, with a gap of {inside:.2f} inside and of "
+        f"{max(0.0, 1.0 - wide):.2f} outside. The flags are trusted"
         + (f" (as are those of {others:.0f} more)" if others else "")
         + ". If they are wrong, set them (set ... image, or in the data file) before the first run"
     )

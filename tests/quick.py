@@ -1,8 +1,9 @@
-"""The tests of `pytest -m quick`: of each subject the fastest that decide, for those who change something small.
+"""The tests of `pytest -m quick`: of each subject the fastest that decide,
+for those who change something small.
 
-A subject has what breaks first if it is wrong, on one rank and on more where ranks matter, and one test of each way
-to start LAMMPS. Left out are statistics, long runs, and what differs from a test here in its numbers alone.
-A name without brackets stands for all cases of a test.
+A subject has what breaks first if it is wrong, on one rank and on more where ranks matter, and one
+test of each way to start LAMMPS. Left out are statistics, long runs, and what differs from a test
+here in its numbers alone. A name without brackets stands for all cases of a test.
 """
 
 QUICK = {

@@ -1,5 +1,4 @@
-"""Every command of the harness that it prints as advice is one that its own command line
-accepts."""
+"""Every command that the harness prints as advice is one that its own command line accepts."""
 
 import functools
 import html
@@ -147,7 +146,8 @@ def test_what_results_hold(name):
 
 
 def test_what_is_written_down():
-    """Locks out such a command in the README, in the documentation and in the templates of pages."""
+    """Locks out such a command in the README,
+    in the documentation and in the templates of pages."""
     assert_accepted((ROOT / "README.md").read_text())
     pages = (path.read_text() for path in (ROOT / "docs").rglob("*.md"))
     assert_accepted("\n".join(pages), least=20)

@@ -1,4 +1,5 @@
-"""Bad input ends the run on all ranks within seconds, with one message that says what is wrong and what to do."""
+"""Bad input ends the run on all ranks within seconds,
+with one message that says what is wrong and what to do."""
 
 import re
 from importlib import metadata
@@ -36,7 +37,8 @@ run           {steps}
 
 
 class Case(NamedTuple):
-    """One wrong input: the words of the fix line, lines before and after it, what the message must say."""
+    """One wrong input: the words of the fix line, lines before and after it,
+    what the message must say."""
 
     words: str = "all molecule"
     expected: tuple = ()
@@ -61,19 +63,39 @@ SPLIT = "group one molecule 1\ngroup rest subtract all one\n"
 
 CASES = {
     # the words of the fix line
-    "group that is not defined": Case("nowhere molecule", ("group 'nowhere'", "define it before the fix")),
-    "body style that does not exist": Case("all molecules", ("unknown body style 'molecules'", "single, molecule, custom")),
-    "keyword that does not exist": Case("all molecule mrots 1", ("unknown keyword 'mrots'", "expected mrot")),
+    "group that is not defined": Case(
+        "nowhere molecule", ("group 'nowhere'", "define it before the fix")
+    ),
+    "body style that does not exist": Case(
+        "all molecules", ("unknown body style 'molecules'", "single, molecule, custom")
+    ),
+    "keyword that does not exist": Case(
+        "all molecule mrots 1", ("unknown keyword 'mrots'", "expected mrot")
+    ),
     "no words at all": Case("", ("ends where", "ID of a group", "body style", "fix_nosquish.NVE")),
     "no body style": Case("all", ("body style", "ends where", "fix_nosquish.NVE all")),
     "value missing": Case("all molecule mrot", ("ends where", "number of inner rotor steps")),
     "value with a point": Case("all molecule mrot 2.5", ("point", "25e-1", "v_NAME")),
-    "keyword of fix rigid before a point": Case("all molecule langevin 0.45 0.45 0.5 1", ("unknown keyword 'langevin'", "use fix langevin")),
-    "thermostat before a point": Case("all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps the energy")),
-    "barostat before a point": Case("all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "keeps the volume")),
-    "integrator before a point": Case("all molecule mrot 2.5", ("integrator 'NVTT'",), module="fix_nosquish.NVTT"),
-    "variable in the quotes": Case("all molecule mrot ${n}", ("no variable's value inside quotes, where '${n}' stands", "${WORDS}"), before="variable n equal 2"),
-    "variable before a point": Case("all molecule infile ${f}.txt", ("no variable's value inside quotes, where '${f}' stands",)),
+    "keyword of fix rigid before a point": Case(
+        "all molecule langevin 0.45 0.45 0.5 1", ("unknown keyword 'langevin'", "use fix langevin")
+    ),
+    "thermostat before a point": Case(
+        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps the energy")
+    ),
+    "barostat before a point": Case(
+        "all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "keeps the volume")
+    ),
+    "integrator before a point": Case(
+        "all molecule mrot 2.5", ("integrator 'NVTT'",), module="fix_nosquish.NVTT"
+    ),
+    "variable in the quotes": Case(
+        "all molecule mrot ${n}",
+        ("no variable's value inside quotes, where '${n}' stands", "${WORDS}"),
+        before="variable n equal 2",
+    ),
+    "variable before a point": Case(
+        "all molecule infile ${f}.txt", ("no variable's value inside quotes, where '${f}' stands",)
+    ),
     "value not a number": Case("all molecule mrot two", ("'two'", "whole number of at least 1")),
     "value of zero": Case("all molecule mrot 0", ("'0'", "whole number of at least 1")),
     "keyword given twice": Case("all molecule mrot 2 mrot 3", ("mrot", "twice")),
@@ -83,86 +105,203 @@ CASES = {
     "one group as two bodies": Case("all group 2 all all", ("named twice",)),
     "custom of neither kind": Case("all custom d_mass", ("'d_mass'", "i_NAME", "v_NAME")),
     "property that is not defined": Case("all custom i_body", ("i_body", "fix property/atom")),
-    "variable that is not defined": Case("all custom v_body", ("variable 'body'", "define it before the fix")),
-    "variable that is not atom-style": Case("all custom v_body", ("variable body", "not an atom-style", "variable body atom"), before="variable body equal 1"),
-    "integrator that does not exist": Case("water molecule", ("integrator 'NVTT'", "expected one of NVE"), module="fix_nosquish.NVTT"),
-    "integrator without words": Case("", ("integrator 'NVTT'", "expected one of NVE"), module="fix_nosquish.NVTT"),
-    "variable too large": Case("all custom v_body", ("v_body", "too large an ID", "2^53"), before="variable body atom 1e20*(id-9)"),
+    "variable that is not defined": Case(
+        "all custom v_body", ("variable 'body'", "define it before the fix")
+    ),
+    "variable that is not atom-style": Case(
+        "all custom v_body",
+        ("variable body", "not an atom-style", "variable body atom"),
+        before="variable body equal 1",
+    ),
+    "integrator that does not exist": Case(
+        "water molecule", ("integrator 'NVTT'", "expected one of NVE"), module="fix_nosquish.NVTT"
+    ),
+    "integrator without words": Case(
+        "", ("integrator 'NVTT'", "expected one of NVE"), module="fix_nosquish.NVTT"
+    ),
+    "variable too large": Case(
+        "all custom v_body",
+        ("v_body", "too large an ID", "2^52"),
+        before="variable body atom 1e20*(id-9)",
+    ),
     # the atoms
-    "group deleted between runs": Case("all group 2 a b", ("no group 'a'", "define it before the fix"),
-                                       before="group a molecule 1\ngroup b molecule 2", after="run 1\ngroup a delete\ngroup c molecule 3"),
-    "group without atoms": Case("none molecule", ("no atom", "group 'none'", "fill the group"), before="group none empty"),
-    "atom style without molecules": Case("all molecule", ("molecule-ID", "atom_style molecular or full"), atom_style="atomic", create="1 box"),
+    "group deleted between runs": Case(
+        "all group 2 a b",
+        ("no group 'a'", "define it before the fix"),
+        before="group a molecule 1\ngroup b molecule 2",
+        after="run 1\ngroup a delete\ngroup c molecule 3",
+    ),
+    "group without atoms": Case(
+        "none molecule", ("no atom", "group 'none'", "fill the group"), before="group none empty"
+    ),
+    "atom style without molecules": Case(
+        "all molecule",
+        ("molecule-ID", "atom_style molecular or full"),
+        atom_style="atomic",
+        create="1 box",
+    ),
     "atom in two bodies": Case(
-        "all group 2 a b", ("atom 5", "groups a and b", "without common atoms"), before="group a id 1:5\ngroup b id 5:9"),
-    "body without mass": Case("all molecule", ("body of molecule 1 ", "mass 0", "above zero"),
-                              before='fix 0 all python/move "spoil.NoMass"'),
-    "negative mass": Case("all molecule", ("atom 1 ", "mass -1", "above zero"), before='fix 0 all python/move "spoil.NegativeMass"'),
-    "atoms at one point": Case("all molecule", ("body of molecule 2 ", "3 atoms at one point", "move them apart"),
-                               before="set atom 4*6 x 1.0 y 1.0 z 1.0"),
+        "all group 2 a b",
+        ("atom 5", "groups a and b", "without common atoms"),
+        before="group a id 1:5\ngroup b id 5:9",
+    ),
+    "body without mass": Case(
+        "all molecule",
+        ("body of molecule 1 ", "mass 0", "above zero"),
+        before='fix 0 all python/move "spoil.NoMass"',
+    ),
+    "negative mass": Case(
+        "all molecule",
+        ("atom 1 ", "mass -1", "above zero"),
+        before='fix 0 all python/move "spoil.NegativeMass"',
+    ),
+    "atoms at one point": Case(
+        "all molecule",
+        ("body of molecule 2 ", "3 atoms at one point", "move them apart"),
+        before="set atom 4*6 x 1.0 y 1.0 z 1.0",
+    ),
     # other fixes
     "two fixes claim an atom": Case(
-        "all molecule", ("atom 1 ", "two fixes", "mrot 2", "without common atoms"),
-        after='fix 2 all python/move "fix_nosquish.NVE all molecule mrot 2"'),
-    "fix nve before ours": Case("all molecule", ("atom", "molecule", "fix other", "nve", "without the bodies' atoms"),
-                                before="fix other all nve"),
-    "fix nve after ours": Case("all molecule", ("atom", "molecule", "fix other", "nve", "without the bodies' atoms"),
-                               after="fix other all nve"),
-    "box changed by a barostat": Case("one molecule", ("box has changed by step 1", "npt", "constant volume", "between runs"),
-                                      before=SPLIT, after="fix 2 rest npt temp 1 1 1 iso 1 1 1"),
-    "box deformed": Case("all molecule", ("box has changed by step 2", "deform", "constant volume", "between runs"), after="fix 2 all deform 1 x erate 0.01"),
+        "all molecule",
+        ("atom 1 ", "two fixes", "mrot 2", "without common atoms"),
+        after='fix 2 all python/move "fix_nosquish.NVE all molecule mrot 2"',
+    ),
+    "fix nve before ours": Case(
+        "all molecule",
+        ("atom", "molecule", "fix other", "nve", "without the bodies' atoms"),
+        before="fix other all nve",
+    ),
+    "fix nve after ours": Case(
+        "all molecule",
+        ("atom", "molecule", "fix other", "nve", "without the bodies' atoms"),
+        after="fix other all nve",
+    ),
+    "box changed by a barostat": Case(
+        "one molecule",
+        ("box has changed by step 1", "npt", "constant volume", "between runs"),
+        before=SPLIT,
+        after="fix 2 rest npt temp 1 1 1 iso 1 1 1",
+    ),
+    "box deformed": Case(
+        "all molecule",
+        ("box has changed by step 2", "deform", "constant volume", "between runs"),
+        after="fix 2 all deform 1 x erate 0.01",
+    ),
     "box deformed along a fixed face": Case(
-        "all molecule", ("box has changed by step 2", "deform", "constant volume"), boundary="f p p", before="displace_atoms all move 1.3 1.3 1.3 units box",
-        after="fix 2 all deform 1 x scale 1.5"),
+        "all molecule",
+        ("box has changed by step 2", "deform", "constant volume"),
+        boundary="f p p",
+        before="displace_atoms all move 1.3 1.3 1.3 units box",
+        after="fix 2 all deform 1 x scale 1.5",
+    ),
     "box tilted along a fixed face": Case(
-        "all molecule", ("box has changed by step 2", "deform", "constant volume"), boundary="f p p",
-        before="displace_atoms all move 1.3 1.3 1.3 units box\nchange_box all triclinic", after="fix 2 all deform 1 xy erate 0.5"),
-    "minimisation": Case("all molecule", ("tear the rigid bodies", "minimise before", "unfix"), after="minimize 0 0 10 10"),
+        "all molecule",
+        ("box has changed by step 2", "deform", "constant volume"),
+        boundary="f p p",
+        before="displace_atoms all move 1.3 1.3 1.3 units box\nchange_box all triclinic",
+        after="fix 2 all deform 1 xy erate 0.5",
+    ),
+    "minimisation": Case(
+        "all molecule",
+        ("tear the rigid bodies", "minimise before", "unfix"),
+        after="minimize 0 0 10 10",
+    ),
     # in mid-run
     "force not finite from the start": Case(
-        "all molecule", ("force on the body of molecule 2 ", "not finite at step 0", "overlap"),
-        before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.0 y 1.0 z 1.0\nset atom 5 x 1.6 y 1.0 z 1.0\n"
-        "set atom 6 x 1.0 y 1.4 z 1.0\nset atom 7 x 1.0 y 0.6 z 1.0\nset atom 8 x 1.6 y 0.6 z 1.0\nset atom 9 x 1.0 y 1.0 z 1.0"),
+        "all molecule",
+        ("force on the body of molecule 2 ", "not finite at step 0", "overlap"),
+        before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.0 y 1.0 z 1.0\n"
+        "set atom 5 x 1.6 y 1.0 z 1.0\n"
+        "set atom 6 x 1.0 y 1.4 z 1.0\nset atom 7 x 1.0 y 0.6 z 1.0\nset atom 8 x 1.6 y 0.6 z 1.0\n"
+        "set atom 9 x 1.0 y 1.0 z 1.0",
+    ),
     "force that becomes infinite": Case(
-        "all molecule", ("force on the body of molecule 3 ", "not finite at step 4", "shorter time step"),
-        before="variable f equal exp(800*(step>3))-1\ngroup g id 7", after="fix 2 g addforce v_f 0 0"),
+        "all molecule",
+        ("force on the body of molecule 3 ", "not finite at step 4", "shorter time step"),
+        before="variable f equal exp(800*(step>3))-1\ngroup g id 7",
+        after="fix 2 g addforce v_f 0 0",
+    ),
     "force that becomes NaN": Case(
-        "all molecule", ("force on the body of molecule 3 ", "not finite at step 4"),
-        before="variable f equal exp(200*step)-exp(200*step)\ngroup g id 7", after="fix 2 g addforce v_f 0 0"),
-    "run that explodes": Case("all molecule", ("the time step is too long: a body moves by", "rad in it, and atom", "of the body of molecule 1 ",
-                                               "by step 1: use a shorter one"), before="timestep 10\nvelocity all scale 100"),
+        "all molecule",
+        ("force on the body of molecule 3 ", "not finite at step 4"),
+        before="variable f equal exp(200*step)-exp(200*step)\ngroup g id 7",
+        after="fix 2 g addforce v_f 0 0",
+    ),
+    "run that explodes": Case(
+        "all molecule",
+        (
+            "the time step is too long: a body moves by",
+            "rad in it, and atom",
+            "of the body of molecule 1 ",
+            "by step 1: use a shorter one",
+        ),
+        before="timestep 10\nvelocity all scale 100",
+    ),
     "time step too long for the forces": Case(
-        "all molecule", ("the time step is too long", "is gone by step", "shorter"), before="timestep 0.7", steps=10000),
+        "all molecule",
+        ("the time step is too long", "is gone by step", "shorter"),
+        before="timestep 0.7",
+        steps=10000,
+    ),
     "overlap at the start": Case(
-        "all molecule", ("atoms overlap at the start: the force on the body of molecule 2", "moves it by", "in the first step, and atom", "is gone by step 1",
-                         "minimise or move them apart before the fix line"),
-        before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.001 y 1.0 z 1.0\nset atom 5 x 1.601 y 1.0 z 1.0\nset atom 6 x 1.001 y 1.4 z 1.0\n"
-        "set atom 7 x 1.0 y 0.6 z 1.0\nset atom 8 x 1.6 y 0.6 z 1.0\nset atom 9 x 1.0 y 1.0 z 1.0"),
-    "atoms lost": Case("all molecule", ("of the body of molecule ", "is gone by step", "thermo_modify lost"), boundary="f f f",
-                       create="0 region inner mol bent 4928",
-                       before="thermo_modify lost ignore\nvelocity all scale 5000\nvelocity all zero angular", steps=1000),
-    "atoms deleted by a fix": Case("all molecule", ("of the body of molecule ", "is gone by step 5", "fixes that delete"),
-                                   after="fix 2 all evaporate 5 1 box 4928"),
-    "atoms added by a fix": Case("all molecule", ("atom 82 came into the fix's group by step 1", "insert atoms between runs"),
-                                 after="fix 2 all deposit 1 1 5 4928 region box near 0.5"),
+        "all molecule",
+        (
+            "atoms overlap at the start: the force on the body of molecule 2",
+            "moves it by",
+            "in the first step, and atom",
+            "is gone by step 1",
+            "minimise or move them apart before the fix line",
+        ),
+        before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.001 y 1.0 z 1.0\n"
+        "set atom 5 x 1.601 y 1.0 z 1.0\nset atom 6 x 1.001 y 1.4 z 1.0\n"
+        "set atom 7 x 1.0 y 0.6 z 1.0\nset atom 8 x 1.6 y 0.6 z 1.0\nset atom 9 x 1.0 y 1.0 z 1.0",
+    ),
+    "atoms lost": Case(
+        "all molecule",
+        ("of the body of molecule ", "is gone by step", "thermo_modify lost"),
+        boundary="f f f",
+        create="0 region inner mol bent 4928",
+        before="thermo_modify lost ignore\nvelocity all scale 5000\nvelocity all zero angular",
+        steps=1000,
+    ),
+    "atoms deleted by a fix": Case(
+        "all molecule",
+        ("of the body of molecule ", "is gone by step 5", "fixes that delete"),
+        after="fix 2 all evaporate 5 1 box 4928",
+    ),
+    "atoms added by a fix": Case(
+        "all molecule",
+        ("atom 82 came into the fix's group by step 1", "insert atoms between runs"),
+        after="fix 2 all deposit 1 1 5 4928 region box near 0.5",
+    ),
     "exception of its own": Case("", ("ValueError: no such luck",), module="spoil.BreaksOnOneRank"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_ends_on_two_ranks(run_case, tmp_path, name):
-    """Locks out a hang, a message per rank, a bare traceback and a silently wrong run, for each wrong input."""
+    """Locks out a hang, a message per rank, a bare traceback and a silently wrong run,
+    for each wrong input."""
     assert_ended(run_case(CASES[name], ranks=2), CASES[name].expected, tmp_path)
 
 
 @pytest.mark.parametrize(
     "name",
-    ["value with a point", "keyword that does not exist", "atoms at one point", "fix nve after ours",
-     "force not finite from the start", "atoms deleted by a fix", "box deformed", "exception of its own"],
-)  # fmt: skip
+    [
+        "value with a point",
+        "keyword that does not exist",
+        "atoms at one point",
+        "fix nve after ours",
+        "force not finite from the start",
+        "atoms deleted by a fix",
+        "box deformed",
+        "exception of its own",
+    ],
+)
 @pytest.mark.parametrize("launcher", ["lmp", "library"])
 def test_ends_on_one_rank(run_case, tmp_path, launcher, name):
-    """Locks out a check that works only where ranks agree on it, and a Python session that gets no exception."""
+    """Locks out a check that works only where ranks agree on it,
+    and a Python session that gets no exception."""
     run = run_case(CASES[name], launcher=launcher)
     assert_ended(run, CASES[name].expected, tmp_path)
     if launcher == "library":
@@ -180,10 +319,10 @@ def test_ends_on_one_rank(run_case, tmp_path, launcher, name):
         ("tri", "a triangle", "set group all tri 0.4"),
         ("dipole", "a dipole", "mass * 1.0\nset group all dipole/random 4928 0.5"),
     ],
-)  # fmt: skip
+)
 def test_particles_of_finite_size(run_lammps, tmp_path, style, kind, shape):
-    """Locks out bodies of particles whose own inertia and torque are silently left out; of the same style without a shape
-    (points) they are taken."""
+    """Locks out bodies of particles whose own inertia and torque are silently left out; of the same
+    style without a shape (points) they are taken."""
     plane = style == "line"
     script = f"""
 units lj
@@ -210,7 +349,8 @@ run 1
         assert run_lammps(script.replace(shape, points), ranks=2).code == 0
 
 
-# atom styles whose integrators advance more than positions and velocities, and what of each atom is refused, by how it is made
+# atom styles whose integrators advance more than positions and velocities, and what of each atom is
+# refused, by how it is made
 MORE = {
     "sph": ("is an SPH particle, whose density and energy", "fix rigid/meso"),
     "smd": ("is an SPH particle",),
@@ -234,8 +374,9 @@ AS_POINTS = {
 
 @pytest.mark.parametrize("style", [*MORE, "mdpd", "dpd", "peri"])
 def test_atoms_with_more_to_advance(run_lammps, tmp_path, style):
-    """Locks out densities, temperatures, spins that stand still, because an integrator that advances them was replaced by this
-    one; atoms of these styles that have none, or whose forces need none, are taken."""
+    """Locks out densities, temperatures, spins that stand still, because an integrator that
+    advances them was replaced by this one; atoms of these styles that have none, or whose forces
+    need none, are taken."""
     made = {
         "spin": "set group all spin/atom 1.5 0 0 1",
         "electron": "set group all spin/electron 1",
@@ -263,7 +404,8 @@ run 1
 
 
 def test_group_of_the_fix(run_case):
-    """Locks out silence where the fix line's two groups differ, and one of them does not do what it seems to."""
+    """Locks out silence where the fix line's two groups differ,
+    and one of them does not do what it seems to."""
     run = run_case(
         Case("bodies molecule", before="group bodies molecule <= 20", steps=5), ranks=2, check=True
     )
@@ -284,11 +426,18 @@ def test_before_the_box(run_lammps, tmp_path):
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize(
     "between",
-    ["delete_atoms group odd", "create_atoms 1 single 0.5 0.5 0.5 units lattice\nset atom 82 mol 28", "displace_atoms odd move 0.1 0.1 0.1",
-     "change_box all x scale 1.1 remap", 'unfix 1\nfix 1 odd python/move "fix_nosquish.NVE odd single"', "velocity all create 2.0 87287"],
-)  # fmt: skip
+    [
+        "delete_atoms group odd",
+        "create_atoms 1 single 0.5 0.5 0.5 units lattice\nset atom 82 mol 28",
+        "displace_atoms odd move 0.1 0.1 0.1",
+        "change_box all x scale 1.1 remap",
+        'unfix 1\nfix 1 odd python/move "fix_nosquish.NVE odd single"',
+        "velocity all create 2.0 87287",
+    ],
+)
 def test_change_between_runs(run_case, ranks, between):
-    """Locks out the refusal between runs of what is refused in mid-run, and bodies of a fix that is gone."""
+    """Locks out the refusal between runs of what is refused in mid-run,
+    and bodies of a fix that is gone."""
     run = run_case(
         Case(steps=20, before="group odd molecule 1", after=f"run 20\n{between}"),
         ranks=ranks,
@@ -298,7 +447,8 @@ def test_change_between_runs(run_case, ranks, between):
 
 
 def test_version(run_case):
-    """Locks out a log that does not say which package made the run, and a version that is not that of what is installed."""
+    """Locks out a log that does not say which package made the run,
+    and a version that is not that of what is installed."""
     installed = metadata.version("fix_nosquish")
     assert fix_nosquish.__version__ == installed
     assert (
@@ -321,7 +471,8 @@ def test_image_flags_that_may_tear_a_body(run_case):
 
 
 def test_molecule_zero(run_case):
-    """Locks out silence where atoms without a molecule become one body, as in LAMMPS's fix rigid."""
+    """Locks out silence where atoms without a molecule become one body,
+    as in LAMMPS's fix rigid."""
     warning = "WARNING: the 6 atoms with molecule-ID 0 are one rigid body"
     run = run_case(Case(before="set atom 4*9 mol 0", steps=5), ranks=2, check=True)
     assert run.log.count(warning) == run.screen.count(warning) == 1
@@ -330,10 +481,16 @@ def test_molecule_zero(run_case):
 
 @pytest.mark.parametrize(
     "before, target",
-    [("group rigid union ${g}", '"fix_nosquish.NVE rigid molecule mrot 2"'),
-     ("variable words string '\"fix_nosquish.NVE a molecule mrot 2\"'", "${words}"),
-     ("variable words index '\"fix_nosquish.NVE a molecule mrot 1\"' '\"fix_nosquish.NVE a molecule mrot 2\"'\nnext words", "${words}")],
-)  # fmt: skip
+    [
+        ("group rigid union ${g}", '"fix_nosquish.NVE rigid molecule mrot 2"'),
+        ("variable words string '\"fix_nosquish.NVE a molecule mrot 2\"'", "${words}"),
+        (
+            "variable words index '\"fix_nosquish.NVE a molecule mrot 1\"' '\"fix_nosquish.NVE a "
+            "molecule mrot 2\"'\nnext words",
+            "${words}",
+        ),
+    ],
+)
 def test_variables_in_the_fix_line(run_case, before, target):
     """Locks out advice that LAMMPS does not take."""
     case = Case(before=f"group a molecule 1 2\nvariable g string a\n{before}", steps=1)

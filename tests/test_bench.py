@@ -22,7 +22,7 @@ from validation.bench import bandwidth, goals, plan
 from validation.bench import figures as bench_figures
 from validation.bench import measure as bench
 from validation.bench import report as bench_report
-from validation.running import machine, rounds, run
+from validation.running import lammps_log, machine, rounds, run
 from validation.scenes import SCENES, Scene, integrators
 from validation.scenes.integrators import BENCHMARKED, INTEGRATORS, Integrator
 
@@ -53,7 +53,7 @@ def test_numbers_leave_warm_up_and_preparations_out():
     microseconds."""
 
     def log(loop, modify, steps):
-        return {"loop": loop, "steps": steps, "cpu": 90.0 + steps, "sections": {"Modify": modify}}
+        return lammps_log.Loop(loop, 1, steps, 3, 90.0 + steps, {"Modify": modify})
 
     segments = log(1e-3, 4e-4, 4), log(2e-3, 8e-4, 4), log(9e-3, 9e-3, 4)
     logs = [log(9, 9, 0), log(9, 9, 0), log(8, 8, 2), *segments]
@@ -164,8 +164,8 @@ def test_scene_runs_alike_with_ours_and_lammps(name, tmp_path):
     ]
     assert [one.error for one in results] == [None, None]
     ours, theirs = results
-    moved = np.abs(ours.positions["x"][1] - ours.positions["x"][0]).max()
-    assert np.abs(ours.positions["x"][1] - theirs.positions["x"][1]).max() < 1e-6 * moved + 1e-13
+    moved = np.abs(ours.positions.x[1] - ours.positions.x[0]).max()
+    assert np.abs(ours.positions.x[1] - theirs.positions.x[1]).max() < 1e-6 * moved + 1e-13
     expected = {"water": 295, "peptide": 300, "mixed": 1, "big": 1, "dimer": 155}[name]
     assert ours.thermo["Temp"][0] == pytest.approx(expected, rel=0.04)
     assert np.abs(ours.thermo["TotEng"][1] / ours.thermo["TotEng"][0] - 1) < 1e-4
@@ -175,7 +175,7 @@ def test_scene_runs_alike_with_ours_and_lammps(name, tmp_path):
     done = subprocess.run(command, cwd=scene.folder, capture_output=True, text=True, timeout=100)
     assert done.returncode == 0, done.stdout
     text = log.read_text()
-    energy = ours.thermo["TotEng"][0] / (ours.timings[0]["atoms"] if scene.units == "lj" else 1)
+    energy = ours.thermo["TotEng"][0] / (ours.timings[0].atoms if scene.units == "lj" else 1)
     assert read_thermo(text)["TotEng"][0] == pytest.approx(energy, rel=1e-6)
     assert int(re.search(r"(\d+) rigid bodies", text).group(1)) == scene.unit
 

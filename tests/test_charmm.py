@@ -1,7 +1,8 @@
-"""Rigid groups of flexible CHARMM22 molecules in rigid water: this fix against LAMMPS's fix rigid/nve.
+"""Rigid groups of flexible CHARMM22 molecules in rigid water:
+this fix against LAMMPS's fix rigid/nve.
 
-The bodies are bonded to atoms that fix nve moves; the force field is that of `charmm.py`.
-The body styles run one after the other in one process, so a style that fails may fail those after it too.
+The bodies are bonded to atoms that fix nve moves; the force field is that of `charmm.py`. The body
+styles run one after the other in one process, so a style that fails may fail those after it too.
 """
 
 from typing import NamedTuple
@@ -41,7 +42,7 @@ class Result(NamedTuple):
 
 
 def groups(scene):
-    """The groups of the body style group: one NH3, both CH3 of one butane (one body), one water molecule."""
+    """The groups of the body style group: an NH3, both CH3 of a butane (one body), a water."""
     first = {
         name: scene.number == scene.number[scene.molecule == name][0] for name in charmm.COUNTS
     }
@@ -59,19 +60,25 @@ def molecules(scene, atoms):
 
 
 def script(scene, scale, long, fix, styles, atoms, dt, steps):
-    """An input script that runs body styles one after the other, each from where the last one ended."""
+    """An input script that runs body styles one after the other,
+    each from where the last one ended."""
     lines = [charmm.script(scale, long)]
     for name, members in {"rigid": atoms, **groups(scene)}.items():
         lines += [f"group {name} id " + " ".join(str(k + 1) for k in np.flatnonzero(members))]
     lines += [
-        "variable molecule atom mol", "fix 3 all property/atom i_body",
-        # not whole: a body has both n and 1.001 n for n = -2, -1, 1, 2 ..., and one has both -0.7 and 0.7
+        "variable molecule atom mol",
+        "fix 3 all property/atom i_body",
+        # not whole: a body has both n and 1.001 n for n = -2, -1, 1, 2 ..., and one has both -0.7
+        # and 0.7
         "variable body atom (mol-2)*(1+0.001*(id%2))+0.7*(2*(id%2)-1)*(mol==2)",
-        "set group all i_body v_molecule", f"timestep {dt * scale.time:.17g}", f"thermo {steps}",
+        "set group all i_body v_molecule",
+        f"timestep {dt * scale.time:.17g}",
+        f"thermo {steps}",
         "thermo_style custom step temp etotal ebond eangle edihed eimp evdwl ecoul fmax",
         "thermo_modify format float %.16g norm no",
-        f"dump 1 all custom {steps} end id xu yu zu vx vy vz", "dump_modify 1 sort id format float %.16g",
-    ]  # fmt: skip
+        f"dump 1 all custom {steps} end id xu yu zu vx vy vz",
+        "dump_modify 1 sort id format float %.16g",
+    ]
     for style in styles:
         words, moved = STYLES[style]
         lines += [
@@ -102,15 +109,19 @@ def start(run_lammps, tmp_path, known):
     if "start" not in known:
         made, scale = charmm.scene(), charmm.SCALES["real"]
         files = {"data.charmm": charmm.data(made, scale, made.number)}
-        run_lammps(f"{charmm.script(scale)}\nminimize 0 0.5 60 200\n"
-                   "write_dump all custom end id xu yu zu modify sort id format float %.17g\n", files=files)  # fmt: skip
+        run_lammps(
+            f"{charmm.script(scale)}\nminimize 0 0.5 60 200\n"
+            "write_dump all custom end id xu yu zu modify sort id format float %.17g\n",
+            files=files,
+        )
         known["start"] = made._replace(x=np.loadtxt(tmp_path / "end", skiprows=9)[:, 1:])
     return known["start"]
 
 
 @pytest.fixture
 def simulate(start, run_lammps, tmp_path, known):
-    """A function that runs body styles in one process and gives their Results; no run is done twice."""
+    """A function that runs body styles in one process and gives their Results;
+    no run is done twice."""
 
     def run(
         fix,
@@ -123,7 +134,12 @@ def simulate(start, run_lammps, tmp_path, known):
         dt=DT,
         steps=STEPS,
     ):
-        """Args: long: Whether with PPPM.  size: How many atoms the bodies have (not those of single and group)."""
+        """Run these styles.
+
+        Args:
+            long: Whether with PPPM.
+            size: How many atoms the bodies have (not those of single and group).
+        """
         scale, atoms = charmm.SCALES[units], np.isin(start.size, size)
         text = script(start, scale, long, fix, styles, atoms, dt, steps)
         if (text, ranks, size) not in known:
@@ -152,10 +168,11 @@ def assert_same(a, b, tolerance):
 @pytest.mark.parametrize("units, ranks", RUNS)
 @pytest.mark.parametrize("style", STYLES)
 def test_bonded_bodies_move_as_with_rigid_nve(simulate, style, units, ranks):
-    """Locks out forces on bodies that miss those of bonds, angles, dihedrals and impropers to flexible atoms (also
-    across ranks), constants of one unit style, and a body style that takes other atoms than rigid/nve does: a body
-    of number or molecule-ID 0, numbers below 0 or not whole, a body of two parts.  (All ranks in all units take
-    minutes; the units' constants know nothing of ranks.)"""
+    """Locks out forces on bodies that miss those of bonds, angles, dihedrals and impropers to
+    flexible atoms (also across ranks), constants of one unit style, and a body style that takes
+    other atoms than rigid/nve does: a body of number or molecule-ID 0, numbers below 0 or not
+    whole, a body of two parts.  (All ranks in all units take minutes; the units' constants know
+    nothing of ranks.)"""
     theirs, ours = (
         simulate(RIGID, units=units)[style],
         simulate(LIKE_LAMMPS, units=units, ranks=ranks)[style],
@@ -168,13 +185,14 @@ def test_bonded_bodies_move_as_with_rigid_nve(simulate, style, units, ranks):
 @pytest.mark.parametrize("units", ["metal", "lj"])
 @pytest.mark.parametrize("style", STYLES)
 def test_units_do_not_matter(simulate, style, units):
-    """Locks out a constant of LAMMPS's unit styles that is used wrongly where rigid/nve does the same."""
+    """Locks out a constant of LAMMPS's unit styles that is used wrongly
+    where rigid/nve does the same."""
     assert_same(simulate(LIKE_LAMMPS, units=units)[style], simulate(LIKE_LAMMPS)[style], 1e-10)
 
 
 def test_with_pppm(simulate):
-    """Locks out bodies without the mesh's forces on partly rigid molecules, and motion in which the bonded and
-    the mesh's forces do not do the work that the energies say."""
+    """Locks out bodies without the mesh's forces on partly rigid molecules, and motion in which the
+    bonded and the mesh's forces do not do the work that the energies say."""
     how = dict(long=True, styles=("molecule",))
     theirs, ours = (
         simulate(RIGID, **how)["molecule"],
@@ -186,8 +204,8 @@ def test_with_pppm(simulate):
 
 
 def test_linear_groups(simulate):
-    """Locks out a linear body's torque that misses bonded forces: CO and NH, bonded to each other, come as close to
-    rigid/nve as dt^2 (LAMMPS splits the rotation of linear bodies)."""
+    """Locks out a linear body's torque that misses bonded forces: CO and NH, bonded to each other,
+    come as close to rigid/nve as dt^2 (LAMMPS splits the rotation of linear bodies)."""
     distance = []
     for steps in 10, 20:
         how = dict(styles=("molecule",), size=(2,), dt=5 / steps, steps=steps)
@@ -198,8 +216,9 @@ def test_linear_groups(simulate):
 
 
 def test_what_the_bodies_are_bonded_to(simulate, start):
-    """Locks out a system in which the other tests could not fail: bodies of three and four atoms with bonds,
-    angles, dihedrals and impropers to flexible atoms, all terms with forces, and atoms that have moved."""
+    """Locks out a system in which the other tests could not fail: bodies of three and four atoms
+    with bonds, angles, dihedrals and impropers to flexible atoms, all terms with forces, and atoms
+    that have moved."""
     flexible, bodies = start.size < 3, start.size >= 3
     for terms in start.terms.values():
         both = [

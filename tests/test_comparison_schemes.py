@@ -1,7 +1,8 @@
-"""MatubayasiNakahara and Gear against their equations, written out for one body, and against what theory says of them.
+"""MatubayasiNakahara and Gear against their equations, written out for one body,
+and against what theory says of them.
 
-The bodies of the first half of this file move in a field U = |x|^2 / 2 - m . (E + G x), with m a vector fixed in
-the body: force and torque, coupled, without LAMMPS.
+The bodies of the first half of this file move in a field U = |x|^2 / 2 - m . (E + G x), with m a
+vector fixed in the body: force and torque, coupled, without LAMMPS.
 """
 
 import re
@@ -164,7 +165,8 @@ def paper_mn(x, v, q, w, moments, dt, mrot):
 
 
 def gears_coefficients():
-    """For six values: of equations of first and of second order, from products of (1 + x / j) and their integrals over [-1, 0]."""
+    """For six values: of equations of first and of second order, from products of (1 + x / j) and
+    their integrals over [-1, 0]."""
 
     def product_to(last):
         return np.prod([Polynomial([1, 1 / j]) for j in range(1, last + 1)])
@@ -176,7 +178,8 @@ def gears_coefficients():
 
 
 class PlainGear:
-    """The predictor-corrector with unscaled derivatives: y[n] are derivatives n of x, omega and q."""
+    """The predictor-corrector with unscaled derivatives: y[n] are derivatives n of x,
+    omega and q."""
 
     def __init__(self, x, v, q, w, moments):
         self.moments, self.y = moments, np.zeros((6, 10))
@@ -222,8 +225,8 @@ def omega(bodies):
 
 @pytest.mark.parametrize("dt, steps, mrot", [(0.2, 1, 1), (-0.2, 1, 1), (0.2, 1, 3), (0.05, 15, 1)])
 def test_mn_equals_its_equations(dt, steps, mrot):
-    """Locks out a wrong sign or coefficient in a part of (2.61), parts in another order, inner steps of a wrong length,
-    and a p in the state that is not 2 S(q) (0, I omega)."""
+    """Locks out a wrong sign or coefficient in a part of (2.61), parts in another order, inner
+    steps of a wrong length, and a p in the state that is not 2 S(q) (0, I omega)."""
     first = start(2, 1)
     got = move_mn(make(*first), dt, steps, mrot)
     for b in range(2):
@@ -237,8 +240,8 @@ def test_mn_equals_its_equations(dt, steps, mrot):
 
 @pytest.mark.parametrize("dt, steps", [(0.1, 1), (0.02, 200)])
 def test_gear_equals_its_equations(dt, steps):
-    """Locks out a wrong coefficient, start, prediction or order of corrections, quaternions left unnormalised, and derivatives that are
-    lost between two passes."""
+    """Locks out a wrong coefficient, start, prediction or order of corrections, quaternions left
+    unnormalised, and derivatives that are lost between two passes."""
     first = start(5, 2)
     got = move_gear(for_gear(*first), dt, steps)
     for b in range(5):
@@ -262,8 +265,9 @@ def test_gear_equals_its_equations(dt, steps):
 
 
 def test_gears_coefficients():
-    """Locks out coefficients 0 and 1 of another scheme: these follow a polynomial of degree 6 with an error that stays what it
-    is after some steps, in x = t^6 and its velocity as in omega = t^6 about an axis."""
+    """Locks out coefficients 0 and 1 of another scheme: these follow a polynomial of degree 6 with
+    an error that stays what it is after some steps, in x = t^6 and its velocity as in omega = t^6
+    about an axis."""
     n, dt, time = 1, 0.1, [0.0]
 
     def force(x, q):
@@ -293,7 +297,8 @@ def test_gears_coefficients():
     "move, bodies, order", [(move_mn, make, 2), (move_gear, for_gear, 5)], ids=["MN", "Gear"]
 )
 def test_free_rotor_against_the_exact_one(move, bodies, order):
-    """Locks out a scheme of a lower order than it should have: the error at one time falls with this power of dt."""
+    """Locks out a scheme of a lower order than it should have:
+    the error at one time falls with this power of dt."""
     q, p = tops(1, ASYMMETRIC, 4)
     still, time, errors = np.zeros((3, 1)), 6.0, []
     want = np.concatenate(exact(q[:, 0], p[:, 0], ASYMMETRIC, time))
@@ -306,8 +311,9 @@ def test_free_rotor_against_the_exact_one(move, bodies, order):
 
 
 def test_mn_free_rotor_keeps_its_kinetic_energy():
-    """Locks out a part iL_2 or iL_3 that is not exact, and rounding errors that add up: in 10^5 steps the energy stays to
-    1e-11, and |q| to round-off, whereas the angular momentum in space is kept to order dt^2 only."""
+    """Locks out a part iL_2 or iL_3 that is not exact, and rounding errors that add up: in 10^5
+    steps the energy stays to 1e-11, and |q| to round-off, whereas the angular momentum in space is
+    kept to order dt^2 only."""
     q, p = tops(20, ASYMMETRIC, 5)
     before, L, lost = energy(q, p, ASYMMETRIC), space_momentum(q, p), []
     still = np.zeros((3, 20))
@@ -321,8 +327,9 @@ def test_mn_free_rotor_keeps_its_kinetic_energy():
 
 
 def test_reversal():
-    """Locks out a step of MN's whose second half is not the mirror of its first. Gear's scheme, even with the signs of all odd
-    derivatives changed, does not come back: a test that it passes would see nothing."""
+    """Locks out a step of MN's whose second half is not the mirror of its first. Gear's scheme,
+    even with the signs of all odd derivatives changed, does not come back: a test that it passes
+    would see nothing."""
     first, dt = start(20, 6), 0.05
     there = move_mn(make(*first), dt, 200)
     back = move_mn(make(there.x, -there.v, there.q, -there.p), dt, 200)
@@ -344,13 +351,14 @@ def test_reversal():
 
 
 def test_mn_preserves_volume():
-    """Locks out a part that does not: the determinant of the Jacobian of a step, in x, v, rotations of the body and omega, is 1.
-    That of Gear's step from a start without history is not."""
+    """Locks out a part that does not: the determinant of the Jacobian of a step, in x, v, rotations
+    of the body and omega, is 1. That of Gear's step from a start without history is not."""
     x, v, q, p = start(1, 7)
     w = body_momentum(q, p)[1:] / ASYMMETRIC[:, None]
 
     def jacobian(move, bodies, dt):
-        """By central differences of two widths, extrapolated: each column is a body that is displaced a little."""
+        """By central differences of two widths, extrapolated:
+        each column is a body that is displaced a little."""
         columns = []
         for h in 1e-3, 2e-3:
             shifts = h * np.concatenate([np.eye(12), -np.eye(12)], axis=1)
@@ -385,7 +393,8 @@ def test_energy_error_of_mn_is_of_second_order():
 
 
 def test_local_error_of_gear():
-    """Locks out a prediction or correction that spoils the fifth derivatives: one step from exact history is off by dt^6 or less."""
+    """Locks out a prediction or correction that spoils the fifth derivatives: one step from exact
+    history is off by dt^6 or less."""
     first, fine = start(1, 9), 0.002
     history = move_gear(for_gear(*first), fine, 100)
     errors = []
@@ -401,7 +410,8 @@ def test_local_error_of_gear():
 
 @pytest.mark.parametrize("phase, stable", [(0.38, True), (0.44, False)])
 def test_gears_limit_of_stability(phase, stable):
-    """Locks out the predicted omega in the equation of q, with which librations are stable up to 0.11 rad a step only, not 0.41."""
+    """Locks out the predicted omega in the equation of q, with which librations are stable up to
+    0.11 rad a step only, not 0.41."""
     angle, I3 = 1e-8, ASYMMETRIC[2]
 
     def spring(x, q):
@@ -420,8 +430,9 @@ def test_gears_limit_of_stability(phase, stable):
 @pytest.mark.parametrize("fix", [MN, GEAR], ids=["MN", "Gear"])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_all_kinds_of_bodies(simulate, fix, dimension):
-    """Locks out equations of motion other than NVE's for one kind of body, forces that do not reach it or atoms that do not follow:
-    the distance between the two trajectories falls with dt^2; in two dimensions nothing leaves the plane."""
+    """Locks out equations of motion other than NVE's for one kind of body, forces that do not reach
+    it or atoms that do not follow: the distance between the two trajectories falls with dt^2; in
+    two dimensions nothing leaves the plane."""
     kinds = "solid planar pair row single" if dimension == 3 else "planar pair row single"
     system = (
         smooth(kinds) if dimension == 3 else mixture(kinds, side=5, dimension=2, temperature=0.3)
@@ -442,8 +453,8 @@ def test_all_kinds_of_bodies(simulate, fix, dimension):
 
 @pytest.mark.parametrize("fix", [MN, GEAR], ids=["MN", "Gear"])
 def test_water(simulate, fix):
-    """Locks out wrong units of force and torque, energy and pressure of another moment, and a scheme that is unstable
-    at a usual time step: the thermodynamics is near NVE's."""
+    """Locks out wrong units of force and torque, energy and pressure of another moment, and a
+    scheme that is unstable at a usual time step: the thermodynamics is near NVE's."""
     theirs, ours = (simulate(water(), one, 40, every=10) for one in (NVE, fix))
     for name, off in ("Temp", 0.6), ("Press", 40), ("TotEng", 3.0):
         np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=0, atol=off)
@@ -451,8 +462,8 @@ def test_water(simulate, fix):
 
 @pytest.mark.parametrize("fix", [MN, GEAR], ids=["MN", "Gear"])
 def test_migration(simulate, fix):
-    """Locks out derivatives, or anything else of a body, that do not follow its atoms to other ranks: a hot system that re-neighbours at
-    every step moves on 2, 4 and 8 ranks as on one."""
+    """Locks out derivatives, or anything else of a body, that do not follow its atoms to other
+    ranks: a hot system that re-neighbours at every step moves on 2, 4 and 8 ranks as on one."""
     system = hot_rods()
     how = dict(before="neigh_modify every 1 delay 0 check no", every=25, dt=2)
     begin, alone = simulate(system, fix, 0, **how), simulate(system, fix, 25, **how)
@@ -468,8 +479,9 @@ def test_migration(simulate, fix):
 
 
 def test_gears_derivatives_go_on(simulate):
-    """Locks out a new start where a run goes on, and derivatives that hang on what is printed: with reinit no, with `pre no` and with
-    another output the trajectory is that of one run to the last bit; bodies that are made anew start anew."""
+    """Locks out a new start where a run goes on, and derivatives that hang on what is printed: with
+    reinit no, with `pre no` and with another output the trajectory is that of one run to the last
+    bit; bodies that are made anew start anew."""
     system = mixture()
     whole = simulate(system, GEAR, 40)
     same = simulate(system, GEAR, 40, every=1)
@@ -484,7 +496,8 @@ def test_gears_derivatives_go_on(simulate):
 
 
 def test_mn_goes_on_and_waits_like_nve(simulate):
-    """Locks out a loop that differs where two half kicks are done in one pass, and levels of run_style respa that kick twice."""
+    """Locks out a loop that differs where two half kicks are done in one pass, and levels of
+    run_style respa that kick twice."""
     system = smooth()
     whole, same = (simulate(system, MN, 40, every=every) for every in (40, 1))
     np.testing.assert_array_equal(same.x, whole.x)
@@ -492,12 +505,17 @@ def test_mn_goes_on_and_waits_like_nve(simulate):
     assert apart(levels, whole, system.h) < 1e-9
 
 
-@pytest.mark.parametrize("words, before, expected, ranks", [
-    ("molecule mrot 2", "", "keywords mrot and order", 1), ("molecule order 123", "", "keywords mrot and order", 2),
-    ("molecule", TWO, "run_style verlet", 2),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "words, before, expected, ranks",
+    [
+        ("molecule mrot 2", "", "keywords mrot and order", 1),
+        ("molecule order 123", "", "keywords mrot and order", 2),
+        ("molecule", TWO, "run_style verlet", 2),
+    ],
+)
 def test_what_gear_refuses(simulate, words, before, expected, ranks):
-    """Locks out words that are taken and do nothing, and forces of levels that Gear would mix up."""
+    """Locks out words that are taken and do nothing,
+    and forces of levels that Gear would mix up."""
     run = simulate(
         smooth(), GEAR, 1, words=words, before=before, ranks=ranks, check=False, timeout=60
     )
@@ -507,7 +525,8 @@ def test_what_gear_refuses(simulate, words, before, expected, ranks):
 
 
 def test_the_log_says_which(simulate):
-    """Locks out a log that calls all of them NO_SQUISH, or names keywords that Gear does not have."""
+    """Locks out a log that calls all of them NO_SQUISH,
+    or names keywords that Gear does not have."""
     logs = {fix: simulate(mixture("solid"), fix, 0).log for fix in (NVE, MN, GEAR)}
     assert "by NO_SQUISH, fix_nosquish" in logs[NVE] and "NO_SQUISH" not in logs[MN] + logs[GEAR]
     assert re.search(

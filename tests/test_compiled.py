@@ -1,4 +1,5 @@
-"""Compiled loops: what they compute, what they take and refuse, and where their machine code is kept."""
+"""Compiled loops: what they compute, what they take and refuse,
+and where their machine code is kept."""
 
 import json
 import os
@@ -109,7 +110,7 @@ def counted(module):
 
 compiled.Module._compile = counted
 """
-# a process that uses a loop, and says what it got, whether it has compiled, and what it was warned of
+# a process that uses a loop, and says what it got, whether it has compiled, and its warnings
 USE = f"""
 import json, os, warnings
 import numpy as np
@@ -118,13 +119,15 @@ before = dict(os.environ)
 with warnings.catch_warnings(record=True) as warned:
     import loops
     result = np.empty(3)
-    loops.lengths(np.array([[3.0, 4.0, 0.0], [5.0, 12.0, 0.0]]), np.array([1, 0, 1], np.int32), 2.0, result)
+    sides = np.array([[3.0, 4.0, 0.0], [5.0, 12.0, 0.0]])
+    loops.lengths(sides, np.array([1, 0, 1], np.int32), 2.0, result)
 assert "numba" not in sys.modules and dict(os.environ) == before
 print(json.dumps([result.tolist(), bool(made), [str(w.message) for w in warned]]))
 """
 EXPECTED = [26.0, 10.0, 26.0]
 
-# the same as USE on several ranks; a processor's name can be changed on one of them, a loop be used before on another
+# the same as USE on several ranks; a processor's name can be changed on one of them, a loop be used
+# before on another
 USE_RANKS = f"""
 import numpy as np
 from mpi4py import MPI
@@ -189,7 +192,8 @@ def files(folder):
 
 
 def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
-    """Start a process, or several, that import from the folder; `cache` is the user's folder of caches, in it."""
+    """Start a process, or several, that import from the folder;
+    `cache` is the user's folder of caches, in it."""
     environment = dict(
         os.environ,
         PYTHONPATH=str(folder),
@@ -221,8 +225,9 @@ def use(folder, **keywords):
 
 
 def test_cells(loops):
-    """Locks out a bound loop that keeps the number, array or length that it was bound to, where these have changed in their cells, views
-    of memory that goes with the cell, and cells of another kind than the argument."""
+    """Locks out a bound loop that keeps the number, array or length that it was bound to, where
+    these have changed in their cells, views of memory that goes with the cell, and cells of another
+    kind than the argument."""
     numbers, start = compiled.Cell(compiled.L1, np.arange(3)), compiled.Cell(compiled.I, 10)
     total = loops.total.bind_to({"numbers": numbers, "more": 5}, start=start)
     assert total() == 13
@@ -244,13 +249,14 @@ def test_cells(loops):
     assert cells["x"].array.tolist() == [2.0, 3.0, 4.0]
     with pytest.raises(
         TypeError,
-        match="numbers must be a C-contiguous int64 array of 1 dimensions, not a .*float64",
+        match=r"numbers must be a C-contiguous int64 array of 1 dimensions, not a .*float64",
     ):
         loops.total.bind(cells["x"], 0)
 
 
 def test_a_loop_computes_what_python_computes(loops):
-    """Locks out: arguments that arrive in the wrong place, constants and inlined functions that are not those of the source."""
+    """Locks out: arguments that arrive in the wrong place,
+    constants and inlined functions that are not those of the source."""
     rng = np.random.default_rng(1)
     x, index = rng.normal(size=(50, 3)), rng.permutation(50).astype(np.int32)
     compiled_result, result = np.empty(50), np.empty(50)
@@ -267,7 +273,8 @@ def test_a_loop_computes_what_python_computes(loops):
 
 
 def test_only_contracted_functions_round_once(loops):
-    """Locks out: fused multiply-adds in functions that did not ask for them (or none in those that did)."""
+    """Locks out: fused multiply-adds in functions that did not ask for them,
+    or none in those that did."""
     a, result = 1.0 + 2.0**-30, np.empty(1)
     loops.rounded_twice(a, a, -(1.0 + 2.0**-29), result)
     assert result == 0.0
@@ -357,13 +364,14 @@ def test_later_processes_do_without_numba(written):
     ],
 )
 def test_changed_source_is_compiled_anew(copied, module, before, after, expected):
-    """Locks out: old machine code for a changed loop, inlined function or constant, and old files that pile up."""
+    """Locks out: old machine code for a changed loop, inlined function or constant,
+    and old files that pile up."""
     (before_file,) = files(copied)
     path = copied / f"{module}.py"
     path.write_text(path.read_text().replace(before, after))
     result, compiled_anew, _ = use(copied)
     assert compiled_anew
-    assert result == expected or expected is None and np.isnan(result).all()
+    assert result == expected or (expected is None and np.isnan(result).all())
     (after_file,) = files(copied)
     assert after_file != before_file
 
@@ -386,14 +394,15 @@ def test_damaged_file(copied, damage):
 
 
 def test_folder_that_cannot_be_written(copied):
-    """Locks out: an installation that is read-only being compiled at each start, or not working at all."""
+    """Locks out: an installation that is read-only being compiled at each start,
+    or not working at all."""
     shutil.rmtree(copied / "__pycache__")
     (copied / "__pycache__").write_text(
         "a file in the place of the folder: not even root can write there"
     )
     assert use(copied) == [EXPECTED, True, []]
     assert use(copied) == [EXPECTED, False, []]
-    (path,) = (copied / "cache").rglob("*.o")
+    assert len(list((copied / "cache").rglob("*.o"))) == 1
     result, compiled_anew, warned = use(copied, cache="helpers.py")
     assert result == EXPECTED and compiled_anew
     assert (
@@ -404,7 +413,8 @@ def test_folder_that_cannot_be_written(copied):
 
 
 def test_two_processes_at_once(tmp_path):
-    """Locks out: a process that reads what another has half written, compiles the same again, or leaves something behind."""
+    """Locks out: a process that reads what another has half written, compiles the same again,
+    or leaves something behind."""
     write(tmp_path)
     processes = [start(tmp_path) for _ in range(2)]
     assert sorted(answer(process) for process in processes) == [
@@ -448,7 +458,8 @@ def test_later_runs_do_without_numba(run_lammps):
 
 @pytest.fixture
 def fresh(tmp_path_factory, monkeypatch):
-    """A folder with the installed package, without machine code, that the runs of a test import it from."""
+    """A folder with the installed package, without machine code,
+    that the runs of a test import it from."""
     code = "import fix_nosquish; print(fix_nosquish.__path__[0])"
     installed = subprocess.run(
         [sys.executable, "-c", code], cwd="/", capture_output=True, text=True, check=True
@@ -463,14 +474,15 @@ def fresh(tmp_path_factory, monkeypatch):
 
 
 SPHERES = (
-    SCRIPT.replace("atom_style molecular", "atom_style hybrid molecular sphere").replace("mass 1 1.0", "set group all diameter 1.0 density 1.0")
+    SCRIPT.replace("atom_style molecular", "atom_style hybrid molecular sphere")
+    .replace("mass 1 1.0", "set group all diameter 1.0 density 1.0")
     .replace("fix 1", "thermo_style custom step\nfix 1")
-)  # fmt: skip
+)
 
 
 def test_one_compilation_serves_all(run_lammps, fresh):
-    """Locks out: a first use on one rank that leaves something to compile for more ranks, for spheres or for LAMMPS's own fix; and a
-    compilation without a word."""
+    """Locks out: a first use on one rank that leaves something to compile for more ranks, for
+    spheres or for LAMMPS's own fix; and a compilation without a word."""
     begins, ends = "fix_nosquish compiles its loops", "fix_nosquish has compiled its loops"
     screen = run_lammps(SCRIPT, timeout=200).screen
     assert screen.count(begins) == screen.count(ends) == 1 and screen.index(begins) < screen.index(

@@ -14,9 +14,11 @@ bond_coeff * 1.0
 angle_coeff * 90.0
 pair_style zero 1.0
 pair_coeff * *
-print "BOX $(xlo:%.17g) $(xhi:%.17g) $(ylo:%.17g) $(yhi:%.17g) $(zlo:%.17g) $(zhi:%.17g) $(xy:%.17g)"
+print "BOX $(xlo:%.17g) $(xhi:%.17g) $(ylo:%.17g) $(yhi:%.17g) &
+$(zlo:%.17g) $(zhi:%.17g) $(xy:%.17g)"
 run 0
-write_dump all custom end id mol type mass {more} x y z ix iy iz vx vy vz modify sort id format float %.17g
+write_dump all custom end id mol type mass {more} x y z ix iy iz vx vy vz &
+    modify sort id format float %.17g
 """
 
 

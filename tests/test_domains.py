@@ -1,6 +1,8 @@
-"""Every kind of box, and every way to share a box out among ranks, against LAMMPS's fix rigid/nve in the same set-up.
+"""Every kind of box, and every way to share a box out among ranks,
+against LAMMPS's fix rigid/nve in the same set-up.
 
-`order 123` throughout, and bodies of three moments (in the plane any): there the two have one trajectory.
+`order 123` throughout, and bodies of three moments (in the plane any):
+there the two have one trajectory.
 """
 
 import itertools
@@ -12,7 +14,10 @@ from conftest import read_thermo
 from systems import LIKE_LAMMPS, RIGID, System, apart, assemble, mixture, turned
 
 # a column that changes whenever an atom changes its rank
-OWNER = "compute proc all property/atom proc\nvariable owner atom (c_proc+1)*id*id\ncompute owner all reduce sum v_owner"
+OWNER = (
+    "compute proc all property/atom proc\nvariable owner atom (c_proc+1)*id*id\n"
+    "compute owner all reduce sum v_owner"
+)
 
 
 def assert_same(ours, theirs, system, tolerance=1e-9):
@@ -27,7 +32,8 @@ def assert_same(ours, theirs, system, tolerance=1e-9):
 
 
 def droplet(boundary, *, setup="", margin=0.05, spacing=2.55, seed=1):
-    """27 bodies in a box with these faces; along non-periodic directions it ends `margin` from the outermost atoms."""
+    """27 bodies in a box with these faces; along non-periodic directions it ends `margin`
+    from the outermost atoms."""
     rng, free = np.random.default_rng(seed), np.array([face != "p" for face in boundary.split()])
     edge = np.where(free, 1e3, 3.0 * np.array(spacing))
     bodies = []
@@ -45,7 +51,8 @@ def droplet(boundary, *, setup="", margin=0.05, spacing=2.55, seed=1):
 def apart_at(speed):
     """Commands that add velocities which drive the atoms away from the middle of the box."""
     return "\n".join(
-        f"velocity all ramp v{k} -{speed} {speed} {k} $(bound(all,{k}min)) $(bound(all,{k}max)) sum yes units box"
+        f"velocity all ramp v{k} -{speed} {speed} "
+        f"{k} $(bound(all,{k}min)) $(bound(all,{k}max)) sum yes units box"
         for k in "xyz"
     )
 
@@ -82,8 +89,9 @@ BOXES = {
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("box", BOXES)
 def test_boxes(simulate, box, ranks):
-    """Locks out wrong images of atoms across tilted faces, images of atoms across faces that are not periodic, and
-    motion out of the plane; a body as wide as the box is not cut by such faces: each box moves its bodies as rigid/nve does."""
+    """Locks out wrong images of atoms across tilted faces, images of atoms across faces that are
+    not periodic, and motion out of the plane; a body as wide as the box is not cut by such faces:
+    each box moves its bodies as rigid/nve does."""
     system, before = BOXES[box]()
     theirs = simulate(system, RIGID, 50, before=before)
     ours = simulate(system, LIKE_LAMMPS, 50, before=before, ranks=ranks)
@@ -92,7 +100,8 @@ def test_boxes(simulate, box, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_tilted_box_without_image_flags(simulate, ranks):
-    """Locks out the wrong nearest image in a strongly tilted box, where a data file says 0 0 0 of bodies that faces cut."""
+    """Locks out the wrong nearest image in a strongly tilted box,
+    where a data file says 0 0 0 of bodies that faces cut."""
     right, none = (
         mixture("planar", side=4, tilt=0.6, flags=flags, setup="box tilt large")
         for flags in (True, False)
@@ -105,7 +114,8 @@ def test_tilted_box_without_image_flags(simulate, ranks):
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("boundary", ["s s s", "m m m", "p s f"])
 def test_box_that_grows(simulate, boundary, ranks):
-    """Locks out the refusal of a box whose faces follow the atoms in mid-run, and bodies placed by the old box."""
+    """Locks out the refusal of a box whose faces follow the atoms in mid-run,
+    and bodies placed by the old box."""
     system = droplet(boundary, margin=3.0 if "f" in boundary else 0.05)
     how = dict(before=apart_at(10), columns="lx ly lz")
     theirs = simulate(system, RIGID, 60, **how)
@@ -120,7 +130,8 @@ def test_box_that_grows(simulate, boundary, ranks):
 # ---- domains
 
 EACH_STEP = "neigh_modify every 1 delay 0 check no"
-DOMAINS = {  # ranks, lines before read_data, lines before the fix, whether atoms must have changed their ranks
+# ranks, lines before read_data, lines before the fix, whether atoms must have changed their ranks
+DOMAINS = {
     "layers": (2, "processors 1 1 *", EACH_STEP, True),
     "rods": (4, "processors * 1 1", EACH_STEP, True),
     "newton off": (2, "newton off", EACH_STEP, True),
@@ -135,8 +146,8 @@ DOMAINS = {  # ranks, lines before read_data, lines before the fix, whether atom
 
 @pytest.mark.parametrize("domains", DOMAINS)
 def test_domains(simulate, domains):
-    """Locks out atoms that bodies lose, or take for others, where LAMMPS shares out, re-orders, or looks up its
-    atoms in another way than by default."""
+    """Locks out atoms that bodies lose, or take for others, where LAMMPS shares out, re-orders, or
+    looks up its atoms in another way than by default."""
     ranks, setup, before, moves = DOMAINS[domains]
     system = mixture("solid planar", temperature=8.0, setup=setup)
     alone = system._replace(setup=re.sub("processors .*", "", system.setup))
@@ -153,8 +164,9 @@ def test_domains(simulate, domains):
 @pytest.mark.parametrize("first", [True, False])
 @pytest.mark.parametrize("style, balance", [("brick", "shift xyz 10 1.0"), ("tiled", "rcb")])
 def test_fix_balance(simulate, style, balance, first):
-    """Locks out atoms lost, and arrays of LAMMPS read where they no longer are, when fix balance shares out atoms
-    anew at the set-up and every five steps, before this fix or after it (with fix rigid it must be after)."""
+    """Locks out atoms lost, and arrays of LAMMPS read where they no longer are, when fix balance
+    shares out atoms anew at the set-up and every five steps, before this fix or after it (with fix
+    rigid it must be after)."""
     system = mixture("solid planar", temperature=8.0, setup=f"comm_style {style}\nprocessors * 1 1")
     alone = system._replace(setup=re.sub("processors .*", "", system.setup))
     line, how = f"fix 7 all balance 5 1.0 {balance}", dict(columns="c_owner", every=5)
@@ -167,7 +179,7 @@ def test_fix_balance(simulate, style, balance, first):
 
 @pytest.mark.parametrize("style, balance", [("brick", "x 0.3"), ("tiled", "rcb")])
 def test_balance_between_runs(simulate, style, balance):
-    """Locks out bodies of the last run where `balance` has given their atoms to other ranks since."""
+    """Locks out bodies of the last run where `balance` has since given atoms to other ranks."""
     system = mixture("solid planar", setup=f"comm_style {style}\nprocessors * 1 1")
     how = dict(before=OWNER, columns="c_owner")
     balances = f"balance 1.0 {balance}\nrun 20\nbalance 1.0 {balance.replace('0.3', '0.7')}\nrun 20"
@@ -178,7 +190,8 @@ def test_balance_between_runs(simulate, style, balance):
 
 
 def test_no_map(simulate):
-    """Locks out a need for LAMMPS's map from IDs to atoms, which atom_style atomic has not by default."""
+    """Locks out a need for LAMMPS's map from IDs to atoms,
+    which atom_style atomic has not by default."""
     system = mixture("solid planar", temperature=8.0)
     data = system.files["data.bodies"].replace("# molecular", "# atomic")
     atoms = data[data.index("Atoms") : data.index("Velocities")]
@@ -187,8 +200,10 @@ def test_no_map(simulate):
         "\nMembers\n\n" + "\n".join(f"{k + 1} {m}" for k, m in enumerate(system.molecule)) + "\n"
     )
     setup = (
-        "units lj\natom_style atomic\nfix body all property/atom i_body ghost yes\nread_data data.bodies fix body NULL Members\n"
-        f"pair_style soft 1.5\npair_coeff * * 20\nneighbor 0.2 bin\n{EACH_STEP}\ngroup bodies union all"
+        "units lj\natom_style atomic\nfix body all property/atom i_body ghost yes\n"
+        "read_data data.bodies fix body NULL Members\n"
+        f"pair_style soft 1.5\npair_coeff * * 20\nneighbor 0.2 bin\n{EACH_STEP}\n"
+        "group bodies union all"
     )
     system = system._replace(setup=setup, files={"data.bodies": data})
     theirs = simulate(system, RIGID, 50, words="custom i_body")
@@ -214,12 +229,16 @@ def said_of_bodies(log):
 
 
 def test_partitions(run_lammps, tmp_path):
-    """Locks out messages between ranks of different worlds, and a world whose log is another one's: each of two
-    worlds moves to the last bit as it does alone."""
+    """Locks out messages between ranks of different worlds, and a world whose log is another one's:
+    each of two worlds moves to the last bit as it does alone."""
     system = mixture("solid planar")
     text = dict(setup=system.setup, fix=LIKE_LAMMPS.format(group="all", words="molecule"))
-    run_lammps(WORLDS.format(world="variable seed world 4928 1234", **text), files=system.files, ranks=4,
-               options=("-partition", "2x2"))  # fmt: skip
+    run_lammps(
+        WORLDS.format(world="variable seed world 4928 1234", **text),
+        files=system.files,
+        ranks=4,
+        options=("-partition", "2x2"),
+    )
     together = [(tmp_path / f"log.lammps.{k}").read_text() for k in (0, 1)]
     ends = [(tmp_path / f"end.{seed}").read_text() for seed in (4928, 1234)]
     assert ends[0] != ends[1]
@@ -243,10 +262,14 @@ def test_partitions(run_lammps, tmp_path):
         # the second world has no such group
         ("group 1 rare", "", "there is no group 'rare'"),
         # a force that becomes infinite, on one rank of one world
-        ("molecule", "variable f equal exp(${rate}*(step>3))-1\nfix 2 one addforce v_f 0 0", "is not finite at step 4"),
+        (
+            "molecule",
+            "variable f equal exp(${rate}*(step>3))-1\nfix 2 one addforce v_f 0 0",
+            "is not finite at step 4",
+        ),
     ],
     ids=["fix line", "in a run"],
-)  # fmt: skip
+)
 def test_error_in_one_world(run_lammps, tmp_path, layout, words, more, message):
     """Locks out a hang, or silence, where one world ends with an error and the other goes on."""
     system = mixture("solid planar")
@@ -279,8 +302,8 @@ def test_error_in_one_world(run_lammps, tmp_path, layout, words, more, message):
 
 @pytest.mark.parametrize("others, grid", [(0, (2, 2, 2)), (60, (2, 2, 1))])
 def test_more_ranks_than_bodies(simulate, others, grid):
-    """Locks out a rank without bodies, or without any atom, that waits for the others or crashes: one body of three
-    atoms, alone and among free atoms."""
+    """Locks out a rank without bodies, or without any atom, that waits for the others or crashes:
+    one body of three atoms, alone and among free atoms."""
     rng, h = np.random.default_rng(3), 9.0 * np.eye(3)
     body = [[4.4, 4.4, 4.4], [5.0, 4.4, 4.5], [4.4, 4.9, 4.3]]
     bodies = [("bent", np.array(body), np.array([1, 2, 3]))]
@@ -305,8 +328,9 @@ def test_more_ranks_than_bodies(simulate, others, grid):
 
 
 def test_body_over_all_ranks(simulate):
-    """Locks out a limit on how many ranks hold a body, and parts of it that drift apart: the frame of a box, of some
-    200 atoms, on eight ranks, with small bodies and free and bonded atoms in and around it."""
+    """Locks out a limit on how many ranks hold a body, and parts of it that drift apart: the frame
+    of a box, of some 200 atoms, on eight ranks, with small bodies and free and bonded atoms in and
+    around it."""
     rng, h = np.random.default_rng(3), 13.0 * np.eye(3)
     edge = np.linspace(1.0, 11.0, 18)
     frame = np.unique(
@@ -316,10 +340,13 @@ def test_body_over_all_ranks(simulate):
     bodies = [("frame", frame + 0.3, 1 + np.arange(len(frame)) % 3)]
     kinds = itertools.cycle(["solid", "single", "planar", "pair"])
     for site in itertools.product((0.0, 3.6, 6.2, 8.8), repeat=3):
-        bodies.append(turned(next(kinds), np.array(site) + [0, 0, 0.2], bodies, h, rng))
+        bodies.append(turned(next(kinds), np.add(site, [0, 0, 0.2]), bodies, h, rng))
     system = assemble(bodies, h, temperature=2.0, setup="processors 2 2 2\nbond_style harmonic")
     room = "read_data data.bodies extra/bond/types 1 extra/bond/per/atom 1 extra/special/per/atom 2"
-    bonds = "\nbond_coeff 1 200 1.0\ncreate_bonds many pair pair 1 0.9 1.1\ngroup free union single pair\ngroup rigid subtract all free"
+    bonds = (
+        "\nbond_coeff 1 200 1.0\ncreate_bonds many pair pair 1 0.9 1.1\n"
+        "group free union single pair\ngroup rigid subtract all free"
+    )
     system = system._replace(
         setup=system.setup.replace("read_data data.bodies", room) + bonds,
         singles=False,
@@ -336,15 +363,31 @@ def test_body_over_all_ranks(simulate):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_body_of_many_atoms(simulate, ranks):
-    """Locks out sums over a body's atoms that lose digits, and arrays too small for it: 100,000 atoms, cut by the
-    periodic faces and by the ranks, that a force turns."""
-    setup = "\n".join([
-        "units lj", "atom_style atomic", "lattice sc 1.0", "region box block 0 100 0 100 0 100", "region body block 0 79 0 49 0 24",
-        "create_box 2 box", "create_atoms 1 region body", "mass 1 1.0", "mass 2 2.5", "set type 1 type/fraction 2 0.3 4928",
-        "displace_atoms all move 80.3 70.2 75.1", "velocity all create 50.0 4928 loop all", "velocity all ramp vx -4 4 y 0 100 sum yes",
-        "pair_style zero 1.5", "pair_coeff * *", "neighbor 0.3 bin", "neigh_modify every 2 delay 0 check no",
-        "variable pull atom (id%7)*(x-50)", "fix 5 all addforce v_pull 0 3",
-    ])  # fmt: skip
+    """Locks out sums over a body's atoms that lose digits, and arrays too small for it: 100,000
+    atoms, cut by the periodic faces and by the ranks, that a force turns."""
+    setup = "\n".join(
+        [
+            "units lj",
+            "atom_style atomic",
+            "lattice sc 1.0",
+            "region box block 0 100 0 100 0 100",
+            "region body block 0 79 0 49 0 24",
+            "create_box 2 box",
+            "create_atoms 1 region body",
+            "mass 1 1.0",
+            "mass 2 2.5",
+            "set type 1 type/fraction 2 0.3 4928",
+            "displace_atoms all move 80.3 70.2 75.1",
+            "velocity all create 50.0 4928 loop all",
+            "velocity all ramp vx -4 4 y 0 100 sum yes",
+            "pair_style zero 1.5",
+            "pair_coeff * *",
+            "neighbor 0.3 bin",
+            "neigh_modify every 2 delay 0 check no",
+            "variable pull atom (id%7)*(x-50)",
+            "fix 5 all addforce v_pull 0 3",
+        ]
+    )
     system = System(setup, {}, 100.0 * np.eye(3), 0.02, group="all")
     theirs = simulate(system, RIGID, 8, words="single", every=4)
     ours = simulate(system, LIKE_LAMMPS, 8, words="single", every=4, ranks=ranks)

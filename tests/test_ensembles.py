@@ -13,6 +13,7 @@ from validation import __main__
 from validation.ensembles import criteria, measure, plan
 from validation.ensembles.plan import REFERENCE, SCHEMES, Lengths, Point
 from validation.running import run
+from validation.running.lammps_log import Loop
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate
 
@@ -243,8 +244,9 @@ def test_what_settles_is_left_out(tmp_path, monkeypatch):
     series, _ = table(np.random.default_rng(4), 512, 61)
     series |= {"Step": np.arange(61.0)}
     series["PotEng"] = np.where(series["Step"] < 20, 0.0, -512 * 9.5)
-    section = {"sections": {"Modify": 0.1}, "cpu": 100.0}
-    timings = [{"loop": 9.0, "steps": 20} | section, {"loop": 0.4, "steps": 40} | section]
+    timings = [
+        Loop(time, 1, steps, 1536, 100.0, {"Modify": 0.1}) for time, steps in ((9.0, 20), (0.4, 40))
+    ]
     result = run.Result(None, series, timings, None, {}, [1], {"commands": [], "setups": []})
     monkeypatch.setattr(run, "collect", lambda directory: result)
     found, job = measure.Found(), run.Job(str(tmp_path), "", [], [20, 40], None)
@@ -272,7 +274,7 @@ def test_translation_is_that_of_the_centres(tmp_path):
     scene, scheme = plan.scene(), SCHEMES["nosquish+langevin"]
     more = [line.format(group=scene.group) for line in measure.MOVES]
     more += run.thermo("v_moves", "f_1[1]", "f_1[2]")
-    how = {"dt": 4.0, "every": 5, "more": more, "positions": False}
+    how = {"dt": 4.0, "every": 5, "more": more, "keeps": "nothing"}
     result = run.run(run.job(scene, scheme.seeded(1), tmp_path / "run", [20], **how))
     assert result.error is None
     found = result.thermo

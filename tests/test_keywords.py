@@ -1,4 +1,5 @@
-"""The keywords force, torque, reinit and infile, and bodies of spheres, against fix rigid/nve with the same words."""
+"""The keywords force, torque, reinit and infile, and bodies of spheres,
+against fix rigid/nve with the same words."""
 
 import numpy as np
 import pytest
@@ -31,7 +32,8 @@ CUSTOM = "fix 3 all property/atom i_body\nvariable b atom 70-2*mol\nset group al
         ("molecule force 3 off on off torque 3 on off off", "bodies", "", 1),
         ("molecule force * off off off torque * off on on", "bodies", "", 2),
         (
-            "molecule force 20* on off on force 21 off on off torque *5 off off off torque 2*3 on off on force * on on on force 6*9 off off on",
+            "molecule force 20* on off on force 21 off on off torque *5 off off off "
+            "torque 2*3 on off on force * on on on force 6*9 off off on",
             "bodies",
             "",
             4,
@@ -67,8 +69,9 @@ CUSTOM = "fix 3 all property/atom i_body\nvariable b atom 70-2*mol\nset group al
     ],
 )
 def test_force_and_torque(simulate, words, group, before, ranks):
-    """Locks out flags on other bodies than those of this number (molecule-IDs have gaps, custom values turn the order,
-    ranks have a few bodies each), flags in the body frame, and an earlier keyword that wins over a later one."""
+    """Locks out flags on other bodies than those of this number (molecule-IDs have gaps, custom
+    values turn the order, ranks have a few bodies each), flags in the body frame, and an earlier
+    keyword that wins over a later one."""
     system = mixture("solid planar")
     how = dict(group=group, before=before)
     theirs = simulate(system, RIGID, 50, words=words, **how)
@@ -87,7 +90,8 @@ def test_force_and_torque(simulate, words, group, before, ranks):
     ],
 )
 def test_force_and_torque_in_the_plane(simulate, words):
-    """Locks out that the words that fix rigid demands in two dimensions are refused, or switch other components off."""
+    """Locks out that the words that fix rigid demands in two dimensions are refused,
+    or switch other components off."""
     system = mixture("planar", side=5, dimension=2)
     how = dict(before="fix 9 all enforce2d")
     theirs = simulate(system, RIGID, 50, words="molecule " + words, **how)
@@ -98,8 +102,9 @@ def test_force_and_torque_in_the_plane(simulate, words):
 
 
 def test_force_off_is_a_straight_line(simulate):
-    """Locks out a body that is off and yet gets a kick from its shared forces: without force and torque, the centres
-    of pairs and single atoms too go straight and the energy of each body's motion stays (fix rigid takes no single atoms)."""
+    """Locks out a body that is off and yet gets a kick from its shared forces: without force and
+    torque, the centres of pairs and single atoms too go straight and the energy of each body's
+    motion stays (fix rigid takes no single atoms)."""
     system = mixture()
     start, end = (
         simulate(
@@ -118,19 +123,36 @@ def test_force_off_is_a_straight_line(simulate):
 
 
 BAD_WORDS = {
-    "number above the last body": Case("all molecule force 28 on on on", ("keyword force", "bodies 28 to 28", "bodies 1 to 27")),
-    "range that goes past the last body": Case("all molecule torque 5*30 on on on", ("keyword torque", "bodies 5 to 30", "1 to 27")),
-    "range the wrong way round": Case("all molecule force 9*5 on on on", ("keyword force", "bodies 9 to 5")),
-    "infile of a variable that is not there": Case("all molecule infile v_f", ("variable 'f'", "define it before the fix")),
-    "infile of a variable without text": Case("all molecule infile v_f", ("variable f", "not a string-style variable", "string"), before="variable f equal 1"),
-    "infile that is not there": Case("all molecule infile nowhere", ("infile nowhere", "No such file")),
-    "infile that is a folder": Case("all molecule infile v_f", ("infile .: Is a directory",), before="variable f string ."),
-}  # fmt: skip
+    "number above the last body": Case(
+        "all molecule force 28 on on on", ("keyword force", "bodies 28 to 28", "bodies 1 to 27")
+    ),
+    "range that goes past the last body": Case(
+        "all molecule torque 5*30 on on on", ("keyword torque", "bodies 5 to 30", "1 to 27")
+    ),
+    "range the wrong way round": Case(
+        "all molecule force 9*5 on on on", ("keyword force", "bodies 9 to 5")
+    ),
+    "infile of a variable that is not there": Case(
+        "all molecule infile v_f", ("variable 'f'", "define it before the fix")
+    ),
+    "infile of a variable without text": Case(
+        "all molecule infile v_f",
+        ("variable f", "not a string-style variable", "string"),
+        before="variable f equal 1",
+    ),
+    "infile that is not there": Case(
+        "all molecule infile nowhere", ("infile nowhere", "No such file")
+    ),
+    "infile that is a folder": Case(
+        "all molecule infile v_f", ("infile .: Is a directory",), before="variable f string ."
+    ),
+}
 
 
 @pytest.mark.parametrize("name", BAD_WORDS)
 def test_bad_words(run_case, tmp_path, name):
-    """Locks out a hang, several messages, a traceback and a silently wrong run, for each wrong use of a keyword."""
+    """Locks out a hang, several messages, a traceback and a silently wrong run,
+    for each wrong use of a keyword."""
     assert_ended(run_case(BAD_WORDS[name], ranks=2), BAD_WORDS[name].expected, tmp_path)
 
 
@@ -155,8 +177,8 @@ UNREADABLE = {
 
 @pytest.mark.parametrize("name", UNREADABLE)
 def test_unreadable_words(name):
-    """Locks out words that are taken for something else, and messages that do not name the word and what was expected
-    (tests/test_bad_input.py has how such a message ends a run)."""
+    """Locks out words that are taken for something else, and messages that do not name the word and
+    what was expected (tests/test_bad_input.py has how such a message ends a run)."""
     words, expected = UNREADABLE[name]
     with pytest.raises(RunError) as caught:
         Command.parse("NVE all molecule " + words)
@@ -191,7 +213,10 @@ def test_bad_words_in_the_plane(simulate, tmp_path, words, said):
 BETWEEN = {
     "nothing": "run 20",
     "velocities scaled": "velocity all scale 2.5\nrun 20",
-    "velocities new": "variable w atom sin(id)\nvelocity all set v_w NULL v_w\nrun 20\nvelocity all set 0.1 0 0 sum yes\nrun 20",
+    "velocities new": (
+        "variable w atom sin(id)\nvelocity all set v_w NULL v_w\nrun 20\n"
+        "velocity all set 0.1 0 0 sum yes\nrun 20"
+    ),
     "another time step": "timestep 0.001\nrun 20",
     "pre no": "velocity all scale 2.5\nrun 20 pre no",
 }
@@ -200,8 +225,8 @@ BETWEEN = {
 @pytest.mark.parametrize("between", BETWEEN)
 @pytest.mark.parametrize("reinit, ranks", [("yes", 1), ("no", 2)])
 def test_reinit(simulate, reinit, between, ranks):
-    """Locks out reinit no that takes velocities from the atoms (or leaves theirs in the printed temperature), and
-    reinit yes that does not, over several runs in one script."""
+    """Locks out reinit no that takes velocities from the atoms (or leaves theirs in the printed
+    temperature), and reinit yes that does not, over several runs in one script."""
     system = mixture("solid planar")
     how = dict(words="molecule reinit " + reinit, after=BETWEEN[between])
     theirs = simulate(system, RIGID, 20, **how)
@@ -218,7 +243,8 @@ def test_reinit(simulate, reinit, between, ranks):
 
 
 def test_reinit_no_with_displaced_atoms(simulate, tmp_path):
-    """Locks out bodies that jump back, or atoms that come off their bodies, where a script moves atoms under reinit no."""
+    """Locks out bodies that jump back, or atoms that come off their bodies,
+    where a script moves atoms under reinit no."""
     move = "group odd molecule 3\ndisplace_atoms odd move 0.1 0.1 0.1 units box\nrun 5"
     system = mixture("solid planar")
     assert len(simulate(system, OURS, 5, after=move).thermo) == 4
@@ -261,8 +287,18 @@ def rows_of(system, start, which=None, ids=None):
         ).sum(axis=0)
         centre += start.x[mine][0]
         image = np.floor(centre @ inverse)
-        rows.append([body, mass.sum(), *(centre - system.h @ image), *np.diag(inertia), *inertia[[0, 0, 1], [1, 2, 2]],
-                     *v, *(mass @ np.cross(r, start.v[mine])), *image])  # fmt: skip
+        rows.append(
+            [
+                body,
+                mass.sum(),
+                *(centre - system.h @ image),
+                *np.diag(inertia),
+                *inertia[[0, 0, 1], [1, 2, 2]],
+                *v,
+                *(mass @ np.cross(r, start.v[mine])),
+                *image,
+            ]
+        )
     return np.array(rows)
 
 
@@ -314,8 +350,8 @@ def bodies_of(system, style):
 
 @pytest.mark.parametrize("style, ranks", list(zip(BODIES, (2, 1, 4, 1))))
 def test_infile(simulate, style, ranks):
-    """Locks out columns that are taken for others, inertia or momentum in another frame, a body with another's
-    line, and what the file says being lost on the other ranks that share a body."""
+    """Locks out columns that are taken for others, inertia or momentum in another frame, a body
+    with another's line, and what the file says being lost on the other ranks that share a body."""
     system = mixture("solid planar")
     before, group, which = bodies_of(system, style)
     rows = unlike_its_atoms(rows_of(system, simulate(system, "", 0), which))
@@ -328,8 +364,8 @@ def test_infile(simulate, style, ranks):
 
 
 def test_infile_with_what_is_there_anyway(simulate):
-    """Locks out a sign or factor that two codes could share: the file says what the bodies are without it.
-    Its name has a point, so it is a variable's text."""
+    """Locks out a sign or factor that two codes could share: the file says what the bodies are
+    without it. Its name has a point, so it is a variable's text."""
     system = mixture("solid planar")
     rows = rows_of(system, simulate(system, "", 0))
     system = with_file(system, text_of(rows), "bodies.of.test")
@@ -432,8 +468,9 @@ def read_rows(path):
 
 
 def test_restart(simulate, run_lammps, tmp_path):
-    """Locks out a restart that loses what an infile said: NAME.rigid beside the restart file is what fix rigid/nve writes
-    there, and read as infile it continues the trajectory; a fix without infile writes no such file."""
+    """Locks out a restart that loses what an infile said: NAME.rigid beside the restart file is
+    what fix rigid/nve writes there, and read as infile it continues the trajectory; a fix without
+    infile writes no such file."""
     system = mixture("solid planar")
     rows = unlike_its_atoms(rows_of(system, simulate(system, "", 0)))
     system = with_file(system, text_of(rows))
@@ -451,11 +488,21 @@ def test_restart(simulate, run_lammps, tmp_path):
         of_ours[:, :17], of_rigid[:, :17], rtol=0, atol=1e-9 * np.abs(of_rigid).max()
     )
     words = LIKE_LAMMPS.format(group="all", words="molecule infile v_file")
-    run_lammps("\n".join([
-        "atom_modify map array", "read_restart state", "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
-        "variable file string state.rigid", words, f"timestep {system.dt:.17g}", "run 30",
-        "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g", "",
-    ]))  # fmt: skip
+    run_lammps(
+        "\n".join(
+            [
+                "atom_modify map array",
+                "read_restart state",
+                "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
+                "variable file string state.rigid",
+                words,
+                f"timestep {system.dt:.17g}",
+                "run 30",
+                "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g",
+                "",
+            ]
+        )
+    )
     again = np.loadtxt(tmp_path / "end", skiprows=9)
     np.testing.assert_allclose(again[:, 4:], ours.v, rtol=0, atol=1e-9 * np.abs(ours.v).max())
     assert apart(ours._replace(x=again[:, 1:4]), ours, system.h) < 1e-9 * np.abs(ours.x).max()
@@ -470,7 +517,8 @@ def test_restart(simulate, run_lammps, tmp_path):
 def clumps(*, dimension=3, points=True, velocity=1.0, count=3):
     """Clumps of overlapping spheres, and points among them, as a script's first part and data file.
 
-    In each: three spheres of different size and mass and, with `points`, an atom of radius 0; in the plane the same, flat."""
+    In each: three spheres of different size and mass and, with `points`, an atom of radius 0;
+    in the plane the same, flat."""
     rng = np.random.default_rng(8)
     spacing, rows, speeds = 1.75 if points else 1.45, [], []
     sites = [
@@ -500,24 +548,41 @@ def clumps(*, dimension=3, points=True, velocity=1.0, count=3):
     half = 0.5 if dimension == 2 else 0
     height = (-half, side if dimension == 3 else half)
     data = data_file("hybrid", [*zip(*rows)], [(0, side), (0, side), height], velocities=[speeds])
-    script = "\n".join([
-        "units lj", f"dimension {dimension}", "atom_style hybrid sphere molecular", "atom_modify map array", "comm_modify vel yes",
-        "newton off", "read_data data.clumps", "pair_style gran/hooke/history 3000.0 2000.0 0.0 0.0 0.5 0", "pair_coeff * *",
-        "neighbor 0.3 bin", "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
-        "fix 9 all enforce2d" if dimension == 2 else "",
-        "compute spin all temp/sphere", "timestep 0.0005", "thermo_style custom step temp pe press pxx pyy pzz pxy pxz pyz",
-        "thermo_modify format float %.16g norm no temp spin", "",
-    ])  # fmt: skip
+    script = "\n".join(
+        [
+            "units lj",
+            f"dimension {dimension}",
+            "atom_style hybrid sphere molecular",
+            "atom_modify map array",
+            "comm_modify vel yes",
+            "newton off",
+            "read_data data.clumps",
+            "pair_style gran/hooke/history 3000.0 2000.0 0.0 0.0 0.5 0",
+            "pair_coeff * *",
+            "neighbor 0.3 bin",
+            "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
+            "fix 9 all enforce2d" if dimension == 2 else "",
+            "compute spin all temp/sphere",
+            "timestep 0.0005",
+            "thermo_style custom step temp pe press pxx pyy pzz pxy pxz pyz",
+            "thermo_modify format float %.16g norm no temp spin",
+            "",
+        ]
+    )
     return script, data
 
 
 @pytest.fixture
 def run_clumps(run_lammps, tmp_path):
-    """A function that runs clumps with a fix, and gives (atoms, 9): positions unwrapped, velocities, omegas; and the thermo table."""
+    """A function that runs clumps with a fix, and gives (atoms, 9): positions unwrapped,
+    velocities, omegas; and the thermo table."""
 
     def run(system, fix, steps=200, ranks=1, every=20, after=""):
         script, data = system
-        dump = "write_dump all custom end id xu yu zu vx vy vz omegax omegay omegaz radius tqx tqy tqz modify sort id format float %.17g\n"
+        dump = (
+            "write_dump all custom end id xu yu zu vx vy vz omegax omegay omegaz radius "
+            "tqx tqy tqz modify sort id format float %.17g\n"
+        )
         done = run_lammps(
             "\n".join([script, fix, f"thermo {every}", f"run {steps}", after, dump]),
             files={"data.clumps": data},
@@ -537,8 +602,9 @@ def close(ours, theirs, tolerance):
 
 @pytest.mark.parametrize("dimension, points, ranks", [(3, True, 4), (3, False, 1), (2, True, 2)])
 def test_spheres(run_clumps, dimension, points, ranks):
-    """Locks out spheres whose own inertia, torque (friction) or spin is left out, a spin that friction does not see at the half
-    step, and degrees of freedom of points and spheres that are mixed up."""
+    """Locks out spheres whose own inertia, torque (friction) or spin is left out, a spin that
+    friction does not see at the half step, and degrees of freedom of points and spheres that are
+    mixed up."""
     system = clumps(dimension=dimension, points=points, count=3 if dimension == 3 else 5)
     (theirs, table), (ours, ours_table) = (
         run_clumps(system, fix.format(group="all", words="molecule"), ranks=n)
@@ -552,8 +618,9 @@ def test_spheres(run_clumps, dimension, points, ranks):
 
 
 def test_damped_spheres(run_clumps):
-    """Locks out friction that damps with the mass of a sphere alone, where fix rigid's bodies tell the pair style theirs.
-    (The first run makes the velocities rigid, which rigid/nve does only after its first forces.)"""
+    """Locks out friction that damps with the mass of a sphere alone, where fix rigid's bodies tell
+    the pair style theirs. (The first run makes the velocities rigid, which rigid/nve does only
+    after its first forces.)"""
     script, data = clumps(points=False)
     system = script.replace("3000.0 2000.0 0.0 0.0", "3000.0 2000.0 50.0 50.0"), data
     theirs, *ours = (
@@ -565,7 +632,8 @@ def test_damped_spheres(run_clumps):
 
 
 def test_points_beside_grains(run_clumps):
-    """Locks out a crash of granular pair styles, which look the bodies up, where the bodies themselves have no sphere."""
+    """Locks out a crash of granular pair styles, which look the bodies up,
+    where the bodies themselves have no sphere."""
     script, data = clumps()
     script += """group points id 4 8 12
 variable dot atom radius==0
@@ -617,12 +685,15 @@ def test_spin_at_the_start(run_clumps):
 
 
 def test_pressure_of_spheres(run_clumps):
-    """Locks out a wrong constraint virial of spheres: the six components differ from rigid/nve/small's in proportion to dt."""
+    """Locks out a wrong constraint virial of spheres: the six components differ from
+    rigid/nve/small's in proportion to dt."""
     system, size = clumps(), []
     for n in 40, 80:
         short = (system[0] + f"timestep {0.002 / n:.17g}\n", system[1])
-        tables = [run_clumps(short, f.format(group="all", words="molecule"), n, every=n)[1][-1:]
-                  for f in (OURS, "fix 1 {group} rigid/nve/small {words}")]  # fmt: skip
+        tables = [
+            run_clumps(short, f.format(group="all", words="molecule"), n, every=n)[1][-1:]
+            for f in (OURS, "fix 1 {group} rigid/nve/small {words}")
+        ]
         ours, theirs = (
             np.array([t[name][0] for name in ("Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz")])
             for t in tables
@@ -634,8 +705,8 @@ def test_pressure_of_spheres(run_clumps):
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_single_spheres(run_clumps, dimension):
-    """Locks out a sphere alone that does not turn, or turns as if it were a point: it moves as with fix nve/sphere
-    (fix rigid takes no single atoms)."""
+    """Locks out a sphere alone that does not turn, or turns as if it were a point: it moves as with
+    fix nve/sphere (fix rigid takes no single atoms)."""
     script, data = clumps(dimension=dimension, points=False, count=3 if dimension == 3 else 5)
     script = script.replace("exclude molecule/intra all", "").replace(
         "3000.0 2000.0", "300.0 200.0"
@@ -665,8 +736,8 @@ def test_sphere_in_a_group(run_clumps):
 
 
 def test_infile_of_some_bodies_and_a_thermostat(simulate):
-    """Locks out bodies that are not in the infile and yet ignore a thermostat at the end of the step because others are, and bodies
-    of the infile that take its velocities over."""
+    """Locks out bodies that are not in the infile and yet ignore a thermostat at the end of the
+    step because others are, and bodies of the infile that take its velocities over."""
     system = mixture("solid planar")
     system = with_file(system, text_of(rows_of(system, simulate(system, RIGID, 0))[:1]))
     how = dict(
@@ -680,7 +751,8 @@ def test_infile_of_some_bodies_and_a_thermostat(simulate):
 
 
 def test_restart_file_before_any_run(simulate, run_lammps, tmp_path):
-    """Locks out a script that ends where it writes a restart file before the first run of bodies of an infile."""
+    """Locks out a script that ends where it writes a restart file before the first run
+    of bodies of an infile."""
     system = mixture("solid planar")
     rows = rows_of(system, simulate(system, RIGID, 0))
     rows[0, 1] = 9.0
@@ -695,8 +767,8 @@ def test_restart_file_before_any_run(simulate, run_lammps, tmp_path):
 
 
 def test_velocities_set_between_runs_that_go_on(run_lammps):
-    """Locks out silence where velocities that a script sets have no effect, because the bodies go on, and that they have one where a fix might
-    have set them."""
+    """Locks out silence where velocities that a script sets have no effect, because the bodies go
+    on, and that they have one where a fix might have set them."""
     system = mixture("solid planar")
     for reinit, how, count in (
         ("no", "", 1),
@@ -705,7 +777,8 @@ def test_velocities_set_between_runs_that_go_on(run_lammps):
         ("no", "pre no", 1),
     ):
         fix = LIKE_LAMMPS.format(group="all", words=f"molecule reinit {reinit}")
-        late = "fix late all temp/rescale 5 1.0 1.0 1000.0 1.0"  # which never acts, and is not to be taken for who has set them
+        # which never acts, and is not to be taken for who has set them
+        late = "fix late all temp/rescale 5 1.0 1.0 1000.0 1.0"
         for between, said, other in (
             ("velocity all scale 3.0", count, ""),
             ("", 0, ""),

@@ -1,8 +1,9 @@
 """The integrator in LAMMPS against LAMMPS's own rigid fixes, plain formulas and conservation laws.
 
-Order of axes: in 22 Jul 2025 LAMMPS's fix rigid/nve turns a body about the axis of its largest moment
-outermost, NVE about that of the smallest.  Where a test asks for the very trajectory of rigid/nve, it
-runs NVE with `order 123`; in its own order the two differ by terms of dt^2, which has tests of its own.
+Order of axes: in 22 Jul 2025 LAMMPS's fix rigid/nve turns a body about the axis of its largest
+moment outermost, NVE about that of the smallest.  Where a test asks for the very trajectory of
+rigid/nve, it runs NVE with `order 123`; in its own order the two differ by terms of dt^2, which has
+tests of its own.
 """
 
 import itertools
@@ -26,14 +27,14 @@ from systems import (
     water,
 )
 
-
 # ---- trajectories
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 4, 8])
 def test_water_moves_as_with_rigid_nve(simulate, ranks):
-    """Locks out force, torque, exchange between ranks or migration that are off by more than round-off,
-    and a temperature or energy with the wrong degrees of freedom or of velocities from another time."""
+    """Locks out force, torque, exchange between ranks or migration that are off by more than
+    round-off, and a temperature or energy with the wrong degrees of freedom or of velocities from
+    another time."""
     system = water()
     theirs = simulate(system, RIGID, 100)
     ours = simulate(system, LIKE_LAMMPS, 100, ranks=ranks)
@@ -45,8 +46,9 @@ def test_water_moves_as_with_rigid_nve(simulate, ranks):
 @pytest.mark.parametrize("ranks", [1, 4])
 @pytest.mark.parametrize("shape", ["cube", "triclinic", "plane"])
 def test_bodies_move_as_with_rigid_nve(simulate, shape, ranks):
-    """Locks out bodies put together wrongly across tilted faces, wrong moments or torques of planar and
-    three-dimensional bodies, and in two dimensions of any body, rotation out of the plane included."""
+    """Locks out bodies put together wrongly across tilted faces, wrong moments or torques of planar
+    and three-dimensional bodies, and in two dimensions of any body, rotation out of the plane
+    included."""
     system = {
         "cube": lambda: mixture("solid planar"),
         "triclinic": lambda: mixture("solid planar", tilt=0.3),
@@ -63,8 +65,9 @@ def test_bodies_move_as_with_rigid_nve(simulate, shape, ranks):
 
 @pytest.mark.parametrize("kinds", ["solid planar pair row single", "solid", "pair row"])
 def test_difference_from_rigid_nve_is_of_second_order(simulate, kinds):
-    """Locks out a splitting with the class's own order of axes, or a linear rotor, that solves other
-    equations: after the same time the distance falls with dt^2.  (LAMMPS splits linear rotors.)"""
+    """Locks out a splitting with the class's own order of axes, or a linear rotor, that solves
+    other equations: after the same time the distance falls with dt^2.  (LAMMPS splits linear
+    rotors.)"""
     system = mixture(kinds)
     coarse, fine = (
         apart(simulate(system, OURS, n, dt=20 / n), simulate(system, RIGID, n, dt=20 / n), system.h)
@@ -76,8 +79,8 @@ def test_difference_from_rigid_nve_is_of_second_order(simulate, kinds):
 
 @pytest.mark.parametrize("order, turns", [("", (0, 1, 2, 1, 0)), ("order 123", (2, 1, 0, 1, 2))])
 def test_order_of_axes(simulate, order, turns):
-    """Locks out moments numbered otherwise than I_1 >= I_2 >= I_3, and another order of turns than 3,2,1,2,3,
-    or 1,2,3,2,1 where that is asked for: one free step in plain numpy."""
+    """Locks out moments numbered otherwise than I_1 >= I_2 >= I_3, and another order of turns than
+    3,2,1,2,3, or 1,2,3,2,1 where that is asked for: one free step in plain numpy."""
     system = mixture("solid planar")
     free = "pair_style zero 2.5\npair_coeff * *\n"
     start, got = (
@@ -149,8 +152,8 @@ def test_mrot(simulate):
 
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_start_velocities(simulate, ranks):
-    """Locks out a projection that changes a body's linear or angular momentum, leaves motion that is
-    not rigid, or logs another loss of kinetic energy than there is."""
+    """Locks out a projection that changes a body's linear or angular momentum, leaves motion that
+    is not rigid, or logs another loss of kinetic energy than there is."""
     system = mixture()
     before, after = (simulate(system, fix, 0, ranks=n) for fix, n in (("", 1), (OURS, ranks)))
     inverse, lost = np.linalg.inv(system.h).T, 0.0
@@ -185,7 +188,8 @@ def test_bodies_cut_by_a_face(simulate, ranks):
 
 
 def wide(flags):
-    """A bent rod over 0.7 of a periodic box, across its face, among pairs of atoms; the rod with its image flags or with 0 0 0."""
+    """A bent rod over 0.7 of a periodic box, across its face, among pairs of atoms; the rod with
+    its image flags or with 0 0 0."""
     h, k, rng = 10.0 * np.eye(3), np.arange(12), np.random.default_rng(3)
     rod = np.stack([6.0 + 7.0 / 11 * k, 1.4 + 0.1 * np.cos(k), 1.4 + 0.1 * np.sin(k)]).T
     bodies = [("rod", rod, np.ones(12, int))]
@@ -202,7 +206,8 @@ def wide(flags):
 
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_body_wider_than_half_the_box(simulate, ranks):
-    """Locks out the nearest image where the image flags are right and the body is too wide for it."""
+    """Locks out the nearest image where the image flags are right
+    and the body is too wide for it."""
     system = wide(True)
     theirs, ours = (
         simulate(system, fix, 50, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks))
@@ -213,8 +218,8 @@ def test_body_wider_than_half_the_box(simulate, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_wide_body_with_wrong_flags(simulate, ranks):
-    """Locks out silence where a body's image flags may not fit and it is too wide to guess, and another shape than
-    fix rigid/nve has by the same flags."""
+    """Locks out silence where a body's image flags may not fit and it is too wide to guess, and
+    another shape than fix rigid/nve has by the same flags."""
     system = wide(False)
     theirs, ours = (
         simulate(system, fix, 20, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks))
@@ -261,8 +266,8 @@ neigh_modify every 1 delay 0 check yes exclude group bodies bodies"""
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("rows", [2, 3, 4, 6, 8, 9, 12])
 def test_periodic_wall(simulate, rows, ranks):
-    """Locks out the refusal, and any doubt of, a wall that spans the periodic box, whose image flags are all 0, and a shape
-    other than fix rigid/nve's."""
+    """Locks out the refusal, and any doubt of, a wall that spans the periodic box, whose image
+    flags are all 0, and a shape other than fix rigid/nve's."""
     system = System(
         WALL.format(rows, rows + 1), {}, np.diag([rows, rows + 1, 20.0]), 0.002, singles=True
     )
@@ -276,14 +281,15 @@ def test_periodic_wall(simulate, rows, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_body_of_scattered_molecules(simulate, ranks):
-    """Locks out the refusal of a body whose parts lie anywhere in the periodic box, with image flags that are all 0
-    (LAMMPS's unit tests of fix rigid have such ones)."""
+    """Locks out the refusal of a body whose parts lie anywhere in the periodic box, with image
+    flags that are all 0 (LAMMPS's unit tests of fix rigid have such ones)."""
     system = mixture("solid planar", flags=False)
     how = dict(
         words="group 2 some more", before="group some molecule 2 9 14\ngroup more molecule 5 21"
     )
     how["before"] += (
-        "\ngroup rest subtract all some more\nfix 3 rest nve\ngroup bodies clear\ngroup bodies union some more"
+        "\ngroup rest subtract all some more\nfix 3 rest nve\ngroup bodies clear\n"
+        "group bodies union some more"
     )
     theirs = simulate(system, RIGID, 20, dt=0.2, **how)
     ours = simulate(system, LIKE_LAMMPS, 20, dt=0.2, group="bodies", ranks=ranks, **how)
@@ -303,8 +309,8 @@ KINDS = "solid planar pair row single"
 @pytest.mark.parametrize("ranks", [1, 4])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_temperature_of_a_mixture(simulate, dimension, ranks):
-    """Locks out wrong degrees of freedom of one kind of body, of bodies on several ranks, in a group of
-    atoms, or of bodies of which a group has a part; at every printed step, 0 included."""
+    """Locks out wrong degrees of freedom of one kind of body, of bodies on several ranks, in a
+    group of atoms, or of bodies of which a group has a part; at every printed step, 0 included."""
     kinds = KINDS if dimension == 3 else KINDS.replace("solid ", "")
     system = mixture(kinds, side=3 if dimension == 3 else 5, dimension=dimension)
     names = [*kinds.split(), "part"]
@@ -322,8 +328,8 @@ def test_temperature_of_a_mixture(simulate, dimension, ranks):
 
 @pytest.mark.parametrize("kinds", [KINDS, "solid", "planar", "pair", "row"])
 def test_pressure_in_the_limit_of_small_steps(simulate, kinds):
-    """Locks out a wrong term of the constraint virial for one kind of body: the six components differ from
-    rigid/nve/small's in proportion to dt (LAMMPS averages two half steps)."""
+    """Locks out a wrong term of the constraint virial for one kind of body: the six components
+    differ from rigid/nve/small's in proportion to dt (LAMMPS averages two half steps)."""
     system = mixture(kinds)
     size = []
     for n in 40, 80, 160:
@@ -338,13 +344,16 @@ def test_pressure_in_the_limit_of_small_steps(simulate, kinds):
 @pytest.mark.parametrize("ranks", [1, 4])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_pressure_at_step_0(simulate, dimension, ranks):
-    """Locks out the impulse that makes random start velocities rigid, or forces not yet gathered, in the
-    first pressure: it equals that of a vanishing step later, by this fix and by rigid/nve/small."""
+    """Locks out the impulse that makes random start velocities rigid, or forces not yet gathered,
+    in the first pressure: it equals that of a vanishing step later, by this fix and by
+    rigid/nve/small."""
     kinds = KINDS if dimension == 3 else KINDS.replace("solid ", "")
     system = mixture(kinds, side=3 if dimension == 3 else 5, dimension=dimension)
     before = "fix 9 all enforce2d" * (dimension == 2)
-    ours, theirs = (simulate(system, fix, 4, dt=1e-6, every=1, before=before, ranks=n)
-                    for fix, n in ((OURS, ranks), (SMALL, 1)))  # fmt: skip
+    ours, theirs = (
+        simulate(system, fix, 4, dt=1e-6, every=1, before=before, ranks=n)
+        for fix, n in ((OURS, ranks), (SMALL, 1))
+    )
     scale = np.abs(tensor(ours)).max()
     np.testing.assert_allclose(
         tensor(ours)[1:], tensor(ours)[:1].repeat(4, axis=0), rtol=0, atol=1e-6 * scale
@@ -374,8 +383,9 @@ run 0
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, ranks):
-    """Locks out a step 0 with the impulse that makes the velocities of `velocity create` rigid, as LAMMPS's rigid fixes print it:
-    the pressure is that of the molecules' centres, by hand from the forces on the atoms, and does not depend on the time step.
+    """Locks out a step 0 with the impulse that makes the velocities of `velocity create` rigid, as
+    LAMMPS's rigid fixes print it: the pressure is that of the molecules' centres, by hand from the
+    forces on the atoms, and does not depend on the time step.
 
     P V = (sum of M V^2 + atomic virial - sum of f (r - R)) / 3, where M, R and V are of a molecule.
     """
@@ -409,7 +419,8 @@ def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, 
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
 def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
-    """Locks out a virial with absolute positions in it, or of an atom in the wrong periodic image."""
+    """Locks out a virial with absolute positions in it,
+    or of an atom in the wrong periodic image."""
     system, rng = mixture(tilt=tilt, flags=False), np.random.default_rng(2)
     offsets = [(0.3, 0, 0), *(system.h @ rng.uniform(-1.5, 1.5, 3) for _ in range(5))]
     after = "\n".join(
@@ -424,8 +435,8 @@ def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
 
 
 def test_energy_of_water(simulate):
-    """Locks out a worse conservation of energy than rigid/nve/small's at 2 fs: in 0.2 ps, in which the two still move alike; after that
-    chance makes more of a difference than the bound allows."""
+    """Locks out a worse conservation of energy than rigid/nve/small's at 2 fs: in 0.2 ps, in which
+    the two still move alike; after that chance makes more of a difference than the bound allows."""
     sd = [
         simulate(water(), fix, 100, dt=2, every=2, ranks=2).thermo["TotEng"].std()
         for fix in (OURS, SMALL)
@@ -437,11 +448,12 @@ def test_energy_of_water(simulate):
 
 
 def hot_rods():
-    """Three coiled rods of 40 atoms over nearly the whole length of the box, and a hot bath of other bodies."""
+    """Three coiled rods of 40 atoms over nearly the whole length of the box,
+    and a hot bath of other bodies."""
     h, s, rng = np.diag([27.0, 9.0, 9.0]), np.arange(40), np.random.default_rng(4)
     coil = np.stack([0.62 * s, 0.4 * np.cos(0.9 * s), 0.4 * np.sin(0.9 * s)]).T
     rods = {(1.5, 1.5): 0.0, (4.5, 4.5): 9.0, (7.5, 1.5): 20.0}
-    bodies = [("rod", coil + [x, y, z], 1 + s % 3) for (y, z), x in rods.items()]
+    bodies = [("rod", np.add(coil, [x, y, z]), 1 + s % 3) for (y, z), x in rods.items()]
     kinds = itertools.cycle(["pair", "solid", "single", "row"])
     for x, y, z in itertools.product(np.arange(9) * 3.0, (1.5, 4.5, 7.5), (1.5, 4.5, 7.5)):
         if (y, z) not in rods:
@@ -451,8 +463,9 @@ def hot_rods():
 
 @pytest.mark.parametrize("grid", [(8, 1, 1), (2, 2, 1), (1, 2, 1)], ids=str)
 def test_migration(simulate, grid):
-    """Locks out state that does not follow atoms, copies of a body that come apart, and a limit on how many
-    ranks share a body: a hot system that re-neighbours at every step moves as on one rank."""
+    """Locks out state that does not follow atoms, copies of a body that come apart, and a limit on
+    how many ranks share a body: a hot system that re-neighbours at every step moves as on one
+    rank."""
     system = hot_rods()
     cut = "processors {} {} {}\nread_data".format(*grid)
     split = system._replace(setup=system.setup.replace("read_data", cut))

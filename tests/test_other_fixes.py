@@ -1,4 +1,5 @@
-"""Other fixes on the atoms of the bodies: those that add forces, those that change velocities, those that only look.
+"""Other fixes on the atoms of the bodies: those that add forces,
+those that change velocities, those that only look.
 
 Each test runs several systems in one process, one after the other with `clear` between them.
 """
@@ -11,12 +12,16 @@ from conftest import read_thermo
 from systems import LIKE_LAMMPS, OURS, RIGID, Result, apart, mixture, water
 
 TOOK = "The velocities of the bodies' atoms were changed at the end of step"
-COLUMNS = "thermo_style custom step temp press pe etotal {}\nthermo_modify format float %.16g norm no\nthermo {}\ntimestep {}"
+COLUMNS = (
+    "thermo_style custom step temp press pe etotal {}\nthermo_modify format float %.16g norm no\n"
+    "thermo {}\ntimestep {}"
+)
 
 
 @pytest.fixture
 def run_all(run_lammps, tmp_path):
-    """A function that runs the same atoms with different input, all in one process, and gives a Result of each."""
+    """A function that runs the same atoms with different input, all in one process,
+    and gives a Result of each."""
 
     def run(system, scripts, **how):
         """Args: scripts is a dictionary from a name to what follows the system's setup."""
@@ -49,7 +54,8 @@ def lines(system, fix, *more, columns="", every=20, group="bodies", words="molec
 
 
 def differ(ours, theirs, h):
-    """How far two Results lie apart, in units of the largest coordinate and of the highest velocity."""
+    """How far two Results lie apart, in units of the largest coordinate
+    and of the highest velocity."""
     return max(
         apart(ours, theirs, h) / np.abs(theirs.x).max(),
         np.abs(ours.v - theirs.v).max() / np.abs(theirs.v).max(),
@@ -71,7 +77,10 @@ FORCES = {
     "aveforce": "fix 5 bodies aveforce 0.2 NULL 0.0",
 }
 # both start from rigid velocities, which LAMMPS's fixes see only after their first setup
-START = "thermo_style custom step temp press pe etotal\ngroup one molecule 2 3 4\nvariable f equal 2.0*cos(step/5)\nfix 0 bodies rigid/nve molecule\nrun 0\nunfix 0"
+START = (
+    "thermo_style custom step temp press pe etotal\ngroup one molecule 2 3 4\n"
+    "variable f equal 2.0*cos(step/5)\nfix 0 bodies rigid/nve molecule\nrun 0\nunfix 0"
+)
 
 
 def charged(system):
@@ -90,8 +99,9 @@ def charged(system):
 
 
 def test_forces(run_all):
-    """Locks out the force of another fix that the bodies do not get, or get at another time than with rigid/nve:
-    from the first half step if the fix stands before this one, else from the second."""
+    """Locks out the force of another fix that the bodies do not get, or get at another time than
+    with rigid/nve: from the first half step if the fix stands before this one, else from the
+    second."""
     system = charged(mixture("solid planar"))
     scripts = {("none", "", None): lines(system, RIGID, START, "RIGID", "run 20")}
     for name, force in FORCES.items():
@@ -115,11 +125,15 @@ def test_forces(run_all):
 
 # ---- fixes that constrain atoms
 
-FLEXIBLE = "group wet molecule <= 500\ngroup flexible subtract all wet\nset group flexible bond 2\nset group flexible angle 2"
+FLEXIBLE = (
+    "group wet molecule <= 500\ngroup flexible subtract all wet\nset group flexible bond 2\n"
+    "set group flexible angle 2"
+)
 
 
 def half_rigid():
-    """inputs/water, where the bonds and angles of the second half of the molecules have types of their own."""
+    """inputs/water, where the bonds and angles of the second half
+    of the molecules have types of their own."""
     system = water()
     setup = system.setup.replace("data.water", "data.water extra/bond/types 1 extra/angle/types 1")
     forcefield = system.files["forcefield.water"] + "bond_coeff 2 0.9572\nangle_coeff 2 104.52\n"
@@ -134,7 +148,8 @@ def half_rigid():
     [("molecule", "theirs", 2), ("molecule", "ours", 1), ("group 1 bodies", "theirs", 1)],
 )
 def test_constraints_on_bodies_are_refused(run_lammps, style, words, first, ranks):
-    """Locks out a fix that constrains the bodies' atoms beside ours, with a temperature and a pressure that are wrong."""
+    """Locks out a fix that constrains the bodies' atoms beside ours,
+    with a temperature and a pressure that are wrong."""
     theirs, ours = (
         f"fix hold bodies {style} 1e-4 100 0 b 1 a 1",
         OURS.format(group="bodies", words=words),
@@ -156,10 +171,14 @@ def test_constraints_on_bodies_are_refused(run_lammps, style, words, first, rank
 
 
 def test_constraints_beside_bodies(run_all):
-    """Locks out the refusal of a fix that may constrain all atoms, and constrains none of the bodies'."""
+    """Locks out the refusal of a fix that may constrain all atoms,
+    and constrains none of the bodies'."""
     system, ours = half_rigid(), OURS.format(group="wet", words="molecule")
     scripts = {
-        name: f"fix hold {name} shake 1e-4 100 0 b 2 a 2\nfix 2 flexible nve\n{ours}\n{COLUMNS.format('', 5, 1.0)}\nrun 5"
+        name: (
+            f"fix hold {name} shake 1e-4 100 0 b 2 a 2\nfix 2 flexible nve\n{ours}\n"
+            f"{COLUMNS.format('', 5, 1.0)}\nrun 5"
+        )
         for name in ("all", "flexible")
     }
     both = run_all(system, scripts)
@@ -189,8 +208,9 @@ run 0
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_velocity_create(run_all, ranks):
-    """Locks out degrees of freedom that are taken from random velocities before they are rigid motion, and then again: velocities
-    as without bodies, before a first run as with rigid/nve, where it makes none either; and velocity scale that has lost them."""
+    """Locks out degrees of freedom that are taken from random velocities before they are rigid
+    motion, and then again: velocities as without bodies, before a first run as with rigid/nve,
+    where it makes none either; and velocity scale that has lost them."""
     system = mixture("solid planar")
     text = "group some molecule 1 2 3 5"
     first = [text, "RIGID", "velocity all create 2.0 99 loop geom", "run 20"]
@@ -236,8 +256,9 @@ DRIFTING = "velocity all set 0.5 0.3 -0.2 sum yes"
 
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_velocities_changed_by_fixes(run_all, ranks):
-    """Locks out bodies that go on as before when a fix has changed their atoms' velocities (LAMMPS's rigid fixes
-    do): it must be as with rigid/nve and the command velocity at the same step, between two runs."""
+    """Locks out bodies that go on as before when a fix has changed their atoms' velocities
+    (LAMMPS's rigid fixes do): it must be as with rigid/nve and the command velocity at the same
+    step, between two runs."""
     system = mixture("solid planar")
     cases = {
         "linear": ("momentum 10 linear 1 1 1", "velocity all zero linear"),
@@ -276,7 +297,8 @@ def test_velocities_changed_by_fixes(run_all, ranks):
 
 
 def test_momentum_stays_removed(run_all):
-    """Locks out atoms whose momentum fix momentum removes for one step only, until the bodies set it again."""
+    """Locks out atoms whose momentum fix momentum removes for one step only,
+    until the bodies set it again."""
     system = mixture("solid planar")
     momenta = [f"variable {name} equal {name[0]}cm(all,{name[1]})" for name in ("vx", "vy", "vz")]
     momenta += [f"variable {name} equal angmom(all,{name[1]})" for name in ("lx", "ly", "lz")]
@@ -304,8 +326,8 @@ def test_momentum_stays_removed(run_all):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_thermostats_at_the_end_of_a_step(run_all, ranks):
-    """Locks out thermostats that do not act on bodies, as on LAMMPS's rigid fixes, and a temperature of the bodies
-    (f_1) that is not that of their atoms."""
+    """Locks out thermostats that do not act on bodies, as on LAMMPS's rigid fixes, and a
+    temperature of the bodies (f_1) that is not that of their atoms."""
     system = mixture()
     thermostats = {
         "rescale": "temp/rescale 1 3.0 3.0 0.0 1.0",
@@ -336,8 +358,8 @@ def test_thermostats_at_the_end_of_a_step(run_all, ranks):
 
 
 def test_log_of_changed_velocities(run_all):
-    """Locks out a log without the line, or with one for each step, or one that names no fix, or fixes that only
-    look, and the line where no fix has changed anything."""
+    """Locks out a log without the line, or with one for each step, or one that names no fix, or
+    fixes that only look, and the line where no fix has changed anything."""
     system = mixture("solid planar pair")
     table = "fix 7 all ave/time 2 3 6 c_thermo_temp\nfix 8 all print 4 'now' screen no"
     cases = {
@@ -374,7 +396,8 @@ def test_log_of_changed_velocities(run_all):
 @pytest.mark.parametrize("how", ["run 10\nrun 10", "run 10\nrun 10 pre no"])
 @pytest.mark.parametrize("words", ["molecule", "molecule reinit no"])
 def test_change_at_the_last_step(run_all, how, words):
-    """Locks out a change of the last step of a run that is lost before the next: two runs are one run."""
+    """Locks out a change of the last step of a run that is lost before the next:
+    two runs are one run."""
     system = mixture("solid planar")
     more = [DRIFTING, "RIGID", "fix 5 all momentum 10 linear 1 1 1"]
     results = run_all(
@@ -387,31 +410,50 @@ def test_change_at_the_last_step(run_all, how, words):
 
 
 def test_temperature_read_in_mid_step(run_all):
-    """Locks out half a kick that is lost where a variable reads f_ID between the two halves of a step, and a line in the log
-    on velocities that nothing has changed (the thermostat's window is never left)."""
+    """Locks out half a kick that is lost where a variable reads f_ID between the two halves of a
+    step, and a line in the log on velocities that nothing has changed (the thermostat's window is
+    never left)."""
     system = mixture("solid planar pair row single")
-    move = "variable px equal 0.0*{}\nvariable pv equal 0.0\nfix 3 single move variable v_px v_px v_px v_pv v_pv v_pv\nfix p all temp/rescale 1 1 1 1000 1"
+    move = (
+        "variable px equal 0.0*{}\nvariable pv equal 0.0\n"
+        "fix 3 single move variable v_px v_px v_px v_pv v_pv v_pv\n"
+        "fix p all temp/rescale 1 1 1 1000 1"
+    )
     fix = OURS.format(group="bodies", words="molecule")
-    with_f, without = run_all(system, {
-        name: f"{fix}\n{move.format(what)}\n{COLUMNS.format('', 50, system.dt)}\nrun 100" for name, what in (("f_1", "f_1"), ("number", "1.0"))
-    }).values()  # fmt: skip
+    with_f, without = run_all(
+        system,
+        {
+            name: f"{fix}\n{move.format(what)}\n{COLUMNS.format('', 50, system.dt)}\nrun 100"
+            for name, what in (("f_1", "f_1"), ("number", "1.0"))
+        },
+    ).values()
     assert TOOK not in with_f.log
     np.testing.assert_allclose(with_f.thermo["TotEng"], without.thermo["TotEng"], rtol=1e-12)
 
 
 @pytest.mark.parametrize("style", ["", "run_style respa 2 4 inner 1 1.3 1.8 outer 2"])
 def test_values_at_the_end_of_a_step_that_was_looked_into(run_all, style):
-    """Locks out values of the bodies that something has read in the middle of the step, or before the first forces, and that are told again at its end."""
+    """Locks out values of the bodies that something has read in the middle of the step, or before
+    the first forces, and that are told again at its end."""
     system = mixture("solid planar pair row single")
     fix, columns = (
         OURS.format(group="bodies", words="molecule"),
         "f_1 f_1[1] f_1[1][4] f_1[1][7] f_1[2][10]",
     )
-    reader = "fix 7 all ave/time 1 1 1 v_m\nfix 8 single addforce v_m 0 0\n{}\nfix 2 single addforce v_m 0 0"
-    read, plain = run_all(system, {
-        name: f"variable m equal {m}\n{reader.format(fix)}\n{style}\n{COLUMNS.format(columns, 3, system.dt)}\nrun 6"
-        for name, m in (("read", "0.0*f_1+0.0*f_1[1][7]"), ("plain", "0.0"))
-    }).values()  # fmt: skip
+    reader = (
+        "fix 7 all ave/time 1 1 1 v_m\nfix 8 single addforce v_m 0 0\n{}\n"
+        "fix 2 single addforce v_m 0 0"
+    )
+    read, plain = run_all(
+        system,
+        {
+            name: (
+                f"variable m equal {m}\n{reader.format(fix)}\n{style}\n"
+                f"{COLUMNS.format(columns, 3, system.dt)}\nrun 6"
+            )
+            for name, m in (("read", "0.0*f_1+0.0*f_1[1][7]"), ("plain", "0.0"))
+        },
+    ).values()
     for name in columns.split():
         np.testing.assert_allclose(
             read.thermo[name], plain.thermo[name], rtol=1e-12, atol=1e-13, err_msg=name
@@ -419,18 +461,15 @@ def test_values_at_the_end_of_a_step_that_was_looked_into(run_all, style):
 
 
 def test_observers_see_the_same(run_all):
-    """Locks out a temperature that is read before and after another fix changes velocities, and is then the old one in both, an
-    f_ID before the first forces that ends the run, and a thermostat that is said to be a fix that only looks."""
+    """Locks out a temperature that is read before and after another fix changes velocities, and is
+    then the old one in both, an f_ID before the first forces that ends the run, and a thermostat
+    that is said to be a fix that only looks."""
     system = mixture("solid planar pair row single")
-    fix, thermostat = (
-        OURS.format(group="all", words="molecule"),
-        "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0",
-    )
+    fix = OURS.format(group="all", words="molecule")
+    thermostat = "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0"
     early = "variable t equal f_1\nfix 7 all ave/time 1 1 1 v_t file early"
-    runs = run_all(system, {
-        "plain": f"{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20",
-        "observed": f"{early}\n{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20",
-    })  # fmt: skip
+    plain = f"{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20"
+    runs = run_all(system, {"plain": plain, "observed": f"{early}\n{plain}"})
     np.testing.assert_allclose(
         runs["observed"].thermo["f_1"], runs["plain"].thermo["f_1"], rtol=1e-12
     )
@@ -440,9 +479,10 @@ def test_observers_see_the_same(run_all):
 def test_two_fixes_of_ours_do_not_watch_each_other(run_all):
     """Locks out passes that one of our fixes makes only because of another one."""
     system = mixture("solid planar")
-    groups = "group one molecule 1:9\ngroup two subtract all one\n"
-    log = run_all(system, {"": groups + OURS.format(group="one", words="molecule") + "\n"
-                           + OURS.format(group="two", words="molecule").replace("fix 1", "fix 2") + "\nrun 5"})[""].log  # fmt: skip
+    groups = "group one molecule 1:9\ngroup two subtract all one"
+    one, two = (OURS.format(group=group, words="molecule") for group in ("one", "two"))
+    script = f"{groups}\n{one}\n{two.replace('fix 1', 'fix 2')}\nrun 5"
+    log = run_all(system, {"": script})[""].log
     assert log.count("no reader of velocities at the half step") == 2 and "may change" not in log
 
 

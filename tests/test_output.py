@@ -1,4 +1,5 @@
-"""What the fix tells of its bodies: the file of keyword output, body_table, f_ID columns, the virial of each atom."""
+"""What the fix tells of its bodies: the file of keyword output, body_table, f_ID columns,
+the virial of each atom."""
 
 import sys
 
@@ -72,13 +73,20 @@ def of(table, *names):
 
 
 def test_values(simulate, tmp_path):
-    """Locks out a centre in the wrong image, velocities of the half step, forces of another step, vectors in another frame, a
-    quaternion turned the other way, units left out: each from positions, velocities and forces of a dump of the same step."""
+    """Locks out a centre in the wrong image, velocities of the half step, forces of another step,
+    vectors in another frame, a quaternion turned the other way, units left out: each from
+    positions, velocities and forces of a dump of the same step."""
     system = mixture(units="real")
-    dump = "dump 1 all custom 20 dump.* id x y z vx vy vz fx fy fz ix iy iz\ndump_modify 1 sort id format float %.17g"
+    dump = (
+        "dump 1 all custom 20 dump.* id x y z vx vy vz fx fy fz ix iy iz\n"
+        "dump_modify 1 sort id format float %.17g"
+    )
     chunks = (
-        "compute m all chunk/atom molecule\ncompute omega all omega/chunk m\ncompute inertia all inertia/chunk m\n"
-        "compute vcm all vcm/chunk m\nfix 8 all ave/time 20 1 20 c_omega[*] c_vcm[*] c_inertia[*] mode vector file chunks format ' %.17g'"
+        "compute m all chunk/atom molecule\ncompute omega all omega/chunk m\n"
+        "compute inertia all inertia/chunk m\n"
+        "compute vcm all vcm/chunk m\n"
+        "fix 8 all ave/time 20 1 20 c_omega[*] c_vcm[*] c_inertia[*] mode vector file chunks "
+        "format ' %.17g'"
     )
     run = simulate(
         system,
@@ -116,9 +124,8 @@ def test_values(simulate, tmp_path):
             np.testing.assert_allclose(
                 place + system.h @ image, centre, rtol=0, atol=1e-9 * np.abs(x).max()
             )
-            assert (-0.1 < place / np.diag(system.h)).all() and (
-                place / np.diag(system.h) < 1.1
-            ).all()
+            part = place / np.diag(system.h)
+            assert (part > -0.1).all() and (part < 1.1).all()
             np.testing.assert_allclose(
                 of(row, "vx", "vy", "vz"), velocity, rtol=0, atol=1e-10 * np.abs(v).max()
             )
@@ -168,7 +175,8 @@ def test_values(simulate, tmp_path):
 
 
 def test_orientation_goes_on(simulate, tmp_path):
-    """Locks out a quaternion that belongs to another frame at each step: the turn between two rows takes the atoms along."""
+    """Locks out a quaternion that belongs to another frame at each step:
+    the turn between two rows takes the atoms along."""
     system = mixture("solid planar")
     dump = "dump 1 all custom 30 dump.* id x y z ix iy iz\ndump_modify 1 sort id format float %.17g"
     simulate(
@@ -198,7 +206,8 @@ def test_orientation_goes_on(simulate, tmp_path):
 
 @pytest.mark.parametrize("ranks", [2, 4])
 def test_same_on_any_number_of_ranks(simulate, tmp_path, ranks):
-    """Locks out rows that are missing, twice or in another order, and frames that depend on the number of ranks."""
+    """Locks out rows that are missing, twice or in another order,
+    and frames that depend on the number of ranks."""
     system, tables = mixture(tilt=0.3), []
     for n in 1, ranks:
         simulate(system, OURS, 30, words="molecule output 10 v_table", before=FILE, ranks=n)
@@ -226,7 +235,8 @@ def test_same_on_any_number_of_ranks(simulate, tmp_path, ranks):
 
 
 def test_frame_of_linear_bodies(simulate, tmp_path):
-    """Locks out a quaternion of linear bodies that depends on rounding errors, about the axis on which the atoms are."""
+    """Locks out a quaternion of linear bodies that depends on rounding errors,
+    about the axis on which the atoms are."""
     system, q = mixture("row", tilt=0.3), []
     for n in 1, 2:
         simulate(system, OURS, 0, words="molecule output 10 v_table", before=FILE, ranks=n)
@@ -235,8 +245,9 @@ def test_frame_of_linear_bodies(simulate, tmp_path):
 
 
 def test_steps_of_several_runs(simulate, tmp_path):
-    """Locks out steps that are no multiples of N, a step that stands in the file twice where one run ends and the next begins,
-    a second run that empties the file, and a file without a point in its name that is not taken as it is."""
+    """Locks out steps that are no multiples of N, a step that stands in the file twice where one
+    run ends and the next begins, a second run that empties the file, and a file without a point in
+    its name that is not taken as it is."""
     system = mixture("solid planar pair")
     after = "run 9\nrun 3 pre no\nrun 0\nrun 4\nreset_timestep 60\nrun 5"
     simulate(system, OURS, 20, words="molecule output 8 table", after=after, ranks=2)
@@ -249,7 +260,8 @@ def test_steps_of_several_runs(simulate, tmp_path):
 
 
 def test_order_of_rows(simulate, tmp_path):
-    """Locks out rows in the order of atoms or ranks: they are in that of the bodies' IDs, the custom values, negative ones too."""
+    """Locks out rows in the order of atoms or ranks: they are in that of the bodies' IDs, the
+    custom values, negative ones too."""
     system = mixture("solid planar")
     before = (
         FILE
@@ -277,7 +289,8 @@ def test_pandas(simulate, tmp_path):
     assert all(kind.kind in "if" for kind in table.dtypes) and not table.isna().any().any()
 
 
-# mass, length, time, velocity, unit of angle's time, force, torque: LAMMPS's own words for each style
+# mass, length, time, velocity, unit of angle's time, force, torque: LAMMPS's own words for each
+# style
 UNIT_WORDS = {
     "lj": ("mass", "sigma", "tau", "sigma/tau", "tau", "epsilon/sigma", "epsilon"),
     "real": ("g/mol", "Angstrom", "fs", "Angstrom/fs", "fs", "kcal/mol/Angstrom", "kcal/mol"),
@@ -294,7 +307,8 @@ UNIT_WORDS = {
 def test_units_in_the_header(run_lammps, tmp_path, units):
     """Locks out a header that names another style's units, or a style that is not known."""
     run_lammps(
-        f"units {units}\natom_style atomic\nregion b block 0 4 0 4 0 4\ncreate_box 1 b\ncreate_atoms 1 single 1 1 1\n"
+        f"units {units}\natom_style atomic\nregion b block 0 4 0 4 0 4\ncreate_box 1 b\n"
+        "create_atoms 1 single 1 1 1\n"
         "create_atoms 1 single 2 1 1\nmass 1 1\npair_style none\n"
         'fix 1 all python/move "fix_nosquish.NVE all single output 1 table"\nrun 0\n'
     )
@@ -327,7 +341,8 @@ def test_units_in_the_header(run_lammps, tmp_path, units):
     ],
 )
 def test_file_that_cannot_be_written(simulate, tmp_path, name, said, ranks):
-    """Locks out a hang of the ranks that do not write, a message per rank, and a run that goes on without its output."""
+    """Locks out a hang of the ranks that do not write, a message per rank,
+    and a run that goes on without its output."""
     before = f"variable table string {name}"
     run = simulate(
         mixture("solid"),
@@ -356,16 +371,28 @@ class File(io.FileIO):
         return super().write(text[:room])
 
 output.open = lambda path, mode, buffering: File(path, mode)
-sys.excepthook = lambda *_: None  # two ranks' tracebacks run into each other, and into the message looked for
+# two ranks' tracebacks run into each other, and into the message looked for
+sys.excepthook = lambda *_: None
 lammps.lammps().file(sys.argv[1])
 """
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_disk_that_fills_up(simulate, tmp_path, ranks):
-    """Locks out a file that ends within a step or a row, a log that is lost, and a hang, when the disk is full in mid-run."""
-    run = simulate(mixture("solid"), OURS, 100, words="molecule output 1 v_table", before=FILE, every=1, ranks=ranks, check=False,
-                   timeout=SECONDS, launcher=[sys.executable, "-c", SMALL_DISK])  # fmt: skip
+    """Locks out a file that ends within a step or a row, a log that is lost, and a hang,
+    when the disk is full in mid-run."""
+    run = simulate(
+        mixture("solid"),
+        OURS,
+        100,
+        words="molecule output 1 v_table",
+        before=FILE,
+        every=1,
+        ranks=ranks,
+        check=False,
+        timeout=SECONDS,
+        launcher=[sys.executable, "-c", SMALL_DISK],
+    )
     assert_ended(run, ("keyword output", "No space left on device"), tmp_path)
     table = read(tmp_path / "bodies.csv")
     last = int(table["step"][-1])
@@ -381,11 +408,23 @@ def test_disk_that_fills_up(simulate, tmp_path, ranks):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_limit_of_a_file(simulate, tmp_path, ranks):
     """Locks out the same for a limit on the size of files."""
-    limited = ("import sys, resource, lammps; lmp = lammps.lammps(); resource.setrlimit(resource.RLIMIT_FSIZE, (99999, 99999)); "
-               "sys.excepthook = lambda *_: None; "  # two ranks' tracebacks run into each other, and into the message looked for
-               "lmp.file(sys.argv[1])")  # fmt: skip
-    run = simulate(mixture("solid"), OURS, 100, words="molecule output 1 v_table", before=FILE, ranks=ranks, check=False, timeout=SECONDS,
-                   launcher=[sys.executable, "-c", limited])  # fmt: skip
+    limited = (
+        "import sys, resource, lammps; lmp = lammps.lammps(); "
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (99999, 99999)); "
+        # two ranks' tracebacks run into each other, and into the message looked for
+        "sys.excepthook = lambda *_: None; lmp.file(sys.argv[1])"
+    )
+    run = simulate(
+        mixture("solid"),
+        OURS,
+        100,
+        words="molecule output 1 v_table",
+        before=FILE,
+        ranks=ranks,
+        check=False,
+        timeout=SECONDS,
+        launcher=[sys.executable, "-c", limited],
+    )
     assert_ended(run, ("keyword output", "bodies.csv", "File too large"), tmp_path)
     table = read(tmp_path / "bodies.csv")
     last = int(table["step"][-1])
@@ -432,8 +471,8 @@ lmp.close()
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_table_in_python(run_lammps, tmp_path, ranks):
-    """Locks out fields that are missing, a body on two ranks or on none, another number than in the file, and a table that
-    reads the atoms where they were before another command moved them."""
+    """Locks out fields that are missing, a body on two ranks or on none, another number than in the
+    file, and a table that reads the atoms where they were before another command moved them."""
     system = mixture()
     (tmp_path / "drive.py").write_text(
         SCRIPT.format(more="from mpi4py import MPI" if ranks > 1 else "", ranks=ranks)
@@ -465,9 +504,9 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
         )
         plain = np.column_stack([rows[field] for field in fields.split()])
         image = [NAMES.index(c) for c in ("x", "y", "z", "ix", "iy", "iz")]
-        if (
-            name == "later"
-        ):  # write_restart may have put the atoms into the box, and the angle about the axis of a linear body is arbitrary
+        # write_restart may have put the atoms into the box, and the angle about the axis of a
+        # linear body is arbitrary
+        if name == "later":
             image += [NAMES.index(c) for c in ("q0", "q1", "q2", "q3")]
             for each in (rows["x"] + rows["image"] @ system.h.T,):
                 np.testing.assert_allclose(
@@ -501,7 +540,8 @@ class Watch:
 
 
 def test_table_in_a_run(simulate, tmp_path):
-    """Locks out a table that is there only between runs, or of an earlier step: another fix python/move asks for it each step."""
+    """Locks out a table that is there only between runs, or of an earlier step: another fix
+    python/move asks for it each step."""
     (tmp_path / "watch.py").write_text(WATCH)
     system = mixture("solid planar pair")
     before = FILE + "\ngroup none empty"
@@ -534,8 +574,9 @@ SOME = [(i, j) for i in (1, 8, 27) for j in (1, 2, 3, 4, 6, 7, 9, 10, 12, 13, 14
 
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_scalar_and_array(simulate, ranks):
-    """Locks out another order of rows or columns of f_ID[i][j] than fix rigid's, another temperature in f_ID, values of the step
-    before, and rows that are on another rank left at zero."""
+    """Locks out another order of rows or columns of f_ID[i][j] than fix rigid's, another
+    temperature in f_ID, values of the step before, and rows that are on another rank left at
+    zero."""
     system = mixture("solid planar")
     how = dict(every=1, columns=columns(*SOME))
     theirs, ours = (
@@ -559,8 +600,9 @@ def test_scalar_and_array(simulate, ranks):
 
 
 def test_scalar_with_forces_off(simulate):
-    """Locks out a temperature in f_ID that depends on keyword force: all motion counts, that of a component which is
-    switched off too. (rigid/nve leaves such components out: 0.7175 against 0.7721.)"""
+    """Locks out a temperature in f_ID that depends on keyword force: all motion counts, that of a
+    component which is switched off too. (rigid/nve leaves such components out: 0.7175 against
+    0.7721.)"""
     system, words = mixture("solid planar"), "molecule force * off on on torque * off off off"
     ours = simulate(system, LIKE_LAMMPS, 20, words=words, every=5, columns="f_1 f_1[1] f_1[2]")
     degrees = 6 * system.molecule.max()
@@ -572,8 +614,9 @@ def test_scalar_with_forces_off(simulate):
 
 
 def test_vector(simulate):
-    """Locks out energies without their factor of the unit style, translation and rotation mixed up, and wrong degrees of freedom:
-    against compute ke/rigid and erotate/rigid of fix rigid/nve, and the equation E = N k T / 2."""
+    """Locks out energies without their factor of the unit style, translation and rotation mixed up,
+    and wrong degrees of freedom: against compute ke/rigid and erotate/rigid of fix rigid/nve, and
+    the equation E = N k T / 2."""
     system = mixture("solid planar pair", units="real")
     rigid = "compute ke all ke/rigid 1\ncompute rot all erotate/rigid 1"
     vector = "f_1 " + " ".join(f"f_1[{k}]" for k in range(1, 5))
@@ -599,7 +642,8 @@ def test_vector(simulate):
 
 
 def test_vector_in_the_plane(simulate):
-    """Locks out three rotations or translations per body in two dimensions, in f_ID and in its vector."""
+    """Locks out three rotations or translations per body in two dimensions,
+    in f_ID and in its vector."""
     system = mixture("planar pair row", side=5, dimension=2)
     how = dict(before="fix 9 all enforce2d", every=10)
     t = simulate(
@@ -625,10 +669,14 @@ def test_vector_in_the_plane(simulate):
 
 
 def test_averages_in_time(simulate, tmp_path):
-    """Locks out an array that fix ave/time refuses, or a value that is of another step where only fixes ask for it."""
+    """Locks out an array that fix ave/time refuses,
+    or a value that is of another step where only fixes ask for it."""
     system = mixture("solid planar")
     before = FILE
-    average = "\nfix 8 all ave/time 5 1 5 f_1[*] mode vector file averages format ' %.17g'\nfix 7 all ave/time 5 1 5 f_1 f_1[1] f_1[4] file scalars format ' %.17g'"
+    average = (
+        "\nfix 8 all ave/time 5 1 5 f_1[*] mode vector file averages format ' %.17g'\n"
+        "fix 7 all ave/time 5 1 5 f_1 f_1[1] f_1[4] file scalars format ' %.17g'"
+    )
     simulate(
         system,
         OURS + average,
@@ -658,7 +706,8 @@ def test_averages_in_time(simulate, tmp_path):
 
 
 STRESS = (
-    "compute s all stress/atom NULL {parts}\ncompute total all reduce sum c_s[1] c_s[2] c_s[3] c_s[4] c_s[5] c_s[6]\n"
+    "compute s all stress/atom NULL {parts}\n"
+    "compute total all reduce sum c_s[1] c_s[2] c_s[3] c_s[4] c_s[5] c_s[6]\n"
     "compute p all pressure NULL {parts}\nvariable volume equal vol\n"
 )
 PARTS = (
@@ -683,8 +732,9 @@ def pressures(result):
 @pytest.mark.parametrize("parts", ["virial", "fix"])
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_stress_of_atoms(simulate, ranks, parts):
-    """Locks out bodies' virial that is not in compute stress/atom, is there twice, on another atom or of another step: the atoms'
-    stresses add up to the pressure, where bodies are on several ranks and atoms change places, too."""
+    """Locks out bodies' virial that is not in compute stress/atom, is there twice, on another atom
+    or of another step: the atoms' stresses add up to the pressure, where bodies are on several
+    ranks and atoms change places, too."""
     system = mixture()
     how = dict(
         before=STRESS.format(parts=parts) + "neigh_modify every 1 delay 0 check no",
@@ -699,10 +749,14 @@ def test_stress_of_atoms(simulate, ranks, parts):
 
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_stress_of_each_atom(simulate, tmp_path, ranks):
-    """Locks out a virial that adds up and yet is on the wrong atoms: with m a - f of each atom, a by differences of a dump's
-    velocities, about the centre of mass.  (fix rigid has it about the origin: its sum is the same.)"""
+    """Locks out a virial that adds up and yet is on the wrong atoms: with m a - f of each atom, a
+    by differences of a dump's velocities, about the centre of mass.  (fix rigid has it about the
+    origin: its sum is the same.)"""
     system, dt = mixture("solid planar row"), 1e-2
-    dump = "\ndump 1 all custom 1 dump.* id x y z vx vy vz fx fy fz ix iy iz c_s[1] c_s[2] c_s[3] c_s[4] c_s[5] c_s[6]\ndump_modify 1 sort id format float %.17g"
+    dump = (
+        "\ndump 1 all custom 1 dump.* id x y z vx vy vz fx fy fz ix iy iz c_s[1] c_s[2] c_s[3] "
+        "c_s[4] c_s[5] c_s[6]\ndump_modify 1 sort id format float %.17g"
+    )
     simulate(
         system,
         OURS,
@@ -738,8 +792,14 @@ def test_two_fixes_and_one_file(run_lammps, tmp_path):
         OURS.format(group=g, words="molecule output 2 same").replace("fix 1", f"fix {k}")
         for k, g in enumerate(("one", "two"))
     ]
-    run = run_lammps("\n".join([system.setup, "group one molecule 1:9\ngroup two subtract all one", *fixes, "run 4", ""]), files=system.files,
-                     ranks=2, check=False, timeout=SECONDS)  # fmt: skip
+    groups = "group one molecule 1:9\ngroup two subtract all one"
+    run = run_lammps(
+        "\n".join([system.setup, groups, *fixes, "run 4", ""]),
+        files=system.files,
+        ranks=2,
+        check=False,
+        timeout=SECONDS,
+    )
     assert_ended(run, ("two fixes write their table", "same", "a file of its own"), tmp_path)
 
 
@@ -768,7 +828,8 @@ lmp.close()
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_table_in_the_middle_of_a_step(run_lammps, tmp_path, ranks):
-    """Locks out force and torque that are those of the last output where something in mid-step asks, when no step calls Python."""
+    """Locks out force and torque that are those of the last output where something in mid-step
+    asks, when no step calls Python."""
     system = mixture("solid planar pair")
     (tmp_path / "drive.py").write_text(
         CALLED.format(more="from mpi4py import MPI" if ranks > 1 else "")
@@ -808,8 +869,7 @@ def test_table_in_the_middle_of_a_step(run_lammps, tmp_path, ranks):
 
 
 def test_pressure_where_the_table_is_written(simulate):
-    """Locks out a pressure without the bodies' virial, on steps that begin without Python and end
-    with it."""
+    """Locks out a pressure without the bodies' virial, on steps that only end with Python."""
     system = mixture("solid planar pair row")
     plain = simulate(system, OURS, 20, every=4)
     table = simulate(system, OURS, 20, every=4, words="molecule output 4 table")

@@ -27,9 +27,9 @@ from PIL import Image, ImageColor
 from validation import __main__ as command
 from validation.report import report as overview_report
 from validation.report import sections as overview
-from validation.report import stability as overview_stability
 from validation.scenes import SCENES
-from validation.stability import report as stability_report
+from validation.stability import figures as stability_figures
+from validation.stability import section as stability_section
 from validation.stability.criteria import CRITERIA
 
 COMMITTED = ROOT / "validation" / "results"
@@ -450,7 +450,7 @@ def test_each_scene_has_its_command(results):
 def test_what_breaks(results, monkeypatch):
     """Locks out a case that is told of another integrator, one that could not be run counted as
     broken, and one that was not run as a yes."""
-    monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far"])
+    monkeypatch.setattr(stability_section, "CASES", ["hot", "needle", "far"])
     said = sections(results)["stability"].said
     assert said.headlines == ["Ours has no blow-up that any LAMMPS fix survives: yes."]
     longest, matrix, cases = said.best
@@ -502,7 +502,7 @@ def test_what_breaks(results, monkeypatch):
 def test_what_was_not_run(results, monkeypatch):
     """Locks out a yes where a case, or one of ours, is missing, and a limit that was not reached
     told as one."""
-    monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far", "cold"])
+    monkeypatch.setattr(stability_section, "CASES", ["hot", "needle", "far", "cold"])
     yes = "Ours has no blow-up that any LAMMPS fix survives: "
     summary = stability()
     assert told(results, summary).headlines == [
@@ -511,7 +511,7 @@ def test_what_was_not_run(results, monkeypatch):
     ]
     summary["summary"] = [{"what": yes[:-2], "holds": False, "where": ["hot"]}]
     assert told(results, summary).headlines[0] == f"{yes}no (hot)."
-    monkeypatch.setattr(overview_stability, "CASES", ["hot", "needle", "far"])
+    monkeypatch.setattr(stability_section, "CASES", ["hot", "needle", "far"])
     summary = stability()
     del summary["cases"][0]["rows"][0]
     summary["cases"][0]["rows"][0]["error"] = 0.0
@@ -541,7 +541,7 @@ def test_light_keeps_verdicts(tmp_path):
     before.thumbnail((overview_report.WIDEST, before.size[1]), Image.Resampling.LANCZOS)
     after = Image.open(io.BytesIO(base64.b64decode(overview_report.light(path)))).convert("RGB")
     before, after = (np.asarray(image, int) for image in (before, after))
-    for name, (colour, *_) in stability_report.LOOKS.items():
+    for name, (colour, *_) in stability_figures.LOOKS.items():
         here = np.abs(before - ImageColor.getrgb(colour)).max(axis=-1) <= 1
         assert here.sum() > 100, name
         assert np.abs(after[here] - before[here]).max() <= 5, name

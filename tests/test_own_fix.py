@@ -1,4 +1,5 @@
-"""The same class and fix line in a LAMMPS that has its own fix python/move, here that of Debian's lammps package.
+"""The same class and fix line in a LAMMPS that has its own fix python/move,
+here that of Debian's lammps package.
 
 It is another version (29 Sep 2021), with Open MPI and the system's Python.  DEBIAN_LAMMPS names it
 if it is not /usr/bin/lmp.
@@ -32,7 +33,10 @@ def obstacle():
     version = re.search(r"libpython(\d+\.\d+)", libraries)
     here = "{}.{}".format(*sys.version_info)
     if not version or version[1] != here:
-        return f"{LMP} holds Python {version and version[1]}, which cannot use the compiled packages of this Python {here}"
+        return (
+            f"{LMP} holds Python {version and version[1]}, "
+            f"which cannot use the compiled packages of this Python {here}"
+        )
     return None
 
 
@@ -85,9 +89,14 @@ def debian(ranks):
     """The command that starts Debian's LAMMPS, up to the name of the input script."""
     packages = dict.fromkeys(str(Path(module.__file__).parents[1]) for module in (fix_nosquish, np))
     return [
-        "env", "OMPI_ALLOW_RUN_AS_ROOT=1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1", f"PYTHONPATH={':'.join(packages)}",
-        *([str(LMP.parent / "mpirun"), "--oversubscribe", "-np", str(ranks)] if ranks > 1 else []), str(LMP), "-in",
-    ]  # fmt: skip
+        "env",
+        "OMPI_ALLOW_RUN_AS_ROOT=1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1",
+        f"PYTHONPATH={':'.join(packages)}",
+        *([str(LMP.parent / "mpirun"), "--oversubscribe", "-np", str(ranks)] if ranks > 1 else []),
+        str(LMP),
+        "-in",
+    ]
 
 
 @pytest.fixture
@@ -112,7 +121,8 @@ def advised(run):
 
 
 def test_trajectory(run_water):
-    """Locks out a class that works only with the plugin, and copies of a body that drift apart between ranks."""
+    """Locks out a class that works only with the plugin,
+    and copies of a body that drift apart between ranks."""
     _, expected = run_water(RIGID, "run 100")
     for ranks in 1, 2, 4, 8:
         _, ours = run_water(OURS, "run 100", ranks=ranks)
@@ -123,9 +133,8 @@ def test_trajectory(run_water):
 def test_temperature_and_pressure(run_water, ranks):
     """Locks out advice that is wrong, incomplete or not found in the log."""
     lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
-    assert (
-        lines
-        == "compute_modify thermo_temp extra/dof 378\nfix nosquish_virial all external pf/callback 1 1"
+    assert lines == (
+        "compute_modify thermo_temp extra/dof 378\nfix nosquish_virial all external pf/callback 1 1"
     )
     own = run_water(f"{OURS}\n{lines}", ranks=ranks)[0].thermo
     rigid = run_water(RIGID)[0].thermo
@@ -140,8 +149,8 @@ def test_temperature_and_pressure(run_water, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_runs_in_a_row(run_water, ranks):
-    """Locks out a second run that starts from the first one's velocities, forces or indices, and velocities of another temperature
-    than before a first run."""
+    """Locks out a second run that starts from the first one's velocities, forces or indices, and
+    velocities of another temperature than before a first run."""
     create = "velocity all create 400 87287\n"
     runs = f"run 20\nrun 10\n{create}run 20"
     lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
@@ -155,7 +164,8 @@ def test_runs_in_a_row(run_water, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_bodies_keep_their_shape(run_water, ranks):
-    """Locks out molecules that shrink with the box between two runs, where this LAMMPS takes nothing along with its atoms."""
+    """Locks out molecules that shrink with the box between two runs, where this LAMMPS takes
+    nothing along with its atoms."""
     runs = "run 20\nchange_box all x scale 0.98 y scale 0.97 remap\nrun 10"
     plugin = run_water(OURS, runs, launcher="lmp")[1]
     ours = run_water(OURS, runs, ranks=ranks)[1]
@@ -170,7 +180,8 @@ def test_bodies_keep_their_shape(run_water, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_respa(simulate, ranks):
-    """Locks out indices of before a re-neighbouring, of which this LAMMPS gives no news between the levels."""
+    """Locks out indices of before a re-neighbouring,
+    of which this LAMMPS gives no news between the levels."""
     system, style = mixture("solid planar"), "run_style respa 2 4 pair 2"
     hot = f"velocity all scale 5\n{style}"
     plugin = simulate(system, NVE, 100, dt=4, before=hot)
@@ -180,8 +191,8 @@ def test_respa(simulate, ranks):
 
 
 def test_table_of_bodies(simulate, tmp_path):
-    """Locks out rows with another step's state, where this LAMMPS tells nothing before its first step, and an empty file
-    under run_style respa."""
+    """Locks out rows with another step's state, where this LAMMPS tells nothing before its first
+    step, and an empty file under run_style respa."""
     system, tables = mixture("solid planar"), []
     for launcher in "lmp", debian(1):
         simulate(
@@ -225,14 +236,22 @@ IN_IMPORT = (
     *(name for name in CASES if name.endswith("before a point")),
 )
 # LAMMPS's own fix python/move speaks for itself in these, or its class cannot see them at the start
-OTHER = ("variable that is not atom-style", "fix nve before ours", "fix nve after ours", "minimisation", "run_style respa",
-         "integrator without words", "force not finite from the start")  # fmt: skip
+OTHER = (
+    "variable that is not atom-style",
+    "fix nve before ours",
+    "fix nve after ours",
+    "minimisation",
+    "run_style respa",
+    "integrator without words",
+    "force not finite from the start",
+)
 SEEN = [name for name in CASES if name not in OTHER]
 
 
 @pytest.mark.parametrize("name", SEEN)
 def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
-    """Locks out the hang of LAMMPS's own fix, where one rank fails and waits for the others, and a lost message."""
+    """Locks out the hang of LAMMPS's own fix, where one rank fails and waits for the others,
+    and a lost message."""
     files = {"mol.bent": BENT, "spoil.py": SPOIL}
     case = CASES[name]
     run = run_lammps(case.script, files=files, launcher=debian(2), check=False, timeout=SECONDS)
@@ -245,3 +264,26 @@ def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
     else:
         assert len([line for line in said if line.startswith("ERROR")]) == 1, run.screen
     assert not left_behind(tmp_path)
+
+
+# the plugin and LAMMPS's own fix draw the same numbers
+NVT = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 295 295 100 {words}"'
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("words", ["seed 71", "seed 71 thermostat csvr", "thermostat nh"])
+def test_constant_temperature(run_water, words, ranks):
+    """Locks out a thermostat that needs the plugin: LAMMPS's own fix has the same motion."""
+    fix = NVT.format(words=words)
+    _, plugin = run_water(fix, launcher="native")
+    _, own = run_water(fix, ranks=ranks)
+    assert np.abs(plugin - own).max() < 1e-7
+
+
+def test_ramp_needs_the_end_of_the_run(run_lammps):
+    """Locks out a ramp whose end is not known, and that is silently constant."""
+    fix = NVT.format(words="seed 71").replace("295 295", "295 400")
+    script = SCRIPT.format(fix=fix, runs="run 1", forcefield=ROOT / "inputs/water/forcefield.water")
+    done = run_lammps(script, files={"data.ice": ice()}, launcher=debian(1), check=False)
+    assert done.code
+    assert "a LAMMPS's own fix python/move does not tell where a run ends" in done.screen

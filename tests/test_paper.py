@@ -57,7 +57,7 @@ def test_pieces_are_one_trajectory(tmp_path, integrator):
     assert np.ptp(whole.total) > 1e-4, "an energy that does not change checks nothing"
     assert cut.total == pytest.approx(whole.total, abs=1e-9)
     assert cut.kinetic == pytest.approx(whole.kinetic, abs=1e-7)
-    assert cut.positions["x"][1] == pytest.approx(whole.positions["x"][1], abs=1e-7)
+    assert cut.positions.x[1] == pytest.approx(whole.positions.x[1], abs=1e-7)
     assert [steps for _, steps in cut.pieces] == [120, 120, 60]
 
 
@@ -612,9 +612,7 @@ def test_shake_holds_what_the_rigid_groups_hold(tmp_path):
     scene = paper_peptide.scene()
     found, _ = paper.do(trajectory("shake", steps=0, scene=scene, dt=1.0), tmp_path, 100, Silent())
     assert found.error is None
-    sizes = Counter(
-        Counter(found.positions["bodies"][found.positions["bodies"] > 0].tolist()).values()
-    )
+    sizes = Counter(Counter(found.positions.bodies[found.positions.bodies > 0].tolist()).values())
     log = next(tmp_path.rglob("log.lammps")).read_text()
     for words, number in (("size 2", sizes[2]), ("size 4", sizes[4]), ("frozen angles", sizes[3])):
         line = next(line for line in log.splitlines() if words in line)

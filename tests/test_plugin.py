@@ -1,4 +1,4 @@
-"""The plugin's fix python/move drives any class that is written for LAMMPS's own fix of that name."""
+"""The plugin's fix python/move drives any class that is written for LAMMPS's own."""
 
 import os
 import signal
@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from conftest import BIN, LAUNCHERS, read_thermo
 from endings import left_behind
 
@@ -79,7 +78,8 @@ def melt(target, steps=50):
 
 @pytest.fixture
 def run_mover(run_lammps):
-    """Run a melt that is moved by mover.<name>, where more text for the module may define the name."""
+    """Run a melt that is moved by mover.<name>,
+    where more text for the module may define the name."""
 
     def run(name="NVE", more="", *, steps=50, **how):
         return run_lammps(melt(f"mover.{name}", steps), files={"mover.py": MOVER + more}, **how)
@@ -99,8 +99,8 @@ def assert_stopped(run, text, proc=None):
 @pytest.mark.parametrize("launcher", ["lmp", "module", "library"])
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_equals_fix_nve(run_lammps, run_mover, launcher, ranks):
-    """Locks out hooks that are not called, are called at the wrong moment, or see stale arrays after
-    atoms migrate; and launchers that find no Python, no plugin or no MPI."""
+    """Locks out hooks that are not called, are called at the wrong moment, or see stale arrays
+    after atoms migrate; and launchers that find no Python, no plugin or no MPI."""
     ours = run_mover(launcher=launcher, ranks=ranks).thermo
     nve = run_lammps(MELT.format(fix="fix 1 all nve", steps=50), ranks=ranks).thermo
     assert len(ours) == 6
@@ -109,7 +109,8 @@ def test_equals_fix_nve(run_lammps, run_mover, launcher, ranks):
 
 
 def test_time_step_may_change(run_lammps):
-    """Locks out a reset_dt that does not reach the class: the second run would keep the old step."""
+    """Locks out a reset_dt that does not reach the class:
+    the second run would keep the old step."""
     tail = "timestep 0.002\nrun 20\n"
     ours = run_lammps(melt("mover.NVE", 20) + tail, files={"mover.py": MOVER}).thermo
     nve = run_lammps(MELT.format(fix="fix 1 all nve", steps=20) + tail).thermo
@@ -121,8 +122,12 @@ def test_script_from_standard_input(tmp_path, run_lammps):
     (tmp_path / "mover.py").write_text(MOVER)
     done = subprocess.run(
         [sys.executable, "-m", "fix_nosquish", "-log", "none"],
-        input=melt("mover.NVE", 10), cwd=tmp_path, text=True, capture_output=True, timeout=60,
-    )  # fmt: skip
+        input=melt("mover.NVE", 10),
+        cwd=tmp_path,
+        text=True,
+        capture_output=True,
+        timeout=60,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Loop time" in done.stdout
 
@@ -130,16 +135,23 @@ def test_script_from_standard_input(tmp_path, run_lammps):
 def test_partitions(run_lammps, tmp_path):
     """Locks out use of MPI's whole world where a partition is a world of its own."""
     options = ["-partition", "1", "1"]
-    run_lammps(melt("mover.NVE"), files={"mover.py": MOVER}, ranks=2, options=options,
-               launcher="module")  # fmt: skip
+    run_lammps(
+        melt("mover.NVE"), files={"mover.py": MOVER}, ranks=2, options=options, launcher="module"
+    )
     for world in range(2):
         assert "Loop time" in (tmp_path / f"log.lammps.{world}").read_text()
 
 
 def test_help_option(tmp_path):
     """Locks out a wrapper that swallows lmp's options."""
-    done = subprocess.run([sys.executable, "-m", "fix_nosquish", "-h"], cwd=tmp_path, text=True,
-                          stdin=subprocess.DEVNULL, capture_output=True, timeout=60)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-m", "fix_nosquish", "-h"],
+        cwd=tmp_path,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        timeout=60,
+    )
     assert done.returncode == 0
     assert "-partition" in done.stdout
 
@@ -165,7 +177,8 @@ RANK = "import os\nrank = int(os.environ['PMI_RANK'])\n"
 @pytest.mark.parametrize("launcher", ["lmp", "module", "library"])
 @pytest.mark.parametrize("where", ["__init__", "init", "final_integrate"])
 def test_error_on_one_rank_ends_all(run_mover, launcher, where):
-    """Locks out the hang of LAMMPS's own fix, which waits in error->all for ranks that did not fail.
+    """Locks out the hang of LAMMPS's own fix,
+    which waits in error->all for ranks that did not fail.
 
     In __init__ the other rank is in a collective call of its own when this one fails."""
     more = RANK + (
@@ -207,8 +220,15 @@ def test_error_in_one_partition_ends_all(run_mover, launcher):
         "        import time\n        time.sleep(40)\n"
     )
     start = time.monotonic()
-    run = run_mover("Bad", more, ranks=2, options=["-partition", "1", "1"], launcher=launcher,
-                    check=False, timeout=60)  # fmt: skip
+    run = run_mover(
+        "Bad",
+        more,
+        ranks=2,
+        options=["-partition", "1", "1"],
+        launcher=launcher,
+        check=False,
+        timeout=60,
+    )
     assert time.monotonic() - start < 20
     assert run.code != 0
     assert "ValueError: no such luck" in run.screen
@@ -292,8 +312,9 @@ def test_library_user_gets_an_exception(tmp_path):
         "late.command('clear')\nlate.file('in.good')\n"
         "import sys; sys.late = late; print('END')\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, text=True,
-                          capture_output=True, timeout=60)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, text=True, capture_output=True, timeout=60
+    )
     assert "CAUGHT" in done.stdout and "KeyboardInterrupt" in done.stdout, done.stdout
     assert "END" in done.stdout, done.stderr
     assert done.returncode == 0, f"crash at exit: {done.returncode}\n{done.stderr}"
@@ -303,8 +324,8 @@ def test_library_user_gets_an_exception(tmp_path):
 
 
 def test_degrees_of_freedom_and_virial(run_mover):
-    """Locks out temp and press that ignore the class's constraints, and a virial that is not zeroed,
-    is taken at the wrong moment, or is added once per rank."""
+    """Locks out temp and press that ignore the class's constraints, and a virial that is not
+    zeroed, is taken at the wrong moment, or is added once per rank."""
     more = (
         "import numpy as np\n"
         "class Constrained(NVE):\n"
@@ -367,7 +388,8 @@ def test_post_neighbor(run_mover):
     """Locks out index tables that miss a re-neighbouring: at set-up, and every fifth step here."""
     more = (
         "class Counting(NVE):\n    host, n = None, 0\n"
-        "    def post_neighbor(self):\n        self.n += 1\n        self.host.log(f'LIST {self.n}\\n')\n"
+        "    def post_neighbor(self):\n        self.n += 1\n"
+        "        self.host.log(f'LIST {self.n}\\n')\n"
     )
     assert run_mover("Counting", more, steps=20).log.count("LIST") == 1 + 4
 
@@ -394,7 +416,8 @@ class Counting(NVE):
 """
 
 
-# Notes half of its atoms in an order of its own, and compares where they came from with a table of who noted what.
+# Notes half of its atoms in an order of its own, and compares where they came from with a table of
+# who noted what.
 FOLLOWER = """
 import numpy as np
 from types import SimpleNamespace
@@ -420,12 +443,14 @@ class Follower(Counting):
         assert origins.dtype == np.int64 and origins.shape == (n,)
         for i, (tag, origin) in enumerate(zip(tags, origins.tolist())):
             rank, place = divmod(origin, 2**32)
-            assert self.table.get((rank, place)) == (tag if origin >= 0 else None), f"atom {tag}: origin {rank} {place}"
+            found = tag if origin >= 0 else None
+            assert self.table.get((rank, place)) == found, f"atom {tag}: origin {rank} {place}"
             assert origin >= 0 or tag not in self.table.values(), f"atom {tag} has lost its origin"
             self.moved += origin >= 0 and rank != me
             self.sorted += origin >= 0 and rank == me and self.index[place] != i
         self.noted += 1
-        self.index = np.random.default_rng(self.noted).permutation(np.flatnonzero(np.array(tags, int) % 2 == self.noted % 2)).astype(np.int32)
+        half = np.flatnonzero(np.array(tags, int) % 2 == self.noted % 2).astype(np.int32)
+        self.index = np.random.default_rng(self.noted).permutation(half)
         origins[:] = -1
         origins[self.index] = (me << 32) + np.arange(len(self.index))
         mine = {(me, place): tags[i] for place, i in enumerate(self.index)}
@@ -447,14 +472,17 @@ class Watcher(Follower):
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_follows_atoms(run_lammps, ranks):
-    """Locks out an origin that stays behind, or goes to another atom, when LAMMPS sorts atoms, sends them to other
-    ranks (bricks, tiles), grows its arrays, deletes atoms or creates new ones, which have none."""
+    """Locks out an origin that stays behind, or goes to another atom, when LAMMPS sorts atoms,
+    sends them to other ranks (bricks, tiles), grows its arrays, deletes atoms or creates new ones,
+    which have none."""
     both = 'fix 0 all python/move "mover.Watcher"\nfix 1 all python/move "mover.Follower"'
-    script = "atom_modify sort 7 1.0\n" + MELT.format(fix=both, steps=20) + (
-        "region hole block 0 2 0 2 0 2\ndelete_atoms region hole compress no\nrun 10\n"
+    script = (
+        "atom_modify sort 7 1.0\n"
+        + MELT.format(fix=both, steps=20)
+        + "region hole block 0 2 0 2 0 2\ndelete_atoms region hole compress no\nrun 10\n"
         "region core block 0.3 1.7 0.3 1.7 0.3 1.7\ncreate_atoms 1 region core\nrun 10\n"
         "unfix 0\ncomm_style tiled\nbalance 1.0 rcb\nrun 20\n"
-    )  # fmt: skip
+    )
     log = run_lammps(script, files={"mover.py": MOVER + COUNTING + FOLLOWER}, ranks=ranks).log
     counts = np.array([line.split() for line in tagged(log, "FOLLOWED")], int)
     assert len(counts) == 3 + 3 + 1  # runs of the two fixes, and of one
@@ -463,8 +491,8 @@ def test_follows_atoms(run_lammps, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_respa(run_lammps, ranks):
-    """Locks out respa hooks that are called at the wrong level or moment, and an end_of_step that misses the
-    total force, is not called on each step, or costs a Verlet run a call."""
+    """Locks out respa hooks that are called at the wrong level or moment, and an end_of_step that
+    misses the total force, is not called on each step, or costs a Verlet run a call."""
     more = COUNTING + (
         "class Levels(Counting):\n"
         "    def kick(self, ilevel):\n"
@@ -477,10 +505,14 @@ def test_respa(run_lammps, ranks):
         "    def final_integrate_respa(self, ilevel, iloop):\n        self.kick(ilevel)\n"
         "    def end_of_step(self):\n"
         "        n, f = self.lmp.extract_global('nlocal'), self.lmp.numpy.extract_atom('f')\n"
-        "        self.host.log(f'END {self.step} {self.world.allreduce((f[:n] ** 2).sum()):.10g}\\n')\n"
+        "        square = self.world.allreduce((f[:n] ** 2).sum())\n"
+        "        self.host.log(f'END {self.step} {square:.10g}\\n')\n"
     )
     respa = "run_style respa 2 2 inner 1 1.2 1.4 outer 2\ntimestep"
-    squares = "compute ff all reduce sumsq fx fy fz\nvariable ff equal c_ff[1]+c_ff[2]+c_ff[3]\nthermo_style  custom step v_ff "
+    squares = (
+        "compute ff all reduce sumsq fx fy fz\nvariable ff equal c_ff[1]+c_ff[2]+c_ff[3]\n"
+        "thermo_style  custom step v_ff "
+    )
     script = MELT.replace("timestep", respa).replace("thermo_style  custom step ", squares)
     fix = 'fix 1 all python/move "mover.Levels"'
     files = {"mover.py": MOVER + more}
@@ -496,7 +528,8 @@ def test_respa(run_lammps, ranks):
 
 
 def test_post_run(run_lammps):
-    """Locks out a post_run that comes before the last step's output, or for some runs or ranks only."""
+    """Locks out a post_run that comes before the last step's output,
+    or for some runs or ranks only."""
     more = COUNTING + (
         "class Last(Counting):\n"
         "    def post_run(self):\n        self.host.log(f'LAST {self.step} {self.count()}\\n')\n"
@@ -549,17 +582,24 @@ def with_columns(script, columns, before=""):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_values_for_thermo(run_lammps, tmp_path, ranks):
-    """Locks out a scalar, vector or array that LAMMPS mistakes in index, size or extensivity, or asks of one rank only."""
+    """Locks out a scalar, vector or array that LAMMPS mistakes in index, size or extensivity,
+    or asks of one rank only."""
     script = with_columns(
-        melt("mover.Values", 20), "f_1 f_1[1] f_1[2] f_1[1][1] f_1[2][3] v_both",
-        "variable both equal f_1+f_1[2][3]\nfix 2 all ave/time 5 2 10 f_1[*] mode vector file ave.txt\n",
-    )  # fmt: skip
+        melt("mover.Values", 20),
+        "f_1 f_1[1] f_1[2] f_1[1][1] f_1[2][3] v_both",
+        "variable both equal f_1+f_1[2][3]\n"
+        "fix 2 all ave/time 5 2 10 f_1[*] mode vector file ave.txt\n",
+    )
     thermo = run_lammps(script, files={"mover.py": MOVER + VALUES}, ranks=ranks).thermo
     step = np.array([0, 10, 20])
     for name, value in {
-        "f_1": 256 + step, "f_1[1]": 1, "f_1[2]": 512, "f_1[1][1]": 256 + 100 * step, "f_1[2][3]": 268 + 100 * step,
+        "f_1": 256 + step,
+        "f_1[1]": 1,
+        "f_1[2]": 512,
+        "f_1[1][1]": 256 + 100 * step,
+        "f_1[2][3]": 268 + 100 * step,
         "v_both": 524 + 101 * step,
-    }.items():  # fmt: skip
+    }.items():
         np.testing.assert_array_equal(thermo[name], np.broadcast_to(value, 3), err_msg=name)
     last = (tmp_path / "ave.txt").read_text().splitlines()[-2:]
     assert last == ["1 2006 2007 2008", "2 2016 2017 2018"]  # the mean of steps 15 and 20
@@ -567,7 +607,8 @@ def test_values_for_thermo(run_lammps, tmp_path, ranks):
 
 @pytest.mark.parametrize("name, column", [("Growing", "f_1[4][1]"), ("Bounded", "f_1[1][2]")])
 def test_array_that_grows(run_lammps, name, column):
-    """Locks out a number of rows that stays what it was, and a class that is asked for rows that it has not."""
+    """Locks out a number of rows that stays what it was,
+    and a class that is asked for rows that it has not."""
     script = with_columns(melt(f"mover.{name}", 20), f"f_1[1][1] f_1[2][3] f_1[3][2] {column}")
     thermo = run_lammps(script, files={"mover.py": MOVER + VALUES}, ranks=2).thermo
     assert [tuple(row)[:4] for row in thermo] == [
@@ -582,13 +623,20 @@ def test_array_that_grows(run_lammps, name, column):
 
 @pytest.mark.parametrize(
     "name, columns, text",
-    [("Values", "f_1[3]", "out-of-range"), ("Values", "f_1[3][1]", "out-of-range"), ("Values", "f_1[1][4]", "out-of-range"),
-     ("Counting", "f_1", "not compute a scalar"), ("Counting", "f_1[1]", "not compute a vector"),
-     ("Counting", "f_1[1][1]", "not compute an array"),
-     ("Bad", "f_1[2]", "ZeroDivisionError"), ("Worse", "f_1[1]", "no attribute 'vector_extensive'")],
-)  # fmt: skip
+    [
+        ("Values", "f_1[3]", "out-of-range"),
+        ("Values", "f_1[3][1]", "out-of-range"),
+        ("Values", "f_1[1][4]", "out-of-range"),
+        ("Counting", "f_1", "not compute a scalar"),
+        ("Counting", "f_1[1]", "not compute a vector"),
+        ("Counting", "f_1[1][1]", "not compute an array"),
+        ("Bad", "f_1[2]", "ZeroDivisionError"),
+        ("Worse", "f_1[1]", "no attribute 'vector_extensive'"),
+    ],
+)
 def test_values_that_are_not_there(run_lammps, name, columns, text):
-    """Locks out values announced that the class has not, and a failing method whose column is a zero."""
+    """Locks out values announced that the class has not,
+    and a failing method whose column is a zero."""
     more = (
         "class Bad(Values):\n    def compute_vector(self, i):\n        return 1 / 0\n"
         "class Worse(Counting):\n    def compute_vector(self, i):\n        return 1.0\n"
@@ -602,14 +650,15 @@ def test_values_that_are_not_there(run_lammps, name, columns, text):
 
 
 def test_restart_file(run_lammps):
-    """Locks out a restart file of the fix that is written on one rank only, before LAMMPS's own, under another
-    name, or by a class that does not want one."""
+    """Locks out a restart file of the fix that is written on one rank only, before LAMMPS's own,
+    under another name, or by a class that does not want one."""
     more = COUNTING + (
         "import os\n"
         "class Writer(Counting):\n"
         "    restart_file = True\n"
         "    def write_restart_file(self, name):\n"
-        "        self.host.log(f'FILE {self.step} {name} {self.count()} {os.path.exists(name)}\\n')\n"
+        "        there = os.path.exists(name)\n"
+        "        self.host.log(f'FILE {self.step} {name} {self.count()} {there}\\n')\n"
         "class Silent(Writer):\n    restart_file = False\n"
     )
     script = (
@@ -621,7 +670,7 @@ def test_restart_file(run_lammps):
     assert not tagged(run_lammps(script.replace("Writer", "Silent"), ranks=2).log, "FILE")
 
 
-# Atoms without forces, all in one half of the box at first, fly into the other half and back into the first.
+# Atoms without forces, all in one half of the box at first, fly into the other half and back.
 FLIGHT = """
 units         lj
 atom_modify   map yes
@@ -641,7 +690,8 @@ fix           1 all python/move "mover.Weighted"
 compute       s all stress/atom NULL virial
 compute       sum all reduce sum c_s[*]
 compute       p all pressure NULL virial
-variable      wrong atom abs(c_s[1]+id)+abs(c_s[2]+2*id)+abs(c_s[3]+3*id)+abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)
+variable      wrong atom abs(c_s[1]+id)+abs(c_s[2]+2*id)+abs(c_s[3]+3*id)+&
+                         abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)
 compute       wrong all reduce max v_wrong
 thermo_style  custom step c_wrong c_sum[*] c_p[*] vol
 thermo_modify format float %.15g norm no
@@ -650,11 +700,13 @@ run           60
 """
 
 
-# They come to the empty rank on an even step for a length of 8.3; leave on odd and return on even ones for 8.54.
+# They come to the empty rank on an even step for a length of 8.3; leave on odd and return on even
+# ones for 8.54.
 @pytest.mark.parametrize("ranks, length", [(1, 8.54), (2, 8.3), (2, 8.54)])
 def test_virial_of_each_atom(run_lammps, ranks, length):
-    """Locks out per-atom virials in rows of before a re-neighbouring, not zeroed, in too small an array (here on a
-    rank that had no atom), or filled in when LAMMPS does not ask; two virials that differ."""
+    """Locks out per-atom virials in rows of before a re-neighbouring, not zeroed, in too small an
+    array (here on a rank that had no atom), or filled in when LAMMPS does not ask; two virials that
+    differ."""
     more = COUNTING + (
         "import numpy as np\n"
         "class Weighted(Counting):\n"
@@ -663,14 +715,18 @@ def test_virial_of_each_atom(run_lammps, ranks, length):
         "        if self.step % 2:\n"
         "            assert self.virial_per_atom is None, 'not asked for'\n            return\n"
         "        n = self.lmp.extract_global('nlocal')\n"
-        "        own = np.outer(self.lmp.numpy.extract_atom('id')[:n], np.arange(1.0, 7.0)) if n else np.empty((0, 6))\n"
-        "        assert self.virial_per_atom.shape == own.shape and not self.virial_per_atom.any()\n"
+        "        tag = self.lmp.numpy.extract_atom('id')[:n] if n else []\n"
+        "        own = np.outer(tag, np.arange(1.0, 7.0))\n"
+        "        assert self.virial_per_atom.shape == own.shape\n"
+        "        assert not self.virial_per_atom.any()\n"
         "        self.virial_per_atom += own\n        self.virial += own.sum(axis=0)\n"
         "    def views(self):\n"
-        "        return super().views() if self.lmp.extract_global('nlocal') else np.zeros((3, 0, 3))\n"
+        "        n = self.lmp.extract_global('nlocal')\n"
+        "        return super().views() if n else np.zeros((3, 0, 3))\n"
         "    def setup(self, vflag):\n        self.fill()\n"
         "    def initial_integrate(self, vflag):\n"
-        "        assert self.virial_per_atom is None, 'too early'\n        super().initial_integrate(vflag)\n"
+        "        assert self.virial_per_atom is None, 'too early'\n"
+        "        super().initial_integrate(vflag)\n"
         "    def final_integrate(self):\n        super().final_integrate()\n        self.fill()\n"
     )
     thermo = run_lammps(
@@ -717,8 +773,8 @@ def parents(folder):
     ],
 )
 def test_signal_ends_all(tmp_path, launcher, ranks, target, number):
-    """Locks out ranks that go on for ever when a signal has ended the command that started them, and a log that
-    lacks what LAMMPS had printed into it."""
+    """Locks out ranks that go on for ever when a signal has ended the command that started them,
+    and a log that lacks what LAMMPS had printed into it."""
     more = (
         "class Telling(NVE):\n    n = 0\n"
         "    def final_integrate(self):\n        super().final_integrate()\n        self.n += 1\n"
@@ -729,10 +785,14 @@ def test_signal_ends_all(tmp_path, launcher, ranks, target, number):
     (tmp_path / "in.test").write_text(melt("mover.Telling", 10**9).replace("run  ", few))
     mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
     command = subprocess.Popen(
-        [*mpirun, *LAUNCHERS[launcher], "in.test"], cwd=tmp_path, start_new_session=True,
-        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        [*mpirun, *LAUNCHERS[launcher], "in.test"],
+        cwd=tmp_path,
+        start_new_session=True,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )  # fmt: skip
+    )
     try:
         wait_for((tmp_path / "reached").exists, 60)
         tree = parents(tmp_path)

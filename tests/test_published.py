@@ -14,21 +14,16 @@ from validation import __main__
 from validation.ensembles import plan
 from validation.published import measure as published
 from validation.running import run
+from validation.running.trajectory import Series
 from validation.scenes.integrators import INTEGRATORS
 
 
 def result(sd, error=None, slope=0.0):
     """A complete run whose energy has this standard deviation about a line with this slope,
     kcal/mol/ps."""
-    time = np.arange(4000) * 10.0
-    energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0 + slope * time / 1000
-    return run.Result(
-        error=error,
-        thermo={"Time": time, "TotEng": energy},
-        timings=[],
-        positions=None,
-        versions={},
-    )
+    time = np.arange(4000) * 0.01
+    energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0 + slope * time
+    return Series(None, error, time, energy, *[np.empty(0)] * 3, None, [], 0.0)
 
 
 def test_published_numbers_have_errors_too():
@@ -115,11 +110,11 @@ def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
     first, again = Silent(), Silent()
     found, interrupted = published.published(tmp_path, 0.008, 1, 60.0, first)
     assert not interrupted and [one.error for one in found.values()] == [None] * 4
-    starts = np.array([one.thermo["TotEng"][0] for one in found.values()])
+    starts = np.array([one.total[0] for one in found.values()])
     np.testing.assert_allclose(starts, starts[0], rtol=1e-9)
-    before = (tmp_path / "2-fs" / "log.lammps").stat().st_mtime_ns
+    before = (tmp_path / "2-fs" / "piece-0" / "log.lammps").stat().st_mtime_ns
     published.published(tmp_path, 0.008, 1, 60.0, again)
-    assert (tmp_path / "2-fs" / "log.lammps").stat().st_mtime_ns == before
+    assert (tmp_path / "2-fs" / "piece-0" / "log.lammps").stat().st_mtime_ns == before
 
     log = tmp_path / "alone.log"
     done = subprocess.run(

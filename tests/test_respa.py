@@ -1,7 +1,9 @@
-"""run_style respa: the kicks of each level, the drift on the innermost, against Verlet and conservation laws.
+"""run_style respa: the kicks of each level, the drift on the innermost,
+against Verlet and conservation laws.
 
-LAMMPS's rigid/nve is no reference here: its first half kick of the innermost level takes the force that the
-outer level has just stored, so that its trajectory does not converge to that of small steps.
+LAMMPS's rigid/nve is no reference here: its first half kick of the innermost level takes the force
+that the outer level has just stored, so that its trajectory does not converge to that of small
+steps.
 """
 
 import numpy as np
@@ -13,7 +15,8 @@ THREE = "run_style respa 3 2 2 inner 1 1.2 1.5 middle 2 1.8 2.2 outer 3"
 
 
 def smooth(kinds="solid planar pair row single"):
-    """A mixture with a potential that is nearly smooth at the cutoff, so that errors fall with dt^2."""
+    """A mixture with a potential that is nearly smooth at the cutoff,
+    so that errors fall with dt^2."""
     system = mixture(kinds, temperature=0.5)
     return system._replace(
         setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
@@ -21,7 +24,8 @@ def smooth(kinds="solid planar pair row single"):
 
 
 def chains():
-    """Rigid bodies among flexible chains of three atoms; the input, and the chains' fix and group."""
+    """Rigid bodies among flexible chains of three atoms; the input,
+    and the chains' fix and group."""
     system = smooth("solid planar row pair")
     rows = [f"create_bonds single/bond 1 {a} {a + 1} special no" for a in atoms_of_rows(system)]
     more = "read_data data.bodies extra/bond/types 1 extra/bond/per/atom 2 extra/special/per/atom 4"
@@ -68,8 +72,8 @@ def alike(ours, theirs, h, tolerance=1e-9):
     ids=["one level", "factors 1", "factors 1 on 4 ranks"],
 )
 def test_equal_steps_are_verlet(simulate, style, ranks):
-    """Locks out a level's force that is kicked with twice, or with another level's step, or not at all:
-    where all levels have the same step, their sum is velocity Verlet."""
+    """Locks out a level's force that is kicked with twice, or with another level's step, or not at
+    all: where all levels have the same step, their sum is velocity Verlet."""
     system = smooth()
     verlet = simulate(system, OURS, 40)
     ours = simulate(system, OURS, 40, before=style, ranks=ranks)
@@ -83,8 +87,8 @@ def test_equal_steps_are_verlet(simulate, style, ranks):
 
 @pytest.mark.parametrize("style", ["run_style respa 2 4 pair 2", "run_style respa 3 2 2 pair 3"])
 def test_levels_without_force_are_inner_rotor_steps(simulate, style):
-    """Locks out a kick of an inner level with the outer level's force (as rigid/nve's first one is): without
-    forces of their own, four inner steps are one step of Verlet with mrot 4."""
+    """Locks out a kick of an inner level with the outer level's force (as rigid/nve's first one
+    is): without forces of their own, four inner steps are one step of Verlet with mrot 4."""
     system = smooth()
     verlet = simulate(system, OURS, 30, dt=4, words="molecule mrot 4")
     alike(simulate(system, OURS, 30, dt=4, before=style), verlet, system.h)
@@ -94,8 +98,8 @@ def test_levels_without_force_are_inner_rotor_steps(simulate, style):
 
 @pytest.mark.parametrize("style", [TWO, THREE], ids=["two levels", "three levels"])
 def test_second_order(simulate, style):
-    """Locks out a splitting that converges to another trajectory than Verlet's small steps, or with the first
-    power of the outer step only, and an energy that is not conserved to second order."""
+    """Locks out a splitting that converges to another trajectory than Verlet's small steps, or with
+    the first power of the outer step only, and an energy that is not conserved to second order."""
     system = smooth()
     exact = simulate(system, OURS, 400, dt=0.2, every=400)
     runs = [simulate(system, OURS, n, dt=80 / n, before=style, every=1) for n in (10, 20, 40)]
@@ -108,12 +112,24 @@ def test_second_order(simulate, style):
 
 
 def test_among_flexible_chains(simulate):
-    """Locks out bodies and fix nve's atoms that are at different times within a step: with stiff bonds on the
-    inner level, the whole converges as dt^2 to the trajectory of small steps of Verlet."""
+    """Locks out bodies and fix nve's atoms that are at different times within a step: with stiff
+    bonds on the inner level, the whole converges as dt^2 to the trajectory of small steps of
+    Verlet."""
     system = chains()
     exact = simulate(system, OURS, 800, group="rigid", dt=40 / 800, every=800)
-    runs = [simulate(system, OURS, n, group="rigid", dt=40 / n, every=1, ranks=ranks,
-                     before="run_style respa 3 4 2 bond 1 inner 2 1.3 1.8 outer 3") for n, ranks in ((10, 1), (20, 2), (40, 1))]  # fmt: skip
+    runs = [
+        simulate(
+            system,
+            OURS,
+            n,
+            group="rigid",
+            dt=40 / n,
+            every=1,
+            ranks=ranks,
+            before="run_style respa 3 4 2 bond 1 inner 2 1.3 1.8 outer 3",
+        )
+        for n, ranks in ((10, 1), (20, 2), (40, 1))
+    ]
     error = [apart(run, exact, system.h) for run in runs]
     energy = [run.thermo["TotEng"].std() for run in runs]
     assert error[0] / error[2] == pytest.approx(16, rel=0.3) and error[2] < 1e-4
@@ -122,8 +138,8 @@ def test_among_flexible_chains(simulate):
 
 @pytest.mark.parametrize("style", [TWO, THREE], ids=["two levels", "three levels"])
 def test_time_reversal(simulate, style):
-    """Locks out levels that are kicked in an order that is not symmetric: with all velocities turned round, the
-    bodies go back to where they came from."""
+    """Locks out levels that are kicked in an order that is not symmetric: with all velocities
+    turned round, the bodies go back to where they came from."""
     system = smooth()
     start = simulate(system, OURS, 0)
     back = "\n".join(
@@ -136,7 +152,7 @@ def test_time_reversal(simulate, style):
 
 
 def test_four_ranks(simulate):
-    """Locks out a level's force that is gathered before or after atoms have gone to another rank."""
+    """Locks out a level's force gathered before or after atoms have gone to another rank."""
     system = smooth()
     hot = dict(before=TWO + "\nvelocity all scale 5", dt=4, every=20)
     one = simulate(system, OURS, 60, **hot)
@@ -154,9 +170,10 @@ LIFT = "fix lift type1 addforce 1.0 0.5 -0.7\nfix_modify lift respa 1 virial yes
     "fixes, ranks", [("", 2), (LIFT, 1)], ids=["pairs only", "with fix addforce"]
 )
 def test_pressure(simulate, fixes, ranks):
-    """Locks out a constraint virial of one level's forces only, at step 0 or later: in the limit of small steps
-    pressure and energy are Verlet's. (Not at step 0 after a fix that has a level of its own: it leaves that level's
-    force behind when a run is set up, and LAMMPS has no call that adds the levels up again.)"""
+    """Locks out a constraint virial of one level's forces only, at step 0 or later: in the limit of
+    small steps pressure and energy are Verlet's. (Not at step 0 after a fix that has a level of its
+    own: it leaves that level's force behind when a run is set up, and LAMMPS has no call that adds
+    the levels up again.)"""
     system = smooth()
     fixes = "group type1 type 1\n" + fixes if fixes else ""
     how = dict(dt=1e-4, every=1)
@@ -173,7 +190,8 @@ def test_pressure(simulate, fixes, ranks):
 
 
 def test_fix_on_inner_level(simulate):
-    """Locks out the force of a fix on one level that acts on another, or on none: with equal steps it is Verlet."""
+    """Locks out the force of a fix on one level that acts on another, or on none:
+    with equal steps it is Verlet."""
     system = smooth()
     fixes = (
         "group type1 type 1\n" + LIFT + "\nfix hold type1 spring/self 5.0\nfix_modify hold respa 2"
@@ -202,7 +220,8 @@ def test_fix_on_inner_level(simulate):
 
 
 def test_output(simulate, tmp_path):
-    """Locks out a table of bodies with one level's force and torque: the forces in it are the atoms' total."""
+    """Locks out a table of bodies with one level's force and torque:
+    the forces in it are the atoms' total."""
     system = smooth()
     script = "write_dump all custom forces id mol fx fy fz modify sort id format float %.16g"
     simulate(system, OURS, 7, words="molecule output 7 table", before=TWO, after=script, ranks=2)
@@ -219,8 +238,8 @@ def test_output(simulate, tmp_path):
 
 
 def test_water(simulate):
-    """Locks out a force of PPPM on the outermost level that bodies do not get: the trajectory converges as dt^2
-    to that of small steps of Verlet."""
+    """Locks out a force of PPPM on the outermost level that bodies do not get: the trajectory
+    converges as dt^2 to that of small steps of Verlet."""
     system = water()
     exact = simulate(system, OURS, 32, dt=0.25, every=32)
     style = "run_style respa 2 2 inner 1 4.0 5.0 outer 2 kspace 2"
@@ -231,8 +250,8 @@ def test_water(simulate):
 
 
 def test_time_step_that_changes(simulate):
-    """Locks out levels that keep the time step of the start of the run where fix dt/reset changes it: bodies go as far as with
-    Verlet, and energy stays."""
+    """Locks out levels that keep the time step of the start of the run where fix dt/reset changes
+    it: bodies go as far as with Verlet, and energy stays."""
     system = smooth()
     reset = "fix 2 all dt/reset 1 NULL 0.01 0.002"
     verlet = simulate(system, OURS, 40, before=reset)

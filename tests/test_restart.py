@@ -1,4 +1,5 @@
-"""Runs that are continued: in the same script, from a restart file, from a data file, on other numbers of ranks."""
+"""Runs that are continued: in the same script, from a restart file, from a data file,
+on other numbers of ranks."""
 
 import numpy as np
 import pytest
@@ -33,7 +34,7 @@ def tops(monkeypatch):
 
 @pytest.fixture
 def run_on(run_lammps, tmp_path):
-    """A function that runs a script, and reads the atoms' positions and velocities that it dumps."""
+    """A function that runs a script, and reads the positions and velocities that it dumps."""
 
     def run(script, *names, ranks=1, files=None, columns="x y z vx vy vz"):
         for name in names:
@@ -49,7 +50,8 @@ def run_on(run_lammps, tmp_path):
 
 
 def off(a, b, h):
-    """How far two Results lie apart, of the largest coordinate and of the highest velocity (or spin)."""
+    """How far two Results lie apart, of the largest coordinate
+    and of the highest velocity (or spin)."""
     return max(apart(a, b, h) / np.abs(b.x).max(), np.abs(a.v - b.v).max() / np.abs(b.v).max())
 
 
@@ -67,8 +69,9 @@ SYSTEMS = {
 
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_continued(run_on, tops, name):
-    """Locks out a restart that goes on otherwise than the run that wrote it: other image flags, another choice of
-    principal axes where the inertia leaves them open, velocities of another time, on other numbers of ranks."""
+    """Locks out a restart that goes on otherwise than the run that wrote it: other image flags,
+    another choice of principal axes where the inertia leaves them open, velocities of another time,
+    on other numbers of ranks."""
     make, before, after = SYSTEMS[name]
     system = make(tops)
     fixes = OURS.format(group="all", words="molecule") + (
@@ -76,7 +79,8 @@ def test_continued(run_on, tops, name):
     )
     step = f"timestep {system.dt:.17g}\n"
     first = (
-        f"{system.setup}\n{step}{fixes}\nrun 50\nwrite_restart middle.restart\nwrite_data middle.data nocoeff\n"
+        f"{system.setup}\n{step}{fixes}\nrun 50\nwrite_restart middle.restart\n"
+        "write_data middle.data nocoeff\n"
         "restart 40 old.restart new.restart\nrun 100\nDUMP continued\n"
         f"clear\n{system.setup}\n{step}{fixes}\nrun 150\nDUMP whole\n"
     )
@@ -86,7 +90,8 @@ def test_continued(run_on, tops, name):
         f"read_restart middle.restart\n{AFTER}\n{step}{fixes}\nrun 100\nDUMP restarted\n"
         f"clear\n{from_data}\nreset_timestep 50\n{step}{fixes}\nrun 100\nDUMP from_data\n"
         # written while the run went on, at step 120
-        f"clear\nread_restart new.restart\nprint 'at $(step)'\n{AFTER}\n{step}{fixes}\nrun 150 upto\nDUMP periodic\n"
+        f"clear\nread_restart new.restart\nprint 'at $(step)'\n{AFTER}\n{step}{fixes}\n"
+        "run 150 upto\nDUMP periodic\n"
     )
     results = run_on(second, "restarted", "from_data", "periodic", ranks=after)
     errors = {"whole": off(whole, continued, system.h)}
@@ -126,7 +131,8 @@ def spheres(sizes):
         for k, place in enumerate((np.array(site) * 7 / 3 + shape[: sizes[m % len(sizes)]]) % 7):
             number += 1
             atoms.append(
-                f"create_atoms {1 + k % 2} single {place[0]:.15g} {place[1]:.15g} {place[2]:.15g} units box"
+                f"create_atoms {1 + k % 2} single {place[0]:.15g} {place[1]:.15g} "
+                f"{place[2]:.15g} units box"
             )
             molecules.append(f"set atom {number} mol {m + 1}")
     return SPHERES.format(atoms="\n".join(atoms), molecules="\n".join(molecules))
@@ -136,14 +142,18 @@ def spheres(sizes):
     "sizes, bound", [((1, 3, 4), 1e-10), ((2,), 1e-5)], ids=["1, 3 or 4 spheres", "dumbbells"]
 )
 def test_continued_spheres(run_on, sizes, bound):
-    """Locks out spins of spheres that a restart loses, or that the bodies are made anew without, and principal axes
-    that are others when they are made anew. (A dumbbell has three moments, two of them equal, and no atom beside its axis
-    that could choose the axes of these two: a run in two parts differs from a whole one by 2.7e-6; rigid/nve: 2.0e-7.)"""
+    """Locks out spins of spheres that a restart loses, or that the bodies are made anew without,
+    and principal axes that are others when they are made anew. (A dumbbell has three moments, two
+    of them equal, and no atom beside its axis that could choose the axes of these two: a run in two
+    parts differs from a whole one by 2.7e-6; rigid/nve: 2.0e-7.)"""
     # LAMMPS counts six degrees of freedom of a sphere in a body, compute temp three
     fix = "thermo_style custom step pe\n" + OURS.format(group="all", words="molecule")
     columns = "x y z vx vy vz omegax omegay omegaz"
     setup = spheres(sizes)
-    first = f"{setup}{fix}\nrun 50\nwrite_restart middle.restart\nrun 100\nDUMP continued\nclear\n{setup}{fix}\nrun 150\nDUMP whole\n"
+    first = (
+        f"{setup}{fix}\nrun 50\nwrite_restart middle.restart\nrun 100\nDUMP continued\nclear\n"
+        f"{setup}{fix}\nrun 150\nDUMP whole\n"
+    )
     second = (
         "fix id all property/atom mol ghost yes\n"
         "neigh_modify every 1 delay 0 check yes exclude molecule/intra all\ntimestep 0.002\n"
@@ -160,7 +170,8 @@ def test_continued_spheres(run_on, sizes, bound):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_runs_in_parts(run_on, tops, ranks):
-    """Locks out bodies that are made anew between two runs as other ones, or that `pre no` leaves at another time."""
+    """Locks out bodies that are made anew between two runs as other ones,
+    or that `pre no` leaves at another time."""
     system = tops(ALL, spacing=2.9)
     fix = f"timestep {system.dt:.17g}\n" + OURS.format(group="all", words="molecule")
     parts = {

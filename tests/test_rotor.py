@@ -1,4 +1,5 @@
-"""The free rotor against the paper's own formulas, the exact motion of a top, and its conservation laws.
+"""The free rotor against the paper's own formulas, the exact motion of a top,
+and its conservation laws.
 
 Space vectors are taken from quaternions by multiplication, not by the package's matrices.
 """
@@ -8,10 +9,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fix_nosquish import block, rotor
-from fix_nosquish.bodies import MASS, MOMENT, Bodies
+from fix_nosquish.bodies import MASS, MOMENT, Bodies, aligned
 from fix_nosquish.bodies import P as P_ROWS
 from fix_nosquish.bodies import Q as Q_ROWS
-from fix_nosquish.bodies import aligned
 from fix_nosquish.compiled import F1, F2, F, I, loop
 from fix_nosquish.nve import NVE
 
@@ -45,7 +45,8 @@ def conjugate(q):
 
 
 def body_momentum(q, p):
-    """(4, n): half of S(q)^T p; the zeroth component, which is to vanish, and L in the body frame."""
+    """(4, n): half of S(q)^T p; the zeroth component, which is to vanish,
+    and L in the body frame."""
     return 0.5 * product(conjugate(q), p)
 
 
@@ -58,7 +59,8 @@ def energy(q, p, moments):
 
 
 def tops(n, moments, seed, speed=1.0):
-    """Random orientations, and the angular momenta of thermal equilibrium; axes without moment are at rest."""
+    """Random orientations, and the angular momenta of thermal equilibrium;
+    axes without moment are at rest."""
     rng = np.random.default_rng(seed)
     q = rng.normal(size=(4, n))
     q /= np.linalg.norm(q, axis=0)
@@ -67,7 +69,8 @@ def tops(n, moments, seed, speed=1.0):
 
 
 def one_atom_bodies(q, p, moments, own_rows=0):
-    """Bodies of mass 1 and one atom each, at rest at the origin, with q and p (4, n); moments: (3,) or (3, n)."""
+    """Bodies of mass 1 and one atom each, at rest at the origin, with q and p (4, n);
+    moments: (3,) or (3, n)."""
     n = q.shape[1]
     state = np.zeros((block.ROWS + own_rows, n))
     state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = (
@@ -157,8 +160,8 @@ def test_reference_matrices():
 @pytest.mark.parametrize("mrot", [1, 3])
 @pytest.mark.parametrize("dt", [1e-3, 0.3, -0.3])
 def test_equals_the_paper(dt, mrot):
-    """Locks out a wrong sign in P_k, a factor of 4 or a half step missed, another order of axes, and
-    inner steps of the wrong length."""
+    """Locks out a wrong sign in P_k, a factor of 4 or a half step missed, another order of axes,
+    and inner steps of the wrong length."""
     q, p = tops(50, ASYMMETRIC, 1)
     got = advance(q, p, ASYMMETRIC, dt, mrot=mrot)
     wanted = np.array([paper(*pair, ASYMMETRIC, dt, mrot) for pair in zip(q.T, p.T)]).transpose(
@@ -172,8 +175,9 @@ def test_equals_the_paper(dt, mrot):
 @pytest.mark.parametrize("axis", [1, 2, 3])
 @pytest.mark.parametrize("small", [True, False])
 def test_each_rotation_to_four_ulp(axis, small):
-    """Locks out a power series that is too short or has a wrong term, a fall-back that begins too late or loses its
-    argument, and a sine and a cosine that do not belong together: (2.56) in long double, at angles from 1e-300 to 1e300."""
+    """Locks out a power series that is too short or has a wrong term, a fall-back that begins too
+    late or loses its argument, and a sine and a cosine that do not belong together: (2.56) in long
+    double, at angles from 1e-300 to 1e300."""
     n = 3000
     angle = np.geomspace(1e-300, rotor.SMALL, n) if small else np.geomspace(rotor.SMALL, 1e300, n)
     if small:
@@ -204,8 +208,8 @@ def test_each_rotation_to_four_ulp(axis, small):
 
 
 def test_fast_bodies_among_slow_ones():
-    """Locks out angles beyond the power series' range that the look at a block's angles misses, in whichever lane and with
-    whichever moment the smallest; and a fall-back that is another rotor."""
+    """Locks out angles beyond the power series' range that the look at a block's angles misses, in
+    whichever lane and with whichever moment the smallest; and a fall-back that is another rotor."""
     q, p = tops(200, ASYMMETRIC, 9, speed=0.01)
     fast = np.arange(200) % 3 == 0
     quick = p.copy()
@@ -225,8 +229,8 @@ def test_fast_bodies_among_slow_ones():
 
 
 def test_kinds_side_by_side():
-    """Locks out a body that is turned by the rotor of another kind, or with another body's moments, where kinds stand side
-    by side in blocks that are not full: each moves as it does alone."""
+    """Locks out a body that is turned by the rotor of another kind, or with another body's moments,
+    where kinds stand side by side in blocks that are not full: each moves as it does alone."""
     rng = np.random.default_rng(2)
     moments = np.array([ASYMMETRIC, [1.3, 1.3, 0.0], [0.0, 0.0, 0.0]]).T[:, rng.integers(0, 3, 150)]
     moments *= rng.uniform(0.5, 2.0, 150)
@@ -274,13 +278,13 @@ def test_second_order(mrots):
 
 
 def test_best_order_of_axes():
-    """Locks out the largest moment outermost: for TIP3P at 295 K and 2 fs that has about 12 times the
-    energy error, and the smallest in the middle place about 18 times."""
+    """Locks out the largest moment outermost: for TIP3P at 295 K and 2 fs that has about 12 times
+    the energy error, and the smallest in the middle place about 18 times."""
     dt = 2.0 * np.sqrt(8.31446e-7 * 295)  # 2 fs where kT is 1 and lengths are in A, masses in g/mol
     q, p = tops(500, TIP3P, 5)
 
     def error(axes):
-        """Mean change of energy when the body's axes `axes` (a permutation) are numbered 1, 2, 3."""
+        """Mean change of energy when the body's axes `axes`, a permutation, are numbered 1 to 3."""
         frame = np.eye(3)[:, axes]
         frame[:, 0] *= np.linalg.det(frame)
         new = np.concatenate([np.zeros((1, 500)), frame.T @ body_momentum(q, p)[1:]])

@@ -56,8 +56,7 @@ run {EVERY}
 
 
 def arrays(thing, name="", seen=None):
-    """Number of entries of every numpy array that an object holds, by the path of attributes to
-    it."""
+    """Number of entries of every numpy array that an object holds, by its path of attributes."""
     seen = {} if seen is None else seen
     if id(thing) in seen:
         return {}
@@ -148,8 +147,7 @@ def test_counts(counts):
 
 
 def test_arrays(counts):
-    """Locks out an array on each rank of the size of the whole system, or with an entry for each
-    rank."""
+    """Locks out an array on each rank of the whole system's size, or with an entry per rank."""
     names = [name for name, size in counts[4][1].items() if size > 100]
     assert any(name.endswith(".cells.state") for name in names)
     assert any(".sharers" in name for name in names)
@@ -190,8 +188,8 @@ world.Alltoallv([data, np.full(world.size, 2)], [got, np.full(world.size, 2)])
 
 
 def test_counter(tmp_path):
-    """Locks out calls that are not counted, or twice, or while the count is off, and sends counted
-    to nobody."""
+    """Locks out calls that are not counted, or twice, or while the count is off,
+    and sends counted to nobody."""
     for rank in start(3, tmp_path, ["-c", RING]):
         collectives = {"collectives": 4, "collective_bytes": 80 + 3 * 8 + 3 * 16}
         of_fixes = ("fix_messages", "fix_bytes", "fix_collectives", "fix_collective_bytes")
@@ -228,8 +226,11 @@ def test_counts_are_kept_and_modelled(tmp_path, monkeypatch):
     ends.clear()
     second = scaling([1, 4])
     assert [(one.integrator, one.ranks) for one in counted] == [
-        ("rigid/nve", 1), ("nosquish", 4), ("rigid/nve", 4), ("rigid/nve/small", 4),
-    ]  # fmt: skip
+        ("rigid/nve", 1),
+        ("nosquish", 4),
+        ("rigid/nve", 4),
+        ("rigid/nve/small", 4),
+    ]
     assert not second["interrupted"] and not any(row["error"] for row in second["counts"])
     seconds = {row["integrator"]: row["seconds"] for row in second["model"] if row["ranks"] == 1000}
     own = 2 * 1.5e-6 + 3000 / 12e9  # of two messages of together 3000 bytes

@@ -1,7 +1,8 @@
 """What a script does between runs, against LAMMPS's own rigid/nve in the same script.
 
-All cases of one number of ranks run in one process, one after the other with `clear` between them, because starting
-LAMMPS takes longer than they do. If it breaks in one of them, that and the ones after it fail.
+All cases of one number of ranks run in one process, one after the other with `clear` between them,
+because starting LAMMPS takes longer than they do. If it breaks in one of them, that and the ones
+after it fail.
 """
 
 import re
@@ -43,11 +44,12 @@ THEIRS = "rigid/nve molecule"
 
 
 class Case(NamedTuple):
-    """What a script does after the first run; FIX(group) stands for the rigid fix of that group, without its ID.
+    """What a script does after the first run; FIX(group)
+    stands for the rigid fix of that group, without its ID.
 
-    With `anew`, rigid/nve's fix is defined anew before the second run, because it does not take this change over.
-    With `reshaped`, ours is, because it would give bodies their shape again, which rigid/nve does not.
-    The words are those of the body style.
+    With `anew`, rigid/nve's fix is defined anew before the second run, because it does not take
+    this change over. With `reshaped`, ours is, because it would give bodies their shape again,
+    which rigid/nve does not. The words are those of the body style.
     """
 
     between: str = ""
@@ -64,7 +66,8 @@ HALVES = "unfix 1\ngroup a molecule <= 13\ngroup b subtract bodies a\nfix 1 a FI
 CASES = {
     # atoms come and go, so that LAMMPS moves its arrays: views of the old ones are dead
     "arrays moved": Case(
-        "lattice sc 80.0\ncreate_atoms 1 box\ngroup extra subtract all bodies\ndelete_atoms group extra compress no"
+        "lattice sc 80.0\ncreate_atoms 1 box\ngroup extra subtract all bodies\n"
+        "delete_atoms group extra compress no"
     ),
     # a temperature outside of a run counts degrees of freedom
     "dof between runs": Case(
@@ -74,12 +77,14 @@ CASES = {
     ),
     # LAMMPS's last group has the sign bit of the atoms' mask
     "32 groups": Case(groups="\n".join(f"group g{k} empty" for k in range(30))),
-    # of a new fix: LAMMPS's rigid fixes count degrees of freedom that they must not after a first run (test_other_fixes.py)
+    # of a new fix: LAMMPS's rigid fixes count degrees of freedom that they must not after a first
+    # run (test_other_fixes.py)
     "new velocities": Case("unfix 1\nfix 1 bodies FIX(bodies)\nvelocity all create 2.0 87287"),
     "velocity set": Case("variable w atom 0.3*sin(x)\nvelocity bodies set 0.1 v_w NULL"),
     "velocity scale": Case("velocity all scale 2.0 temp thermo_temp"),
     "velocity zero": Case(
-        "velocity all set 0.4 0 0 sum yes\nrun 2\nvelocity all zero linear\nrun 2\nvelocity all zero angular"
+        "velocity all set 0.4 0 0 sum yes\nrun 2\nvelocity all zero linear\nrun 2\n"
+        "velocity all zero angular"
     ),
     "velocity ramp": Case("velocity all ramp vx 0 1 y 0 8 sum yes units box"),
     "new time step": Case("timestep 0.002"),
@@ -90,12 +95,14 @@ CASES = {
     "run every": Case("", 'every 3 "variable a equal step" "print $a"'),
     "run every with commands": Case("", 'every 5 "velocity all scale 1.5 temp thermo_temp"'),
     "run start stop": Case(
-        "variable r equal ramp(0,3)\nfix 0 bodies addforce v_r 0 0\nunfix 1\nfix 1 bodies FIX(bodies)",
+        "variable r equal ramp(0,3)\nfix 0 bodies addforce v_r 0 0\nunfix 1\n"
+        "fix 1 bodies FIX(bodies)",
         "start 0 stop 100",
     ),
     "run upto": Case("", "upto\n"),
     "loop": Case(
-        "variable i loop 3\nlabel again{end}\nrun 3\ndisplace_atoms all move 0.1 0 0\nnext i\njump SELF again{end}"
+        "variable i loop 3\nlabel again{end}\nrun 3\ndisplace_atoms all move 0.1 0 0\nnext i\n"
+        "jump SELF again{end}"
     ),
     "write_data": Case("write_data data.out"),
     "write_restart": Case("write_restart restart.out"),
@@ -111,7 +118,8 @@ CASES = {
         "delete_atoms group corner", groups="group corner id 40", anew=True, tolerance=1e-6
     ),
     "create bodies": Case(
-        "create_atoms 0 single 0.5 0.5 0.5 mol bent 77\ncreate_atoms 0 single 1.5 1.5 0.5 mol bent 78\ngroup bodies type 1",
+        "create_atoms 0 single 0.5 0.5 0.5 mol bent 77\n"
+        "create_atoms 0 single 1.5 1.5 0.5 mol bent 78\ngroup bodies type 1",
         anew=True,
     ),
     # deformed bodies keep their shape (test_shapes), unless the fix is defined again
@@ -129,7 +137,8 @@ CASES = {
     "new fix": Case("unfix 1\nrun 5\nfix other bodies FIX(bodies)"),
     # a variable that tells bodies apart is read once: atoms stay in their bodies wherever they go
     "variable changed": Case(
-        "variable k equal 1\nwrite_data data.out\nbalance 0.9 shift xyz 5 1.01\nrun 5\nwrite_restart state",
+        "variable k equal 1\nwrite_data data.out\nbalance 0.9 shift xyz 5 1.01\nrun 5\n"
+        "write_restart state",
         groups="variable k equal 0\nvariable b atom mol*(v_k<1)",
         words="custom v_b",
     ),
@@ -144,7 +153,8 @@ CASES = {
     "beside rigid/nve": Case(HALVES + "fix 2 b rigid/nve molecule"),
     "beside fix nve": Case(HALVES + "fix 2 b nve"),
     "read_data add": Case(
-        f"{INSIDE}\nrun 1\nwrite_data data.more\nread_data data.more add append shift 8.8 0 0\ngroup bodies type 1",
+        f"{INSIDE}\nrun 1\nwrite_data data.more\nread_data data.more add append shift 8.8 0 0\n"
+        "group bodies type 1",
         anew=True,
     ),
 }
@@ -184,7 +194,8 @@ def known():
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("name", CASES)
 def test_between_runs(run_lammps, tmp_path, known, ranks, name):
-    """Locks out state of an earlier run, or of an earlier system, that is used after the script has changed the system."""
+    """Locks out state of an earlier run, or of an earlier system,
+    that is used after the script has changed the system."""
     if ranks not in known:
         parts = [
             script(other, case, fix, k)
@@ -231,8 +242,8 @@ rerun         frames dump x y z ix iy iz vx vy vz box yes
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_rerun(run_lammps, ranks):
-    """Locks out a rerun that the fix ends, because the snapshots are not where it would have put the bodies, or
-    whose temperature and energy are others than in the run."""
+    """Locks out a rerun that the fix ends, because the snapshots are not where it would have put
+    the bodies, or whose temperature and energy are others than in the run."""
     setup = SCRIPT.split("{groups}")[0].replace("{name}", "rerun") + "thermo 5\ngroup bodies type 1"
     tables = {}
     for name, before in (

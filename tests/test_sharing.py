@@ -14,7 +14,8 @@ SEEDS = range(25)
 
 
 def scenes(size):
-    """Random scenes, alike on all ranks: IDs, who holds which body (bodies, ranks), and each rank's parts."""
+    """Random scenes, alike on all ranks: IDs, who holds which body (bodies, ranks),
+    and each rank's parts."""
     for seed in SEEDS:
         rng = np.random.default_rng(seed)
         bodies = int(rng.choice([1, 5, 60]))
@@ -29,12 +30,14 @@ def scenes(size):
 
 
 def check_combine(world):
-    """Sharers.combine equals the parts added up in the order of the ranks; one rank owns each body."""
+    """Sharers.combine equals the parts added up in the order of the ranks;
+    one rank owns each body."""
     from fix_nosquish.sharing import Sharers
 
     for rng, ids, holds, parts in scenes(world.size):
         mine = np.random.default_rng(world.rank).permutation(np.flatnonzero(holds[:, world.rank]))
-        # a rank that knows its body to be whole does not ask for sharers; where holders meet does not matter
+        # a rank that knows its body to be whole does not ask for sharers; where holders meet does
+        # not matter
         partial = ~(holds[mine].sum(axis=1) == 1) | (rng.random() < 0.5)
         home = rng.integers(0, world.size, len(ids))
         asked = np.flatnonzero(partial)
@@ -63,7 +66,8 @@ def check_combine(world):
 
 
 def check_next_step(world):
-    """Sharers.combine does the same with the next step's parts, with other arrays and numbers of rows in between."""
+    """Sharers.combine does the same with the next step's parts,
+    with other arrays and numbers of rows in between."""
     from fix_nosquish.sharing import Sharers
 
     holds = np.random.default_rng(3).random((9, world.size)) < 0.7
@@ -80,7 +84,8 @@ def check_next_step(world):
 
 
 def check_deliver(world):
-    """Messages.deliver brings every array to its rank, when ranks are at different rounds of it, too."""
+    """Messages.deliver brings every array to its rank,
+    when ranks are at different rounds of it, too."""
     from fix_nosquish.lookup import Messages
 
     messages = Messages(world)
@@ -134,7 +139,7 @@ def check_fetch(world):
             np.flatnonzero((new == world.rank) & (old != world.rank))
         )
         origins = np.array([origin(r, p) for r, p in zip(old[gained], place[gained])], np.int64)
-        assert np.array_equal(fetch(world, origins, lambda places: there[places]), rows[gained])
+        assert np.array_equal(fetch(world, origins, there.__getitem__), rows[gained])
         assert not len(gone(world, lost, origins))
 
 
@@ -150,7 +155,8 @@ def check_atoms_lost(world):
 
 
 def check_one_communicator(world):
-    """All worlds of one communicator of LAMMPS use one of ours, which is freed with it, and none of its messages is theirs."""
+    """All worlds of one communicator of LAMMPS use one of ours, which is freed with it,
+    and none of its messages is theirs."""
     from mpi4py import MPI
 
     from fix_nosquish.communicator import Communicator
@@ -170,7 +176,8 @@ def check_one_communicator(world):
 
 
 def check_agree(world):
-    """Communicator.agree raises the lowest rank's message on all ranks, and total and any reach all."""
+    """Communicator.agree raises the lowest rank's message on all ranks,
+    and total and any reach all."""
     from fix_nosquish.errors import RunError
 
     world.agree(None)
@@ -191,13 +198,19 @@ CHECKS = {name: check for name, check in globals().items() if name.startswith("c
 
 @pytest.mark.parametrize("ranks", [2, 4, 8])
 def test_ranks(ranks):
-    """Locks out parts added in another order on another rank (copies of a body that differ in the last bit
-    come apart), sharers not found or found twice, no or two owners, rows given to the wrong atoms, and
-    a problem that one rank does not hear of (a hang).  One start for all checks: it is what takes time."""
+    """Locks out parts added in another order on another rank (copies of a body that differ in the
+    last bit come apart), sharers not found or found twice, no or two owners, rows given to the
+    wrong atoms, and a problem that one rank does not hear of (a hang).  One start for all checks:
+    it is what takes time."""
     from conftest import BIN
 
-    done = subprocess.run([str(BIN / "mpirun"), "-np", str(ranks), sys.executable, __file__], text=True,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, timeout=90)  # fmt: skip
+    done = subprocess.run(
+        [str(BIN / "mpirun"), "-np", str(ranks), sys.executable, __file__],
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        timeout=90,
+    )
     assert done.returncode == 0, done.stdout
     for name in CHECKS:
         assert done.stdout.count(name) == ranks, f"{name} did not pass on all ranks:\n{done.stdout}"
@@ -213,8 +226,10 @@ def test_one_rank_needs_no_mpi4py(run_lammps):
         "    made = getattr(fix_nosquish, name)\n"
         "    class Watched:\n"
         "        def __init__(self, ptr):\n            self.__dict__['ours'] = made(ptr)\n"
-        "        def __getattr__(self, attribute):\n            return getattr(self.ours, attribute)\n"
-        "        def __setattr__(self, attribute, value):\n            setattr(self.ours, attribute, value)\n"
+        "        def __getattr__(self, attribute):\n"
+        "            return getattr(self.ours, attribute)\n"
+        "        def __setattr__(self, attribute, value):\n"
+        "            setattr(self.ours, attribute, value)\n"
         "        def post_run(self):\n"
         "            self.ours.post_run()\n"
         "            print('MPI4PY', 'mpi4py' in sys.modules, flush=True)\n"

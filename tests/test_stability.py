@@ -6,6 +6,7 @@ import dataclasses
 import json
 import shutil
 import threading
+from collections import defaultdict
 from pathlib import Path
 
 import committed
@@ -21,9 +22,9 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
 
 from validation import __main__ as command
 from validation.pages import console
-from validation.report import stability as overview_stability
 from validation.running import run
 from validation.scenes import bodies as stability_bodies
+from validation.stability import figures as stability_figures
 from validation.stability import measure as stability
 from validation.stability import molecules as stability_molecules
 from validation.stability import report as stability_report
@@ -274,7 +275,7 @@ def test_error_bars_are_told(tmp_path, error, told):
 
 
 def tile(value, error, verdict="pass", **bounds):
-    return stability_report._tile(
+    return stability_figures._tile(
         {"low": None, "high": None} | bounds, {"value": value, "error": error, "verdict": verdict}
     )
 
@@ -757,12 +758,28 @@ def test_list_names_all_cases(capsys):
         assert (found.low is None) != (found.high is None)
 
 
+def standing(summary):
+    """Who comes to which verdict in how many cases, and in which ones, as a Markdown table."""
+    found, labels = defaultdict(lambda: defaultdict(list)), {}
+    for case in summary["cases"]:
+        for row in case["rows"]:
+            labels[row["integrator"]] = row["label"]
+            verdict = "fail" if row["verdict"] in stability.LOST else row["verdict"]
+            found[row["integrator"]][verdict].append(case["name"])
+    lines = ["| integrator | passes | fails | cannot tell | cannot run |", "|---|---|---|---|---|"]
+    for name in filter(found.get, stability.COMPARED):
+        others = (found[name][key] for key in ("fail", "cannot tell", "cannot run"))
+        cells = (f"{len(some)}: {', '.join(some)}" if some else "0" for some in others)
+        lines.append(f"| `{labels[name]}` | {len(found[name]['pass'])} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def test_page_claims_what_the_table_gives():
     """Locks out a page that claims another verdict than the committed rows, as these are judged by
     the bounds of today."""
     summary = json.loads(
         (ROOT / "validation" / "results" / "stability" / "summary.json").read_text()
     )
-    told = overview_stability.standing(summary)
+    told = standing(summary)
     page = committed.render((ROOT / "docs" / "results" / "stability.md").read_text())
     assert told in page, f"its section 'The atlas' is to have\n{told}"

@@ -183,7 +183,8 @@ def test_file_is_whole(tmp_path, monkeypatch):
 
 
 def test_breaks_goes_on(tmp_path, monkeypatch):
-    """Locks out cases that are run again after a Ctrl-C, which kept nothing before, and a verdict by an old bound."""
+    """Locks out cases that are run again after a Ctrl-C, which kept nothing before,
+    and a verdict by an old bound."""
     pytest.importorskip("rich", reason="the extra 'validation' is not installed")
     from validation.breaks import measure, plan
 

@@ -30,8 +30,8 @@ def test_where():
     assert validation.__file__ == {validation!r}
     assert fix_nosquish.__file__ == {package!r}
     for folder, code in ("/", CODE), ({checkout!r}, "import validation; " + CODE):
-        done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
-        assert done.stdout.strip() == {package!r}
+        said = subprocess.check_output([sys.executable, "-c", code], cwd=folder, text=True)
+        assert said.strip() == {package!r}
 """
 PARTS = """
 import pytest
@@ -65,16 +65,30 @@ def run(checkout, *words, how="module", **tests):
     environment = {
         name: value for name, value in os.environ.items() if not name.startswith("PYTEST_")
     }
-    return subprocess.run([*COMMANDS[how], *words], cwd=checkout, env=environment, text=True, timeout=60,
-                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
+    return subprocess.run(
+        [*COMMANDS[how], *words],
+        cwd=checkout,
+        env=environment,
+        text=True,
+        timeout=60,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+    )
 
 
 @pytest.mark.parametrize("how", COMMANDS)
 def test_imports_what_is_installed(checkout, how):
     """Locks out tests of the checkout's files while LAMMPS's processes import others."""
     package = startup.package()
-    done = run(checkout, how=how, where=WHERE.format(
-        checkout=str(checkout), validation=str(checkout / "validation" / "__init__.py"), package=str(package / "__init__.py")))  # fmt: skip
+    done = run(
+        checkout,
+        how=how,
+        where=WHERE.format(
+            checkout=str(checkout),
+            validation=str(checkout / "validation" / "__init__.py"),
+            package=str(package / "__init__.py"),
+        ),
+    )
     assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
     assert str(package) in done.stdout.split("collected")[0]
 
@@ -111,7 +125,8 @@ def test_differences(tmp_path):
 
 
 def test_editable_install_is_compiled(tmp_path):
-    """Locks out a plugin that is tested as it was before its source was changed, where both are in the checkout."""
+    """Locks out a plugin that is tested as it was before its source was changed,
+    where both are in the checkout."""
     source, made = tmp_path / "code.cpp", tmp_path / "code_plugin.so"
     source.write_text("")
     assert not installed.compiled(tmp_path)
@@ -124,7 +139,8 @@ def test_editable_install_is_compiled(tmp_path):
 
 @pytest.mark.parametrize("options", [[], ["--nothing-missing"], ["--nothing-missing", "-n", "1"]])
 def test_nothing_missing(checkout, options):
-    """Locks out tests and modules that are skipped without notice where all parts are to be there."""
+    """Locks out tests and modules that are skipped without notice
+    where all parts are to be there."""
     done = run(
         checkout, *options, "-rA", "--continue-on-collection-errors", parts=PARTS, module=MODULE
     )
@@ -136,7 +152,8 @@ def test_nothing_missing(checkout, options):
 
 
 def test_quick_tests_are_there(request):
-    """Locks out a subject that has lost its quick tests, because one of them has another name now."""
+    """Locks out a subject that has lost its quick tests,
+    because one of them has another name now."""
     if any("::" in word for word in request.config.args):
         return  # not all tests of a file were looked for
     there = {path.name for path in request.config.files_there}

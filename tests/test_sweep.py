@@ -77,16 +77,16 @@ def motion(x, bodies, mass, v=None, bonds=(), angles=()):
     """A `Motion` of frames ``x``, folded into the cell."""
     x = np.asarray(x) % np.diag(CELL)
     return sweep_structure.Motion(
-        {
-            "x": x,
-            "v": np.zeros_like(x) if v is None else np.asarray(v),
-            "mass": mass,
-            "bodies": bodies,
-            "cell": CELL,
-            "periodic": np.ones(3, bool),
-            "bonds": np.array(bonds, int).reshape(-1, 2),
-            "angles": np.array(angles, int).reshape(-1, 3),
-        }
+        run.Positions(
+            x,
+            bodies,
+            CELL,
+            np.ones(3, bool),
+            np.zeros_like(x) if v is None else np.asarray(v),
+            mass,
+            np.array(bonds, int).reshape(-1, 2),
+            np.array(angles, int).reshape(-1, 3),
+        )
     )
 
 
@@ -574,12 +574,12 @@ def test_samples_and_segments(small):
     cost = row(summary, "nosquish", 0.2)["cost"]
     assert len(cost["values"]) == 2 * 2
     assert cost["values"][:2] == pytest.approx(
-        [kept.timings[n]["loop"] / parts.timed / 0.2 * 1e6 for n in (1, -1)]
+        [kept.timings[n].seconds / parts.timed / 0.2 * 1e6 for n in (1, -1)]
     )
-    assert kept.timings[1]["steps"] == kept.timings[-1]["steps"] == parts.timed
-    first, last = parts.frames.indices(len(kept.positions["x"]))[:2]
+    assert kept.timings[1].steps == kept.timings[-1].steps == parts.timed
+    first, last = parts.frames.indices(len(kept.positions.x))[:2]
     assert np.cumsum([0, *parts.runs])[[first, last - 1]].tolist() == [parts.begin, parts.end]
-    assert len(kept.positions["x"]) == 1 + len(parts.runs)
+    assert len(kept.positions.x) == 1 + len(parts.runs)
 
 
 def test_temperatures_are_the_atoms(small):
@@ -588,7 +588,7 @@ def test_temperatures_are_the_atoms(small):
     out, *_ = small
     for name in "nosquish", "shake-1e-8":
         kept = run.collect(out / f"runs/dimer-short/{name}/0.2-fs/1")
-        v, mass = kept.positions["v"][-1].reshape(2, 3, 3), kept.positions["mass"].reshape(2, 3, 1)
+        v, mass = kept.positions.v[-1].reshape(2, 3, 3), kept.positions.mass.reshape(2, 3, 1)
         centre = (mass * v).sum(axis=1) / mass.sum(axis=1)
         translation = 0.5 * (mass.sum(axis=1) * centre**2).sum() * 1e7 / 4184
         rotation = 0.5 * (mass * (v - centre[:, None]) ** 2).sum() * 1e7 / 4184

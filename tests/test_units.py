@@ -1,11 +1,13 @@
-"""The same bodies, of molecules' size, in all unit styles of LAMMPS: against fix rigid/nve and the motion in LJ units."""
+"""The same bodies, of molecules' size, in all unit styles of LAMMPS:
+against fix rigid/nve and the motion in LJ units."""
 
 import numpy as np
 import pytest
 from systems import LIKE_LAMMPS, OURS, RIGID, UNITS, Units, apart, mixture, tensor
 
-# Length, mass, energy; mass v^2 / energy by LAMMPS's definition; joules in its unit of energy.  Of electron LAMMPS's manual
-# says that velocities are in Bohr / 1.03275 fs, but it moves atoms by v dt with dt in fs: they are in Bohr / fs.
+# Length, mass, energy; mass v^2 / energy by LAMMPS's definition; joules in its unit of energy.  Of
+# electron LAMMPS's manual says that velocities are in Bohr / 1.03275 fs, but it moves atoms by v dt
+# with dt in fs: they are in Bohr / fs.
 STYLES = {
     "real": (UNITS["real"], 4184 / 6.02214179e23),
     "metal": (UNITS["metal"], 1.602176487e-19),
@@ -38,8 +40,9 @@ def assert_same(a, b, h):
 
 @pytest.mark.parametrize("style", STYLES)
 def test_motion_is_that_of_lj_units(simulate, scaled, style):
-    """Locks out absolute thresholds, which stop small bodies in si, cgs, micro and nano, and constants of one unit
-    style: trajectory, temperature, energy and pressure tensor of all kinds of bodies are those of LJ units."""
+    """Locks out absolute thresholds, which stop small bodies in si, cgs, micro and nano, and
+    constants of one unit style: trajectory, temperature, energy and pressure tensor of all kinds of
+    bodies are those of LJ units."""
     plain, (units, joule) = mixture(), STYLES[style]
     want, run = simulate(plain, OURS, 50), simulate(scaled(style), OURS, 50)
     assert_same(
@@ -62,8 +65,8 @@ def test_motion_is_that_of_lj_units(simulate, scaled, style):
 
 @pytest.mark.parametrize("style", ["lj", *STYLES])
 def test_motion_is_that_of_rigid_nve(simulate, scaled, style):
-    """Locks out a constant that is wrong in the same way in all unit styles, or degrees of freedom or an energy that
-    depend on the unit style."""
+    """Locks out a constant that is wrong in the same way in all unit styles, or degrees of freedom
+    or an energy that depend on the unit style."""
     system = scaled(style, "solid planar")
     theirs, ours = simulate(system, RIGID, 50), simulate(system, LIKE_LAMMPS, 50)
     assert_same(ours, theirs, system.h)

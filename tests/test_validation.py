@@ -21,12 +21,13 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from validation import RESULTS
 from validation.bench import report as bench_report
+from validation.compare import figures, report
 from validation.compare import measure as compare
-from validation.compare import report
 from validation.pages import report as skeleton
 from validation.pages import tables
 from validation.running import lammps_log, run
@@ -129,6 +130,17 @@ def test_a_deviation_that_is_a_drift_says_so(slope, said):
         "drift": {"value": slope, "error": 0.02, "freedom": 12.0},
     }
     assert tables.cell(row, column) == f"2.00 ± 0.20{said}"
+
+
+def test_figure_and_table_have_the_same_margins():
+    """Locks out standard errors in the figure where the table has 95 % margins, both behind ±."""
+    estimate = {"value": 0.02, "error": 0.01, "freedom": 6.0}
+    row = {"name": "rigid", "label": "rigid", "error": None, "energy_sd": estimate}
+    row |= {"drift": estimate}
+    axis = Figure().add_subplot()
+    figures._panel(axis, row, (np.zeros(1), np.zeros(1), np.ones(1, bool)), 1.0)
+    column = next(one for one in report.COLUMNS if one.key == "drift")
+    assert f"drift {tables.cell(row, column)} per ps" in axis.get_title("right")
 
 
 def test_files_and_words_of_a_report(tmp_path):
@@ -372,10 +384,10 @@ ERROR: Lost atoms: original 3000 current 2997 (src/thermo.cpp:526)
 def test_timing_table():
     """Locks out minimum or maximum for average, and sections of one run given to another."""
     first, second = lammps_log.timings(LOG)
-    assert first["sections"] == {"Pair": 0.31, "Modify": 0.046, "Other": 0.02792}
-    assert second["sections"] == {"Modify": 2e-3}
-    assert (first["loop"], first["steps"], first["cpu"]) == (0.5, 20, 46.4)
-    assert (second["loop"], second["steps"], second["cpu"]) == (4.0, 200, 99.4)
+    assert first.sections == {"Pair": 0.31, "Modify": 0.046, "Other": 0.02792}
+    assert second.sections == {"Modify": 2e-3}
+    assert (first.seconds, first.steps, first.cpu) == (0.5, 20, 46.4)
+    assert (second.seconds, second.steps, second.cpu) == (4.0, 200, 99.4)
 
 
 def test_thermo_table():

@@ -1,4 +1,5 @@
-"""The end of a step that nothing looks at waits for the next step: nothing may come of that but time."""
+"""The end of a step that nothing looks at waits for the next step:
+nothing may come of that but time."""
 
 import re
 from pathlib import Path
@@ -15,8 +16,9 @@ STEPS = 60
     [("solid planar pair row single", 1), ("solid planar pair row single", 4), ("row", 2)],
 )
 def test_output_changes_nothing(simulate, kinds, ranks):
-    """Locks out a half step that is done twice, left out, or done with other forces, where the end of a step waits: a run
-    that is looked at in each step and one that is looked at in none agree to the last bit."""
+    """Locks out a half step that is done twice, left out, or done with other forces, where the end
+    of a step waits: a run that is looked at in each step and one that is looked at in none agree to
+    the last bit."""
     system = mixture(kinds)
     looked = simulate(system, OURS, STEPS, every=1, ranks=ranks)
     alone = simulate(system, OURS, STEPS, every=STEPS, ranks=ranks)
@@ -25,8 +27,9 @@ def test_output_changes_nothing(simulate, kinds, ranks):
 
 
 def test_output_changes_nothing_for_bodies_of_many_atoms(run_lammps, tmp_path):
-    """Locks out atoms of a body that fills a block by itself (block.LANES) placed by a part of its force only, in the pass that
-    does a whole step: bodies of 2 to 200 atoms beside flexible chains."""
+    """Locks out atoms of a body that fills a block by itself (block.LANES) placed by a part of its
+    force only, in the pass that does a whole step: bodies of 2 to 200 atoms beside flexible
+    chains."""
     folder = Path(__file__).resolve().parent.parent / "inputs" / "mixed"
     files = {name: (folder / name).read_text() for name in ("data.mixed", "forcefield.mixed")}
     atoms = []
@@ -60,7 +63,8 @@ write_dump all custom end id x y z vx vy vz modify sort id format float %.17g"""
     ids=["half step", "late", "late often", "between", "reset"],
 )
 def test_what_needs_more_changes_nothing(simulate, more):
-    """Locks out a pass that is left out, or a time step that is used too late, on steps that wait with other fixes about."""
+    """Locks out a pass that is left out, or a time step that is used too late,
+    on steps that wait with other fixes about."""
     system = mixture()
     if "dt/reset" in more:  # to the time step that it is: what waits is done then
         more = more.replace("1 1 100", f"NULL {system.dt:.17g} 100")
@@ -70,8 +74,9 @@ def test_what_needs_more_changes_nothing(simulate, more):
 
 
 def test_readers_find_velocities(run_lammps, tmp_path):
-    """Locks out velocities of an earlier step, or of the half step, where a fix, a dump, a variable or a command reads the
-    atoms' at a step without thermo output: all find what a run with output in each step has."""
+    """Locks out velocities of an earlier step, or of the half step, where a fix, a dump, a variable
+    or a command reads the atoms' at a step without thermo output: all find what a run with output
+    in each step has."""
     system = mixture("solid row")
     lines = f"""{system.setup}
 fix 1 bodies python/move "fix_nosquish.NVE bodies molecule"
@@ -134,15 +139,22 @@ def __getattr__(name):
 
 @pytest.mark.parametrize("ranks", [1, 2, 4, 8])
 def test_following_without_python(simulate, known, run_lammps, tmp_path, ranks):
-    """Locks out a plugin that follows the atoms in another way than the class does, by a bit, where bodies go from rank to rank, are shared
-    by two to eight, and arrays grow; and one that leaves it to Python when there is no need."""
+    """Locks out a plugin that follows the atoms in another way than the class does, by a bit, where
+    bodies go from rank to rank, are shared by two to eight, and arrays grow; and one that leaves it
+    to Python when there is no need."""
     (tmp_path / "following.py").write_text(FOLLOWING)
     system = mixture("solid row pair", temperature=8.0)
     results, counts = [], []
     steps = {1: 240, 2: 240, 4: 80, 8: 40}[ranks]
     for name in "Busy", "Lazy":
-        run = simulate(system, OURS.replace("fix_nosquish.NVE", f"following.{name}"), steps, every=steps, ranks=ranks,
-                       before="neigh_modify every 2 delay 0 check no\natom_modify sort 9 1.2")  # fmt: skip
+        run = simulate(
+            system,
+            OURS.replace("fix_nosquish.NVE", f"following.{name}"),
+            steps,
+            every=steps,
+            ranks=ranks,
+            before="neigh_modify every 2 delay 0 check no\natom_modify sort 9 1.2",
+        )
         results.append(run)
         counts.append([int(word) for word in re.findall(r"FOLLOWED (\d+) (\d+)", run.log)[-1]])
     for name in "x", "v":

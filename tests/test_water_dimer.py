@@ -1,4 +1,5 @@
-"""The light water dimer: bound, with the mean temperature that its files say, and no pair of atoms left out."""
+"""The light water dimer: bound, with the mean temperature that its files say,
+and no pair of atoms left out."""
 
 from pathlib import Path
 
@@ -49,10 +50,12 @@ def potential(x):
 
 
 def microcanonical_temperature(x, energy, momentum, chains=400, sweeps=500, seed=7):
-    """Mean temperature of all states with this energy, angular momentum, and no total momentum: no trajectory is needed.
+    """Mean temperature of all states with this energy, angular momentum, and no total momentum:
+    no trajectory is needed.
 
-    With these fixed, momenta leave a configuration the weight (E - U - L I^-1 L / 2)^2 / sqrt(det I): six of the nine momenta are
-    free, I is the inertia of the whole.  Metropolis samples the relative position and the two molecules' orientations.
+    With these fixed, momenta leave a configuration the weight (E - U - L I^-1 L / 2)^2 / sqrt(det
+    I): six of the nine momenta are free, I is the inertia of the whole.  Metropolis samples the
+    relative position and the two molecules' orientations.
 
     Args:
         x: positions (6, 3) to begin with.  energy: kcal/mol.  momentum: angular, of the whole (3,).
@@ -107,7 +110,8 @@ def microcanonical_temperature(x, energy, momentum, chains=400, sweeps=500, seed
 
 
 def test_mean_temperature():
-    """Locks out a dimer that is colder or warmer than its files say, or that can part, for which its total energy must be negative.
+    """Locks out a dimer that is colder or warmer than its files say, or that can part, for which
+    its total energy must be negative.
 
     (A trajectory's mean takes tens of nanoseconds to settle.)
     """
@@ -125,7 +129,8 @@ def test_mean_temperature():
 
 
 def test_no_pair_is_left_out(run_lammps, tmp_path):
-    """Locks out a cutoff, a neighbour list or a box that the dimer outgrows: the potential energy against the sum over all pairs."""
+    """Locks out a cutoff, a neighbour list or a box that the dimer outgrows: the potential energy
+    against the sum over all pairs."""
     table = run_lammps(SCRIPT.format(steps=300000, every=3000), files=FILES).thermo
     frames = (tmp_path / "positions").read_text().split("ITEM: TIMESTEP")[1:]
     x = np.array([[line.split()[1:] for line in frame.splitlines()[9:]] for frame in frames], float)

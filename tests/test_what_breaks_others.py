@@ -1,9 +1,9 @@
 """What users of rigid bodies in LAMMPS report as broken, held against exact answers and
 conservation laws.
 
-The cases that the documentation tells of are those of ``validation.breaks``, whose committed table has the
-numbers of LAMMPS's own fixes, too. Where these pass, the two are compared; where they do not,
-nothing is asserted of them.
+The cases that the documentation tells of are those of ``validation.breaks``, whose committed table
+has the numbers of LAMMPS's own fixes, too. Where these pass, the two are compared; where they do
+not, nothing is asserted of them.
 """
 
 import itertools
@@ -197,8 +197,7 @@ def test_nearly_linear_bodies_under_random_forces(simulate, monkeypatch, angle):
 
 
 def rows_in_the_plane(h):
-    """Rows of three to five atoms on a square lattice, bent a little within the plane, by other
-    amounts."""
+    """Rows of three to five atoms on a square lattice, each bent a little within the plane."""
     rng, bodies = np.random.default_rng(5), []
     for k, (i, j) in enumerate(itertools.product(range(4), range(4))):
         n = 3 + k % 3
@@ -235,8 +234,7 @@ def test_nearly_linear_bodies_turn_in_the_plane(simulate):
 
 @pytest.mark.parametrize("flat", ["", "fix 9 all enforce2d\n"], ids=["free", "enforce2d"])
 def test_nearly_linear_bodies_in_the_plane_move_as_with_rigid_nve(simulate, flat):
-    """Locks out wrong torques or moments of such rows when they interact: rigid/nve's
-    trajectory."""
+    """Locks out wrong torques or moments of such rows that interact: rigid/nve's trajectory."""
     system = rows_in_the_plane(PLANE)
     ours, theirs = (simulate(system, fix, 200, before=flat) for fix in (OURS, RIGID))
     assert apart(ours, theirs, system.h) < 1e-9

@@ -8,8 +8,8 @@ Run from the checkout: ``python -m validation --help``.  Below are rooms that im
     pages         tables, figures, HTML pages and the terminal, as all reports share them
 
 Above is a room for each verb, with the same few files: ``plan`` (what runs), ``measure`` (from runs
-to numbers), ``figures``, ``report`` (files and terminal) and ``command`` (its words, and its
-entry):
+to numbers), ``figures``, ``report`` (files, terminal, and what it says to the page of all verbs; a
+long one is in ``section``) and ``command`` (its words, and its entry):
 
     compare       the same start with every integrator: accuracy and cost
     long          one free body for very many steps

@@ -3,11 +3,15 @@
 import argparse
 from collections.abc import Callable, Collection
 from pathlib import Path
+from typing import Any, TypeAlias
 
 INTERRUPTED = 130  # exit status after Ctrl-C
+Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # it has no public name
 
 
-def verb(verbs, name: str, function: Callable, **texts: str) -> argparse.ArgumentParser:
+def verb(
+    verbs: Verbs, name: str, function: Callable[[argparse.Namespace], int], **texts: Any
+) -> argparse.ArgumentParser:
     """The parser of a verb, which ``function`` of the parsed arguments runs to its exit status."""
     parser = verbs.add_parser(name, **texts)
     parser.set_defaults(function=function, parser=parser)
@@ -63,7 +67,9 @@ def positives(words: str) -> tuple[float, ...]:
     return tuple(positive(word) for word in words.split(","))
 
 
-def number(parser, option: str, default, metavar: str, text: str) -> None:
+def number(
+    parser: argparse.ArgumentParser, option: str, default: float, metavar: str, text: str
+) -> None:
     """An option with a positive number: a whole one if the default is."""
     kind = whole if isinstance(default, int) else positive
     parser.add_argument(
@@ -75,24 +81,29 @@ def number(parser, option: str, default, metavar: str, text: str) -> None:
     )
 
 
-def ranks(parser, default: int = 2, of: str = "each run") -> None:
+def ranks(parser: argparse.ArgumentParser, default: int = 2, of: str = "each run") -> None:
     """The option --ranks."""
     number(parser, "--ranks", default, "N", f"MPI ranks of {of}")
 
 
-def only(parser, names, text: str = "integrators, of: %(choices)s", default=None) -> None:
+def only(
+    parser: argparse.ArgumentParser,
+    names: Collection[str],
+    text: str = "integrators, of: %(choices)s",
+    default: Collection[str] | None = None,
+) -> None:
     """The option --only."""
     parser.add_argument(
         "--only", nargs="+", choices=names, metavar="NAME", default=default, help=text
     )
 
 
-def silence(parser, default: float) -> None:
+def silence(parser: argparse.ArgumentParser, default: float) -> None:
     """The option --silence."""
     number(parser, "--silence", default, "S", "give a run up that wrote nothing for S seconds")
 
 
-def short_or_full(parser, full: str) -> None:
+def short_or_full(parser: argparse.ArgumentParser, full: str) -> None:
     """The options --short, the default, and --full."""
     length = parser.add_mutually_exclusive_group()
     length.add_argument(
@@ -101,20 +112,16 @@ def short_or_full(parser, full: str) -> None:
     length.add_argument("--full", action="store_true", help=full)
 
 
-def out(parser, default: str, short: bool = False) -> None:
+def out(parser: argparse.ArgumentParser, default: str, short: bool = False) -> None:
     """The option --out; with ``short`` another default for --short, see `folder`."""
     other = f"; --short: {default}-short" if short else ""
-    parser.add_argument(
-        "--out",
-        type=Path,
-        metavar="DIR",
-        default=None if short else Path(default),
-        help=f"output folder (default {default}{other})",
-    )
+    parser.set_defaults(usual=default)
+    text = f"output folder (default {default}{other})"
+    parser.add_argument("--out", type=Path, metavar="DIR", help=text)
 
 
-def folder(given: Path | None, default: str, short: bool = False) -> Path:
+def folder(arguments: argparse.Namespace, short: bool = False) -> Path:
     """The output folder, which is made."""
-    found = given or Path(default + "-short" * short)
+    found = arguments.out or Path(arguments.usual + "-short" * short)
     found.mkdir(parents=True, exist_ok=True)
     return found

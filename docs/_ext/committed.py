@@ -111,14 +111,17 @@ def compare_water():
     body = []
     for row in rows("compare-water"):
         kept = float(row["distance (Å)"])
-        body.append([
-            code(row["integrator"]),
-            margin(row["sd of energy (kcal/mol)"], row["sd of energy margin (kcal/mol)"]),
-            margin(row["energy drift (kcal/mol/ps)"], row["energy drift margin (kcal/mol/ps)"]),
-            margin(row["temperature (K)"], row["temperature margin (K)"]),
-            margin(row["pressure (atm)"], row["pressure margin (atm)"]),
-            significant(kept, 2) if kept else NOTHING, significant(row["rigidity (Å)"], 1),
-        ])  # fmt: skip
+        body.append(
+            [
+                code(row["integrator"]),
+                margin(row["sd of energy (kcal/mol)"], row["sd of energy margin (kcal/mol)"]),
+                margin(row["energy drift (kcal/mol/ps)"], row["energy drift margin (kcal/mol/ps)"]),
+                margin(row["temperature (K)"], row["temperature margin (K)"]),
+                margin(row["pressure (atm)"], row["pressure margin (atm)"]),
+                significant(kept, 2) if kept else NOTHING,
+                significant(row["rigidity (Å)"], 1),
+            ]
+        )
     head = "integrator", "sd of energy, kcal/mol", "drift, kcal/mol/ps", "T, K", "P, atm"
     return markdown([*head, "distance, Å", "rigidity, Å"], body)
 
@@ -142,8 +145,9 @@ def _errors(scene):
             point = points.get((label, step))
             line.append(
                 margin(point["energy_sd (kcal/mol)"], point["energy_sd margin (kcal/mol)"])
-                if point and point["status"] == "ok" else "breaks" if point else ""
-            )  # fmt: skip
+                if point and point["status"] == "ok"
+                else "breaks" * bool(point)
+            )
         body.append(line)
     return markdown(["step, fs", "ours", *map(code, SHOWN)], body)
 
@@ -184,12 +188,16 @@ def sweep_fastest():
         if row["scene"] == "water" and row["measure"] == "energy_sd":
             met = row["verdict"] == "met"
             ties = len(row["a tie with"].split(";")) if row["a tie with"] else 0
-            body.append([
-                f"{float(row['target']):g}", code(row["use"]) if met else row["verdict"],
-                f"{float(row['dt (fs)']):g}" if met else "", ties if met else "",
-                f"{float(row['ours dt (fs)']):g}" if row["ours dt (fs)"] else "",
-                f"{float(row['ours / fastest']):.2f}" if row["ours / fastest"] else "",
-            ])  # fmt: skip
+            body.append(
+                [
+                    f"{float(row['target']):g}",
+                    code(row["use"]) if met else row["verdict"],
+                    f"{float(row['dt (fs)']):g}" if met else "",
+                    ties if met else "",
+                    f"{float(row['ours dt (fs)']):g}" if row["ours dt (fs)"] else "",
+                    f"{float(row['ours / fastest']):.2f}" if row["ours / fastest"] else "",
+                ]
+            )
     head = "sd of energy below, kcal/mol", "fastest", "its step, fs", "as fast", "our step, fs"
     return markdown([*head, "our time over the fastest's"], body)
 
@@ -197,10 +205,15 @@ def sweep_fastest():
 def published():
     names = {"all": "all together"}
     body = [
-        [names.get(row["subject"], row["subject"]), margin(row["value"], row["margin"]),
-         f"{plain(row['low'])} to {plain(row['high'])}", row["verdict"], row["note"]]
+        [
+            names.get(row["subject"], row["subject"]),
+            margin(row["value"], row["margin"]),
+            f"{plain(row['low'])} to {plain(row['high'])}",
+            row["verdict"],
+            row["note"],
+        ]
         for row in rows("published")
-    ]  # fmt: skip
+    ]
     head = "step", "our spread over theirs", "bound", "verdict", "kcal/mol, with standard errors"
     return markdown(head, body)
 
@@ -228,11 +241,15 @@ def cases():
     for case in summary("stability")["cases"]:
         row = ours[case["name"]]
         unit = f" {case['unit']}" if case["unit"] else ""
-        body.append([
-            code(case["name"]), full(case["physics"]),
-            f"{full(case['criterion'])}: {case['bound']}{unit}",
-            margin(row["value"], row["margin"]), row["verdict"],
-        ])  # fmt: skip
+        body.append(
+            [
+                code(case["name"]),
+                full(case["physics"]),
+                f"{full(case['criterion'])}: {case['bound']}{unit}",
+                margin(row["value"], row["margin"]),
+                row["verdict"],
+            ]
+        )
     return markdown(["case", "what it is", "number and bound", "ours", "verdict"], body)
 
 
@@ -251,9 +268,12 @@ def breaks():
 
 RIVALS = "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
 SCENES = {
-    "water": "water", "peptide": "peptide in water", "mixed": "bodies of 2 to 200 atoms",
-    "big": "one body of 10⁵ atoms", "dimer": "dimer",
-}  # fmt: skip
+    "water": "water",
+    "peptide": "peptide in water",
+    "mixed": "bodies of 2 to 200 atoms",
+    "big": "one body of 10⁵ atoms",
+    "dimer": "dimer",
+}
 
 
 def _bench():
@@ -321,11 +341,18 @@ def starts():
 
 def messages():
     body = [
-        [row["decomposition"], row["ranks"], code(row["integrator"].replace("nosquish", OURS)),
-         f"{float(row['messages']):.1f}", f"{float(row['bytes']):,.0f}",
-         f"{float(row['collectives']):.1f}", f"{float(row['collective_bytes']):,.0f}"]
-        for row in rows("scaling", "counts") if int(row["ranks"]) > 1
-    ]  # fmt: skip
+        [
+            row["decomposition"],
+            row["ranks"],
+            code(row["integrator"].replace("nosquish", OURS)),
+            f"{float(row['messages']):.1f}",
+            f"{float(row['bytes']):,.0f}",
+            f"{float(row['collectives']):.1f}",
+            f"{float(row['collective_bytes']):,.0f}",
+        ]
+        for row in rows("scaling", "counts")
+        if int(row["ranks"]) > 1
+    ]
     head = "cut in", "ranks", "fix", "messages", "bytes"
     return markdown([*head, "collectives", "bytes in these"], body)
 
@@ -349,11 +376,16 @@ def model():
 
 def long_run():
     body = [
-        [code(row["label"]), plain(row["angle"]), significant(row["energy"], 1),
-         significant(row["angular_momentum"], 1), significant(row["momentum"], 1),
-         significant(row["shape"], 1)]
+        [
+            code(row["label"]),
+            plain(row["angle"]),
+            significant(row["energy"], 1),
+            significant(row["angular_momentum"], 1),
+            significant(row["momentum"], 1),
+            significant(row["shape"], 1),
+        ]
         for row in rows("long-run")
-    ]  # fmt: skip
+    ]
     head = "integrator", "step, rad", "kinetic energy", "angular momentum", "momentum", "distances"
     return markdown(head, body)
 
@@ -365,10 +397,10 @@ def _checks(table, parts):
             continue
         unit = NBSP + row["unit"] if row["unit"] else ""
         low, high = row["low"], row["high"]
-        bound = (
-            f"{plain(low)} to {plain(high)}" if low and high else
-            f"≥{NBSP}{plain(low)}" if low else f"≤{NBSP}{plain(high)}" if high else ""
-        )  # fmt: skip
+        if low and high:
+            bound = f"{plain(low)} to {plain(high)}"
+        else:
+            bound = f"≥{NBSP}{plain(low)}" if low else f"≤{NBSP}{plain(high)}" if high else ""
         value = margin(row["value"], row["margin"]) + unit if row["value"] else NOTHING
         body.append([row["subject"], row["what"], value, bound, row["verdict"]])
     return markdown(["of", "what", "number", "bound", "verdict"], body)
@@ -421,10 +453,15 @@ def paper_scaling():
 def paper_zero():
     """The peptide's measure over several energies, which have no common zero."""
     body = [
-        [row["convention"].replace("|", ""), margin(row["value"], 1.96 * row["error"]),
-         f"{row['dt_for_it']:.1f}", f"{row['size_for_it']:,.0f}"]
-        for row in summary("paper")["conventions"] if row["name"] == "peptide-nosquish"
-    ]  # fmt: skip
+        [
+            row["convention"].replace("|", ""),
+            margin(row["value"], 1.96 * row["error"]),
+            f"{row['dt_for_it']:.1f}",
+            f"{row['size_for_it']:,.0f}",
+        ]
+        for row in summary("paper")["conventions"]
+        if row["name"] == "peptide-nosquish"
+    ]
     head = "average measure", "NO_SQUISH", "step for 1e-5, fs", "bodies for 1e-5"
     return markdown(head, body)
 
@@ -511,11 +548,12 @@ def readme_table():
         "bodies of 2 to 200 atoms: the same": whole("mixed", 1296, 1),
         "one body of 10⁵ atoms: the same": whole("big", 1, 1),
         f"cases of the stability atlas passed, of {len(summary('stability')['cases'])}": passed.get,
-        "a free body, 10⁷ steps: relative change of the energy":
-            lambda fix: significant(free[fix], 1) if fix in free else "",
+        "a free body, 10⁷ steps: relative change of the energy": lambda fix: (
+            significant(free[fix], 1) if fix in free else ""
+        ),
         "a run in two parts: distance from the same run in one, σ": broke("tops-runs"),
         "`fix temp/csvr`: relative error of the temperature": broke("temp-csvr"),
-    }  # fmt: skip
+    }
     body = [[what, *(give(fix) or NOTHING for fix in fixes)] for what, give in lines.items()]
     return markdown(["", *map(code, fixes)], body)
 
@@ -528,11 +566,36 @@ def readme(text):
 
 
 TABLES = [
-    compare_water, sweep_water, sweep_peptide, sweep_dimer, sweep_times, sweep_fastest, published,
-    standing, cases, breaks, modify, loop, goals, passes, starts, messages, model, long_run,
-    theory_reversal, theory_symplectic, theory_conserved, theory_recursion, paper_dimer,
-    paper_liquid, paper_peptide, paper_gear, paper_scaling, paper_zero, readme_table,
-]  # fmt: skip
+    compare_water,
+    sweep_water,
+    sweep_peptide,
+    sweep_dimer,
+    sweep_times,
+    sweep_fastest,
+    published,
+    standing,
+    cases,
+    breaks,
+    modify,
+    loop,
+    goals,
+    passes,
+    starts,
+    messages,
+    model,
+    long_run,
+    theory_reversal,
+    theory_symplectic,
+    theory_conserved,
+    theory_recursion,
+    paper_dimer,
+    paper_liquid,
+    paper_peptide,
+    paper_gear,
+    paper_scaling,
+    paper_zero,
+    readme_table,
+]
 
 
 def main():

@@ -29,8 +29,7 @@ def folder():
 
 
 def _plugin_folder():
-    """The folder of this file, or, in a source tree that holds no build, of the installed
-    package."""
+    """The folder of this file, or, in a source tree without a build, of the installed package."""
     here = os.path.dirname(os.path.abspath(__file__))
     if not os.path.exists(os.path.join(here, PLUGIN)):
         from importlib import metadata  # slow

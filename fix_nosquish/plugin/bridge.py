@@ -1,5 +1,4 @@
-"""The Python side of the plugin's ``fix python/move``: finds the class, makes it, lends its
-methods.
+"""The Python side of the plugin's ``fix python/move``: makes the class, and lends its methods.
 
 The fix holds a plain C struct, `Bridge`, and passes its address to `attach`, which fills in one C
 callback for each method that the instance has.
@@ -103,9 +102,10 @@ def _construct(bridge):
     except ModuleNotFoundError as problem:
         if problem.name and f"{module_name}.".startswith(f"{problem.name}."):
             raise RunError(
-                f"no Python module named {problem.name!r} for {target!r}: it must be in the current "
-                f"folder or installed for {sys.executable}", everywhere=True,
-            ) from None  # fmt: skip
+                f"no Python module named {problem.name!r} for {target!r}: "
+                f"it must be in the current folder or installed for {sys.executable}",
+                everywhere=True,
+            ) from None
         raise
     try:
         factory = getattr(module, name)
@@ -119,8 +119,7 @@ def _construct(bridge):
 
 
 def _announce(bridge, instance):
-    """Note what LAMMPS must know of the instance from the start, such as the size of its vector and
-    array."""
+    """Note what LAMMPS must know of the instance from the start, such as its vector's size."""
 
     def has(method):
         return callable(getattr(instance, method, None))
@@ -180,8 +179,7 @@ def _hook(bridge, instance, name):
 
 
 def _virial_per_atom(bridge):
-    """A view (natoms, 6) of the fix's virial of each atom, zeroed; None if LAMMPS does not ask for
-    it now."""
+    """A view (natoms, 6) of the atoms' virial by the fix, zeroed; None if LAMMPS asks for none."""
     if bridge.natoms < 0:
         return None
     import numpy

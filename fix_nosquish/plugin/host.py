@@ -10,9 +10,13 @@ from .structs import Bridge, FixFacts
 
 # lists of passes, and their names in `passes`
 LISTS = {
-    "begin": "begin", "end": "end", "whole": "whole", "velocities": "velocities",
-    "virial_passes": "virial", "follow": "follow",
-}  # fmt: skip
+    "begin": "begin",
+    "end": "end",
+    "whole": "whole",
+    "velocities": "velocities",
+    "virial_passes": "virial",
+    "follow": "follow",
+}
 
 
 class OtherFix(NamedTuple):
@@ -132,8 +136,11 @@ class Host:
         self._carried, bridge = bodies, self._bridge
         bridge.arrays = lammps and _as("arrays", lammps.table.ctypes.data)
         for name, cell in (
-            ("index", "index"), ("body_of", "body"), ("displace", "displace"), ("state", "state"),
-        ):  # fmt: skip
+            ("index", "index"),
+            ("body_of", "body"),
+            ("displace", "displace"),
+            ("state", "state"),
+        ):
             place = None if bodies is None else bodies.cells[cell].address
             setattr(bridge, name, place and _as(name, place))
 
@@ -142,8 +149,7 @@ class Host:
 
 
 def _table(passes):
-    """A list of bound loops as C++ has it, (n + 1, 2): of each its address and that of its
-    arguments."""
+    """Bound loops as C++ has them, (n + 1, 2): their addresses and those of their arguments."""
     table = np.zeros((len(passes) + 1, 2), np.int64)
     for row, one in zip(table, passes, strict=False):
         row[:] = one.func.address, np.frombuffer(one.args[0], np.int64).ctypes.data

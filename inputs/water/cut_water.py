@@ -15,11 +15,21 @@ import sys
 from pathlib import Path
 
 import numpy as np
-
+from build_water import OUTPUT as WATER
 from build_water import (
-    OUTPUT as WATER, SEED, TEMPERATURE, centre, gather, lammps, load, make_rigid, make_velocities_rigid, run, side,
-    temperature, write_data,
-)  # fmt: skip
+    SEED,
+    TEMPERATURE,
+    centre,
+    gather,
+    lammps,
+    load,
+    make_rigid,
+    make_velocities_rigid,
+    run,
+    side,
+    temperature,
+    write_data,
+)
 
 LEAST = 512  # molecules; fewer would meet their own images, within cutoff and skin
 
@@ -92,7 +102,8 @@ def main():
         start.unlink()
         write_data(output, positions, velocities)
         print(
-            f"mean temperature while it healed {kelvin:.0f} K, potential energy {energy / molecules:.3f} kcal/mol per molecule"
+            f"mean temperature while it healed {kelvin:.0f} K, "
+            f"potential energy {energy / molecules:.3f} kcal/mol per molecule"
         )
 
 

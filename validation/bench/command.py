@@ -1,5 +1,7 @@
 """``bench``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 from validation.scenes import SCENES
 from validation.scenes.integrators import BENCHMARKED
@@ -8,7 +10,7 @@ PARTS = *SCENES, "passes", "start", "memory"
 SHORT = "nosquish", "rigid/nve", "rigid/nve/small", "shake"
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -46,7 +48,7 @@ def add(verbs) -> None:
     command_line.out(parser, "results/bench", short=True)
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.bench import figures, goals, measure, plan, report  # heavy: not for --help
     from validation.pages import console
@@ -59,7 +61,7 @@ def run(arguments) -> int:
     sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
     parts, ranks = arguments.parts or PARTS, arguments.ranks or (1, 2)
     points = plan.points(parts, ranks, sizes, names, rounds, seconds)
-    out = command_line.folder(arguments.out, "results/bench", short)
+    out = command_line.folder(arguments, short)
     screen = console.console()
     with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
         summary = measure.bench(points, out, arguments.again, meter, arguments.silence)

@@ -6,7 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from validation.bench.goals import place, ranks_of
+from validation.bench.goals import place
 from validation.pages.figures import (
     INK,
     MARKS,
@@ -20,6 +20,7 @@ from validation.pages.figures import (
     panels,
     whiskers,
 )
+from validation.pages.tables import ranks_of
 
 
 def draw(summary: dict, out: Path) -> list[tuple[Path, str]]:

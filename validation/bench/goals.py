@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from validation.pages.tables import ranks_of
+
 
 @dataclass(frozen=True)
 class Goal:
@@ -122,8 +124,3 @@ def _judged(where, what, limit, measured, number=None):
 def place(point: dict) -> str:
     """Scene, bodies and ranks of a point, in words."""
     return f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}"
-
-
-def ranks_of(number: int) -> str:
-    """'1 rank', '2 ranks'."""
-    return f"{number} rank" + "s" * (number != 1)

@@ -16,10 +16,9 @@ from validation.running import counting, lammps_log, machine, rounds, run, start
 from validation.running.rounds import Timing
 from validation.running.store import Store
 from validation.scenes import INPUTS, SCENES, starts
-from validation.scenes.integrators import BENCHMARKED, FREE, Integrator, nosquish
+from validation.scenes.integrators import BENCHMARKED, FREE, OURS, Integrator, nosquish
 from validation.statistics import measures
 
-OURS = "nosquish"
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
 Measured = tuple[list[dict], bool]  # rows of the summary, and whether a Ctrl-C cut them short
@@ -128,7 +127,7 @@ def _scene(point: Point, out: Path, meter: run.Meter, silence: float) -> Measure
 
     def job(one, runs, part="calibration", setups=0):
         directory = folder / f"{run.folder_name(one.name)}-{part}"
-        how = {"ranks": point.ranks, "silence": silence, "positions": False, "setups": setups}
+        how = {"ranks": point.ranks, "silence": silence, "keeps": "nothing", "setups": setups}
         return run.job(scene, one, directory, runs, dt=scene.dt, every=0, **how)
 
     loop = 1.0
@@ -204,7 +203,7 @@ def _messages(
 
 def _sent(own: list[dict] | None, free: list[dict] | None) -> dict:
     """Spreads over the ranks of what each sends in a step: in all, by fixes, more than freely."""
-    found: dict[str, dict] = {}
+    found: dict[str, measures.Spread] = {}
     if not own:
         return found
     for key in "messages", "bytes", "collectives", "collective_bytes":
@@ -243,8 +242,9 @@ def _pass(
 
     def job(name, runs):
         words, more = (optional.words, optional.more) if name == "with" else ("", optional.less)
-        ours, how = _ours(words, folder / name), {"ranks": optional.ranks, "silence": silence}
-        how |= {"dt": scene.dt, "every": 0, "positions": False, "more": more}
+        ours = _ours(words, folder / name)
+        how: dict = {"ranks": optional.ranks, "silence": silence}
+        how |= {"dt": scene.dt, "every": 0, "keeps": "nothing", "more": more}
         return run.job(scene, ours, folder / name, runs, **how)
 
     row = {key: getattr(optional, key) for key in ("name", "when", "scene", "bodies", "ranks")}

@@ -6,9 +6,10 @@ from pathlib import Path
 from rich.console import Console
 
 from validation.bench import bandwidth
-from validation.bench.goals import ranks_of
 from validation.pages import report
-from validation.pages.tables import Column, busy, cell, numbers
+from validation.pages.said import NONE, Cell, Figure, Said, Table
+from validation.pages.tables import FREE, Column, busy, cell, numbers, ranks_of
+from validation.scenes.integrators import INTEGRATORS, OURS
 
 COLUMNS = (
     Column("modify", "Modify", "µs/step"),
@@ -41,6 +42,7 @@ STARTS = {
     "first_added": "  more than LAMMPS alone",
 }
 MET = {True: "met", False: "not met", None: "not measured"}
+_USUAL = "rigid/nve", "rigid/nve/small", "shake"
 STYLES = {True: "green", False: "red", None: "dim"}
 
 
@@ -103,8 +105,8 @@ def write(summary: dict, figures: list, out: Path) -> None:
         | {"met": MET[goal["met"]]}
         for goal in summary["goals"]
     ]
-    tables = {"table": scenes, "passes": passes, "goals": goals}
-    tables = {name: report.frame(rows) for name, rows in tables.items()}
+    rows = {"table": scenes, "passes": passes, "goals": goals}
+    tables = {name: report.frame(some) for name, some in rows.items()}
     # with those of collectives it is too wide
     sent = [one for one in MESSAGE_COLUMNS if one.key not in ("collectives", "collective_bytes")]
     columns = {"columns": COLUMNS, "message_columns": sent, "pass_columns": PASS_COLUMNS}
@@ -146,3 +148,106 @@ def show(console: Console, summary: dict, out: Path) -> None:
     styles = [STYLES[goal["met"]] for goal in summary["goals"]]
     report.table(console, "Goals", heads, cells, ("where", "what", "", "measured"), styles)
     report.end(console, summary, out, failures)
+
+
+def say(summary: dict) -> Said:
+    """For the report of all verbs: times against the fixes of LAMMPS, and the goals."""
+    best, rows = [], []
+    whole: dict[str, float] = {}
+    slow: dict[str, float] = {}
+    for point in summary["points"]:
+        where, found = title(point), {row["name"]: row for row in point["integrators"]}
+        rigid = (row.get("loop_ratio") for row in found.values() if row["kind"] == "rigid")
+        fastest = max(filter(None, rigid), key=lambda ratio: ratio["median"], default=None)
+        if found[OURS].get("modify"):
+            whole |= {where: fastest["median"]} if fastest else {}
+            ratios = [found.get(name, {}).get("modify_ratio") for name in _USUAL]
+            best.append([where, *map(_spread, (found[OURS]["modify"], *ratios, fastest))])
+        keys = "modify", "modify_ratio", "loop", "loop_ratio"
+        for row in found.values():
+            cells = (_spread(row.get(key)) for key in keys)
+            rows.append([where, row["label"], *cells, row["error"] or "ok"])
+        shares = [row["cpu"] for row in found.values() if row.get("cpu") is not None]
+        slow[where] = min(shares, default=FREE)
+    headlines, short = _whole(whole)
+    late = [where for where, share in slow.items() if share < FREE]
+    if late:
+        worst = min(late, key=lambda where: slow[where])
+        headlines.append(
+            f"The machine was busy, in {len(late)} of {len(slow)} rows below: of a core a rank had "
+            f"as little as {slow[worst]:.0f} % ({worst}); ratios of one round still hold, times "
+            "are too long."
+        )
+    usual = (f"ours / {INTEGRATORS[name].label}" for name in _USUAL)
+    head = "bodies, ranks", "ours, µs a step", *usual, "whole step, ours / the fastest rigid fix"
+    what = "Time in the fixes (LAMMPS's Modify) and of the whole step; below 1 ours is the faster;"
+    figures = {
+        "size.png": "Time in LAMMPS's Modify against the number of molecules.",
+        "scenes.png": "Time in LAMMPS's Modify of each scene.",
+    }
+    columns = "where", "integrator", "Modify, µs/step", "ours / it, Modify", "loop, µs/step"
+    return Said(
+        headlines,
+        _met_and_starts(summary),
+        [_goals(summary), Table.of("Times", [*columns, "ours / it, loop", "status"], rows)],
+        [Figure(*figure) for figure in figures.items()],
+        [Table.of(f"{what} median [minimum–maximum] of rounds", head, best)],
+        commands=_bench_commands(summary),
+        short=short,
+    )
+
+
+def _whole(whole):
+    """A headline, and what is said in short, of the time of a whole step over the fastest fix's."""
+    if not whole:
+        return [], []
+    (least, _), *_, (most, _) = sorted(whole.items(), key=lambda one: one[1])
+    headline = (
+        f"A whole step with ours takes {whole[least]:.2f} ({least}) to {whole[most]:.2f} ({most}) "
+        "times that with the fastest of LAMMPS's rigid fixes."
+    )
+    water = [ratio for where, ratio in whole.items() if where.startswith("water")]
+    if not water:
+        return [headline], [headline]
+    return [headline], [
+        f"A whole step of water takes {min(water):.2f} to {max(water):.2f} times that with the "
+        f"fastest of LAMMPS's rigid fixes; over all scenes {whole[least]:.2f} to {whole[most]:.2f}."
+    ]
+
+
+def _met_and_starts(summary):
+    met = [goal["met"] for goal in summary["goals"] if goal["met"] is not None]
+    told = f"Of the goals {sum(met)} are met, of {len(met)} that were measured; each is in the"
+    lines = [f"{told} first table."]
+    for start in summary["starts"]:
+        if "first" in start and "later_added" in start:
+            first, later = (spread(start[key]["wall"]) for key in ("first", "later_added"))
+            told = f"Start, {ranks_of(start['ranks'])}: a first use takes {first} s, a later"
+            lines.append(f"{told} one {later} s more than LAMMPS alone.")
+    return lines
+
+
+def _goals(summary):
+    rows = []
+    for goal in summary["goals"]:
+        numbers = Cell.number(goal["limit"]), _spread(goal["measured"])
+        rows.append([goal["where"], goal["what"], *numbers, MET[goal["met"]]])
+    return Table.of("Goals", "where, what, at most, measured, verdict", rows)
+
+
+def _bench_commands(summary):
+    """What measures all of it: the summary's own command is the last of several parts."""
+    points = summary["points"]
+    parts = [*dict.fromkeys(point["scene"] for point in points)]
+    others = {"passes": "passes", "start": "starts", "memory": "memory"}
+    parts += [verb for verb, key in others.items() if summary[key]]
+    values = {
+        "--sizes": {point["bodies"] for point in points if point["scene"] == "water"},
+        "--ranks": {point["ranks"] for point in points},
+    }
+    parts += [f"{word} {','.join(map(str, sorted(some)))}" for word, some in values.items() if some]
+    return [" ".join(["python -m validation bench", *parts])]
+
+
+def _spread(value):
+    return Cell(spread(value), NONE.value if value is None else value["median"])

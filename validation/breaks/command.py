@@ -1,9 +1,11 @@
 """``breaks``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -33,13 +35,13 @@ def _cases():
     return CASES
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.breaks import measure, plan, report  # heavy: not for --help
     from validation.pages import console
     from validation.running import machine
 
-    out, screen = command_line.folder(arguments.out, "results/breaks"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     names = command_line.chosen(plan.CASES, arguments.cases)
     summary = machine.circumstances()
     with console.Meter(screen, len(names) * len(plan.FIXES), "cases") as meter:

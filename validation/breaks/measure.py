@@ -38,7 +38,7 @@ class Runs:
         for name, content in files.items():
             (self.folder / name).write_text(content)
         command = [sys.executable, "-m", "fix_nosquish", "-in", "in.breaks", "-log", "log.breaks"]
-        how = {"cwd": self.folder, "capture_output": True, "text": True, "timeout": SILENCE}
+        how: dict = {"cwd": self.folder, "capture_output": True, "text": True, "timeout": SILENCE}
         try:
             done = subprocess.run(command, **how)
         except subprocess.TimeoutExpired:
@@ -85,7 +85,7 @@ def _measured(case, simulate, fix):
     return {"value": value, "note": note}
 
 
-def told(found) -> tuple[float, str]:
+def told(found: float | tuple[float, str]) -> tuple[float, str]:
     """A case's number, and what else there is to say of it."""
     value, note = found if isinstance(found, tuple) else (found, "")
     return float(value), note

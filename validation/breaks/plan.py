@@ -8,7 +8,7 @@ same numbers.
 
 import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
@@ -91,7 +91,7 @@ def bent(angle: float) -> tuple[list, list[int]]:
     return [[-c, s, 0], [0, 0, 0], [c, s, 0]], [2, 3, 2]
 
 
-def moved_images(system: boxes.System, count) -> boxes.System:
+def moved_images(system: boxes.System, count: Sequence[int]) -> boxes.System:
     """The same system with all image flags moved; a flag that LAMMPS's ten bits do not hold wraps
     in its hands."""
     head, atoms, tail = system.files["data.bodies"].replace("Velocities", "Atoms").split("Atoms", 2)
@@ -113,7 +113,8 @@ def restarted(system: boxes.System, file: str) -> boxes.System:
 def _lattice(kinds, side, place, h, seed):
     """Bodies of these kinds in turn on a lattice, turned at random, sorted by kind; ``place`` is of
     three whole numbers."""
-    rng, bodies = np.random.default_rng(seed), []
+    rng = np.random.default_rng(seed)
+    bodies: list = []
     sites = itertools.product(range(side), repeat=3)
     for kind, site in zip(itertools.cycle(kinds.split()), sites):
         bodies.append(boxes.turned(kind, place(np.array(site)), bodies, h, rng))
@@ -133,10 +134,10 @@ def _worst(system, one, other):
     found = {}
     for kind, bodies in re.findall(r"^group (\w+) molecule (.*)$", system.setup, re.M):
         mine = np.isin(system.molecule, [int(body) for body in bodies.split()])
-        both = (result._replace(x=result.x[mine]) for result in (one, other))
-        found[kind] = apart(*both, system.h)
-    kind = max(found, key=found.get)
-    return found[kind], f"the largest is of {kind}"
+        first, second = (result._replace(x=result.x[mine]) for result in (one, other))
+        found[kind] = apart(first, second, system.h)
+    largest, kind = max((value, kind) for kind, value in found.items())
+    return largest, f"the largest is of {kind}"
 
 
 @case("tops-runs", 1e-9)

@@ -1,17 +1,13 @@
-"""From what breaks others to files: summary.json, table.csv, report.html; and to the terminal."""
+"""From what breaks others to files and the terminal."""
 
 from collections import Counter
 from pathlib import Path
 
-import pandas as pd
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
-from validation.pages import said
-from validation.pages.page import page, save
+from validation.pages import report, said
 
-COLUMNS = ["case", "what", "integrator", "value", "most", "verdict", "note", "why"]
+COLUMNS = "case", "what", "integrator", "value", "most", "verdict", "note", "why"
 
 
 def write(summary: dict, out: Path) -> None:
@@ -20,16 +16,11 @@ def write(summary: dict, out: Path) -> None:
     Args:
         summary: plain data: ``rows`` as of ``measure.breaks``, and the circumstances.
     """
-    save(summary, out)
-    table = pd.DataFrame(summary["rows"], columns=COLUMNS)
-    table["value"] = ["" if one is None else f"{one:.3g}" for one in _values(summary)]
-    table.to_csv(out / "table.csv", index=False)
-    found = {"fixes": fixes(summary), "cases": cases(summary), "shown": shown}
-    page("breaks.html", out / "report.html", [], summary=summary, **found)
-
-
-def _values(summary):
-    return [row["value"] for row in summary["rows"]]
+    values = (row["value"] for row in summary["rows"])
+    texts = ["" if one is None else f"{one:.3g}" for one in values]
+    table = report.frame(summary["rows"], COLUMNS).assign(value=texts)
+    found: dict = {"fixes": fixes(summary), "cases": cases(summary), "shown": shown}
+    report.write(summary, out, {"table": table}, "breaks.html", **found)
 
 
 def fixes(summary: dict) -> list[str]:
@@ -53,24 +44,20 @@ def shown(row: dict | None) -> str:
 
 
 def show(console: Console, summary: dict, out: Path) -> None:
-    """Print the numbers, and where the files are."""
-    title = "What breaks others: small is good"
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    table.add_column("case", overflow="fold")
-    for head in ("at most", *fixes(summary)):
-        table.add_column(head, justify="right")
+    """Print the numbers, and what did not pass."""
+    rows = []
     for name, found in cases(summary).items():
-        rows = [found.get(fix) for fix in fixes(summary)]
-        cells = (shown(row) + " ✗" * bool(row and row["verdict"] != "pass") for row in rows)
-        table.add_row(name, f"{next(iter(found.values()))['most']:.2g}", *cells)
-    console.print(table)
-    for row in summary["rows"]:
-        if row["note"] and row["verdict"] != "pass":
-            told = f"✗ {row['case']}, {row['integrator']}: {row['note']}"
-            console.print(told, markup=False, soft_wrap=True)
-    if summary["interrupted"]:
-        console.print("Interrupted.")
-    console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
+        own = [found.get(fix) for fix in fixes(summary)]
+        cells = [shown(row) + " ✗" * bool(row and row["verdict"] != "pass") for row in own]
+        rows.append([name, f"{next(iter(found.values()))['most']:.2g}", *cells])
+    heads = ["case", "at most", *fixes(summary)]
+    report.table(console, "What breaks others: small is good", heads, rows)
+    failures = [
+        f"{row['case']}, {row['integrator']}: {row['note']}"
+        for row in summary["rows"]
+        if row["note"] and row["verdict"] != "pass"
+    ]
+    report.end(console, summary, out, failures)
 
 
 def say(summary: dict) -> said.Said:

@@ -1,13 +1,13 @@
 """``compare``: its words, and what they run."""
 
-from pathlib import Path
+from argparse import Namespace
 
 from validation import command_line
 from validation.scenes import SCENES
 from validation.scenes.integrators import INTEGRATORS
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -31,11 +31,10 @@ def add(verbs) -> None:
     command_line.number(parser, "--rounds", 3, "N", "timed segments of each integrator")
     command_line.number(parser, "--segment", 200, "N", "steps of a timed segment")
     command_line.silence(parser, 120.0)
-    help = "output folder (default results/compare-SCENE)"
-    parser.add_argument("--out", type=Path, metavar="DIR", help=help)
+    command_line.out(parser, "results/compare-SCENE")
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.compare import measure, report  # heavy: not for --help
     from validation.pages import console
@@ -44,7 +43,8 @@ def run(arguments) -> int:
     integrators = [
         one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)
     ]
-    out = command_line.folder(arguments.out, f"results/compare-{scene.name}")
+    arguments.usual = arguments.usual.replace("SCENE", scene.name)
+    out = command_line.folder(arguments)
     timing = arguments.rounds, arguments.segment, arguments.silence
     dt = arguments.dt or scene.dt
     settings = measure.Settings(arguments.ranks, arguments.steps, dt, *timing)

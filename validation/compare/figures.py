@@ -6,6 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from validation.pages.figures import OTHERS, OURS, PALE, Drawn, bars, draw_each, panels
+from validation.statistics.estimate import SURE, Estimate, rounded
 
 
 def draw(summary: dict, series: dict, out: Path) -> list[tuple[Path, str]]:
@@ -37,7 +38,7 @@ def energy(summary: dict, series: dict) -> Drawn:
     return figure, (
         f"Change of the total energy, {settings['dt_fs']:g} fs steps, all panels on the same "
         "scale; zero is the mean of the first ten samples kept. The pale start is left out of all "
-        "averages."
+        f"averages. ± is the half width of the {SURE} interval."
     )
 
 
@@ -56,8 +57,8 @@ def _panel(axis, row, curve, limit):
     axis.plot(time[used], error[used], color=_colour(row), lw=0.9)
     axis.set_title(row["label"], loc="left", fontsize=10, fontweight="bold", pad=3)
     if row.get("energy_sd"):
-        sd, slope = row["energy_sd"], row["drift"]
-        note = f"sd {sd['value']:.3g}, drift {slope['value']:+.3g} ± {slope['error']:.2g} per ps"
+        sd, slope = Estimate.of(row["energy_sd"]), Estimate.of(row["drift"])
+        note = f"sd {sd.value:.3g}, drift {rounded(slope.value, slope.margin)} per ps"
         axis.set_title(note, loc="right", fontsize=8.5, pad=3)
     notes = ["not completed"] * bool(row["error"])
     notes += ["leaves the frame"] * bool(len(error) and np.abs(error).max() > limit)

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.pages.page import plain
 from validation.running import machine, rounds, run
 from validation.scenes import FS_PER_PS, Scene
 from validation.scenes.integrators import REFERENCE, Integrator
 from validation.statistics import measures
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import Estimate, plain
 
 DISTANCE_STEPS = 100  # after so many steps trajectories are compared
 WARM_UP = 20  # steps before a timed segment
@@ -55,11 +54,11 @@ class Row:
     pressure: Estimate | None = None
     rigidity: float | None = None
     distance: float | None = None
-    modify: dict | None = None
-    loop: dict | None = None
+    modify: measures.Spread | None = None
+    loop: measures.Spread | None = None
     cpu: float | None = None
-    modify_ratio: dict | None = None
-    loop_ratio: dict | None = None
+    modify_ratio: measures.Spread | None = None
+    loop_ratio: measures.Spread | None = None
 
 
 def compare(
@@ -78,7 +77,7 @@ def compare(
 
     def job(one, runs, part="", **more):
         folder = out / "runs" / run.folder_name(one.name) / part
-        common = {"dt": settings.dt_fs, "ranks": settings.ranks, "silence": settings.silence}
+        common: dict = {"dt": settings.dt_fs, "ranks": settings.ranks, "silence": settings.silence}
         return run.job(scene, one, folder, runs, **common, **more)
 
     first = settings.distance_after_steps
@@ -108,7 +107,7 @@ def compare(
         _cost(rows[name], timed.get(name, []), timed.get(REFERENCE, []))
         if name in errors and not rows[name].error:
             rows[name].error = f"while timed: {errors[name]}"
-    summary["integrators"] = [plain(row) for row in rows.values()]
+    summary["integrators"] = [plain(vars(row)) for row in rows.values()]
     return summary, {name: result.thermo for name, result in done.items() if result.thermo}
 
 
@@ -121,12 +120,12 @@ def _trajectory(row: Row, result: run.Result, reference: run.Result | None, sett
             row.error = "energy is not finite"
     if result.positions:
         own = result.positions
-        box = own["cell"], own["periodic"]
-        pairs = measures.body_pairs(own["bodies"])
-        row.rigidity = float(measures.rigidity_error(own["x"][0], own["x"][-1], pairs, *box))
+        box = own.cell, own.periodic
+        pairs = measures.body_pairs(own.bodies)
+        row.rigidity = float(measures.rigidity_error(own.x[0], own.x[-1], pairs, *box))
         if reference and reference.positions:
-            there = reference.positions["x"][1]
-            row.distance = float(measures.largest_distance(own["x"][1], there, *box))
+            there = reference.positions.x[1]
+            row.distance = float(measures.largest_distance(own.x[1], there, *box))
 
 
 def _thermodynamics(row: Row, thermo: dict, begin: float) -> None:

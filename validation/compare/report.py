@@ -7,7 +7,9 @@ from rich.console import Console
 
 from validation.compare.figures import draw
 from validation.pages import report
-from validation.pages.tables import Column, busy, cell, numbers
+from validation.pages.said import Cell, Figure, Said, Table, sortable
+from validation.pages.tables import Column, busy, cell, numbers, ranks_of
+from validation.statistics.estimate import SURE, Estimate
 
 COLUMNS = (
     Column("energy_sd", "sd of energy", "kcal/mol", "estimate"),
@@ -55,3 +57,29 @@ def show(console: Console, summary: dict, out: Path) -> None:
         console.print(busy(summary), soft_wrap=True)
     failures = [f"{row['label']}: {status(row)}" for row in summary["integrators"] if row["error"]]
     report.end(console, summary, out, failures)
+
+
+def say(summary: dict) -> Said:
+    """For the report of all verbs."""
+    rows, settings = summary["integrators"], summary["settings"]
+    known = [row for row in rows if row.get("energy_sd")]
+    told = ", ".join(f"{row['label']} {Estimate.of(row['energy_sd']).text()}" for row in known)
+    span = f"{settings['steps']:,} steps of {settings['dt_fs']:g} fs"
+    where = f"{summary['title']}, {span}, {ranks_of(settings['ranks'])}"
+    what = "standard deviation of the energy in kcal/mol"
+    lines = [f"{where}: {what}: {told or 'none was measured'}."]
+    drifts = ((row["label"], Estimate.of(row["drift"])) for row in known)
+    sure = [f"{label} {one.text()}" for label, one in drifts if abs(one.value) > one.margin]
+    lines.append(f"Energy drifts for sure ({SURE}), kcal/mol/ps: {', '.join(sure) or 'none'}.")
+    failed = [f"{row['label']}: {status(row)}" for row in rows if row["error"]]
+    lines += [f"Failed: {'; '.join(failed)}."] * bool(failed)
+    lines += filter(None, [busy(summary)])
+    table = [
+        [row["label"]]
+        + [Cell(cell(row, one), sortable(row.get(one.key))) for one in COLUMNS]
+        + [status(row)]
+        for row in rows
+    ]
+    head = "integrator", *(f"{one.title}, {one.unit}" for one in COLUMNS), "status"
+    figure = Figure("energy.png", "Change of the total energy, on one scale.")
+    return Said(lines=lines, tables=[Table.of("All columns", head, table)], figures=[figure])

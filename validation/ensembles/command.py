@@ -6,7 +6,7 @@ from validation import command_line
 from validation.ensembles.plan import FULL_TIME, SCHEMES, SHORT_STEPS, SHORT_TIME, STEPS
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -40,10 +40,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.ensembles import criteria, measure, plan, report  # heavy: not for --help
     from validation.pages import console
-    from validation.pages.page import plain
+    from validation.statistics.estimate import plain
 
     short = not arguments.full
-    out = command_line.folder(arguments.out, "results/ensembles", short)
+    out = command_line.folder(arguments, short)
     time = arguments.ps or (SHORT_TIME if short else FULL_TIME)
     lengths = plan.Lengths(time, arguments.starts)
     points = plan.points(arguments.only, arguments.dt or (SHORT_STEPS if short else STEPS))
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
     with console.Meter(screen, plan.total(points, lengths)) as meter:
         summary, rows = measure.ensembles(points, lengths, out, meter, arguments.silence)
     made = criteria.checks({plan.Point(row.scheme, row.dt): vars(row) for row in rows}, time)
-    summary |= {"rows": [plain(row) for row in rows], "checks": [one.plain() for one in made]}
+    summary |= {"rows": [plain(vars(row)) for row in rows], "checks": [one.plain() for one in made]}
     report.write(summary, out)
     report.show(screen, summary, out)
     failed = any(one.holds is False for one in made) or any(row.ours and row.error for row in rows)

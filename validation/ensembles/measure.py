@@ -63,8 +63,8 @@ class Row:
     pressure: Estimate | None = None
     pressure_bias: Estimate | None = None
     drift: Estimate | None = None
-    cost: dict | None = None
-    distribution: dict | None = None
+    cost: measures.Spread | None = None
+    distribution: measures.Spread | None = None
 
 
 @dataclass
@@ -142,7 +142,7 @@ def _start(scene: Scene, directory: Path, start: int, lengths: Lengths, silence:
     runs = [plan.steps(lengths.begin, plan.BEGIN_STEP)]
     one = STARTER.seeded(start)
     more = to_dump((directory / "state.dump").resolve(), runs[0])
-    how: dict = {"dt": plan.BEGIN_STEP, "every": max(1, runs[0] // 100), "positions": False}
+    how: dict = {"dt": plan.BEGIN_STEP, "every": max(1, runs[0] // 100), "keeps": "nothing"}
     how |= {"silence": silence, "more": more, "origin": machine.origin(scene, one)}
     return run.job(scene, one, directory, runs, **how)
 
@@ -165,7 +165,7 @@ def _job(
     prints = OURS_PRINTS if scheme.ours else (ALL_PRINT,)
     more = [line.format(group=scene.group) for line in MOVES] if not scheme.ours else []
     more += run.thermo("econserve", *prints)
-    how: dict = {"dt": point.dt, "every": lengths.every(point.dt), "positions": False}
+    how: dict = {"dt": point.dt, "every": lengths.every(point.dt), "keeps": "nothing"}
     files = [dump] if dump.exists() else []  # else LAMMPS says so
     how |= {"silence": silence, "more": more, "origin": machine.origin(scene, one, *files)}
     return run.job(begun, one, folder / name, lengths.runs(point.dt), **how)

@@ -11,8 +11,6 @@ from validation.pages import report
 from validation.pages.figures import draw_each
 from validation.pages.said import Figure, Said, of_checks
 from validation.pages.tables import Column, cell, numbers
-from validation.statistics import check
-from validation.statistics.estimate import Estimate
 
 COLUMNS = (
     Column("bias", "bias of U/N", "kcal/mol", "estimate"),
@@ -62,8 +60,7 @@ def write(summary: dict, out: Path) -> None:
         | {"status": row["error"] or "ok"}
         for row in summary["rows"]
     ]
-    judged = [one | {"margin": Estimate.of(one).margin or None} for one in summary["checks"]]
-    tables = {"table": report.frame(table), "checks": report.frame(judged, check.COLUMNS)}
+    tables = {"table": report.frame(table), "checks": report.of_checks(summary["checks"])}
     values = {"columns": COLUMNS, "cell": cell, "label": label, "titles": TITLES}
     values |= {"too_short": TOO_SHORT if summary["settings"]["time"] < LEAST else ""}
     figures = draw_each((bias,), out, summary)
@@ -83,7 +80,7 @@ def show(console: Console, summary: dict, out: Path) -> None:
     if summary["settings"]["time"] < LEAST:
         console.print(TOO_SHORT, soft_wrap=True)
     else:
-        check.show(console, summary["checks"], TITLES)
+        report.show_checks(console, summary["checks"], TITLES)
     failures = [f"{label(row)}: {row['error']}" for row in summary["rows"] if row["error"]]
     report.end(console, summary, out, failures)
 

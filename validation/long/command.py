@@ -1,11 +1,13 @@
 """``long``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 
 INTEGRATORS = ["nosquish", "rigid/nve", "rigid"]
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -22,12 +24,12 @@ def add(verbs) -> None:
     command_line.out(parser, "results/long-run")
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.long import measure, report  # heavy: not for --help
     from validation.pages import console
 
-    out, screen = command_line.folder(arguments.out, "results/long-run"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     names, steps = arguments.only, arguments.steps
     with console.Meter(screen, len(measure.ANGLES) * len(names) * steps) as meter:
         summary, series = measure.long_run(out, steps, names, meter, arguments.silence)

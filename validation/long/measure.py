@@ -15,12 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.pages.page import plain
 from validation.running import machine, run
 from validation.scenes import bodies
 from validation.scenes.integrators import INTEGRATORS
 from validation.statistics import measures, motion
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import Estimate, plain
 
 BOUND = 1e-10
 FRAMES = 1000
@@ -90,8 +89,8 @@ def long_run(
             series[name, kind] = errors = _errors(directory)
             _largest(row, errors)
         if result.timings:
-            row.us_per_step = result.timings[0]["loop"] / result.timings[0]["steps"] * 1e6
-        rows.append(plain(row))
+            row.us_per_step = result.timings[0].seconds / result.timings[0].steps * 1e6
+        rows.append(plain(vars(row)))
         if result.interrupted:
             summary["interrupted"] = True
             break

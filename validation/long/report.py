@@ -8,6 +8,7 @@ from validation.long.figures import long_run
 from validation.long.measure import BOUND, QUANTITIES
 from validation.pages import report
 from validation.pages.figures import draw_each
+from validation.pages.said import Cell, Figure, Said, Table
 from validation.statistics.estimate import Estimate
 
 
@@ -39,3 +40,27 @@ def show(console: Console, summary: dict, out: Path) -> None:
     report.table(console, f"Largest relative error of a free body (bound {BOUND:g})", heads, cells)
     failures = [f"{row['label']}: {row['error']}" for row in summary["runs"] if row["error"]]
     report.end(console, summary, out, failures, "long-run.png")
+
+
+def say(summary: dict) -> Said:
+    """For the report of all verbs."""
+    lines, rows, limit = [], [], summary["bound"]
+    kept: dict[bool, list[str]] = {True: [], False: []}
+    for row in summary["runs"]:
+        if "steps" in row:
+            told = ", ".join(f"{what} {row[key]:.1e}" for key, what in QUANTITIES.items())
+            where = f"{row['label']}, {row['angle']:g} rad a step, {row['steps']:,} steps"
+            lines.append(f"{where}: {told}.")
+            if row["step"] == "short":
+                kept[all(row[key] <= limit for key in QUANTITIES)].append(row["label"])
+        numbers = (Cell.number(row.get(key), ".3g") for key in ("steps", *QUANTITIES))
+        angle = Cell.number(row["angle"])
+        rows.append([row["label"], angle, *numbers, row["error"] or "ok"])
+    told = f"with {', '.join(kept[True]) or 'none'}; not with {', '.join(kept[False]) or 'none'}."
+    what = f"A free body keeps energy, both momenta and its shape to {limit:g} at the short step"
+    head = "integrator", "rad a step", "steps", *QUANTITIES.values(), "status"
+    return Said(
+        lines=[f"{what} {told}", *lines],
+        tables=[Table.of("Largest relative error", head, rows)],
+        figures=[Figure("long-run.png", "Largest relative error against steps.")],
+    )

@@ -12,6 +12,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from validation.statistics.measures import Spread
+
 OURS, OTHERS, THIRD, INK, PALE = "#0b6e4f", "#5b7db1", "#c06c3e", "#333333", "#bdbdbd"
 STYLE: dict = {
     "font.size": 10,
@@ -62,16 +64,18 @@ def draw_each(
     return made
 
 
-def whiskers(spreads: Sequence[dict]) -> tuple[np.ndarray, np.ndarray]:
+def whiskers(spreads: Sequence[Spread]) -> tuple[np.ndarray, np.ndarray]:
     """Medians of spreads, and how far minimum and maximum are from them, as for errorbar."""
-    median, low, high = np.array(
-        [[one[part] for one in spreads] for part in ("median", "min", "max")]
-    )
+    median, low, high = np.transpose([(one["median"], one["min"], one["max"]) for one in spreads])
     return median, np.array([median - low, high - median])
 
 
 def bars(
-    axis: Axes, labels: Sequence[str], spreads: Sequence[dict], texts: Sequence[str], colours
+    axis: Axes,
+    labels: Sequence[str],
+    spreads: Sequence[Spread],
+    texts: Sequence[str],
+    colours: str | Sequence[str],
 ) -> None:
     """Horizontal bars from the top: medians, whiskers from minimum to maximum, texts behind."""
     places = np.arange(len(labels))

@@ -1,4 +1,4 @@
-"""From plain data to summary.json and to self-contained HTML pages."""
+"""From plain data to self-contained HTML pages."""
 
 import base64
 from collections.abc import Sequence
@@ -6,16 +6,11 @@ from pathlib import Path
 
 import jinja2
 
-from validation.running import machine, store
+from validation.running import machine
 from validation.statistics.check import bound, measured
 from validation.statistics.estimate import SURE, Estimate
 
 TEMPLATES = Path(__file__).parent / "templates"
-
-
-def save(summary: dict, out: Path) -> None:
-    """Write plain data to summary.json in the folder ``out``, whole or not at all."""
-    store.write(Path(out) / "summary.json", summary)
 
 
 def page(template: str, path: Path, figures: Sequence[tuple[Path, str]], **values) -> None:
@@ -44,12 +39,3 @@ def page(template: str, path: Path, figures: Sequence[tuple[Path, str]], **value
         (base64.b64encode(Path(png).read_bytes()).decode(), caption) for png, caption in figures
     ]
     Path(path).write_text(environment.get_template(template).render(figures=embedded, **values))
-
-
-def plain(result) -> dict:
-    """A dataclass as plain data; what is None is left out, but for ``error``."""
-    return {
-        key: value.plain() if isinstance(value, Estimate) else value
-        for key, value in vars(result).items()
-        if value is not None or key == "error"
-    }

@@ -1,7 +1,8 @@
 """The skeleton of a verb's report: files in its output folder, and what the terminal shows.
 
 A verb's ``report.py`` has two functions: ``write`` makes its tables and calls `write`, and ``show``
-prints by `table` and closes with `end`.
+prints by `table` and closes with `end`.  Its ``say`` is what the page of all verbs has of it; a
+long one is in ``section.py``.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -10,11 +11,14 @@ from pathlib import Path
 import pandas as pd
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
-from validation.pages.page import page, save
+from validation.pages.page import page
 from validation.pages.tables import Column, cell
+from validation.running import store
+from validation.statistics.check import CHECK_COLUMNS, VERDICTS, bound, measured
+from validation.statistics.estimate import SURE, Estimate
 
 
 def write(
@@ -35,11 +39,16 @@ def write(
         figures: of the page: (PNG path, caption).
         values: what else the template uses.
     """
-    save(summary, out)
-    for name, content in tables.items():
-        content.to_csv(Path(out) / f"{name}.csv", index=False)
+    store.write(out / "summary.json", summary)
+    write_tables(out, tables)
     if template:
-        page(template, Path(out) / "report.html", figures, summary=summary, **values)
+        page(template, out / "report.html", figures, summary=summary, **values)
+
+
+def write_tables(out: Path, tables: Mapping[str, pd.DataFrame]) -> None:
+    """Write a CSV file of each table into the folder ``out``."""
+    for name, content in tables.items():
+        content.to_csv(out / f"{name}.csv", index=False)
 
 
 def frame(rows: Iterable[Mapping], columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -48,14 +57,21 @@ def frame(rows: Iterable[Mapping], columns: Sequence[str] | None = None) -> pd.D
     Args:
         columns: those that are kept, in this order; None keeps all.
     """
-    return pd.DataFrame(list(rows), columns=columns, dtype=object)
+    made = pd.DataFrame(list(rows), dtype=object)
+    return made if columns is None else made.reindex(columns=list(columns))
+
+
+def of_checks(checks: Iterable[Mapping]) -> pd.DataFrame:
+    """The table of checks, of `Check.plain`; where there is no margin its cell is empty."""
+    rows = ({**one, "margin": Estimate.of(one).margin or None} for one in checks)
+    return frame(rows, CHECK_COLUMNS)
 
 
 def table(
     console: Console,
     title: str,
     columns: Sequence[str],
-    rows: Iterable[Sequence[str]],
+    rows: Iterable[Sequence[str | Text]],
     left: Sequence[str] | None = None,
     styles: Iterable[str | None] | None = None,
 ) -> None:
@@ -66,12 +82,14 @@ def table(
         styles: of each row, as ``bold``.
     """
     words = columns[:1] if left is None else left
-    made = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    made = Table(
+        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0)
+    )
     for column in columns:
         made.add_column(column, justify="left" if column in words else "right", overflow="fold")
     cells = list(rows)
     for row, style in zip(cells, styles or [None] * len(cells)):
-        made.add_row(*map(escape, row), style=style)
+        made.add_row(*(Text(one) if isinstance(one, str) else one for one in row), style=style)
     if cells:
         console.print(made)
 
@@ -86,6 +104,29 @@ def integrators(
     ]
     styles = ["bold" if row["name"] == "nosquish" else None for row in rows]
     table(console, title, ["integrator", *(one.head for one in columns)], cells, styles=styles)
+
+
+def show_checks(console: Console, checks: Sequence[Mapping], titles: Mapping[str, str]) -> None:
+    """Print checks, of `Check.plain`: a table for each part, then how many hold, and notes.
+
+    Args:
+        titles: part to its heading.
+    """
+    heads = ["of", "number", "measured", "bound", "verdict"]
+    for part, title in titles.items():
+        rows = [
+            [one["subject"], one["what"], measured(one), bound(one), one["verdict"]]
+            for one in checks
+            if one["part"] == part
+        ]
+        table(console, title, heads, rows, ("of", "number", "verdict"))
+    verdicts = [one["verdict"] for one in checks]
+    counts = ", ".join(f"{verdicts.count(word)} × {word}" for word in VERDICTS)
+    console.print(f"{counts} (± and verdicts: {SURE} intervals)")
+    for one in checks:
+        if one["verdict"] not in ("", "holds") and one["note"]:
+            told = f"{one['subject']}, {one['what']}: {one['note']}"
+            console.print(told, markup=False, soft_wrap=True)
 
 
 def end(

@@ -1,12 +1,11 @@
 """What a verb says to the report of all verbs: sentences, tables and figures."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from validation.statistics.check import bound, measured
+from validation.statistics.check import VERDICTS, bound, measured
 
-VERDICTS = "holds", "does not hold", "cannot tell"
 STYLES = {  # of the page: verdicts
     "holds": ("holds", "pass", "met"),
     "does-not-hold": ("does not hold", "fail", "blow-up", "ends", "not met"),
@@ -80,15 +79,16 @@ class Said:
     short: list[str] = field(default_factory=list)
 
 
-def sortable(value) -> float:
+def sortable(value: float | Mapping | None) -> float:
     """The number that a value, or an estimate's or a spread's dictionary, is sorted by; not a
     number if there is none."""
-    if isinstance(value, dict):
-        value = value.get("median", value.get("value"))
-    return math.nan if value is None else value
+    number = value.get("median", value.get("value")) if isinstance(value, Mapping) else value
+    return math.nan if number is None else number
 
 
-def of_checks(summary: dict, titles: dict[str, str], noun: str, shown=VERDICTS[1:], **more) -> Said:
+def of_checks(
+    summary: dict, titles: dict[str, str], noun: str, shown: Sequence[str] = VERDICTS[1:], **more
+) -> Said:
     """Numbers between bounds: how many hold, and those with a ``shown`` verdict.
 
     Args:

@@ -69,3 +69,8 @@ def busy(summary: dict) -> str | None:
         f"The machine was busy: a rank had as little as {min(shares):.0f} % of a core while "
         "timed. Ratios of one round still compare like with like; absolute times are too long."
     )
+
+
+def ranks_of(number: int) -> str:
+    """'1 rank', '2 ranks'."""
+    return f"{number} rank" + "s" * (number != 1)

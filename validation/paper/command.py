@@ -1,11 +1,12 @@
 """``paper``: its words, and what they run."""
 
+from argparse import Namespace
 from dataclasses import asdict, replace
 
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -43,7 +44,7 @@ def add(verbs) -> None:
     command_line.out(parser, "results/paper", short=True)
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.paper import measure, plan, report  # heavy: not for --help
@@ -51,7 +52,7 @@ def run(arguments) -> int:
     lengths = plan.FULL if arguments.full else plan.SHORT
     if arguments.liquid:
         lengths = replace(lengths, liquid=arguments.liquid)
-    out = command_line.folder(arguments.out, "results/paper", not arguments.full)
+    out = command_line.folder(arguments, not arguments.full)
     screen, runs = console.console(), out / "runs"
     all_of_them = {one.name: one for one in plan.plan(lengths, arguments.ranks, runs)}
     wanted: set[str] = set()

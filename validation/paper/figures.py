@@ -5,11 +5,12 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, draw_each
+from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn, draw_each
 from validation.paper.measure import BEGINNING, Found, gear_pairs
 from validation.paper.plan import AVERAGE_MEASURE, DIMER_DT, DT, SMALL_DT, TEMPERATURE
 from validation.running.trajectory import Series
 from validation.scenes import SCENES
+from validation.statistics.estimate import SURE, Estimate
 
 POINTS = 400  # of a curve
 RUNNING = 30  # windows of a running mean in the length of a curve
@@ -19,7 +20,6 @@ FIGURE_2A, FIGURE_2B = (
     {prefix.format(name): how for name, how in TWO.items()} for prefix in ("dimer-{}-1", "water-{}")
 )
 FIGURE_3 = {"peptide-nosquish": "(a) NO_SQUISH", "peptide-shake": "(b) SHAKE"}
-Drawn = tuple[plt.Figure | None, str]  # and its caption
 SHOWN = *FIGURE_2A, *FIGURE_2B, *FIGURE_3
 
 
@@ -51,7 +51,7 @@ def _has(found, name):
     return name in found and len(found[name].total) > 1
 
 
-def _figure_2(found, curves):
+def _figure_2(found, curves, told):
     """A panel with curves of Delta E and their running means; ``curves`` as `FIGURE_2A`."""
     shown = [(found[name], *how) for name, how in curves.items() if _has(found, name)][::-1]
     if not shown:
@@ -65,32 +65,34 @@ def _figure_2(found, curves):
         axis.plot(time, error * 1e6, label=f"{label}, running mean", lw=1.8, color=colour)
     axis.set(xlabel="t (ps)", ylabel="ΔE(t) × 10$^{6}$")
     axis.legend(frameon=False, ncols=2, loc="lower right", bbox_to_anchor=(1, 0.98))
-    return figure
+    return figure, told
 
 
 def figure_2a(found: Found, summary: dict) -> Drawn:
     """The dimer."""
-    return _figure_2(found, FIGURE_2A), (
+    told = (
         f"Figure 2a again: {SCENES['dimer'].title}, Δt = {DIMER_DT:g} fs; energy conservation "
         "measure of NO_SQUISH and reference 12 from the same start, the first of several. What "
         "both do from step to step is the force splitting's; they differ in the slow wander, the "
         f"running mean (windows of a {RUNNING}th of the time)."
     )
+    return _figure_2(found, FIGURE_2A, told)
 
 
 def figure_2b(found: Found, summary: dict) -> Drawn:
     """The liquid."""
-    return _figure_2(found, FIGURE_2B), (
+    told = (
         f"Figure 2b again: {SCENES['water'].title}, Δt = {DT:g} fs; energy conservation measure "
         "of NO_SQUISH and reference 12, and running means."
     )
+    return _figure_2(found, FIGURE_2B, told)
 
 
 def figure_3(found: Found, summary: dict) -> Drawn:
     """The peptide."""
     panels = [(found[name], label) for name, label in FIGURE_3.items() if _has(found, name)]
     if not panels:
-        return None, ""
+        return None
     size: dict = {"figsize": (7.5, 0.8 + 1.7 * len(panels)), "layout": "constrained"}
     figure, axes = plt.subplots(len(panels), sharex=True, sharey=True, squeeze=False, **size)
     paper, told = AVERAGE_MEASURE * 1e5, f"the paper's average, {AVERAGE_MEASURE:g}"
@@ -112,7 +114,7 @@ def gear(found: Found, summary: dict) -> Drawn:
     """How far the energy goes with Gear's scheme and with NO_SQUISH."""
     scenes = gear_pairs({name: one for name, one in found.items() if not one.error})
     if not scenes:
-        return None, ""
+        return None
     size: dict = {"figsize": (2 + 4 * len(scenes), 3.2), "layout": "constrained"}
     figure, axes = plt.subplots(1, len(scenes), squeeze=False, **size)
     for axis, (scene, pairs) in zip(axes[0], scenes.items()):
@@ -137,12 +139,13 @@ def gear(found: Found, summary: dict) -> Drawn:
 def force_field(found: Found, summary: dict) -> Drawn:
     """What the force field alone does to the energy, in the time of the run at the usual step."""
     rows = [row for row in summary["force_field"] if "variance" in row]
+    variances = [Estimate.of(row["variance"]) for row in rows]
     if not rows:
-        return None, ""
+        return None
     figure, axis = plt.subplots(figsize=(8, 0.9 + 0.4 * len(rows)), layout="constrained")
-    parts, errors = ([row["variance"][key] for row in rows] for key in ("value", "error"))
+    parts, margins = zip(*((one.value, one.margin) for one in variances))
     bars: dict = {"color": OTHERS, "ecolor": INK, "height": 0.6, "capsize": 3}
-    axis.barh(range(len(rows)), parts, xerr=errors, **bars)
+    axis.barh(range(len(rows)), parts, xerr=margins, **bars)
     span = f"{rows[0]['usual_ps']:.4g} ps"
     whole = f"whole variance at {DT:g} fs, {span}"
     axis.axvline(rows[0]["usual_variance"], color=OURS, label=whole)
@@ -153,14 +156,14 @@ def force_field(found: Found, summary: dict) -> Drawn:
     return figure, (
         "The force field's own part: fluctuation and random walk of the peptide scene's energy "
         f"with NO_SQUISH at {SMALL_DT:g} fs, with what is said at the left changed, and what they "
-        f"come to in {span}."
+        f"come to in {span}, with its {SURE} interval."
     )
 
 
 def helix(found: Found, summary: dict) -> Drawn:
     """The helix against time."""
     if not summary["helix"]:
-        return None, ""
+        return None
     figure, axes = plt.subplots(2, 1, figsize=(9, 4), sharex=True, layout="constrained")
     for (name, path), colour in zip(summary["helix"].items(), (OURS, OTHERS, THIRD)):
         how = {"color": colour, "lw": 0.9, "label": name.removeprefix("peptide-")}

@@ -9,19 +9,20 @@ Only trajectories that are complete are judged, but for Gear's.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from validation.paper.plan import AVERAGE_MEASURE, DT, ORDERED, SMALL_DT, STATEMENTS, STEPS
+from validation.running.run import Positions
 from validation.running.trajectory import Series
 from validation.scenes import FS_PER_PS, TEMPERATURE
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.integrators import PAPER
 from validation.statistics import measures
 from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate, combined
+from validation.statistics.estimate import Estimate, combined, plain
 
 Found = Mapping[str, Series]  # by the trajectory's name
 Pairs = list[tuple[Series, ...]]  # of trajectories from the same start
@@ -82,15 +83,10 @@ def judge(found: Found) -> dict:
         "rows": [row(one) for one in found.values()],
         "checks": [check.plain() for check in checks],
         "conventions": conventions,
-        "force_field": [one.plain() for one in force_field],
-        "sizes": [_plain(one) for one in sizes],
+        "force_field": [plain(vars(one)) for one in force_field],
+        "sizes": [plain(one) for one in sizes],
         "helix": paths,
     }
-
-
-def _plain(found: Mapping) -> dict:
-    """Estimates as dictionaries."""
-    return {key: x.plain() if isinstance(x, Estimate) else x for key, x in found.items()}
 
 
 def row(one: Series) -> dict:
@@ -115,7 +111,7 @@ def row(one: Series) -> dict:
             "measure": measures.mean(measure(one.total)),
             "drift": measures.drift(one.time, one.total),
         }
-    return _plain(found | ({"rigidity": rigidity(one.positions)} if one.positions else {}))
+    return plain(found | ({"rigidity": rigidity(one.positions)} if one.positions else {}))
 
 
 def measure(total: np.ndarray) -> np.ndarray:
@@ -123,10 +119,10 @@ def measure(total: np.ndarray) -> np.ndarray:
     return np.abs(total - total.mean()) / abs(total.mean())
 
 
-def rigidity(positions: dict) -> float:
+def rigidity(positions: Positions) -> float:
     """Largest change of a distance within a rigid body, Angstrom, from the start to the end."""
-    pairs, (start, *_, end) = measures.body_pairs(positions["bodies"]), positions["x"]
-    cell = positions["cell"], positions["periodic"]
+    pairs, (start, *_, end) = measures.body_pairs(positions.bodies), positions.x
+    cell = positions.cell, positions.periodic
     return float(measures.rigidity_error(start, end, pairs, *cell))
 
 
@@ -479,11 +475,6 @@ class ForceField:
     variance: Estimate | None = None  # what both make of a run at the usual step, if there is one
     usual_ps: float | None = None  # that run's length, and its variance
     usual_variance: float | None = None
-
-    def plain(self) -> dict:
-        """For JSON; what is not known is not there."""
-        found = {field.name: getattr(self, field.name) for field in fields(self)}
-        return _plain({key: value for key, value in found.items() if value is not None})
 
 
 def _force_field(whole: Found) -> Iterator[ForceField]:

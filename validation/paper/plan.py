@@ -6,7 +6,7 @@ from pathlib import Path
 
 from validation.running import machine
 from validation.running.run import Meter
-from validation.running.trajectory import Series, Trajectory, do
+from validation.running.trajectory import WHOLE, Series, Trajectory, do
 from validation.scenes import FS_PER_PS, SCENES, TEMPERATURE, Scene
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.integrators import INTEGRATORS, PAPER
@@ -31,7 +31,6 @@ STEPS = 1.5, 2.0, DT  # fs, for the law of the time step
 # fs between samples of the energy where trajectories of several steps or sizes are compared
 SAMPLED = 30.0
 ORDERED = "nosquish-123"  # NO_SQUISH with rigid/nve/small's order of axes
-WHOLE = 10**9  # steps of a piece: all of them
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ class _Planner:
         named = {"name": name, "label": f"{scene.name}, starts"}
         how = {"state": apart, "every": 1000, "piece": WHOLE}
         one = self.one(scene, "nosquish", 0, dt, **named, **how, **more)
-        dump = (self.out / name / "piece-0" / "state.dump").resolve()
+        dump, _ = one.end(self.out)
         return replace(one, steps=number * apart), [(dump, n * apart) for n in range(1, number + 1)]
 
     def dimers(self) -> Iterator[Trajectory]:

@@ -1,19 +1,14 @@
-"""From ``paper``'s numbers to files and the terminal: summary.json, table.csv, claims.csv,
-series.csv, figures, report.html."""
+"""From ``paper``'s numbers to files and the terminal."""
 
 from pathlib import Path
 
-import pandas as pd
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
-from validation.pages.page import page, save
+from validation.pages import report
 from validation.pages.said import Figure, Said, of_checks
 from validation.paper.figures import SHOWN, draw, thin
 from validation.paper.measure import TITLES, Found
 from validation.paper.plan import AVERAGE_MEASURE, LIQUID, STATEMENTS
-from validation.statistics import check
 from validation.statistics.estimate import Estimate
 
 COLUMNS = (  # key, heading, unit
@@ -32,28 +27,24 @@ def write(summary: dict, found: Found, out: Path) -> None:
     Args:
         summary: circumstances, ``lengths`` and all that ``measure.judge`` gives, as plain data.
     """
-    save(summary, out)
-    titles = [f"{title} ({unit or 'ratio'})" for _, title, unit in COLUMNS]
     table = [
-        [row["name"], row["integrator"], row["dt"], f"{row['ps']:g}"]
-        + [cell(row, key) for key, _, _ in COLUMNS]
-        + [row["error"] or "ok"]
+        {"trajectory": row["name"], "integrator": row["integrator"], "dt (fs)": row["dt"]}
+        | {"length (ps)": f"{row['ps']:g}"}
+        | {f"{title} ({unit or 'ratio'})": cell(row, key) for key, title, unit in COLUMNS}
+        | {"status": row["error"] or "ok"}
         for row in summary["rows"]
     ]
-    head = ["trajectory", "integrator", "dt (fs)", "length (ps)", *titles, "status"]
-    pd.DataFrame(table, columns=head).to_csv(out / "table.csv", index=False)
-    check.write(summary["checks"], out / "claims.csv")
     series = [
-        (name, f"{time:.6g}", f"{error:.4g}")
+        {"trajectory": name, "t (ps)": f"{time:.6g}", "Delta E": f"{error:.4g}"}
         for name in found
         if name in SHOWN
         for time, error in zip(*thin(found[name]))
     ]
-    head = ["trajectory", "t (ps)", "Delta E"]
-    pd.DataFrame(series, columns=head).to_csv(out / "series.csv", index=False)
+    tables = {"table": report.frame(table), "claims": report.of_checks(summary["checks"])}
+    tables["series"] = report.frame(series, ("trajectory", "t (ps)", "Delta E"))
     values = {"titles": TITLES, "columns": COLUMNS, "cell": cell}
-    values |= {"summary": summary, "aim": AVERAGE_MEASURE, "liquid": LIQUID}
-    page("paper.html", out / "report.html", draw(found, summary, out), **values)
+    values |= {"aim": AVERAGE_MEASURE, "liquid": LIQUID}
+    report.write(summary, out, tables, "paper.html", draw(found, summary, out), **values)
 
 
 def cell(row: dict, key: str) -> str:
@@ -66,22 +57,16 @@ def cell(row: dict, key: str) -> str:
 
 def show(console: Console, summary: dict, out: Path) -> None:
     """Print trajectories and claims."""
-    table = Table(title="Trajectories", title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    table.add_column("trajectory", overflow="fold")
-    for title in "Δt, fs", "ps", *(f"{title}\n{unit}" for _, title, unit in COLUMNS):
-        table.add_column(title, justify="right")
-    for row in summary["rows"]:
-        cells = (cell(row, key) for key, _, _ in COLUMNS)
-        name = "✗ " * bool(row["error"]) + row["name"]
-        table.add_row(name, f"{row['dt']:g}", f"{row['ps']:g}", *cells)
-    console.print(table)
-    check.show(console, summary["checks"], TITLES)
-    for row in summary["rows"]:
-        if row["error"]:
-            console.print(f"✗ {row['name']}: {row['error']}", markup=False, soft_wrap=True)
-    if summary["interrupted"]:
-        console.print("Interrupted: the same command goes on from here.")
-    console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
+    heads = ["trajectory", "Δt, fs", "ps", *(f"{title}\n{unit}" for _, title, unit in COLUMNS)]
+    rows = [
+        ["✗ " * bool(row["error"]) + row["name"], f"{row['dt']:g}", f"{row['ps']:g}"]
+        + [cell(row, key) for key, _, _ in COLUMNS]
+        for row in summary["rows"]
+    ]
+    report.table(console, "Trajectories", heads, rows)
+    report.show_checks(console, summary["checks"], TITLES)
+    failures = [f"{row['name']}: {row['error']}" for row in summary["rows"] if row["error"]]
+    report.end(console, summary, out, failures)
 
 
 def say(summary: dict) -> Said:

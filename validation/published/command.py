@@ -1,9 +1,11 @@
 """``published``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -23,13 +25,13 @@ def add(verbs) -> None:
     command_line.out(parser, "results/published")
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.published import measure, report  # heavy: not for --help
     from validation.running import machine
 
-    out, screen = command_line.folder(arguments.out, "results/published"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     with console.Meter(screen, measure.total(arguments.time)) as meter:
         found, interrupted = measure.published(
             out / "runs", arguments.time, arguments.ranks, arguments.silence, meter
@@ -40,7 +42,7 @@ def run(arguments) -> int:
         "time": arguments.time,
         "checks": [one.plain() for one in made],
     }
-    report.write(summary, made, out)
+    report.write(summary, out)
     report.show(screen, summary, out)
     return command_line.status(
         interrupted, any(one.holds is False or one.value is None for one in made)

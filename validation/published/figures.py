@@ -2,22 +2,21 @@
 
 import matplotlib.pyplot as plt
 
-from validation.pages.figures import OTHERS, OURS
+from validation.pages.figures import OTHERS, OURS, Drawn
 from validation.published.measure import ALL, PUBLISHED, THEIR_ERROR, WITHIN
-from validation.statistics.check import Check
-from validation.statistics.estimate import SURE, margin
+from validation.statistics.estimate import SURE, Estimate, margin
 
 
-def spread(made: list[Check]) -> tuple[plt.Figure | None, str]:
-    """The figure: ours over theirs against the time step."""
-    known = [one for one in made if one.value is not None and one.subject != ALL]
+def spread(checks: list[dict]) -> Drawn:
+    """Ours over theirs against the time step, of checks as plain data."""
+    known = [one for one in checks if one["value"] is not None and one["subject"] != ALL]
     if not known:
-        return None, ""
+        return None
     figure, axis = plt.subplots(figsize=(5.5, 3.6), layout="constrained")
     axis.axhspan(1 - WITHIN, 1 + WITHIN, color=OTHERS, alpha=0.15, lw=0)
     axis.axhline(1.0, color=OTHERS, lw=0.8)
-    points = [(float(one.subject.split()[0]), one.value, one.margin) for one in known]
-    dt, over, bars = zip(*points)
+    dt = [float(one["subject"].split()[0]) for one in known]
+    over, bars = zip(*((one["value"], Estimate.of(one).margin) for one in known))
     axis.errorbar(dt, over, bars, fmt="o", color=OURS, capsize=3)
     what = "standard deviation of the energy,\nfix_nosquish.NVE over published"
     axis.set(xlabel="time step (fs)", ylabel=what)

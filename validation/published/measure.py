@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.running import machine, run
+from validation.running import run
+from validation.running.trajectory import WHOLE, Series, Trajectory, do
 from validation.scenes import FS_PER_PS, INPUTS, SCENES, Scene
 from validation.scenes.integrators import INTEGRATORS
-from validation.scenes.starts import from_dump, to_dump
 from validation.statistics import measures
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate, combined
@@ -86,7 +86,7 @@ def total(time: float) -> int:
 
 def published(
     out: Path, time: float, ranks: int, silence: float, meter: run.Meter
-) -> tuple[dict[float, run.Result], bool]:
+) -> tuple[dict[float, Series], bool]:
     """Run what is not there yet.
 
     Args:
@@ -96,51 +96,40 @@ def published(
     Returns:
         by time step (fs), of those that were begun; whether a Ctrl-C ended it.
     """
-    water, ours, start = scene(), INTEGRATORS["nosquish"], out / "start"
-    dump, rest = (start / "state.dump").resolve(), steps(REST, BATH_DT)
-    how: dict = {"ranks": ranks, "silence": silence, "positions": False}
-
-    def do(label, job):
-        meter.begin(label, sum(job.runs))
-        result = run.once(job, meter.at)
-        meter.end(result.error)
-        return result
-
-    more = _to_the_mean(water, rest, dump)
-    how |= {"origin": machine.origin(water, ours)}
-    job = run.job(water, ours, start, [rest], dt=BATH_DT, every=100, more=more, **how)
-    first = do("start", job)
+    how: dict = {"scene": scene(), "integrator": INTEGRATORS["nosquish"], "ranks": ranks}
+    how["piece"] = WHOLE
+    rest, more = steps(REST, BATH_DT), _to_the_mean(scene().group)
+    start = Trajectory("start", "start", dt=BATH_DT, steps=rest, every=100, more=more, **how)
+    first, interrupted = do(start, out, silence, meter)
     if first.error:
-        return dict.fromkeys(PUBLISHED, first), first.interrupted
-    found, water = {}, from_dump(water, dump, rest)
-    how |= {"origin": machine.origin(scene(), ours, dump)}
+        return dict.fromkeys(PUBLISHED, first), interrupted
+    found: dict[float, Series] = {}
     for dt in sorted(PUBLISHED, reverse=True):
-        every, length = max(1, round(SAMPLED / dt)), [steps(time, dt)]
-        job = run.job(water, ours, out / f"{dt:g}-fs", length, dt=dt, every=every, **how)
-        found[dt] = do(f"{dt:g} fs", job)
-        if found[dt].interrupted:
-            return found, True
-    return found, False
+        how |= {"steps": steps(time, dt), "every": max(1, round(SAMPLED / dt))}
+        one = Trajectory(f"{dt:g}-fs", f"{dt:g} fs", dt=dt, start=start.end(out), **how)
+        found[dt], interrupted = do(one, out, silence, meter)
+        if interrupted:
+            break
+    return found, interrupted
 
 
-def _to_the_mean(water, rest, dump):
+def _to_the_mean(group):
     """LAMMPS commands that bring water to the energy that it has on average at `TEMPERATURE`."""
-    return [
-        f"fix bath {water.group} langevin {TEMPERATURE} {TEMPERATURE} 100.0 7123",
+    return (
+        f"fix bath {group} langevin {TEMPERATURE} {TEMPERATURE} 100.0 7123",
         f"run {steps(BATH, BATH_DT)}",
         "variable energy equal etotal",
-        f"fix mean {water.group} ave/time 1 1 1 v_energy ave running",
+        f"fix mean {group} ave/time 1 1 1 v_energy ave running",
         f"run {steps(MEAN, BATH_DT)}",
         "unfix bath",
         # to the mean energy, not the one that chance has left
-        f"velocity {water.group} scale $(temp*(1.0+(f_mean-etotal)/ke))",
+        f"velocity {group} scale $(temp*(1.0+(f_mean-etotal)/ke))",
         "unfix mean",
         "reset_timestep 0",
-        *to_dump(dump, rest),
-    ]
+    )
 
 
-def checks(found: dict[float, run.Result]) -> list[Check]:
+def checks(found: dict[float, Series]) -> list[Check]:
     """What was found over what is published, for each time step (fs); where all are known, their
     mean too, each weighted by what it is worth."""
     made = list(_each(found))
@@ -158,13 +147,11 @@ def _each(found) -> Iterator[Check]:
         result, value = found.get(dt), None
         note = f"no complete run: {result.error if result else 'not begun'}"
         if result and not result.error:
-            time, energy = result.thermo["Time"], result.thermo["TotEng"]
-            spread, other = (
-                measures.standard_deviation(energy),
-                Estimate(theirs, theirs * THEIR_ERROR),
-            )
+            time, energy = result.time, result.total
+            spread = measures.standard_deviation(energy)
+            other = Estimate(theirs, theirs * THEIR_ERROR)
             value, line = measures.quotient(spread, other), measures.about_line(time, energy)
-            slope = measures.drift(time / FS_PER_PS, energy)
+            slope = measures.drift(time, energy)
             told = f", drifts by {slope.text()} kcal/mol/ps"
             drifts = told if abs(slope.value) > slope.margin else ""
             note = f"{spread.text()} (about its line {line.text()}{drifts}) over {other.text()}"

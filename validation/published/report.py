@@ -4,32 +4,28 @@ from pathlib import Path
 
 from rich.console import Console
 
+from validation.pages import report
 from validation.pages.figures import draw_each
-from validation.pages.page import page, save
-from validation.pages.said import VERDICTS, Figure, Said, Table, of_checks
+from validation.pages.said import Figure, Said, Table, of_checks
 from validation.published.figures import spread
 from validation.published.measure import ORIGINS, SOURCE, TEMPERATURE, THEIR_ERROR, TITLES, WITHIN
-from validation.statistics import check
+from validation.statistics.check import VERDICTS
 from validation.statistics.estimate import margin
 
 
-def write(summary: dict, made: list[check.Check], out: Path) -> None:
-    """Write summary.json, table.csv, the figure and report.html into a folder.
-
-    Args:
-        summary: plain data: ``checks``, ``interrupted`` and the circumstances.
-    """
-    save(summary, out)
-    check.write(summary["checks"], out / "table.csv")
+def write(summary: dict, out: Path) -> None:
+    """Write all files of a summary: ``checks``, ``interrupted`` and the circumstances."""
     values = {"titles": TITLES, "source": SOURCE, "origins": ORIGINS, "temperature": TEMPERATURE}
-    values |= {"summary": summary, "their_margin": margin(THEIR_ERROR)}
-    page("published.html", out / "report.html", draw_each((spread,), out, made), **values)
+    values |= {"their_margin": margin(THEIR_ERROR)}
+    tables = {"table": report.of_checks(summary["checks"])}
+    figures = draw_each((spread,), out, summary["checks"])
+    report.write(summary, out, tables, "published.html", figures, **values)
 
 
 def show(console: Console, summary: dict, out: Path) -> None:
-    """Print the checks, and where the files are."""
-    check.show(console, summary["checks"], TITLES)
-    console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
+    """Print the checks."""
+    report.show_checks(console, summary["checks"], TITLES)
+    report.end(console, summary, out)
 
 
 def say(summary: dict) -> Said:

@@ -1,11 +1,12 @@
 """``report``: its words, and what they run."""
 
+from argparse import Namespace
 from pathlib import Path
 
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -37,7 +38,7 @@ def add(verbs) -> None:
     )
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.report import report  # heavy: not for --help

@@ -68,10 +68,9 @@ def read(folder: Path) -> list[dict]:
 
 
 def _compiler():
-    command = shlex.split(os.environ.get("CC", "")) or [
-        next(filter(shutil.which, ("cc", "gcc", "clang")), None)
-    ]
-    if not command[0] or not shutil.which(command[0]):
+    known = filter(shutil.which, ("cc", "gcc", "clang"))
+    command = shlex.split(os.environ.get("CC", "")) or [next(known, "")]
+    if not shutil.which(command[0]):
         raise SystemExit(
             "messages are counted by a small C program, but there is no C compiler "
             "(looked for CC, cc, gcc, clang): install one (Debian and Ubuntu: apt-get install gcc)"
@@ -87,7 +86,7 @@ def _mpich(name):
         files = ()
     for file in files:
         if file.name == name:
-            return file.locate().resolve()
+            return Path(file.locate()).resolve()
     raise SystemExit(
         f"messages are counted with the package mpich, which is not here, or without its {name}: "
         "pip install mpich"

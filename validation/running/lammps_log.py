@@ -1,6 +1,8 @@
 """Read LAMMPS log text: thermo tables, timing tables, error messages."""
 
 import re
+from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +21,8 @@ def thermo(text: str) -> dict[str, np.ndarray]:
         dict of column name to array.  A step printed twice (end of one run, start of
         the next) appears once.  Empty if nothing was printed.
     """
-    columns, rows = [], {}
+    columns: list[str] = []
+    rows: dict[float, list[float]] = {}
     inside = False
     for line in text.splitlines(keepends=True):
         words = line.split()
@@ -37,38 +40,38 @@ def thermo(text: str) -> dict[str, np.ndarray]:
     return dict(zip(columns, table.T))
 
 
-def timings(text: str) -> list[dict]:
-    """Timing of every completed run in a log.
+@dataclass(frozen=True)
+class Loop:
+    """LAMMPS's timing of a completed run.
 
-    Returns:
-        list of dict: ``loop`` (s), ``ranks``, ``steps``, ``atoms``, ``cpu`` (percent of
-        a core that each rank had; None if not printed) and ``sections``, the average
-        over ranks in s of each row of the breakdown (Pair, Kspace, Modify ...).
+    Attributes:
+        seconds: of all steps.
+        cpu: percent of a core that each rank had; None if not printed.
+        sections: s, the average over ranks of each row of the breakdown (Pair, Kspace, Modify ...).
     """
+
+    seconds: float
+    ranks: int
+    steps: int
+    atoms: int
+    cpu: float | None
+    sections: dict[str, float]
+
+
+def timings(text: str) -> list[Loop]:
+    """Timing of every completed run in a log."""
     matches = list(_LOOP.finditer(text))
     ends = [match.start() for match in matches[1:]] + [len(text)]
     result = []
     for match, end in zip(matches, ends):
-        loop, ranks, steps, atoms = match.groups()
         block = text[match.end() : end]
-        cpu = _CPU.search(block)
-        sections = {}
+        cpu, sections = _CPU.search(block), {}
         for name, cells in _SECTION.findall(block):
-            average = cells.split("|")[1].strip()
-            try:
-                sections[name] = float(average)
-            except ValueError:  # the heading
-                continue
-        result.append(
-            {
-                "loop": float(loop),
-                "ranks": int(ranks),
-                "steps": int(steps),
-                "atoms": int(atoms),
-                "cpu": float(cpu.group(1)) if cpu else None,
-                "sections": sections,
-            }
-        )
+            with suppress(ValueError):  # the heading
+                sections[name] = float(cells.split("|")[1])
+        ranks, steps, atoms = map(int, match.groups()[1:])
+        told = cpu and float(cpu.group(1))
+        result.append(Loop(float(match.group(1)), ranks, steps, atoms, told, sections))
     return result
 
 

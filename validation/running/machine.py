@@ -30,11 +30,9 @@ def package(summary: dict) -> str:
     """With which package something was measured, of its `circumstances`: version, and the first
     digits of its files' hash."""
     found = summary.get("versions", {})
-    return (
-        f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
-        if "package" in found
-        else "a package that is not told"
-    )
+    if "package" not in found:
+        return "a package that is not told"
+    return f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
 
 
 def now() -> str:
@@ -59,12 +57,14 @@ def versions() -> dict[str, str]:
     }
 
 
-def contents(folder: Path) -> str:
-    """Hash of the files in a folder."""
+def contents(path: Path) -> str:
+    """Hash of a file, or of a folder's files."""
+    if not path.is_dir():
+        return hashlib.sha256(path.read_bytes()).hexdigest()
     found = hashlib.sha256()
-    for path in sorted(folder.iterdir()):
-        if path.is_file() and path.name != "log.lammps":
-            found.update(path.name.encode() + path.read_bytes())
+    for file in sorted(path.iterdir()):
+        if file.is_file() and file.name != "log.lammps":
+            found.update(file.name.encode() + file.read_bytes())
     return found.hexdigest()
 
 
@@ -77,15 +77,12 @@ def package_hash() -> str:
     return found.hexdigest()
 
 
-def origin(scene: Scene, integrator: Integrator, *files) -> str:
+def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
     """Hash of what a run follows from beside its ``run.Job``: the scene's files and further ones,
     versions, and with ours the package."""
-    found = [
-        versions(),
-        contents(scene.folder),
-        package_hash() if integrator.kind == "ours" else None,
-    ]
-    found += [hashlib.sha256(Path(file).read_bytes()).hexdigest() for file in files]
+    package = package_hash() if integrator.kind == "ours" else None
+    found = [versions(), contents(scene.folder), package]
+    found += map(contents, files)
     return hashlib.sha256(json.dumps(found).encode()).hexdigest()
 
 

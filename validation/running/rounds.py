@@ -91,7 +91,7 @@ def calibrate(make: Callable[[list[int]], run.Job]) -> float | run.Result:
         result = run.run(make([3, steps]))
         if result.error:
             return result
-        loop = result.timings[-1]["loop"]
+        loop = result.timings[-1].seconds
         if loop > 0.05 or steps >= 10000:
             return loop / steps
         steps = min(10000, int(0.2 * steps / max(loop, 1e-6)))
@@ -130,19 +130,20 @@ def timing(job: run.Job, result: run.Result) -> Timing:
     """What is kept of a completed run."""
     segments = result.timings[job.setups + 1 :]
 
-    def median(of):
-        found = [of(one) / one["steps"] for one in segments]
+    def median(section: str = "") -> float | None:
+        seconds = [one.sections[section] if section else one.seconds for one in segments]
+        found = [spent / one.steps for spent, one in zip(seconds, segments)]
         return float(np.median(found)) * 1e6 if found else None
 
-    names = segments[0]["sections"] if segments else ()
-    shares = [one["cpu"] for one in segments if one["cpu"] is not None]
+    names = segments[0].sections if segments else ()
+    shares = [one.cpu for one in segments if one.cpu is not None]
     spent = zip(job.commands, result.seconds["commands"])
     return Timing(
-        modify=median(lambda one: one["sections"]["Modify"]),
-        loop=median(lambda one: one["loop"]),
+        modify=median("Modify"),
+        loop=median(),
         cpu=min(shares, default=None),
-        sections={name: median(lambda one, name=name: one["sections"][name]) for name in names},
-        steps=[one["steps"] for one in segments],
+        sections={name: median(name) for name in names},
+        steps=[one.steps for one in segments],
         define=sum(time for command, time in spent if command.startswith("fix ")),
         setups=result.seconds["setups"],
         memory=result.memory,
@@ -150,19 +151,21 @@ def timing(job: run.Job, result: run.Result) -> Timing:
     )
 
 
-def spread(rounds: list[Timing], key: str, times: float = 1.0) -> dict | None:
+def spread(rounds: list[Timing], key: str, times: float = 1.0) -> measures.Spread | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
     values = (getattr(one, key) for one in rounds)
     return _spread(value * times for value in values if value is not None)
 
 
-def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> dict | None:
+def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> measures.Spread | None:
     """Spread of ours over theirs, each pair of one round; None if there is no pair."""
     pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(ours, theirs)]
     return _spread(a / b for a, b in pairs if a is not None and b)
 
 
-def difference(own: list[Timing], other: list[Timing], key: str, times: float = 1.0) -> dict | None:
+def difference(
+    own: list[Timing], other: list[Timing], key: str, times: float = 1.0
+) -> measures.Spread | None:
     """Spread of own minus other, each pair of one round; None if there is no pair."""
     pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(own, other)]
     return _spread((a - b) * times for a, b in pairs if a is not None and b is not None)
@@ -173,6 +176,6 @@ def least_cpu(rounds: Iterable[Timing]) -> float | None:
     return min((one.cpu for one in rounds if one.cpu is not None), default=None)
 
 
-def _spread(values: Iterable[float]) -> dict | None:
+def _spread(values: Iterable[float]) -> measures.Spread | None:
     known = list(values)
     return measures.spread(known) if known else None

@@ -11,10 +11,10 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -68,6 +68,31 @@ class Job:
     motion: bool = False
 
 
+def _nothing() -> np.ndarray:
+    return np.empty(0)
+
+
+@dataclass(frozen=True)
+class Positions:
+    """Atoms of a run, in order of ID, at its start and after each of its parts (see ``worker``).
+
+    Attributes:
+        x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
+        cell: its vectors as rows.  periodic: (3,) bool.
+        v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), and
+            rows of atoms counted from 0.
+    """
+
+    x: np.ndarray
+    bodies: np.ndarray
+    cell: np.ndarray
+    periodic: np.ndarray
+    v: np.ndarray = field(default_factory=_nothing)
+    mass: np.ndarray = field(default_factory=_nothing)
+    bonds: np.ndarray = field(default_factory=_nothing)
+    angles: np.ndarray = field(default_factory=_nothing)
+
+
 @dataclass
 class Result:
     """What a run left behind, complete or not.
@@ -75,8 +100,8 @@ class Result:
     Attributes:
         error: None, or in one line why the run is not complete.
         thermo: column name to array (see ``lammps_log.thermo``).
-        timings: one dict for each completed run (see ``lammps_log.timings``).
-        positions: arrays of positions.npz, or None.
+        timings: of each completed run.
+        positions: None if they were not kept.
         versions: what the worker says of itself, or {}.
         memory: peak memory of each rank in KiB.
         seconds: wall time of each command, of each `run 0` and of each run (see ``worker``).
@@ -84,12 +109,12 @@ class Result:
     """
 
     error: str | None
-    thermo: dict
-    timings: list
-    positions: dict | None
-    versions: dict
-    memory: list = field(default_factory=list)
-    seconds: dict = field(default_factory=dict)
+    thermo: dict[str, np.ndarray]
+    timings: list[lammps_log.Loop]
+    positions: Positions | None
+    versions: dict[str, str]
+    memory: list[int] = field(default_factory=list)
+    seconds: dict[str, list[float]] = field(default_factory=dict)
     interrupted: bool = False
 
 
@@ -103,11 +128,10 @@ def job(
     every: int,
     ranks: int = 1,
     silence: float = 120.0,
-    positions: bool = True,
+    keeps: Literal["nothing", "positions", "motion"] = "positions",
     setups: int = 0,
     more: Sequence[str] = (),
     origin: str | None = None,
-    motion: bool = False,
 ) -> Job:
     """The job of one integrator on a scene.
 
@@ -115,18 +139,14 @@ def job(
         runs: numbers of steps, done one after the other.
         dt: time step in the scene's units.
         every: steps between thermo samples; 0 samples the ends of each run only.
-        positions: whether they are kept.
-        setups: see ``Job``.
+        keeps: what is kept of the atoms at the start and after each run; see ``Job.motion``.
+        setups, origin: see ``Job``.
         more: LAMMPS commands before the first run.
-        origin, motion: see ``Job``.
     """
+    reach = integrator.whole_bodies and scene.ghost_cutoff
     commands = [
         *scene.setup,
-        *(
-            [f"comm_modify cutoff {scene.ghost_cutoff}"]
-            if integrator.whole_bodies and scene.ghost_cutoff
-            else []
-        ),
+        *([f"comm_modify cutoff {reach}"] if reach else []),
         "reset_timestep 0",
         f"timestep {dt}",
         *(scene.others if integrator.kind != "free" else []),
@@ -140,12 +160,12 @@ def job(
         folder=str(scene.folder),
         commands=commands,
         runs=list(runs),
-        body_property=scene.body_property if positions else None,
+        body_property=None if keeps == "nothing" else scene.body_property,
         setups=setups,
         ranks=ranks,
         silence=silence,
         origin=origin,
-        motion=motion,
+        motion=keeps == "motion",
     )
 
 
@@ -159,13 +179,16 @@ def folder_name(name: str) -> str:
     return re.sub(r"[/ ]", "-", name)
 
 
-def run(job: Job, on_step: Callable[[int], object] = lambda step: None, environment=()) -> Result:
+def run(
+    job: Job,
+    on_step: Callable[[int], object] = lambda step: None,
+    environment: Mapping[str, str] | None = None,
+) -> Result:
     """Do a job and collect its result; a Ctrl-C ends the run and is in the result.
 
     Args:
-        job: a ``Job``.
         on_step: called with the last step in the log, now and then.
-        environment: more environment variables for the ranks, a dictionary.
+        environment: more environment variables for the ranks.
     """
     directory = Path(job.directory)
     if (directory / "job.json").exists():
@@ -181,7 +204,7 @@ def run(job: Job, on_step: Callable[[int], object] = lambda step: None, environm
             stdout=output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            env={"OMP_NUM_THREADS": "1", **os.environ, **dict(environment)},
+            env={"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})},
         )
         try:
             if _watch(process, directory / "log.lammps", job.silence, on_step):
@@ -202,11 +225,7 @@ def once(
     job: Job, on_step: Callable[[int], object] = lambda step: None, failures: bool = False
 ) -> Result:
     """Do a job, as `run`, unless the complete result of the same job, its origin included, is
-    there.
-
-    Args:
-        job, on_step, failures: as for `run` and `is_there`.
-    """
+    there; ``on_step`` and ``failures`` as for `run` and `is_there`."""
     return collect(job.directory) if is_there(job, failures) else run(job, on_step)
 
 
@@ -214,7 +233,6 @@ def is_there(job: Job, failures: bool = False) -> bool:
     """Whether the complete result of the same job, its origin included, is in its directory.
 
     Args:
-        job: a ``Job``.
         failures: whether a run that LAMMPS or a fix ended with a message, or that hung for no less
             than ``job.silence``, counts as complete; one that was killed does not.
     """
@@ -237,7 +255,7 @@ def collect(directory: Path | str) -> Result:
     positions = None
     if (directory / "positions.npz").exists():
         with np.load(directory / "positions.npz") as file:
-            positions = dict(file)
+            positions = Positions(**file)
     text = _read(directory / "done.json")
     done = json.loads(text) if text else {}
     message = (

@@ -49,19 +49,18 @@ def measure(
     found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
     result: dict = {"ranks": ranks, "error": None}
     Path(folder).mkdir(parents=True, exist_ok=True)
-    for number in range(1, rounds + 1):
-        with tempfile.TemporaryDirectory(dir=Path(folder).resolve()) as place:
-            nothing_compiled = shutil.ignore_patterns("__pycache__")
-            shutil.copytree(package(), Path(place) / "fix_nosquish", ignore=nothing_compiled)
-            for kind, integrator in kinds.items():
-                meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
-                one, result["error"] = _start(scene, integrator, Path(place), ranks)
-                meter.end(result["error"])
-                if result["error"]:
-                    break
-                found[kind].append(one)
-        if result["error"]:
-            break
+    try:
+        for number in range(1, rounds + 1):
+            with tempfile.TemporaryDirectory(dir=Path(folder).resolve()) as place:
+                nothing_compiled = shutil.ignore_patterns("__pycache__")
+                shutil.copytree(package(), Path(place) / "fix_nosquish", ignore=nothing_compiled)
+                for kind, integrator in kinds.items():
+                    meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
+                    found[kind].append(_start(scene, integrator, Path(place), ranks))
+                    meter.end(None)
+    except ChildProcessError as failure:
+        result["error"] = str(failure)
+        meter.end(result["error"])
     for kind, times in found.items():
         if times:
             result[kind] = _spreads(times)
@@ -75,10 +74,8 @@ def _spreads(times: list[tuple[float, float]]) -> dict:
     return dict(zip(("wall", "cpu"), map(measures.spread, zip(*times))))
 
 
-def _start(
-    scene: Scene, integrator: Integrator, place: Path, ranks: int
-) -> tuple[tuple[float, float], str | None]:
-    """((wall, cpu), error) of a process that does one step."""
+def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tuple[float, float]:
+    """(wall, cpu) of a process that does one step; a ChildProcessError says why it did not."""
     script, said = place / "in.start", place / "stderr.txt"
     lines = *scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""
     script.write_text("\n".join(lines))
@@ -89,11 +86,8 @@ def _start(
         command = [run.mpirun(), "-np", str(ranks), *command]
     cache = str(place / "cache")
     own = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": cache, "NUMBA_CACHE_DIR": cache}
-    quiet: dict = {
-        "stdin": subprocess.DEVNULL,
-        "stdout": subprocess.DEVNULL,
-        "start_new_session": True,
-    }
+    quiet: dict = dict.fromkeys(("stdin", "stdout"), subprocess.DEVNULL)
+    quiet["start_new_session"] = True
     if ranks == 1:
         core = min(os.sched_getaffinity(0))
         quiet["preexec_fn"] = lambda: os.sched_setaffinity(0, {core})
@@ -109,7 +103,7 @@ def _start(
     finally:
         run.end(process)
     times = time.perf_counter() - begin, used.ru_utime + used.ru_stime
-    if not process.returncode:
-        return times, None
-    told = said.read_text().strip().replace("\n", " ")
-    return times, told[-200:] or f"exit code {process.returncode}"
+    if process.returncode:
+        told = said.read_text().strip().replace("\n", " ")
+        raise ChildProcessError(told[-200:] or f"exit code {process.returncode}")
+    return times

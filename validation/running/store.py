@@ -24,7 +24,10 @@ from validation.running import machine
 
 HARNESS = Path(__file__).resolve().parents[1]
 # files that no number follows from; criteria judges numbers, and makes none
-SHOWN = "pages/*.py", "report.py", "figures.py", "command.py", "command_line.py", "criteria.py"
+SHOWN = (
+    *("pages/*.py", "report.py", "section.py", "figures.py"),
+    *("command.py", "command_line.py", "criteria.py"),
+)
 # arguments by these names that are text are only shown
 TEXTS = "title", "label", "subject", "what", "why", "note", "physics", "text", "help", "source"
 
@@ -52,7 +55,7 @@ class Store:
             settings: plain data, or dataclasses of such.
             files: further files, and folders, whose files count.
         """
-        return digest(self.base, settings, [contents_of(Path(one)) for one in files])
+        return digest(self.base, settings, [*map(machine.contents, files)])
 
     def once(self, name: str, origin: str, make: Callable[[], dict], again: bool = False) -> dict:
         """The record of this name and origin; ``make`` gives it if there is none, or none complete.
@@ -151,18 +154,11 @@ def digest(*data) -> str:
 
 
 def _plain(found):
-    if is_dataclass(found):
+    if is_dataclass(found) and not isinstance(found, type):
         return [type(found).__name__, asdict(found)]
     if isinstance(found, Path):
         return str(found)
     raise TypeError(f"{found!r} is no plain data: a result cannot be said to follow from it")
-
-
-def contents_of(path: Path) -> str:
-    """Hash of a file, or of a folder's files."""
-    if path.is_dir():
-        return machine.contents(path)
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 @functools.cache

@@ -6,7 +6,7 @@ Ctrl-C. Energies are in the pieces' logs, sampled as they run.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +18,7 @@ from validation.scenes.integrators import Integrator
 from validation.scenes.starts import from_dump, to_dump
 
 PIECE = 25_000  # steps of a piece of a run on a mesh: some minutes
+WHOLE = 10**9  # of one that is all of them
 
 
 @dataclass(frozen=True)
@@ -27,13 +28,12 @@ class Trajectory:
     Attributes:
         name: of its folder, and what its results are called by.
         label: for the terminal.
-        scene: a ``Scene``.  integrator: an ``Integrator``.
         dt: fs.  steps: in all.  every: steps between samples of the energy.
         ranks: MPI ranks.
         piece: steps of a piece.
         state: steps between dumps of all atoms; None is at the end of each piece only.
         start: (dump, step) that the atoms are read from; None leaves them as the scene has them.
-        more: LAMMPS commands before each piece; ``{folder}`` is the piece's.
+        more: LAMMPS commands before each piece, and before its dump; ``{folder}`` is the piece's.
     """
 
     name: str
@@ -46,13 +46,18 @@ class Trajectory:
     ranks: int
     piece: int = PIECE
     state: int | None = None
-    start: tuple | None = None
+    start: tuple[Path, int] | None = None
     more: tuple[str, ...] = ()
 
     @property
     def pieces(self) -> int:
         """How many pieces there are."""
         return max(1, -(-self.steps // self.piece))
+
+    def end(self, out: Path) -> tuple[Path, int]:
+        """What another one may ``start`` from: the end of the first piece."""
+        folder = out / run.folder_name(self.name) / "piece-0"
+        return (folder / "state.dump").resolve(), min(self.piece, self.steps)
 
     def jobs(self, out: Path, silence: float) -> Iterator[run.Job]:
         """The pieces' jobs, in order, each when the one before has been done; one without steps
@@ -69,14 +74,11 @@ class Trajectory:
             scene = from_dump(self.scene, *start) if start else self.scene
             files = [start[0]] if start and start[0].exists() else []  # else LAMMPS says so
             state = folder.resolve() / "state.dump"
-            reach = self.state or max(1, steps)
-            more = [
-                *to_dump(state, reach),
-                *(line.format(folder=folder.resolve()) for line in self.more),
-            ]
-            origin = machine.origin(self.scene, self.integrator, *files)
-            yield run.job(scene, self.integrator, folder, [steps], dt=self.dt, every=self.every, ranks=self.ranks, silence=silence, more=more,
-                          origin=origin)  # fmt: skip
+            more = [line.format(folder=folder.resolve()) for line in self.more]
+            more += to_dump(state, self.state or max(1, steps))
+            how: dict = {"dt": self.dt, "every": self.every, "ranks": self.ranks, "more": more}
+            how |= {"origin": machine.origin(self.scene, self.integrator, *files)}
+            yield run.job(scene, self.integrator, folder, [steps], silence=silence, **how)
             start, done = (state, steps), done + max(1, steps)
 
 
@@ -102,19 +104,18 @@ class Series:
     kinetic: np.ndarray
     potential: np.ndarray
     temperature: np.ndarray
-    positions: dict | None
-    pieces: list
+    positions: run.Positions | None
+    pieces: list[tuple[str, int]]
     seconds: float
 
 
 def do(trajectory: Trajectory, out: Path, silence: float, meter: Meter) -> tuple[Series, bool]:
     """Run a trajectory, or take over what is there: a ``Series``, and whether a Ctrl-C ended it."""
-    results, error, interrupted = [], None, False
+    results: list[tuple[run.Job, run.Result]] = []
+    error, interrupted = None, False
     for number, job in enumerate(trajectory.jobs(out, silence), 1):
-        meter.begin(
-            trajectory.label + (f" {number}/{trajectory.pieces}" if trajectory.pieces > 1 else ""),
-            sum(job.runs),
-        )
+        number_of = f" {number}/{trajectory.pieces}" * (trajectory.pieces > 1)
+        meter.begin(trajectory.label + number_of, sum(job.runs))
         result = run.once(job, meter.at)
         meter.end(result.error)
         results.append((job, result))
@@ -124,42 +125,35 @@ def do(trajectory: Trajectory, out: Path, silence: float, meter: Meter) -> tuple
     return series(trajectory, results, error), interrupted
 
 
-def series(trajectory: Trajectory, results: list, error: str | None) -> Series:
+def series(
+    trajectory: Trajectory, results: list[tuple[run.Job, run.Result]], error: str | None
+) -> Series:
     """Put the pieces' results together.
 
     Args:
-        results: list of (job, result), in order.
+        results: in order.
         error: None, or why it is not complete.
     """
-    names = {
-        "time": "Step",
-        "total": "TotEng",
-        "kinetic": "KinEng",
-        "potential": "PotEng",
-        "temperature": "Temp",
-    }
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in names}
+    columns = "Step", "TotEng", "KinEng", "PotEng", "Temp"
+    parts: list[list[np.ndarray]] = [[] for _ in columns]
     done = 0
     for job, result in results:
-        for name, column in names.items():
-            values = result.thermo.get(column, np.empty(0))
+        for values, column in zip(parts, columns):
             # a piece's first sample is the last one of the piece before
-            values = values[1:] if done else values
-            parts[name].append(
-                (values + done) * trajectory.dt / FS_PER_PS if name == "time" else values
-            )
+            values.append(result.thermo.get(column, np.empty(0))[1 if done else 0 :])
+        parts[0][-1] = (parts[0][-1] + done) * trajectory.dt / FS_PER_PS
         done += sum(job.runs)
-    table = {
-        name: np.concatenate(values) if values else np.empty(0) for name, values in parts.items()
-    }
-    finite = np.isfinite(table["total"])
+    table = [np.concatenate(values) if values else np.empty(0) for values in parts]
+    finite = np.isfinite(table[1])
     until = len(finite) if finite.all() else int(np.argmin(finite))
     if until < len(finite) and not error:
         error = "energy is not finite"
     ends = [result.positions for _, result in results if result.positions]
-    positions = {**ends[0], "x": np.stack([ends[0]["x"][0], ends[-1]["x"][-1]])} if ends else None
+    positions = replace(ends[0], x=np.stack([ends[0].x[0], ends[-1].x[-1]])) if ends else None
+    pieces = [(job.directory, sum(job.runs)) for job, result in results if not result.error]
+    seconds = sum(one.seconds for _, result in results for one in result.timings)
+    cut = dict(zip(("time", "total", "kinetic", "potential", "temperature"), table))
+    energies = {name: values[:until] for name, values in cut.items()}
     return Series(
-        trajectory, error, **{name: values[:until] for name, values in table.items()}, positions=positions,
-        pieces=[(job.directory, sum(job.runs)) for job, result in results if not result.error],
-        seconds=sum(one["loop"] for _, result in results for one in result.timings),
-    )  # fmt: skip
+        trajectory, error, **energies, positions=positions, pieces=pieces, seconds=seconds
+    )

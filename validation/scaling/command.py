@@ -1,9 +1,11 @@
 """``scaling``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -21,12 +23,12 @@ def add(verbs) -> None:
     command_line.out(parser, "results/scaling")
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.scaling import measure, report  # heavy: not for --help
 
-    out, screen = command_line.folder(arguments.out, "results/scaling"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     cases = measure.cases(arguments.ranks)
     with console.Meter(screen, len(cases) * (measure.WARM_UP + measure.STEPS)) as meter:
         summary = measure.scaling(cases, out, meter)

@@ -127,7 +127,7 @@ def scaling(wanted: Sequence[Case], out: Path, meter: run.Meter) -> dict:
 def _count(case: Case, out: Path, meter: run.Meter) -> dict:
     """`COUNTED`; a ChildProcessError says why there are none."""
     scene, folder = case.scene, out / "runs" / case.name
-    how: dict = {"dt": scene.dt, "every": 0, "ranks": case.ranks, "positions": False}
+    how: dict = {"dt": scene.dt, "every": 0, "ranks": case.ranks, "keeps": "nothing"}
     integrator = INTEGRATORS[case.integrator]
     job = run.job(scene, integrator, folder / "run", [WARM_UP, STEPS], **how)
     result = run.run(job, meter.at, counting.environment(folder / "counts"))
@@ -156,10 +156,11 @@ def model(rows: Sequence[dict], link: Link) -> list[dict]:
 
     A message takes the link's latency, and its bytes what the bandwidth says; a rank sends one
     after the other. A collective of a few numbers takes log2(ranks) messages. From the largest
-    number of ranks that was counted on, messages and bytes are taken not to change any more. Fix
-    rigid/nve has all ranks sum the forces and torques on all bodies of the system (MPI_Allreduce of
-    6 numbers for each): of these bytes the link carries twice as many, and the messages are 2
-    log2(ranks), which is what the best known algorithm needs. What the ranks compute is left out.
+    number of ranks that was counted on, messages and bytes are taken not to change any more.
+
+    Fix rigid/nve has all ranks sum the forces and torques on all bodies of the system
+    (MPI_Allreduce of 6 numbers for each). The best known algorithm needs 2 log2(ranks) messages,
+    and the link carries twice as many bytes. What the ranks compute is left out.
     """
     result = []
     done = sorted((row for row in rows if not row["error"]), key=lambda row: row["ranks"])

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from validation.scenes import Scene
@@ -33,19 +34,27 @@ class Body(NamedTuple):
 
 
 def body(
-    x, mass, *, place=(0, 0, 0), turn=None, velocity=(0, 0, 0), spin=(0, 0, 0), charge=None
+    x: ArrayLike,
+    mass: ArrayLike,
+    *,
+    place: ArrayLike = (0, 0, 0),
+    turn: Rotation | None = None,
+    velocity: ArrayLike = (0, 0, 0),
+    spin: ArrayLike = (0, 0, 0),
+    charge: np.ndarray | None = None,
 ) -> Body:
     """A `Body` in rigid motion.
 
     Args:
         x: (n, 3) shape.  mass: (n,).
-        place: of the centre of mass.  turn: a scipy ``Rotation`` of the shape about it.
+        place: of the centre of mass.  turn: of the shape about it.
         velocity: of the centre.  spin: angular velocity, space frame.
     """
-    x, mass = np.array(x, float), np.array(mass, float)
-    x = x - mass @ x / mass.sum()
-    x = turn.apply(x) if turn is not None else x
-    return Body(x + place, mass, np.cross(spin, x) + velocity, charge)
+    r, mass = np.array(x, float), np.array(mass, float)
+    r = r - mass @ r / mass.sum()
+    r = turn.apply(r) if turn is not None else r
+    v = np.cross(np.asarray(spin, float), r) + np.asarray(velocity, float)
+    return Body(r + np.asarray(place, float), mass, v, charge)
 
 
 def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,9 +94,9 @@ def scene(
     bodies: list[Body],
     setup: Sequence[str],
     *,
-    box,
+    box: ArrayLike,
     dt: float,
-    corner=(0, 0, 0),
+    corner: ArrayLike = (0, 0, 0),
     bonded: bool = False,
     name: str = "bodies",
     **more,

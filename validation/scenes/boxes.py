@@ -9,6 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from validation.scenes.data_file import data_file
+from validation.statistics import motion
 
 OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
 LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
@@ -158,7 +159,7 @@ def turned(
             turn = Rotation.from_rotvec([0, 0, rng.uniform(0, 6.3)])
         else:
             turn = Rotation.from_quat(rng.normal(size=4))
-        x = turn.apply(shape) + place
+        x = turn.apply(np.array(shape, float)) + place
         gaps = (nearest(x[:, None] - y, h) for _, y, _ in others)
         if min((np.linalg.norm(gap, axis=2).min() for gap in gaps), default=np.inf) > 0.9:
             return kind, x, np.array(types)
@@ -198,7 +199,7 @@ class Result(NamedTuple):
 
     x: np.ndarray
     v: np.ndarray
-    thermo: np.ndarray
+    thermo: dict[str, np.ndarray]
     log: str
 
 
@@ -239,9 +240,9 @@ write_dump all custom end id x y z vx vy vz modify sort id format float %.16g
 """
 
 
-def result(path: Path, thermo: np.ndarray, log: str) -> Result:
+def result(path: Path, thermo: dict[str, np.ndarray], log: str) -> Result:
     """The `Result` whose atoms `script` has written to a file."""
-    atoms = np.loadtxt(path, skiprows=9)
+    atoms = motion.read(path)[1][0]
     return Result(atoms[:, 1:4], atoms[:, 4:], thermo, log)
 
 

@@ -4,15 +4,16 @@ from collections.abc import Mapping, Sequence
 from itertools import count
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 def data_file(
     style: str,
     atoms: Sequence,
-    box,
+    box: ArrayLike,
     *,
-    tilt=(0.0, 0.0, 0.0),
-    mass=(),
+    tilt: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
+    mass: Sequence[float] | np.ndarray = (),
     velocities: Sequence = (),
     terms: Mapping[str, Sequence] | None = None,
     coefficients: Mapping[str, Sequence] | None = None,
@@ -57,8 +58,8 @@ def _box(box):
 
 def _numbered(*columns):
     """A row of words for each atom or type."""
-    columns = [np.asarray(column) for column in columns]
-    flat = [column.reshape(len(column), -1).T for column in columns if column.size]
+    blocks = map(np.asarray, columns)
+    flat = [block.reshape(len(block), -1).T for block in blocks if block.size]
     return (" ".join(map(_word, row)) for row in zip(*(line for block in flat for line in block)))
 
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from validation.scenes import Scene
 
+OURS = "nosquish"
 REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
 
 
@@ -41,18 +42,14 @@ class Integrator:
 def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
     """One of this package's classes with the keywords ``words``: its NO_SQUISH, or an older
     ``scheme``."""
-    return Integrator(
-        name,
-        label,
-        (f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"',),
-    )
+    line = f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"'
+    return Integrator(name, label, (line,))
 
 
 def rigid(style: str) -> Integrator:
     """One of LAMMPS's rigid fixes."""
-    return Integrator(
-        style, style, (f"fix 1 {{group}} {style} {{bodies}}",), "small" in style, "rigid"
-    )
+    line = f"fix 1 {{group}} {style} {{bodies}}"
+    return Integrator(style, style, (line,), whole_bodies="small" in style, kind="rigid")
 
 
 def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator:
@@ -60,84 +57,57 @@ def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator
 
     fix nve comes first: rattle corrects the velocities that nve has set.
     """
-    return Integrator(
-        style,
-        f"{style} {tolerance} + nve",
-        (
-            "fix 1 {group} nve",
-            f"fix 2 {{group}} {style} {tolerance} {iterations} 0 {{constraints}}",
-        ),
-        kind="constraints",
-        tolerance=float(tolerance),
-    )
+    held = f"fix 2 {{group}} {style} {tolerance} {iterations} 0 {{constraints}}"
+    label, lines = f"{style} {tolerance} + nve", ("fix 1 {group} nve", held)
+    return Integrator(style, label, lines, kind="constraints", tolerance=float(tolerance))
 
 
-INTEGRATORS = {
-    integrator.name: integrator
-    for integrator in (
-        nosquish("nosquish", "fix_nosquish.NVE"),
-        # the order of axes that rigid/nve has in the LAMMPS that this package installs
-        nosquish("nosquish-123", "fix_nosquish.NVE order 123", " order 123"),
-        rigid("rigid/nve"),
-        rigid("rigid/nve/small"),
-        rigid("rigid"),
-        rigid("rigid/small"),
-        constrained("shake", "1e-4"),
-        constrained("rattle", "1e-4"),
-    )
-}
+def _by_name(*integrators: Integrator) -> dict[str, Integrator]:
+    return {one.name: one for one in integrators}
+
+
+INTEGRATORS = _by_name(
+    nosquish(OURS, "fix_nosquish.NVE"),
+    # the order of axes that rigid/nve has in the LAMMPS that this package installs
+    nosquish("nosquish-123", "fix_nosquish.NVE order 123", " order 123"),
+    *map(rigid, ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
+    constrained("shake", "1e-4"),
+    constrained("rattle", "1e-4"),
+)
 
 # what the paper compares, and beside it LAMMPS's own
-PAPER = {
-    integrator.name: integrator
-    for integrator in (
-        nosquish("nosquish", "NO_SQUISH"),
-        nosquish("matubayasi-nakahara", "reference 12", scheme="MatubayasiNakahara"),
-        nosquish("gear", "Gear", scheme="Gear"),
-        constrained("shake", "1e-8", 200),
-        rigid("rigid/nve/small"),
-        rigid("rigid/small"),
-    )
-}
+PAPER = _by_name(
+    nosquish(OURS, "NO_SQUISH"),
+    nosquish("matubayasi-nakahara", "reference 12", scheme="MatubayasiNakahara"),
+    nosquish("gear", "Gear", scheme="Gear"),
+    constrained("shake", "1e-8", 200),
+    rigid("rigid/nve/small"),
+    rigid("rigid/small"),
+)
 
 # what the benchmark times; styles with /omp run with one thread
-BENCHMARKED = {
-    integrator.name: integrator
-    for integrator in (
-        INTEGRATORS["nosquish"],
-        INTEGRATORS["rigid/nve"],
-        INTEGRATORS["rigid/nve/small"],
-        INTEGRATORS["rigid"],
-        INTEGRATORS["rigid/small"],
-        rigid("rigid/nve/omp"),
-        rigid("rigid/omp"),
-        rigid("rigid/small/omp"),
-        INTEGRATORS["shake"],
-        INTEGRATORS["rattle"],
-    )
-}
+_OTHERS = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
+BENCHMARKED = _by_name(
+    *(INTEGRATORS[name] for name in (OURS, *_OTHERS)),
+    *map(rigid, ("rigid/nve/omp", "rigid/omp", "rigid/small/omp")),
+    *(INTEGRATORS[name] for name in ("shake", "rattle")),
+)
 
 # what is drawn as error against run time: every scheme with every parameter of its own that trades
 # one for the other
-SWEPT = {
-    integrator.name: integrator
-    for integrator in (
-        nosquish("nosquish", "NO_SQUISH"),
-        nosquish("nosquish-2", "NO_SQUISH mrot 2", " mrot 2"),
-        nosquish("nosquish-4", "NO_SQUISH mrot 4", " mrot 4"),
-        PAPER["matubayasi-nakahara"],
-        PAPER["gear"],
-        rigid("rigid/nve"),
-        rigid("rigid/nve/small"),
-        rigid("rigid"),
-        rigid("rigid/small"),
-        *(
-            replace(constrained(style, tolerance, 200), name=f"{style}-{tolerance}")
-            for style in ("shake", "rattle")
-            for tolerance in ("1e-4", "1e-6", "1e-8")
-        ),
-    )
-}
+SWEPT = _by_name(
+    nosquish(OURS, "NO_SQUISH"),
+    nosquish("nosquish-2", "NO_SQUISH mrot 2", " mrot 2"),
+    nosquish("nosquish-4", "NO_SQUISH mrot 4", " mrot 4"),
+    PAPER["matubayasi-nakahara"],
+    PAPER["gear"],
+    *map(rigid, _OTHERS),
+    *(
+        replace(constrained(style, tolerance, 200), name=f"{style}-{tolerance}")
+        for style in ("shake", "rattle")
+        for tolerance in ("1e-4", "1e-6", "1e-8")
+    ),
+)
 
 # atoms that move freely at constant velocity: a run's cost without anything that keeps bodies rigid
 FREE = Integrator("nve/noforce", "nve/noforce", ("fix 1 {group} nve/noforce",), kind="free")

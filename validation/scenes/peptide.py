@@ -13,6 +13,7 @@ import mdtraj
 import numpy as np
 
 from validation.scenes import SCENES, Scene
+from validation.statistics import motion
 
 # names of the peptide's atoms, which are the data file's first
 PDB = SCENES["peptide"].folder / "peptide.pdb"
@@ -123,16 +124,15 @@ def helix(folders: Sequence, ps_per_step: float) -> dict[str, np.ndarray] | None
         file = Path(folder) / "helix.dump"
         if not file.exists():
             return None
-        told = file.read_text().split("ITEM: TIMESTEP\n")[1:]
-        for frame in told[1:] if begin else told:  # a piece starts where the one before has ended
-            step, _, rows = frame.partition("\n")
-            times.append((begin + int(step)) * ps_per_step)
-            frames.append(np.loadtxt(rows.splitlines()[-top.n_atoms :])[:, 1:])
+        at, values = motion.read(file)
+        new = slice(1 if begin else 0, None)  # a piece starts where the one before has ended
+        times.append((begin + at[new]) * ps_per_step)
+        frames.append(values[new, :, 1:])
         begin += steps
-    if not frames:
+    if not any(map(len, frames)):
         return None
-    x = np.array(frames)
+    x = np.concatenate(frames)
     path = mdtraj.Trajectory(x * NM_PER_ANGSTROM, top)
     chosen = [atom.index for atom in top.atoms if atom.name in BACKBONE]
     rmsd = mdtraj.rmsd(path, path, 0, atom_indices=chosen) / NM_PER_ANGSTROM
-    return {"time": np.array(times), "helical": helical(x), "rmsd": rmsd}
+    return {"time": np.concatenate(times), "helical": helical(x), "rmsd": rmsd}

@@ -19,8 +19,6 @@ def of_size(scene: Scene, bodies: int, folder: Path) -> Scene:
     """The scene with so many bodies; its data file is built if there is none yet.
 
     Args:
-        scene: a ``Scene``.
-        bodies: their number.
         folder: for data files.
 
     Raises:
@@ -32,21 +30,10 @@ def of_size(scene: Scene, bodies: int, folder: Path) -> Scene:
     if not data.exists():
         data.parent.mkdir(parents=True, exist_ok=True)
         part = data.with_suffix(".part")
-        command = [
-            run.mpirun(),
-            "-np",
-            str(min(4, os.cpu_count() or 1)),
-            sys.executable,
-            str(scene.cutter),
-            str(bodies),
-            str(part),
-        ]
-        done = subprocess.run(
-            command,
-            cwd=scene.folder,
-            stdin=subprocess.DEVNULL,
-            env={"OMP_NUM_THREADS": "1", **os.environ},
-        )
+        command = [run.mpirun(), "-np", str(min(4, os.cpu_count() or 1)), sys.executable]
+        command += [str(scene.cutter), str(bodies), str(part)]
+        how: dict = {"cwd": scene.folder, "env": {"OMP_NUM_THREADS": "1", **os.environ}}
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, **how)
         if done.returncode:
             raise SystemExit(
                 f"no start of {bodies} bodies: {shlex.join(command)} failed in {scene.folder}"

@@ -1,13 +1,13 @@
 """``stability``: its words, and what they run."""
 
-import argparse
+from argparse import Namespace
 from collections.abc import Collection
 from pathlib import Path
 
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -59,7 +59,7 @@ def _names() -> Collection[str]:
     return COMPARED
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.stability import measure, report  # heavy: not for --help
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
         report.list_cases(screen, CASES)
         return 0
     names, full = command_line.chosen(CASES, arguments.cases), arguments.full
-    out = command_line.folder(arguments.out, "results/stability", not full)
+    out = command_line.folder(arguments, not full)
     known = {key: getattr(arguments, key) for key in ("silence", "only", "starts", "take")}
     with console.Meter(
         screen, len(measure.plan(CASES, names, full, known["only"])), "rows"

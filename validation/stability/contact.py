@@ -42,7 +42,8 @@ ARMS = bodies.BENT - bodies.MASSES @ bodies.BENT / WHOLE  # of the atoms, about 
 def _liquid(stand, name, count, box, *, seed, dt, masses=None, corner=0.0, least=0.0, more=()):
     """Bent triatomics on a lattice of count³ places, each turned at random so that no atoms are
     nearer than ``least``, thermal at temperature 1."""
-    rng, found, side = np.random.default_rng(seed), [], box / count
+    rng, side = np.random.default_rng(seed), box / count
+    found: list[bodies.Body] = []
     for k, site in enumerate(np.ndindex(count, count, count)):
         mass = bodies.MASSES * (1.0 if masses is None else masses[k])
         place = side * (np.array(site) + 0.5) + corner

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from validation.pages.page import save
 from validation.running import machine, run, store
 from validation.running.run import Meter, Result
 from validation.scenes import SCENES, Scene
@@ -231,7 +230,15 @@ class Stand:
         return result, folder
 
     def attempt(
-        self, scene: Scene, label: str, runs: list[int], *, more=(), files=(), by=None, **how
+        self,
+        scene: Scene,
+        label: str,
+        runs: list[int],
+        *,
+        more: Iterable[str] = (),
+        files: Iterable[Path] = (),
+        by: Integrator | None = None,
+        **how,
     ) -> tuple[Result, Path]:
         """Do the runs, or take over what is there.
 
@@ -256,7 +263,7 @@ class Stand:
         folder = (self.folder / run.folder_name(label)).resolve()
         more = [line.format(folder=folder) for line in more]
         origin = machine.origin(scene, integrator, *files)
-        how = {"silence": self.silence, "positions": False, "origin": origin, "more": more, **how}
+        how = {"silence": self.silence, "keeps": "nothing", "origin": origin, "more": more, **how}
         job = run.job(scene, integrator, folder, runs, **how)
         total = sum(runs) + sum(int(line.split()[1]) for line in more if line.startswith("run "))
 
@@ -264,7 +271,7 @@ class Stand:
             self.meter.at(min(1.0, step / max(1, total)))
 
         result = run.once(job, at, failures=True)
-        self.seconds += sum(one["loop"] for one in result.timings)
+        self.seconds += sum(one.seconds for one in result.timings)
         if result.interrupted:
             raise KeyboardInterrupt
         if result.error and "Step" not in result.thermo:
@@ -276,18 +283,21 @@ class Rows:
     """All rows of an output folder, by names of case and integrator; rows of another atlas in the
     folder ``take`` stand in for those that are not there."""
 
-    def __init__(self, cases: Mapping[str, Case], out: Path, full: bool, take: Path | None = None):
+    def __init__(
+        self, cases: Mapping[str, Case], out: Path, full: bool, take: Path | None = None
+    ) -> None:
         self.cases, self.out, self.full = cases, out, full
         self.store = store.Store(out / "rows", "validation.stability.cases")
-        self.scenes = [store.contents_of(scene.folder) for scene in SCENES.values()]
+        self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
         self.taken = self._of(take) if take else {}
 
     def _of(self, folder):
         """Rows of another atlas's summary, without those of other lengths or inner bounds."""
         found = {}
         for told in json.loads((folder / "summary.json").read_text())["cases"]:
-            case = self.cases.get(told["name"])
-            for row in told["rows"] if case else ():
+            if (case := self.cases.get(told["name"])) is None:
+                continue
+            for row in told["rows"]:
                 length = json.loads(json.dumps(case.length(self.full, row["integrator"])))
                 if row["inner"] == case.inner and row["length"] == length:
                     found[case.name, row["integrator"]] = row
@@ -322,7 +332,7 @@ class Rows:
                 place = self.place(case, row["integrator"])
                 self.store.keep(*place, row, _enough(self.cases[case], row))
             _fill(summary, self.cases, self.all())
-            save(summary, self.out)
+            store.write(self.out / "summary.json", summary)
 
 
 def stability(

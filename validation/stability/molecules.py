@@ -1,6 +1,7 @@
 """Molecules from the scenes: how long a step they bear, heat, cold, very many steps.  LAMMPS units
 ``real``: Angstrom, fs, kcal/mol."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,16 +69,19 @@ def limit(
         unit: that the limit is given in.  name: of it, after a blank.
         how: as ``Stand.run`` has it.
     """
-    dts = np.asarray(dts)
-    change, error = changes(stand, scene, f"start {stand.start + 1}", dts, time, ALLOWED, **how)
+    tried = np.asarray(dts)
+    label = f"start {stand.start + 1}"
+    change, error = changes(stand, scene, label, tried, time, ALLOWED, **how)
     stable = change < ALLOWED
     bad = len(dts) if stable.all() else int(np.argmin(stable))
     again = bad + np.flatnonzero(stable[bad:])
     more = f", but again at {dts[again[0]] / unit:.4g}{name}" if len(again) and bad else ""
-    return _between(dts / unit, bad, error, more, name)
+    return _between(tried / unit, bad, error, more, name)
 
 
-def halved(stand: Stand, scene: Scene, dts: Dts, time: float, allowed: float, **how) -> Number:
+def halved(
+    stand: Stand, scene: Scene, dts: np.ndarray, time: float, allowed: float, **how
+) -> Number:
     """As `limit`, for a costly scene: from one start, of up to `MOST` steps, by bisection, and with
     a step of half the limit after it; if that is bad then the limit is below it."""
     tried: dict[int, str | None] = {}
@@ -164,7 +168,13 @@ def drift(
 
 
 def later(
-    stand: Stand, scene: Scene, steps: int, dt: float, starts: tuple[int, int], more=(), **how
+    stand: Stand,
+    scene: Scene,
+    steps: int,
+    dt: float,
+    starts: tuple[int, int],
+    more: Iterable[str] = (),
+    **how,
 ) -> tuple[Scene, Path]:
     """The scene of the stand's start, and the file that it is from: so many steps later, as
     fix_nosquish.NVE moves it, again so many for each further start; the same for all integrators.

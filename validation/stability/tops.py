@@ -97,8 +97,8 @@ def _kept(stand, moments, labels, steps):
         for key, values in zip(keys, zip(*found))
     )
     energy, momentum, far = np.max(found, axis=0)
-    momentum = criteria.in_a_step(momentum, steps)
-    return of_parts({"top's energy": energy, "rounding": momentum, "orientation": far}, note)
+    rounding = criteria.in_a_step(momentum, steps)
+    return of_parts({"top's energy": energy, "rounding": rounding, "orientation": far}, note)
 
 
 @Case.of(

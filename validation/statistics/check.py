@@ -1,30 +1,17 @@
-"""A number beside the bounds that it is held against, and how such numbers are shown: in the
-terminal and as CSV."""
+"""A number beside the bounds that it is held against."""
 
-import csv
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
-from rich.console import Console
-from rich.table import Table
 
-from validation.statistics.estimate import SURE, Estimate
+from validation.statistics.estimate import Estimate
 
-COLUMNS = (
-    "part",
-    "subject",
-    "what",
-    "value",
-    "margin",
-    "unit",
-    "low",
-    "high",
-    "verdict",
-    "note",
-    "source",
+CHECK_COLUMNS = (
+    *("part", "subject", "what", "value", "margin", "unit"),
+    *("low", "high", "verdict", "note", "source"),
 )
+VERDICTS = "holds", "does not hold", "cannot tell"
 
 
 @dataclass(frozen=True)
@@ -96,61 +83,19 @@ class Check:
         """`holds` in words; empty for a number without bounds."""
         if self.value is not None and self.low is None and self.high is None:
             return ""
-        return {True: "holds", False: "does not hold", None: "cannot tell"}[self.holds]
+        return dict(zip((True, False, None), VERDICTS))[self.holds]
 
     def plain(self) -> dict:
         """As a dictionary, with the verdict."""
         return asdict(self) | {"verdict": self.verdict}
 
 
-def measured(check: dict) -> str:
+def measured(check: Mapping) -> str:
     """The number of a check as text; ``check`` is of `Check.plain`."""
     return f"{Estimate.of(check).text()} {check['unit']}".strip()
 
 
-def bound(check: dict) -> str:
+def bound(check: Mapping) -> str:
     """The bounds of a check as text; ``check`` is of `Check.plain`."""
     low, high = (None if check[key] is None else f"{check[key]:.4g}" for key in ("low", "high"))
     return f"{low} … {high}" if low and high else f"≥ {low}" if low else f"≤ {high}" if high else ""
-
-
-def write(checks: list[dict], path: Path) -> None:
-    """Write checks, of `Check.plain`, to a CSV file; where there is no margin its cell is empty."""
-    with open(path, "w", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n", extrasaction="ignore")
-        writer.writeheader()
-        writer.writerows(one | {"margin": Estimate.of(one).margin or None} for one in checks)
-
-
-def show(console: Console, checks: list[dict], titles: dict[str, str]) -> None:
-    """Print checks, of `Check.plain`: a table for each part.
-
-    Args:
-        titles: part to its heading.
-    """
-    for part, title in titles.items():
-        table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-        for heading in "of", "number":
-            table.add_column(heading, overflow="fold")
-        for heading in "measured", "bound":
-            table.add_column(heading, justify="right", no_wrap=True)
-        table.add_column("verdict", overflow="fold")
-        for check in checks:
-            if check["part"] == part:
-                table.add_row(
-                    check["subject"], check["what"], measured(check), bound(check), check["verdict"]
-                )
-        if table.rows:
-            console.print(table)
-    counts = [
-        f"{sum(check['verdict'] == verdict for check in checks)} × {verdict}"
-        for verdict in ("holds", "does not hold", "cannot tell")
-    ]
-    console.print(", ".join(counts) + f" (± and verdicts: {SURE} intervals)")
-    for check in checks:
-        if check["verdict"] not in ("", "holds") and check["note"]:
-            console.print(
-                f"{check['subject']}, {check['what']}: {check['note']}",
-                markup=False,
-                soft_wrap=True,
-            )

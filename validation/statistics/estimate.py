@@ -97,3 +97,12 @@ def rounded(value: float, margin: float) -> str:
     while margin * 10**digits < 9.5 and digits < 12:
         digits += 1
     return f"{value:.{digits}f} ± {margin:.{digits}f}"
+
+
+def plain(found: Mapping[str, Any]) -> dict:
+    """Plain data of estimates and other things; what is None is left out, but for ``error``."""
+    return {
+        key: one.plain() if isinstance(one, Estimate) else one
+        for key, one in found.items()
+        if one is not None or key == "error"
+    }

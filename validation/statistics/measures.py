@@ -4,6 +4,7 @@ The errors account for the correlation in time of successive samples; see `estim
 """
 
 from collections.abc import Iterable, Sequence
+from typing import TypedDict
 
 import numpy as np
 from scipy import special
@@ -36,11 +37,9 @@ def of_few(values: Sequence[float]) -> Estimate:
     """The mean of few independent values, of starts for example, with the error that their scatter
     tells; of one value that is 0, for it tells none."""
     number = len(values)
-    return (
-        Estimate(float(np.mean(values)), np.std(values, ddof=1) / np.sqrt(number), number - 1)
-        if number > 1
-        else Estimate(values[0])
-    )
+    if number < 2:
+        return Estimate(values[0])
+    return Estimate(float(np.mean(values)), np.std(values, ddof=1) / np.sqrt(number), number - 1)
 
 
 def mean(x: np.ndarray) -> Estimate:
@@ -172,17 +171,15 @@ def _most_likely_walk(t, x):
     if not np.any(power):
         return 0.0, 0.0
     # fine where one of the two is small
-    parts = np.concatenate([[0.0], np.geomspace(1e-4, 1.0, 100), 1 - np.geomspace(1e-4, 0.1, 30)])[
-        :, None
-    ]
+    parts = np.append(np.geomspace(1e-4, 1.0, 100), 1 - np.geomspace(1e-4, 0.1, 30))
+    parts = np.append(0.0, parts)[:, None]
     spectrum = (1 - parts) + parts * values
     variance = np.mean(power / spectrum, axis=1)  # the most likely one with each part
     # -2 log likelihood
     best = np.argmin(len(power) * np.log(variance) + np.log(spectrum).sum(axis=1))
     weights = (variance[best] * spectrum[best]) ** -2
-    information = 0.5 * np.array(
-        [[weights.sum(), weights @ values], [weights @ values, weights @ values**2]]
-    )
+    mixed = weights @ values
+    information = 0.5 * np.array([[weights.sum(), mixed], [mixed, weights @ values**2]])
     return parts[best, 0] * variance[best], np.sqrt(np.linalg.inv(information)[1, 1])
 
 
@@ -200,9 +197,8 @@ def difference(first: Estimate, second: Estimate) -> Estimate:
 def quotient(first: Estimate, second: Estimate) -> Estimate:
     """First over second, independent `Estimate`s."""
     value = first.value / second.value
-    return Estimate(
-        value, *combined(first.times(1 / second.value)[1:], second.times(value / second.value)[1:])
-    )
+    parts = first.times(1 / second.value), second.times(value / second.value)
+    return Estimate(value, *combined(*(one[1:] for one in parts)))
 
 
 def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
@@ -212,12 +208,13 @@ def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
     line = np.stack([np.log(x), np.ones(len(y))], axis=1) / relative[:, None]
     weights = np.linalg.pinv(line)[0]
     exponent = weights @ (np.log([one.value for one in y]) / relative)
-    return Estimate(
-        exponent, *combined(*((weight, one.freedom) for weight, one in zip(weights, y)))
-    )
+    parts = ((weight, one.freedom) for weight, one in zip(weights, y))
+    return Estimate(exponent, *combined(*parts))
 
 
-def nearest_image(d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
+def nearest_image(
+    d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool] | np.ndarray
+) -> np.ndarray:
     """Displacements (..., 3) folded to the nearest periodic image.
 
     Args:
@@ -233,7 +230,7 @@ def nearest_image(d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> 
 
 
 def largest_distance(
-    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
+    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool] | np.ndarray
 ) -> float:
     """max_i |x_i - y_i| over all atoms, nearest image, in units of ``x``."""
     return np.linalg.norm(nearest_image(x - y, cell, periodic), axis=-1).max()
@@ -261,27 +258,30 @@ def rigidity_error(
     end: np.ndarray,
     pairs: np.ndarray,
     cell: np.ndarray,
-    periodic: Sequence[bool],
+    periodic: Sequence[bool] | np.ndarray,
 ) -> float:
     """Largest change of a distance within a body: max |d_ij(end) - d_ij(start)|."""
 
     def distances(x):
-        return np.linalg.norm(
-            nearest_image(x[pairs[:, 0]] - x[pairs[:, 1]], cell, periodic), axis=1
-        )
+        apart = x[pairs[:, 0]] - x[pairs[:, 1]]
+        return np.linalg.norm(nearest_image(apart, cell, periodic), axis=1)
 
     return np.abs(distances(end) - distances(start)).max(initial=0.0)
 
 
-def spread(values: Iterable[float]) -> dict:
-    """Median, minimum and maximum, with the values themselves."""
-    values = [float(value) for value in values]
-    return {
-        "median": float(np.median(values)),
-        "min": min(values),
-        "max": max(values),
-        "values": values,
-    }
+class Spread(TypedDict):
+    """What few values are, as plain data."""
+
+    median: float
+    min: float
+    max: float
+    values: list[float]
+
+
+def spread(values: Iterable[float]) -> Spread:
+    """The `Spread` of values."""
+    own = [float(value) for value in values]
+    return Spread(median=float(np.median(own)), min=min(own), max=max(own), values=own)
 
 
 def ratio(first: Sequence[float], second: Sequence[float]) -> Estimate:

@@ -23,14 +23,19 @@ def has_frames(folder: Path) -> bool:
 def frames(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What `dump` left, whole frames only: steps (frames,), masses (atoms,), positions and
     velocities (frames, atoms, 3)."""
-    lines = (Path(folder) / "atoms.dump").read_text().splitlines()
-    n = int(lines[3])
+    steps, values = read(folder / "atoms.dump")
+    return steps, values[0, :, 1], values[:, :, 2:5], values[:, :, 5:8]
+
+
+def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """A dump of numbers, whole frames only: steps (frames,) and values (frames, atoms, columns)."""
+    lines = path.read_text().splitlines()
+    n = int(lines[3]) if len(lines) > 3 else 0
     size = n + 9
     count = len(lines) // size
-    steps = np.array([int(lines[size * k + 1]) for k in range(count)])
-    rows = [line for k in range(count) for line in lines[size * k + 9 : size * (k + 1)]]
-    values = np.array(" ".join(rows).split(), float).reshape(count, n, 8)
-    return steps, values[0, :, 1], values[:, :, 2:5], values[:, :, 5:8]
+    steps = np.array([int(lines[size * k + 1]) for k in range(count)], int)
+    rows = [line.split() for k in range(count) for line in lines[size * k + 9 : size * (k + 1)]]
+    return steps, np.array(rows, float).reshape(count, n, -1 if rows else 0)
 
 
 def conserved(

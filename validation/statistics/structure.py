@@ -5,12 +5,13 @@ import contextlib
 import io
 import logging
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import mdtraj
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from validation.running.run import Positions
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.peptide import NM_PER_ANGSTROM
 from validation.statistics import measures
@@ -19,20 +20,15 @@ from validation.statistics.estimate import Estimate
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
 
 import physical_validation  # noqa: E402  it imports pymbar
-from physical_validation.data import (
-    EnsembleData,
-    ObservableData,
-    SimulationData,
-    SystemData,
-    TrajectoryData,
-    UnitData,
-)
+
+records = physical_validation.data
 
 KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
 REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
 BLOCKS = 5  # of a run's frames, for the noise of g(r)
-SEED = 1  # of physical_validation's resampling
+# samples, for physical_validation; the seed is of its resampling
+INDEPENDENT = {"verbosity": 0, "bootstrap_seed": 1, "data_is_uncorrelated": True}
 
 
 class Motion:
@@ -45,12 +41,10 @@ class Motion:
         count: number of bodies.  free: number of atoms in no body.
     """
 
-    def __init__(self, positions):
-        self.x, self.v, self.mass, self.bodies = (
-            positions[name] for name in ("x", "v", "mass", "bodies")
-        )
-        self.cell, self.periodic = positions["cell"], positions["periodic"]
-        self._bonds, self._angles = positions["bonds"], positions["angles"]
+    def __init__(self, positions: Positions) -> None:
+        self.x, self.v, self.mass = positions.x, positions.v, positions.mass
+        self.bodies, self._bonds, self._angles = positions.bodies, positions.bonds, positions.angles
+        self.cell, self.periodic = positions.cell, positions.periodic
         order = np.argsort(self.bodies, kind="stable")
         order = order[self.bodies[order] != 0]
         _, first, sizes = np.unique(self.bodies[order], return_index=True, return_counts=True)
@@ -105,10 +99,7 @@ class Motion:
         sizes = np.bincount(self.bodies)
         rows = self._within(self._angles)
         i, centre, k = rows[sizes[self.bodies[rows[:, 0]]] == 3].T
-        a, b = (
-            self._image(self.x[:, i] - self.x[:, centre]),
-            self._image(self.x[:, k] - self.x[:, centre]),
-        )
+        a, b = (self._image(self.x[:, end] - self.x[:, centre]) for end in (i, k))
         angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
         return np.abs(angle - angle[0]).max()
 
@@ -122,22 +113,17 @@ class Motion:
         a whole: (frames, bodies), kcal/mol."""
         (group,) = (group for group in self.groups if group.shape[1] == 3)
         group = group[~_straight(self._parts(self.x[0], group)[1])]
-        return (
-            KCAL
-            / 2
-            * (self.mass[group][..., None] * self.v[frames][:, group] ** 2).sum(axis=(2, 3))
-        )
+        square = self.mass[group][..., None] * self.v[frames][:, group] ** 2
+        return KCAL / 2 * square.sum(axis=(2, 3))
 
 
 def _rms(distances):
     """`Estimate` of it, of independent distances."""
     square = distances**2
     value, number = np.sqrt(square.mean()), len(square)
-    return (
-        Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
-        if value and number > 1
-        else Estimate(value)
-    )
+    if not value or number < 2:
+        return Estimate(value)
+    return Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
 
 
 def _straight(r):
@@ -164,15 +150,11 @@ def _turned(a, b):
     return Rotation.from_matrix(u @ v).magnitude() if len(a) else np.empty(0)
 
 
-def pair_distribution(motion, frames):
+def pair_distribution(motion: Motion, frames: Sequence[int] | slice) -> np.ndarray:
     """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the
     frames; bins of ``BIN`` in ``REACH``."""
-    heaviest = np.concatenate(
-        [
-            group[np.arange(len(group)), np.argmax(motion.mass[group], axis=1)]
-            for group in motion.groups
-        ]
-    )
+    most = [(group, np.argmax(motion.mass[group], axis=1)) for group in motion.groups]
+    heaviest = np.concatenate([group[np.arange(len(group)), at] for group, at in most])
     top = mdtraj.Topology()
     residue = top.add_residue("HOH", top.add_chain())
     for _ in heaviest:
@@ -190,7 +172,7 @@ def pair_distribution(motion, frames):
     )
 
 
-def helicity(motion, frames):
+def helicity(motion: Motion, frames: Sequence[int] | slice) -> np.ndarray:
     """Helical residues of the peptide over those of the first frame of all, (frames,)."""
     atoms = slice(0, paper_peptide.topology().n_atoms)
     x = motion.x[:, atoms]
@@ -210,25 +192,23 @@ def _quiet(function, *arguments, **more):
 
 def _data(temperature, natoms, held=0, **more):
     """physical_validation's record of a whole at this temperature."""
-    system = SystemData(
-        natoms=natoms, nconstraints=0, ndof_reduction_tra=held, ndof_reduction_rot=0, mass=np.ones(natoms), molecule_idx=[0], nconstraints_per_molecule=[0]
-    )  # fmt: skip
-    ensemble = EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
-    return SimulationData(
-        units=UnitData.units("LAMMPS real"),
-        system=system,
-        ensemble=ensemble,
-        observables=ObservableData(**more),
+    none = dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0)
+    first = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
+    system = records.SystemData(
+        natoms=natoms, mass=np.ones(natoms), ndof_reduction_tra=held, **none, **first
     )
+    ensemble = records.EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
+    how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
+    return records.SimulationData(observables=records.ObservableData(**more), **how)
 
 
-def distribution(energies, temperature, bodies=1, held=0):
+def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held: int = 0) -> float:
     """How far the kinetic energies of nonlinear bodies are from the canonical distribution, in
     standard deviations.
 
     A single body among many is a small part of a large whole, so its distribution is canonical also
-    where the whole's energy is constant.  physical_validation holds mean and width against the gamma
-    distribution; the larger distance counts.
+    where the whole's energy is constant.  physical_validation holds mean and width against the
+    gamma distribution; the larger distance counts.
 
     Args:
         energies: independent ones, kcal/mol.
@@ -238,17 +218,17 @@ def distribution(energies, temperature, bodies=1, held=0):
     """
     # two atoms' degrees of freedom are six, a body's
     data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
-    found = _quiet(
-        physical_validation.kinetic_energy.distribution,
-        data,
-        verbosity=0,
-        bootstrap_seed=SEED,
-        data_is_uncorrelated=True,
-    )
+    found = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
     return max(abs(distance) for distance in found)
 
 
-def equipartition(translation, rotation, moving, turning, temperature):
+def equipartition(
+    translation: np.ndarray,
+    rotation: np.ndarray,
+    moving: float,
+    turning: float,
+    temperature: float,
+) -> float:
     """How far the mean kinetic energies of translation and of rotation are from the temperature, in
     standard deviations.
 
@@ -269,31 +249,22 @@ def equipartition(translation, rotation, moving, turning, temperature):
         dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)
     ]
     # not looked at, for energies are there
-    data.trajectory = TrajectoryData(*(np.zeros((len(translation), 2, 3)) for _ in range(2)))
-    found = _quiet(
-        physical_validation.kinetic_energy.equipartition,
-        data,
-        verbosity=0,
-        bootstrap_seed=SEED,
-        data_is_uncorrelated=True,
-    )
+    nothing = np.zeros((len(translation), 2, 3))
+    data.trajectory = records.TrajectoryData(nothing, nothing)
+    found = _quiet(physical_validation.kinetic_energy.equipartition, data, **INDEPENDENT)
     _, (translational, _), (rotational, _), *_ = found
     return max(abs(translational), abs(rotational))
 
 
-def convergence(deviations):
+def convergence(deviations: Mapping[float, np.ndarray]) -> float:
     """physical_validation's largest deviation of the ratios of the energy's standard deviations
     from the square of the steps' ratios.
 
     Args:
         deviations: time step to (samples,).
     """
-    runs = [
-        SimulationData(
-            units=UnitData.units("LAMMPS real"),
-            dt=dt,
-            observables=ObservableData(constant_of_motion=values),
-        )
-        for dt, values in deviations.items()
-    ]
+    units, runs = records.UnitData.units("LAMMPS real"), []
+    for dt, values in deviations.items():
+        observables = records.ObservableData(constant_of_motion=values)
+        runs.append(records.SimulationData(units=units, dt=dt, observables=observables))
     return _quiet(physical_validation.integrator.convergence, runs, verbose=False)

@@ -10,12 +10,13 @@ import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from validation.scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
+from validation.sweep.plan import Measured
 
 # these say whether something is right, or not; they are no errors that a shorter step makes smaller
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"
-DEFAULT = "nosquish"  # the integrator that a tie goes to: this package's, without keywords
 DECADES = 3.0  # a ladder of targets that spans more has one rung in each decade, else three
 Targets = Mapping[str, float]
 
@@ -27,12 +28,13 @@ class Choice:
     targets: Targets
     # the simplest of the fastest and those that tie with it; None if none meets all targets for
     # sure; see also `_plain`
-    best: dict | None
-    fastest: dict | None = None  # that meets all targets for sure with the smallest least run time
+    best: Measured | None
+    # that meets all targets for sure with the smallest least run time
+    fastest: Measured | None = None
     # the others that do, and whose least run time is not above its median, from the fastest
-    ties: tuple[dict, ...] = ()
+    ties: tuple[Measured, ...] = ()
     # those as fast as the best one of which there is no telling, or which are not timed
-    perhaps: tuple[dict, ...] = ()
+    perhaps: tuple[Measured, ...] = ()
     resolved: bool = True  # whether the targets are not below the `resolution`
 
     @property
@@ -52,20 +54,25 @@ def _known(point, measure):
     return Estimate.of(found)
 
 
-def bound(point: dict, measure: str) -> float:
+def bound(point: Measured, measure: str) -> float:
     """What an error is at most for sure: value + its 95 % margin; infinite if it is not known."""
     found = _known(point, measure)
     most = found.value + found.margin if found else math.inf
     return most if math.isfinite(most) else math.inf
 
 
-def is_zero(point: dict, measure: str) -> bool:
+def least(point: Measured) -> float:
+    """The least run time, s per ns; infinite if it is not known."""
+    return point["cost"]["min"] if point["cost"] else math.inf
+
+
+def is_zero(point: Measured, measure: str) -> bool:
     """Whether an error is known, and cannot be told from zero by its 95 % margin."""
     found = _known(point, measure)
     return found is not None and found.value < found.margin
 
 
-def meets(point: dict, targets: Targets) -> bool | None:
+def meets(point: Measured, targets: Targets) -> bool | None:
     """Whether all errors of a point are within the targets: True if they are with their 95 %
     margins, False if one less its margin is above or does not apply or the point failed, None if
     there is no telling."""
@@ -81,14 +88,14 @@ def _within(found, target):
     return Check("", "", "", **found, high=target).holds
 
 
-def choose(points: Iterable[dict], targets: Targets) -> Choice:
+def choose(points: Iterable[Measured], targets: Targets) -> Choice:
     """The `Choice` among points."""
     verdicts = [(point, meets(point, targets)) for point in points]
     good = sorted((point for point, met in verdicts if met and point["cost"]), key=_by_cost)
-    usual = good[0]["cost"]["median"] if good else math.inf
+    usual = good[0]["cost"]["median"] if good and good[0]["cost"] else math.inf
     unsure = [point for point, met in verdicts if met is None or (met and not point["cost"])]
-    perhaps = [one for one in unsure if not one["cost"] or one["cost"]["min"] <= usual]
-    tied = [point for point in good if point["cost"]["min"] <= usual]
+    perhaps = [one for one in unsure if not one["cost"] or least(one) <= usual]
+    tied = [point for point in good if least(point) <= usual]
     best = _plain(min(tied, key=_by_words, default=None), perhaps, targets)
     ties = tuple(point for point in tied if point is not best)
     perhaps = sorted((point for point in perhaps if point is not best), key=_by_cost)
@@ -99,7 +106,7 @@ def _plain(best, perhaps, targets):
     """The default in the place of its variant with keywords, at the same step, where no error of it
     is above the variant's within that one's error bars: a keyword has to be seen to help.  It may
     not meet the targets for sure itself."""
-    if best is None or not best["ours"] or best["integrator"] == DEFAULT:
+    if best is None or not best["ours"] or best["integrator"] == OURS:
         return best
 
     def as_good(point):
@@ -107,58 +114,58 @@ def _plain(best, perhaps, targets):
         return all(key in errors and errors[key]["value"] <= bound(best, key) for key in targets)
 
     for point in perhaps:
-        same = point["integrator"] == DEFAULT and point["dt"] == best["dt"]
+        same = point["integrator"] == OURS and point["dt"] == best["dt"]
         if same and point["cost"] and meets(point, targets) is None and as_good(point):
             return point
     return best
 
 
-def ours(points: Iterable[dict], targets: Targets) -> Choice:
+def ours(points: Iterable[Measured], targets: Targets) -> Choice:
     """The `Choice` among this package's own points."""
     return choose([point for point in points if point["ours"]], targets)
 
 
-def each(points: Sequence[dict], targets: Targets) -> dict[str, Choice]:
+def each(points: Sequence[Measured], targets: Targets) -> dict[str, Choice]:
     """The `Choice` of each integrator among its own points, by its name."""
-    found: dict[str, list[dict]] = {}
+    found: dict[str, list[Measured]] = {}
     for point in points:
         found.setdefault(point["integrator"], []).append(point)
     return {name: choose(own, targets) for name, own in found.items()}
 
 
-def nearest(points: Iterable[dict], targets: Targets) -> tuple[dict, float] | None:
+def nearest(points: Iterable[Measured], targets: Targets) -> tuple[Measured, float] | None:
     """The point that is the least above the targets, and how many times its worst `bound` is above;
     None if no point has all these errors."""
     excess = [(max(bound(one, key) / most for key, most in targets.items()), one) for one in points]
-    factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, {}))
-    return (point, factor) if factor < math.inf else None
+    factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
+    return (point, factor) if point and factor < math.inf else None
 
 
-def resolution(points: Iterable[dict], measure: str) -> float:
+def resolution(points: Iterable[Measured], measure: str) -> float:
     """What errors that cannot be told from zero are at most, their median; 0 if there are none.
     Which of these is below a smaller target is chance."""
     zero = [bound(point, measure) for point in points if is_zero(point, measure)]
     return statistics.median(zero or [0.0])
 
 
-def front(points: Iterable[dict], measure: str) -> list[dict]:
+def front(points: Iterable[Measured], measure: str) -> list[Measured]:
     """The points that no other one beats in both run time and `bound`, from the fastest: those that
     are chosen for some target; none of `CHECKS`."""
-    found, least = [], math.inf
+    found, lowest = [], math.inf
     timed = [point for point in points if point["cost"] and measure not in CHECKS]
     for point in sorted(timed, key=_by_cost):
-        if bound(point, measure) < least:
+        if bound(point, measure) < lowest:
             found.append(point)
-            least = bound(point, measure)
+            lowest = bound(point, measure)
     return found
 
 
-def ladder(points: Sequence[dict], measure: str) -> list[float]:
+def ladder(points: Sequence[Measured], measure: str) -> list[float]:
     """Targets over which the choice changes, 1, 2, 5 times powers of ten, or these powers alone:
     from the last one that no point meets for sure to the first one that the fastest point of the
     `front` meets, without those below the `resolution`."""
-    least = resolution(points, measure)
-    return [rung for rung in _rungs(points, measure) if rung >= least]
+    lowest = resolution(points, measure)
+    return [rung for rung in _rungs(points, measure) if rung >= lowest]
 
 
 def _rungs(points, measure):
@@ -175,7 +182,7 @@ def _rungs(points, measure):
 
 
 def fastest(
-    points: Sequence[dict], measures: Iterable[str]
+    points: Sequence[Measured], measures: Iterable[str]
 ) -> list[tuple[str, float, Choice, Choice]]:
     """For each rung of each measure's `ladder` (measure, target, `Choice`, that of `ours`); a
     target below the `resolution` is there once, without a best point."""
@@ -195,9 +202,9 @@ def fastest(
 def _by_words(point):
     """From the simplest: this package's default, then what takes the fewest words in an input
     script; of equal ones the fastest first."""
-    return point["integrator"] != DEFAULT, len(" ".join(point["lines"]).split()), _by_cost(point)
+    return point["integrator"] != OURS, len(" ".join(point["lines"]).split()), _by_cost(point)
 
 
 def _by_cost(point):
     """From the fastest; of equal ones the longer step first, then by name; untimed ones last."""
-    return point["cost"]["min"] if point["cost"] else math.inf, -point["dt"], point["integrator"]
+    return least(point), -point["dt"], point["integrator"]

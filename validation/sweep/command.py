@@ -1,13 +1,13 @@
 """``sweep``: its words, and what they run."""
 
-import argparse
+from argparse import Namespace
 from collections.abc import Collection
 
 from validation import command_line
 from validation.scenes.integrators import SWEPT
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -52,7 +52,7 @@ def scenes() -> Collection[str]:
     return SCENES
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.sweep import measure, plan, report  # heavy: not for --help
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         points = plan.points(names, short, arguments.only, arguments.steps)
     except ValueError as error:
         arguments.parser.error(str(error))
-    out = command_line.folder(arguments.out, "results/sweep", short)
+    out = command_line.folder(arguments, short)
     silence = arguments.silence or (30.0 if short else 120.0)
     screen = console.console()
     with console.Meter(screen, plan.total(points, lengths), "runs") as meter:

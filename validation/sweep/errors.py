@@ -81,7 +81,7 @@ _TOLD = {
     ),
 }
 MEASURES = {
-    name: {"title": title, "unit": unit, "relative_to": relative_to, "log": True}
+    name: {"title": title, "unit": unit, "relative_to": relative_to}
     for name, (title, unit, relative_to) in _TOLD.items()
 }
 
@@ -133,8 +133,8 @@ def of_run(
     thermo = {name: values[sampled] for name, values in result.thermo.items()}
     energy, time = thermo["TotEng"], thermo["Step"] * dt / FS_PER_PS
     kelvin, total = thermo["Temp"].mean(), degrees_of_freedom(result)
-    motion, at = Motion(result.positions), parts.at_horizon
-    exact = (reference.positions or {})["x"][-1]
+    assert result.positions and reference.positions  # a complete run has them
+    motion, at, exact = Motion(result.positions), parts.at_horizon, reference.positions.x[-1]
     # LAMMPS's are three less, for the momentum is kept: of translations, free atoms' alike
     moving = 3 * motion.count * (1 - 1 / (motion.count + motion.free))
     turning = total - 3 * (motion.count + motion.free - 1)
@@ -163,9 +163,9 @@ def of_run(
     }
     cost, cpu = [], []
     for one in (result.timings[index] for index in parts.segments):
-        cost.append(one["loop"] / one["steps"] / dt * FS_PER_NS)
-        if one["cpu"] is not None:
-            cpu.append(cost[-1] * one["ranks"] * one["cpu"] / 100)
+        cost.append(one.seconds / one.steps / dt * FS_PER_NS)
+        if one.cpu is not None:
+            cpu.append(cost[-1] * one.ranks * one.cpu / 100)
     found = {name: makers[name]() for name in asked}
     return Numbers(found, cost, cpu, kelvin, total, moving, turning)
 
@@ -325,8 +325,9 @@ def _equipartition(point, found):
         pair = one.measures["pv_equipartition"]
         series.append(pair[:, :: ceil(max(map(measures.statistical_inefficiency, pair)))])
     freedom = numbers[0].moving, numbers[0].turning
-    series = np.concatenate(series, axis=1)
-    return Estimate(structure.equipartition(*series, *freedom, _kelvin(numbers)), 1.0)
+    translation, rotation = np.concatenate(series, axis=1)
+    off = structure.equipartition(translation, rotation, *freedom, _kelvin(numbers))
+    return Estimate(off, 1.0)
 
 
 TOGETHER = {

@@ -11,9 +11,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from validation.pages.figures import MARKS, MISSED, PALE, draw_each
+from validation.scenes.integrators import OURS
 from validation.statistics.estimate import SURE, Estimate
 from validation.sweep.choice import bound, is_zero
-from validation.sweep.plan import OURS, SHORT
+from validation.sweep.plan import SHORT, Measured
 
 MAIN = "energy_sd", "drift", "paper"  # the first of these that a scene has is its main figure
 SHOWN = SHORT  # in all panels; tolerances and mrot have one of their own
@@ -52,7 +53,7 @@ def draw(summary: dict, out: Path) -> dict[str, list[tuple[Path, str]]]:
     }
 
 
-def styles(points: Iterable[dict]) -> dict[str, dict]:
+def styles(points: Iterable[Measured]) -> dict[str, dict]:
     """How each integrator is drawn, alike in all panels and scenes: name to keywords of matplotlib.
 
     The beginning of the name says colour and marker; dashes tell those with the same beginning
@@ -158,7 +159,7 @@ def _group(name, points, title, shown, noise, measures, looks):
     )
     for axis in axes.flat[len(shown) :]:
         axis.set_visible(False)
-    handles = {}
+    handles: dict = {}
     for axis, measure in zip(axes.flat, shown):
         _panel(axis, points, measure, looks)
         heading = textwrap.fill(measures[measure]["title"], 44)
@@ -166,8 +167,8 @@ def _group(name, points, title, shown, noise, measures, looks):
         axis.set(xlabel=TIME, ylabel=measures[measure]["unit"])
         axis.tick_params(labelbottom=True)
         handles |= dict(zip(*reversed(axis.get_legend_handles_labels())))
-    place = {"loc": "outside right upper", "frameon": False, "fontsize": 8.5}
-    figure.legend(handles.values(), handles.keys(), **place)
+    place: dict = {"loc": "outside right upper", "frameon": False, "fontsize": 8.5}
+    figure.legend(list(handles.values()), list(handles), **place)
     left = f" Not drawn, for less than {TOLD:.0%} of the points can be told from zero: "
     left = f"{left}{', '.join(noise)}." if noise else ""
     return figure, f"{name}, {title.lower()}: errors against run time. {READ}{left}"
@@ -254,7 +255,7 @@ def _tick(value, _):
 
 def _by_integrator(points):
     """{integrator: its points, from the shortest step}"""
-    found = {point["integrator"]: [] for point in points}
+    found: dict[str, list[Measured]] = {point["integrator"]: [] for point in points}
     for point in sorted(points, key=lambda point: point["dt"]):
         found[point["integrator"]].append(point)
     return found

@@ -19,10 +19,10 @@ from pathlib import Path
 from validation.running import machine, run, store
 from validation.running.trajectory import Trajectory
 from validation.scenes import FS_PER_PS, starts
-from validation.scenes.integrators import SWEPT
+from validation.scenes.integrators import OURS, SWEPT
 from validation.statistics import measures
 from validation.sweep import errors
-from validation.sweep.plan import FINER, OURS, Lengths, Point, parts, points, sweeps
+from validation.sweep.plan import FINER, Lengths, Measured, Point, parts, points, sweeps
 
 # kinetic energy of the bodies' centres, and of the atoms about them: from the atoms, so alike for
 # all integrators
@@ -89,8 +89,9 @@ class _Scene:
         self.ranks = ranks if self.swept.bodies > 2 else 1  # more make no sense for the dimer
         self.scene = self.swept.scene
         self.finest = min(*self.swept.steps, *(point.dt for point in asked)) / FINER
-        self.found = {point: [] for point in self.points}  # numbers from each start
-        self.failures = {point: [] for point in self.points}  # why, from each start that did
+        self.found: dict[Point, list[errors.Numbers]] = {point: [] for point in self.points}
+        # why, from each start that failed
+        self.failures: dict[Point, list[str]] = {point: [] for point in self.points}
         self.error = None  # why there is nothing
         self.begun = None  # hash of the starts
         self.freedom = None  # degrees of it
@@ -182,7 +183,7 @@ class _Scene:
             silence=self.silence,
             more=more,
             origin=machine.origin(self.scene, point.integrator, *files),
-            motion=True,
+            keeps="motion",
         )
 
     def _once(self, label, job):
@@ -218,7 +219,7 @@ class _Scene:
             ],
         }
 
-    def _row(self, point, fails, errors, signed):
+    def _row(self, point, fails, errors, signed) -> Measured:
         found, failures, integrator = self.found[point], self.failures[point], point.integrator
         one = parts(self.swept, point.dt, self.lengths.time)
         asked = self.swept.measures_of(integrator)

@@ -1,20 +1,17 @@
-"""From a sweep's summary to files: summary.json, points.csv, fastest.csv, figures, report.html; and
-to the terminal."""
+"""From a sweep's summary to files and to the terminal."""
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import pandas as pd
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.table import Table
 
-from validation.pages.page import page, save
+from validation.pages import report
 from validation.statistics.estimate import SURE, Estimate
-from validation.sweep.choice import fastest, front
+from validation.statistics.measures import Spread
+from validation.sweep.choice import fastest, front, least
 from validation.sweep.figures import MAIN, draw
-from validation.sweep.plan import MESH, SAMPLED
+from validation.sweep.plan import MESH, SAMPLED, Measured
 
 PARTS = "min", "median", "max"
 ONE_START = (
@@ -30,7 +27,6 @@ UNTOLD = (
 
 def write(summary: dict, out: Path) -> None:
     """Write all files into the folder ``out``, of a summary as `gathered` gives it."""
-    save(summary, out)
     scenes = summary["scenes"]
     ways = {name: fastest(scene["points"], scene["measures"]) for name, scene in scenes.items()}
     fronts = {name: _fronts(scene) for name, scene in scenes.items()}
@@ -42,28 +38,17 @@ def write(summary: dict, out: Path) -> None:
     rows = [
         _way_row(summary["measures"], name, *way) for name, some in ways.items() for way in some
     ]
-    for name, table in ("points", points), ("fastest", rows):
-        pd.DataFrame(table, dtype=object).to_csv(out / f"{name}.csv", index=False)
+    tables = {"points": report.frame(points), "fastest": report.frame(rows)}
     figures: list[tuple[Path, str]] = []
     places = {}
     for name, drawn in draw(summary, out).items():
         places[name] = range(len(figures), len(figures) + len(drawn))
         figures += drawn
-    page(
-        "sweep.html",
-        out / "report.html",
-        figures,
-        **{one.__name__: one for one in (named, names, seconds, error_of, over, unit_of)},
-        places=places,
-        summary=summary,
-        ways={name: distinct(some) for name, some in ways.items()},
-        fronts=fronts,
-        sure=SURE,
-        one_start=ONE_START,
-        untold=UNTOLD,
-        mesh=MESH,
-        least=SAMPLED,
-    )
+    values: dict = {one.__name__: one for one in (named, names, seconds, error_of, over, unit_of)}
+    values |= {"places": places, "fronts": fronts, "mesh": MESH, "least": SAMPLED}
+    values |= {"ways": {name: distinct(some) for name, some in ways.items()}}
+    values |= {"one_start": ONE_START, "untold": UNTOLD}
+    report.write(summary, out, tables, "sweep.html", figures, **values)
 
 
 def gathered(summary: dict, out: Path) -> dict:
@@ -95,12 +80,12 @@ def _stays(earlier, summary, name):
     return (same and runs > now) or (not new[0]["points"] and not new[0]["error"])
 
 
-def named(point: dict) -> str:
+def named(point: Measured) -> str:
     """An integrator with its time step, as text."""
     return f"{point['label']}, {point['dt']:g} fs"
 
 
-def names(points: Sequence[dict], most: int | None = None) -> str:
+def names(points: Sequence[Measured], most: int | None = None) -> str:
     """Several of these; of many the first ``most``, and how many more."""
     more = len(points) - (most or len(points))
     return "; ".join(map(named, points[:most])) + (f" and {more} more" if more > 0 else "")
@@ -116,7 +101,7 @@ def distinct(ways: Sequence[tuple]) -> list[tuple]:
     return kept
 
 
-def seconds(cost: Mapping | None) -> str:
+def seconds(cost: Spread | None) -> str:
     """A run time per ns as text: the least, and the median where it differs in what is shown."""
     if cost is None:
         return "–"
@@ -125,7 +110,7 @@ def seconds(cost: Mapping | None) -> str:
     return least if least == usual else f"{least} ({usual})"
 
 
-def error_of(point: dict, measure: str) -> str:
+def error_of(point: Measured, measure: str) -> str:
     """An error of a point as text."""
     found = point["errors"].get(measure)
     if found is None:
@@ -133,9 +118,9 @@ def error_of(point: dict, measure: str) -> str:
     return f"{found['value']:.3g} ± ?" if found["error"] is None else Estimate.of(found).text()
 
 
-def over(ours: dict | None, fastest: dict | None) -> str:
+def over(ours: Measured | None, fastest: Measured | None) -> str:
     """How many times the fastest one's run time ours takes, as text."""
-    return f"{ours['cost']['min'] / fastest['cost']['min']:.2f}" if ours and fastest else "–"
+    return f"{least(ours) / least(fastest):.2f}" if ours and fastest else "–"
 
 
 def unit_of(measure: Mapping) -> str:
@@ -190,64 +175,53 @@ def _way_row(measures, scene, measure, target, choice, ours):
 
 
 def show(console: Console, summary: dict, out: Path) -> None:
-    """Print for each scene what each integrator's steps came to and the fastest ways, and where the
-    files are."""
+    """Print for each scene what each integrator's steps came to, and the fastest ways."""
+    failures: list[str] = []
     for name, scene in summary["scenes"].items():
-        _show_integrators(console, name, scene, summary["measures"])
+        failures += _show_integrators(console, name, scene, summary["measures"])
         _show_fastest(console, name, scene, summary["measures"])
         if scene["starts"] < 2:
             console.print(f"{name}: {ONE_START}", soft_wrap=True)
         if scene["error"]:
-            console.print(f"✗ {name}: {scene['error']}", markup=False, soft_wrap=True)
-    if summary["interrupted"]:
-        console.print("Interrupted: the same command goes on from here.")
-    console.print(f"{out}/report.html and the numbers beside it", soft_wrap=True)
+            failures.append(f"{name}: {scene['error']}")
+    report.end(console, summary, out, failures)
 
 
 def _show_integrators(console, name, scene, measures):
+    """Print a row for each integrator; which of them fail, and why."""
     main = [measure for measure in MAIN if measure in scene["measures"]][:1]
-    heads = ["steps, fs", "fails from, fs", "longest step\ns per ns"]
+    heads = ["integrator", "steps, fs", "fails from, fs", "longest step\ns per ns"]
     heads += [f"{one}\n{measures[one]['unit']}" for one in main]
-    shown = table(f"{name}: {scene['title']}", "integrator", heads)
-    points, failures = sorted(scene["points"], key=lambda point: point["dt"]), []
-    for key in dict.fromkeys(point["integrator"] for point in scene["points"]):
-        row = [point for point in points if point["integrator"] == key]
-        good = [point for point in row if not point["failed"]]
-        bad = next((point for point in row if point["failed"]), None)
+    points, rows, styles, failures = sorted(scene["points"], key=lambda one: one["dt"]), [], [], []
+    for key in dict.fromkeys(point["integrator"] for point in points):
+        own = [point for point in points if point["integrator"] == key]
+        good = [point for point in own if not point["failed"]]
+        bad = next((point for point in own if point["failed"]), None)
         steps = f"{good[0]['dt']:g} – {good[-1]['dt']:g}" if good else "none"
-        cells = [row[0]["label"], steps, f"{bad['dt']:g}" if bad else "–"]
-        if good:
-            cells += [seconds(good[-1]["cost"]), *(error_of(good[-1], one) for one in main)]
-        shown.add_row(*cells, style="bold" if row[0]["ours"] else None)
-        if bad:
-            failures.append(f"✗ {named(bad)}: {bad['failed']}")
-    console.print(shown)
-    for failure in failures:
-        console.print(failure, markup=False, soft_wrap=True)
+        cells = [own[0]["label"], steps, f"{bad['dt']:g}" if bad else "–"]
+        longest = good[-1:]
+        cells += [seconds(one["cost"]) for one in longest] or ["–"]
+        cells += [error_of(one, measure) for one in longest for measure in main] or ["–"] * len(
+            main
+        )
+        rows.append(cells)
+        styles.append("bold" if own[0]["ours"] else None)
+        failures += [f"{name}, {named(bad)}: {bad['failed']}"] if bad else []
+    report.table(console, f"{name}: {scene['title']}", heads, rows, styles=styles)
+    return failures
 
 
 def _show_fastest(console, name, scene, measures):
-    heads = ["below", "use", "s per ns", "a tie with", "ours / fastest"]
-    shown = table(f"{name}: fastest way to an error, sure by {SURE}", "error of", heads)
-    for column in (shown.columns[2], shown.columns[4]):
-        column.justify = "left"
-    before = None
+    heads = ["error of", "below", "use", "s per ns", "a tie with", "ours / fastest"]
+    rows, styles, before = [], [], None
     for measure, target, choice, ours in distinct(fastest(scene["points"], scene["measures"])):
         best = choice.best
         title = f"{measure}{unit_of(measures[measure])}" if measure != before else ""
         before = measure
         doubt = choice.verdict + (f": {names(choice.perhaps, 2)}" if choice.perhaps else "")
         words = [named(best), seconds(best["cost"])] if best else [doubt, "–"]
-        style = ("bold" if best["ours"] else None) if best else "dim"
+        styles.append(("bold" if best["ours"] else None) if best else "dim")
         rest = names(choice.ties, 2), over(ours.best, choice.fastest)
-        shown.add_row(title, f"{target:g}", *words, *rest, style=style)
-    console.print(shown)
-
-
-def table(title: str, first: str, heads: Iterable[str]) -> Table:
-    """A table for the terminal: a column of names, and further ones."""
-    found = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
-    found.add_column(first, overflow="fold")
-    for head in heads:
-        found.add_column(head, justify="right", overflow="fold")
-    return found
+        rows.append([title, f"{target:g}", *words, *rest])
+    title = f"{name}: fastest way to an error, sure by {SURE}"
+    report.table(console, title, heads, rows, ("error of", "use", "a tie with"), styles)

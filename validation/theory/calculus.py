@@ -151,23 +151,28 @@ def tangent(constraints: Callable[[State], State], x: State) -> np.ndarray:
     return null_space(jacobian(constraints, x))
 
 
-def restricted(J: np.ndarray, basis: np.ndarray) -> tuple[float, float]:
+def restricted(moved: np.ndarray, basis: np.ndarray) -> tuple[float, float]:
     """What (2.42) becomes on a constrained phase space.
 
-    There the form of two directions u, v is u^T g v, and a step is symplectic if it keeps it: B^T
-    J^T g J B = B^T g B for a basis B, of `tangent`.
+    There the form of two directions u, v is u^T g v, and a step is symplectic if it keeps it. For a
+    basis B, of `tangent`:
+
+        B^T J^T g J B = B^T g B
+
+    Args:
+        moved: J B.
 
     Returns:
         (2-norm of the difference of the two sides, the factor by which the step changes the volume
         that belongs to the form).
     """
-    g, moved = metric(len(J) // 2), J @ basis
+    g = metric(len(basis) // 2)
     after, before = moved.T @ g @ moved, basis.T @ g @ basis
     volume = np.sqrt(np.linalg.det(after) / np.linalg.det(before))
     return float(np.linalg.norm(after - before, 2)), float(volume)
 
 
-def slope(x: Sequence[float], y: Sequence[float]) -> Estimate:
+def slope(x: Sequence[float] | np.ndarray, y: Sequence[float] | np.ndarray) -> Estimate:
     """The exponent of y ~ x^exponent, from a straight line through the logarithms."""
     (exponent, _), covariance = np.polyfit(np.log(x), np.log(y), 1, cov=True)
     return Estimate(float(exponent), float(np.sqrt(covariance[0, 0])), len(x) - 2)

@@ -1,9 +1,11 @@
 """``theory``: its words, and what they run."""
 
+from argparse import Namespace
+
 from validation import command_line
 
 
-def add(verbs) -> None:
+def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
@@ -34,14 +36,14 @@ def _parts():
     return PARTS
 
 
-def run(arguments) -> int:
+def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.pages import console
     from validation.running import machine
     from validation.theory import measure, report  # heavy: not for --help
 
     parts = command_line.chosen(measure.PARTS, arguments.parts)
-    out, screen = command_line.folder(arguments.out, "results/theory"), console.console()
+    out, screen = command_line.folder(arguments), console.console()
     with console.Meter(screen, sum(measure.PARTS[part][1] for part in parts), "pieces") as meter:
         checks, data, interrupted = measure.theory(parts, out, meter, arguments.silence)
     summary = machine.circumstances() | {

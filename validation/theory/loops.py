@@ -1,10 +1,13 @@
 """The compiled loops of the fix, bound without LAMMPS: whole steps of bodies whose atoms attract or
 repel each other, as functions of a state.
 
-A state x has 14 n rows, as in `theory_reference`: momenta of the centres (3 n) and conjugate
+A state x has 14 n rows, as in `reference`: momenta of the centres (3 n) and conjugate
 momenta of the quaternions (4 n), then centres and quaternions.  Its derivatives are central
 differences: the machine code takes no complex numbers.
 """
+
+import itertools
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.linalg import block_diag, null_space
@@ -14,7 +17,7 @@ from fix_nosquish.bodies import MASS, MOMENT, Bodies, P, Q, V, X
 from fix_nosquish.compiled import F2, Cell, F
 from fix_nosquish.matubayasi_nakahara import MatubayasiNakahara
 from fix_nosquish.nve import NVE
-from validation.theory.calculus import metric
+from validation.theory.calculus import restricted
 from validation.theory.reference import PERMUTE, _second, _third, multiply, to_space
 
 SCHEMES = {"NVE": NVE, "MatubayasiNakahara": MatubayasiNakahara}
@@ -28,6 +31,7 @@ KINDS = {
     "point": (0.0, 0.0, 0.0),
 }
 ATOMS = 3  # of a body
+Sizes = float | np.ndarray
 STEP = 0.01  # the longest of the differences' steps; their error falls as its sixth power
 
 
@@ -43,11 +47,18 @@ class Scene:
         sites: (3, n, ATOMS) places of the atoms in the principal frames.
     """
 
-    def __init__(self, kind, n, rng, scheme="NVE", order=321, mrot=1):
+    def __init__(
+        self,
+        kind: str,
+        n: int,
+        rng: np.random.Generator,
+        scheme: str = "NVE",
+        order: int = 321,
+        mrot: int = 1,
+    ) -> None:
         self.kind, self.n, self.mrot = kind, n, mrot
-        self.moments = np.array(
-            KINDS[kind] if order == 321 or kind in ("linear", "point") else KINDS[kind][::-1]
-        )
+        ordered = order == 321 or kind in ("linear", "point")
+        self.moments = np.array(KINDS[kind] if ordered else KINDS[kind][::-1])
         self.sites = rng.uniform(-0.6, 0.6, (3, n, ATOMS))
         if kind == "linear":
             self.sites[:2] = 0.0
@@ -59,22 +70,11 @@ class Scene:
         self.charge = np.triu(self.charge, 1) + np.triu(self.charge, 1).T
         self.charge *= np.kron(1 - np.eye(n), np.ones((ATOMS, ATOMS)))  # none within a body
         state = np.zeros((block.ROWS, n))
-        state[MASS], state[MOMENT], state[block.NATOMS], state[block.ID], state[block.Q] = (
-            1.0,
-            self.moments[:, None],
-            ATOMS,
-            np.arange(n),
-            1.0,
-        )
-        places = np.concatenate([self.sites.reshape(3, -1), np.arange(n * ATOMS)[None]])
-        self.bodies = Bodies(
-            state,
-            np.repeat(np.arange(n), ATOMS),
-            places,
-            np.arange(n * ATOMS, dtype=np.int32),
-            False,
-            False,
-        )
+        state[MASS], state[MOMENT], state[block.Q] = 1.0, self.moments[:, None], 1.0
+        state[block.NATOMS], state[block.ID] = ATOMS, np.arange(n)
+        body, index = np.repeat(np.arange(n), ATOMS), np.arange(n * ATOMS, dtype=np.int32)
+        places = np.concatenate([self.sites.reshape(3, -1), index[None]])
+        self.bodies = Bodies(state, body, places, index, False, False)
         self.r, self.f = np.zeros((n * ATOMS, 3)), np.zeros((n * ATOMS, 3))
         cells = self.bodies.cells | {
             "atom_x": Cell(F2, self.r),
@@ -88,7 +88,9 @@ class Scene:
         self.advance = SCHEMES[scheme].advance.bind_to(cells, **whole)
         self.kick = SCHEMES[scheme].kick.bind_to(cells, ends=True, begins=False)
 
-    def random(self, rng, turn=0.3, strength=0.3):
+    def random(
+        self, rng: np.random.Generator, turn: Sizes = 0.3, strength: Sizes = 0.3
+    ) -> np.ndarray:
         """A state whose bodies turn by up to `turn` in a unit of time."""
         q = rng.normal(size=(4, self.n))
         q /= np.linalg.norm(q, axis=0)
@@ -99,24 +101,15 @@ class Scene:
             spin[self.moments > 0.5] *= np.sqrt(self.moments.min())
         L = turn * self.moments[:, None] * spin
         p = 2 * multiply(q, np.concatenate([np.zeros((1, self.n)), L]))
-        return np.concatenate(
-            [
-                part.ravel()
-                for part in (
-                    strength * rng.normal(size=(3, self.n)),
-                    p,
-                    rng.normal(size=(3, self.n)),
-                    q,
-                )
-            ]
-        )
+        momenta, centres = strength * rng.normal(size=(3, self.n)), rng.normal(size=(3, self.n))
+        return np.concatenate([part.ravel() for part in (momenta, p, centres, q)])
 
-    def split(self, x):
+    def split(self, x: np.ndarray) -> Iterator[np.ndarray]:
         """Momenta (3, n), p (4, n), centres (3, n), q (4, n)."""
         n = self.n
         return (part.reshape(-1, n) for part in np.split(x, (3 * n, 7 * n, 10 * n)))
 
-    def step(self, x, dt, forces=None):
+    def step(self, x: np.ndarray, dt: float, forces: np.ndarray | None = None) -> np.ndarray:
         """The state after a step of the compiled loops.
 
         Args:
@@ -136,24 +129,22 @@ class Scene:
         back = np.argsort(order)
         return np.concatenate([state[rows][:, back].ravel() for rows in (V, P, X, Q)])
 
-    def positions(self, x):
+    def positions(self, x: np.ndarray) -> np.ndarray:
         """Of the atoms, (atoms, 3), by (2.1)."""
         *_, centres, q = self.split(x)
-        return (
-            (np.einsum("ijb,jba->iba", to_space(q), self.sites) + centres[:, :, None])
-            .reshape(3, -1)
-            .T
-        )
+        arms = np.einsum("ijb,jba->iba", to_space(q), self.sites)
+        return (arms + centres[:, :, None]).reshape(3, -1).T
 
-    def forces(self, r):
+    def forces(self, r: np.ndarray) -> np.ndarray:
         """On the atoms (atoms, 3), of the potential sum of c exp(-r^2 / 2) over pairs of atoms in
         different bodies."""
         delta = r[:, None] - r[None]
-        return ((self.charge * np.exp(-0.5 * (delta**2).sum(axis=2)))[:, :, None] * delta).sum(
-            axis=1
-        )
+        size = self.charge * np.exp(-0.5 * (delta**2).sum(axis=2))
+        return (size[:, :, None] * delta).sum(axis=1)
 
-    def model(self, x, dt, forces, scheme="NVE"):
+    def model(
+        self, x: np.ndarray, dt: float, forces: np.ndarray, scheme: str = "NVE"
+    ) -> np.ndarray:
         """A step by the paper's equations as they stand, in numpy, with these forces on the atoms
         (atoms, 3)."""
         momenta, p, centres, q = self.split(x)
@@ -162,9 +153,8 @@ class Scene:
         def kicked(momenta, p, q):
             arms = np.einsum("ijb,jba->iba", to_space(q), self.sites)
             torque = np.einsum("jib,jb->ib", to_space(q), np.cross(arms, f, axis=0).sum(axis=2))
-            return momenta + dt / 2 * f.sum(axis=2), p + dt * multiply(
-                q, np.concatenate([np.zeros((1, self.n)), torque])
-            )
+            four = multiply(q, np.concatenate([np.zeros((1, self.n)), torque]))
+            return momenta + dt / 2 * f.sum(axis=2), p + dt * four
 
         momenta, p = kicked(momenta, p, q)
         centres = centres + dt * momenta
@@ -197,7 +187,7 @@ class Scene:
             q, p = c * q + s * np.stack(PERMUTE[k](q)), c * p + s * np.stack(PERMUTE[k](p))
         return q, p
 
-    def apart(self, rng, scheme="NVE"):
+    def apart(self, rng: np.random.Generator, scheme: str = "NVE") -> tuple[float, float]:
         """How far a step of the loops and one of `model` lead apart, of bodies that turn by 1e-8 to
         10 rad in it, with random forces.
 
@@ -215,10 +205,8 @@ class Scene:
         forces = 0.3 * least * np.repeat(turn, ATOMS)[:, None] * rng.normal(size=self.f.shape)
         model = self.model(x, 1.0, forces, scheme)
         other = self.model(x * (1 + tiny * rng.normal(size=len(x))), 1.0, forces, scheme)
-        apart, response = (
-            self._relative(self.step(x, 1.0, forces), model, x),
-            self._relative(other, model, x) / tiny,
-        )
+        apart = self._relative(self.step(x, 1.0, forces), model, x)
+        response = self._relative(other, model, x) / tiny
         return float((apart / np.maximum(1, response)).max()), float(apart[turn <= 1].max())
 
     def _relative(self, y, z, x):
@@ -226,37 +214,38 @@ class Scene:
         worst = np.zeros(self.n)
         for one, other, start in zip(self.split(y), self.split(z), self.split(x)):
             size = np.linalg.norm(other, axis=0) + np.linalg.norm(start, axis=0)
-            worst = np.maximum(
-                worst, np.linalg.norm(one - other, axis=0) / np.where(size > 0, size, 1.0)
-            )
+            off = np.linalg.norm(one - other, axis=0) / np.where(size > 0, size, 1.0)
+            worst = np.maximum(worst, off)
         return worst
 
     # ------------------------------------------------------------- phase space
 
-    def basis(self, x):
+    def basis(self, x: np.ndarray) -> np.ndarray:
         """Directions (14 n, m) that span the bodies' phase space at x: |q| = 1 and w_0 = 0 (2.55);
         a point has no orientation, a linear body neither spin nor angle about its axis (the
         direction (P_3 p, P_3 q) changes nothing)."""
         _, p, _, q = self.split(x)
         blocks = []
         for b in range(self.n):
-            rows = {"point": np.eye(8)}.get(self.kind)
-            if rows is None:
-                rows = [np.concatenate([0 * q[:, b], q[:, b]]), np.concatenate([q[:, b], p[:, b]])]
-                if self.kind == "linear":
-                    q3, p3 = (np.stack(PERMUTE[3](a[:, b])) for a in (q, p))
-                    # of p . P_3 q, and along the turn
-                    rows += [np.concatenate([q3, -p3]), np.concatenate([p3, q3])]
-            blocks.append(np.stack(rows))
+            rows = [np.concatenate([0 * q[:, b], q[:, b]]), np.concatenate([q[:, b], p[:, b]])]
+            if self.kind == "linear":
+                q3, p3 = (np.stack(PERMUTE[3](a[:, b])) for a in (q, p))
+                # of p . P_3 q, and along the turn
+                rows += [np.concatenate([q3, -p3]), np.concatenate([p3, q3])]
+            blocks.append(np.eye(8) if self.kind == "point" else np.stack(rows))
         inner = block_diag(*(null_space(block) for block in blocks))
         full, n = np.zeros((14 * self.n, 6 * self.n + inner.shape[1])), self.n
         centres = np.concatenate([np.arange(3 * n), 7 * n + np.arange(3 * n)])
         full[centres, np.arange(6 * n)] = 1.0
-        rows = [start + n * k + b for b in range(n) for start in (3 * n, 10 * n) for k in range(4)]
-        full[rows, 6 * n :] = inner
+        turning = [
+            start + n * k + b for b in range(n) for start in (3 * n, 10 * n) for k in range(4)
+        ]
+        full[turning, 6 * n :] = inner
         return full
 
-    def derivative(self, x, directions, dt):
+    def derivative(
+        self, x: np.ndarray, directions: np.ndarray, dt: float
+    ) -> tuple[np.ndarray, float]:
         """The step's derivatives along directions (14 n, m), by central differences extrapolated
         twice.
 
@@ -264,30 +253,24 @@ class Scene:
             (14 n, m); the largest change of it that leaving out the last extrapolation makes, which
             bounds its truncation error.
         """
-        rows = []
-        for h in STEP, STEP / 2, STEP / 4:
-            rows.append(
-                np.transpose(
-                    [
-                        (self.step(x + h * v, dt) - self.step(x - h * v, dt)) / (2 * h)
-                        for v in directions.T
-                    ]
-                )
-            )
-        once = [(4 * fine - coarse) / 3 for coarse, fine in zip(rows, rows[1:])]
+
+        def difference(h):
+            ends = [(self.step(x + h * v, dt), self.step(x - h * v, dt)) for v in directions.T]
+            return np.transpose([(there - back) / (2 * h) for there, back in ends])
+
+        rows = map(difference, (STEP, STEP / 2, STEP / 4))
+        once = [(4 * fine - coarse) / 3 for coarse, fine in itertools.pairwise(rows)]
         return (16 * once[1] - once[0]) / 15, float(np.abs(once[1] - once[0]).max() / 15)
 
-    def defects(self, x, dt):
+    def defects(self, x: np.ndarray, dt: float) -> tuple[float, float, float]:
         """What a step loses of the symplectic property (2.42) and of volume on this phase space,
         and the error of the differences."""
         basis = self.basis(x)
         moved, error = self.derivative(x, basis, dt)
-        g = metric(7 * self.n)
-        before, after = basis.T @ g @ basis, moved.T @ g @ moved
-        volume = np.sqrt(np.linalg.det(after) / np.linalg.det(before))
-        return float(np.linalg.norm(after - before, 2)), float(abs(volume - 1)), error
+        lost, volume = restricted(moved, basis)
+        return lost, abs(volume - 1), error
 
-    def returned(self, x, dt, steps):
+    def returned(self, x: np.ndarray, dt: float, steps: int) -> float:
         """How far from the start so many steps forward, momenta reversed, and as many steps back
         end, largest of all components."""
         turned = np.concatenate([-np.ones(7 * self.n), np.ones(7 * self.n)])

@@ -13,7 +13,7 @@ All but the first and the last take the same equations in Python (`reference`), 
 all: these are exact to rounding.  Each is a function of a `Bench` that gives what its figure shows.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -56,6 +56,7 @@ DIFFERENCES = 1e-8
 TIED = 1e-13
 STEPS_OF_LOOPS = 0.05, 0.07, 0.1, 0.14, 0.2  # with forces and rates of rotation of about a third
 RANDOM = 500  # bodies of each kind, order, mrot and scheme
+Points = Sequence[float] | np.ndarray
 CURL = 0.3  # of the force without a potential, over dt^2, that breaks a scheme
 
 
@@ -84,7 +85,9 @@ class Bench:
         """A number, and its bounds."""
         self.checks.append(Check.of(self.part, subject, what, found, **bounds))
 
-    def power(self, subject: str, what: str, x, y, law: float, within: float) -> None:
+    def power(
+        self, subject: str, what: str, x: Points, y: Points, law: float, within: float
+    ) -> None:
         """The exponent of y ~ x^exponent, and what it is to be."""
         what = f"{what} to the power of"
         low, high = round(law - within, 9), round(law + within, 9)
@@ -175,7 +178,7 @@ def symplectic(bench: Bench) -> dict:
         for name, step in steps.items():
             J = calculus.jacobian(partial(step, time=multiple * scene.dt * FS), dimer.start)
             defect[name].append(calculus.symplectic_defect(J))
-            sphere[name].append(calculus.restricted(J, basis)[0])
+            sphere[name].append(calculus.restricted(J @ basis, basis)[0])
             volume[name].append(float(abs(np.linalg.det(J) - 1)))
             bench.tick()
     largest, usual = f"largest of {len(MULTIPLES)} time steps", MULTIPLES.index(1)
@@ -202,7 +205,7 @@ def _shaken(bench):
     basis = calculus.tangent(atoms.constraints, atoms.start)
     for tolerance in TOLERANCES:
         step = partial(atoms.shake_rattle, time=bench.scene.dt * FS, tolerance=tolerance)
-        one, other = calculus.restricted(calculus.jacobian(step, atoms.start), basis)
+        one, other = calculus.restricted(calculus.jacobian(step, atoms.start) @ basis, basis)
         shaken.append(one)
         changed.append(abs(other - 1))
         bench.tick()
@@ -258,7 +261,8 @@ def conserved(bench: Bench) -> dict:
 def _spreads(bench, dt, step, energy, corrections):
     """The spread of an energy with each of some corrections, along a trajectory with each time
     step."""
-    found, start = {which: [] for which in corrections}, bench.dimer.start
+    found: dict[str, list[float]] = {which: [] for which in corrections}
+    start = bench.dimer.start
     for multiple, length in zip(MULTIPLES, dt):
         steps = calculus.repeated(step, round(MULTIPLES[-1] / multiple))
         states = [start]
@@ -460,9 +464,8 @@ def _tied(bench, scheme, kind):
         check(f"{what}, those that turn by up to 1 rad", slow, high=TIED)
 
 
-PARTS: dict[
-    str, tuple[Callable[[Bench], dict | None], int]
-] = {  # pieces of work that each tells of
+Part = tuple[Callable[[Bench], dict | None], int]  # and the pieces of work that it tells of
+PARTS: dict[str, Part] = {
     "reversal": (reversed_, len(reversal.INTEGRATORS)),
     "symplectic": (symplectic, 2 * len(MULTIPLES) + len(TOLERANCES)),
     "conserved": (conserved, 3 * len(MULTIPLES) + 1),

@@ -29,8 +29,8 @@ class Dimer:
     """Two rigid molecules of three atoms in empty space, with Lennard-Jones and Coulomb forces
     between them.
 
-    A state has 28 rows: momenta of the centres (3 x 2), conjugate momenta of the quaternions (4 x
-    2), centres (3 x 2), quaternions (4 x 2).  The potential energy depends on q / |q|, so the
+    A state has 28 rows: momenta of the centres (3 x 2), conjugate momenta of the quaternions
+    (4 x 2), centres (3 x 2), quaternions (4 x 2).  The potential energy depends on q / |q|, so the
     equations hold beside |q| = 1 too, and there they are the paper's.
 
     Args:
@@ -174,9 +174,9 @@ class Dimer:
         """One step of the paper's reference 12 (2.61): not Hamiltonian, in the Trotter order of
         (2.53).
 
-        The terms of Euler's equations are paired so that i L_2 turns w_x and w_y while w_z stays, i
-        L_3 turns w_y and w_z while w_x stays, both at a constant rate, if each w is taken times the
-        root of its moment.
+        The terms of Euler's equations are paired: i L_2 turns w_x and w_y while w_z stays, and
+        i L_3 turns w_y and w_z while w_x stays. Both turn at a constant rate, if each w is taken
+        times the root of its moment.
         """
         momenta, p, centres, q = self.split(x)
         moments = _beside(self.moments, x)
@@ -211,7 +211,7 @@ class Atoms:
 
     BONDS = tuple((3 * b + i, 3 * b + j) for b in (0, 1) for i, j in ((0, 1), (0, 2), (1, 2)))
 
-    def __init__(self, dimer, mass, r, v):
+    def __init__(self, dimer: Dimer, mass: np.ndarray, r: np.ndarray, v: np.ndarray) -> None:
         self.dimer, self.mass = dimer, mass.ravel()
         self.start = np.concatenate([(mass * v).ravel(), r.ravel()])
         x = r.reshape(3, 6)
@@ -353,8 +353,11 @@ def _third(w, moments, time):
 
 
 def _along_ellipse(a, b, moment_a, moment_b, turn):
-    """a and b after da = turn / moment_a b, db = -turn / moment_b a, which keep moment_a a^2 +
-    moment_b b^2."""
+    """a and b after a turn, which keeps moment_a a^2 + moment_b b^2:
+
+    da = turn / moment_a b
+    db = -turn / moment_b a
+    """
     root_a, root_b = np.sqrt(moment_a), np.sqrt(moment_b)
     angle = turn / (root_a * root_b)
     c, s = np.cos(angle), np.sin(angle)

@@ -15,6 +15,7 @@ from fix_nosquish import INTEGRATORS as OURS
 from validation.running import machine, run
 from validation.scenes import Scene
 from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
+from validation.statistics import motion
 
 STEPS = 1, 3, 10, 30, 100, 300, 1000, 3000, 10000
 COMPARED = 10  # of these, that after which positions on the way are kept
@@ -58,7 +59,7 @@ def reverse(scene: Scene, integrator: Integrator, out: Path, silence: float = 12
         KeyboardInterrupt: the run was interrupted.
     """
     folder = (out / run.folder_name(integrator.label)).resolve()
-    how: dict = {"dt": scene.dt, "every": 0, "positions": False, "silence": silence}
+    how: dict = {"dt": scene.dt, "every": 0, "keeps": "nothing", "silence": silence}
     origin = machine.origin(scene, integrator)
     job = run.job(scene, integrator, folder, [0], origin=origin, **how)
     dump = 'write_dump all custom "{}/{}" id x y z vx vy vz modify sort id format float %.17g'
@@ -94,4 +95,4 @@ def reverse(scene: Scene, integrator: Integrator, out: Path, silence: float = 12
 
 
 def _positions(dump):
-    return np.loadtxt(dump, skiprows=9)[:, 1:4]
+    return motion.read(dump)[1][0, :, 1:4]

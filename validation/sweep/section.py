@@ -4,14 +4,23 @@ what it costs."""
 import math
 from dataclasses import dataclass
 
-from validation.bench import goals
 from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
+from validation.pages.tables import ranks_of
 from validation.statistics.estimate import SURE
-from validation.sweep import choice as sweep_choice
-from validation.sweep import figures as sweep_figures
-from validation.sweep import report as sweep_report
+from validation.sweep.choice import choose, each, fastest, least, meets, ours
 from validation.sweep.errors import BOLTZMANN
+from validation.sweep.figures import READ
 from validation.sweep.plan import SWEEPS
+from validation.sweep.report import (
+    ONE_START,
+    distinct,
+    error_of,
+    named,
+    names,
+    over,
+    seconds,
+    unit_of,
+)
 
 FEW = 3  # points that are named
 # An ordinary accuracy: the total energy scatters by this part of the kinetic energy's own scatter
@@ -27,7 +36,7 @@ def say(summary: dict) -> Said:
     failed = sum(bool(point["failed"]) for point in points)
     missing = [f"{name}: {add} {name}." for name in SWEEPS if name not in scenes]
     advice = [_advice(name, scene) for name, scene in scenes.items()]
-    ranks, some = goals.ranks_of(summary["ranks"]), next(iter(scenes), "water")
+    ranks, some = ranks_of(summary["ranks"]), next(iter(scenes), "water")
     head = (
         *("scene", "use", "sd of energy, kcal/mol", "wanted below"),
         *("drift, kT per ns and degree of freedom", "s per ns, least (median)"),
@@ -46,10 +55,7 @@ def say(summary: dict) -> Said:
             *(f"{name}: {scene['error']}" for name, scene in scenes.items() if scene.get("error")),
         ],
         [_ways(summary), _points(summary)],
-        [
-            Figure(f"{name}.png", f"{scene['title']}. {sweep_figures.READ}")
-            for name, scene in scenes.items()
-        ],
+        [Figure(f"{name}.png", f"{scene['title']}. {READ}") for name, scene in scenes.items()],
         [Table.of("What to use for an ordinary accuracy", head, [one.cells for one in advice])],
         extent=_swept(summary),
         short=[one.short for one in sorted(advice, key=lambda one: not one.tie)],
@@ -102,51 +108,47 @@ def _advice(name, scene):
     heat = BOLTZMANN * SWEEPS[name].temperature
     target = float(f"{ORDINARY * heat * math.sqrt(scene['degrees_of_freedom'] / 2):.2g}")
     drifts = {"drift": DRIFT}
-    points = [one for one in scene["points"] if sweep_choice.meets(one, drifts) is not False]
+    points = [one for one in scene["points"] if meets(one, drifts) is not False]
     targets = {"energy_sd": target}
-    choice, own = sweep_choice.choose(points, targets), sweep_choice.ours(points, targets)
+    choice, own = choose(points, targets), ours(points, targets)
     best = choice.best
     if not best:
         why = "No step has for sure a standard deviation of the energy below"
         why = f"{why} {target:g} kcal/mol without a drift."
         return _nothing(name, choice.verdict, why, target)
-    drift = sweep_report.error_of(best, "drift") if "drift" in best["errors"] else "–"
-    drift += " (no telling)" * (sweep_choice.meets(best, drifts) is None and drift != "–")
+    drift = error_of(best, "drift") if "drift" in best["errors"] else "–"
+    drift += " (no telling)" * (meets(best, drifts) is None and drift != "–")
     sure = f"{_sure(points, targets, choice)}; {_extent([best])}"
-    sure += f": {sweep_report.ONE_START}" * (best["starts"] < 2)
-    over = sweep_report.over(own.best, choice.fastest) if own.best else own.verdict
+    sure += f": {ONE_START}" * (best["starts"] < 2)
+    times = over(own.best, choice.fastest) if own.best else own.verdict
     energy = best["errors"]["energy_sd"]["value"]
     cells = [
         name,
-        sweep_report.named(best),
-        Cell(sweep_report.error_of(best, "energy_sd"), energy),
+        named(best),
+        Cell(error_of(best, "energy_sd"), energy),
         Cell.number(target),
         Cell(drift, sortable(best["errors"].get("drift"))),
         _cost(best),
         sure,
-        Cell(over, _ratio(own.best, choice.fastest)),
+        Cell(times, _ratio(own.best, choice.fastest)),
     ]
     told, tie = _in_short(points, targets, choice, own)
     return Advice(cells, f"{name.capitalize()}: {told}", tie)
 
 
-def _least(point):
-    return point["cost"]["min"]
-
-
 def _cost(point):
-    return Cell(sweep_report.seconds(point["cost"]), _least(point) if point["cost"] else NONE.value)
+    return Cell(seconds(point["cost"]), least(point) if point["cost"] else NONE.value)
 
 
 def _ratio(one, other):
     """How many times the run time of the other one takes; not a number if there is none."""
-    return _least(one) / _least(other) if one and other else NONE.value
+    return least(one) / least(other) if one and other else NONE.value
 
 
 def _rival(points, targets, counts):
     """The fastest way of another integrator that ``counts``; None if there is none."""
-    ways = (one.best for one in sweep_choice.each(points, targets).values())
-    return min((one for one in ways if one and counts(one)), key=_least, default=None)
+    ways = (one.best for one in each(points, targets).values())
+    return min((one for one in ways if one and counts(one)), key=least, default=None)
 
 
 def _in_short(points, targets, choice, own):
@@ -165,7 +167,7 @@ def _in_short(points, targets, choice, own):
         how = f"ours takes {_ratio(own.best, choice.fastest):.2g} times as long"
     else:
         how = f"ours: {own.verdict}"
-    return f"use {sweep_report.named(best)}; {how}.", False
+    return f"use {named(best)}; {how}.", False
 
 
 def _of_us(point):
@@ -190,11 +192,11 @@ def _sure(points, targets, choice):
     rivals, maybe = list(filter(rival, choice.ties)), list(filter(rival, choice.perhaps))
     sure = "nothing else reaches it for sure"
     if rivals:
-        sure = f"a tie with {sweep_report.names(rivals, FEW)}"
+        sure = f"a tie with {names(rivals, FEW)}"
     elif second := _rival(points, targets, rival):
         lead = "clear" if best["starts"] > 1 else "ahead"
         sure = f"{lead}, {second['label']} takes {_ratio(second, best):.2f} times as long"
-    return sure + (f"; no telling of {sweep_report.names(maybe, FEW)}" if maybe else "")
+    return sure + (f"; no telling of {names(maybe, FEW)}" if maybe else "")
 
 
 def _ways(summary):
@@ -202,19 +204,19 @@ def _ways(summary):
     how sure that is."""
     rows = []
     for name, scene in summary["scenes"].items():
-        ways = sweep_choice.fastest(scene["points"], scene["measures"])
-        for measure, target, choice, own in sweep_report.distinct(ways):
+        ways = fastest(scene["points"], scene["measures"])
+        for measure, target, choice, own in distinct(ways):
             words = summary["measures"][measure]
             what = words["title"].replace("the horizon", f"{SWEEPS[name].horizon:g} fs")
             wanted = [name, f"{what} ≤ {target:g} {words['unit']}".strip()]
-            best, ours = choice.best, own.best
+            best = choice.best
             if not best:
                 rows.append([*wanted, "–", NONE, NONE, choice.verdict])
                 continue
-            over = sweep_report.over(ours, choice.fastest) if ours else own.verdict
-            ratio = Cell(over, _ratio(ours, choice.fastest))
+            times = over(own.best, choice.fastest) if own.best else own.verdict
+            ratio = Cell(times, _ratio(own.best, choice.fastest))
             sure = _sure(scene["points"], {measure: target}, choice)
-            rows.append([*wanted, sweep_report.named(best), _cost(best), ratio, sure])
+            rows.append([*wanted, named(best), _cost(best), ratio, sure])
     head = "scene", "wanted", "use", "wall s per ns, least (median)", "ours / fastest", "how sure"
     return Table.of("Fastest way to every error", head, rows)
 
@@ -225,11 +227,10 @@ def _points(summary):
     for name, scene in summary["scenes"].items():
         for point in scene["points"]:
             errors = (
-                Cell(sweep_report.error_of(point, one), sortable(point["errors"].get(one)))
-                for one in measures
+                Cell(error_of(point, one), sortable(point["errors"].get(one))) for one in measures
             )
             where = name, point["label"], Cell.number(point["dt"]), _cost(point)
             rows.append([*where, *errors, point["failed"] or "ok", point["command"]])
-    titles = (f"{one['title']}{sweep_report.unit_of(one)}" for one in measures.values())
+    titles = (f"{one['title']}{unit_of(one)}" for one in measures.values())
     head = "scene", "integrator", "Δt, fs", "s per ns", *titles, "status", "command"
     return Table.of("All points", head, rows)

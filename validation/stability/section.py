@@ -9,13 +9,14 @@ import numpy as np
 
 from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
 from validation.scenes import FS_PER_PS
+from validation.scenes.integrators import OURS
 from validation.stability.cases import CASES
 from validation.stability.criteria import CRITERIA
-from validation.stability.measure import COMPARED, LOST
-from validation.stability.report import READ, package
+from validation.stability.figures import READ
+from validation.stability.measure import COMPARED
+from validation.stability.report import package
 from validation.statistics.estimate import Estimate
 
-OURS = "nosquish"
 LAMMPS = "rigid", "rigid/nve", "rigid/small", "rigid/nve/small", "shake", "rattle"
 WORDS = {True: "yes", False: "no", None: "cannot tell"}
 
@@ -179,19 +180,3 @@ def _result(row, case, name=None):
         return f"{name}{verb}: {textwrap.shorten(why, 80, placeholder=' …')}".strip()
     doubt = " (cannot tell)" if row["verdict"] == "cannot tell" else ""
     return f"{name}{_few(row)} {case['unit']}".strip() + doubt
-
-
-def standing(summary: dict) -> str:
-    """Who comes to which verdict in how many cases, and in which ones, as a Markdown table."""
-    found: dict = defaultdict(lambda: defaultdict(list))
-    labels = {}
-    for case, row in _rows(summary["cases"]):
-        labels[row["integrator"]] = row["label"]
-        verdict = "fail" if row["verdict"] in LOST else row["verdict"]
-        found[row["integrator"]][verdict].append(case["name"])
-    lines = ["| integrator | passes | fails | cannot tell | cannot run |", "|---|---|---|---|---|"]
-    for name in sorted(found, key=_place):
-        others = (found[name][key] for key in ("fail", "cannot tell", "cannot run"))
-        cells = (f"{len(some)}: {', '.join(some)}" if some else "0" for some in others)
-        lines.append(f"| `{labels[name]}` | {len(found[name]['pass'])} | {' | '.join(cells)} |")
-    return "\n".join(lines)

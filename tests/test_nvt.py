@@ -1,0 +1,524 @@
+"""NVT: distributions, decay, conserved energy, reversibility, ranks, restart, what it refuses."""
+
+import re
+import sys
+from math import exp, sqrt
+from zlib import crc32
+
+import numpy as np
+import pytest
+from scipy import stats
+from systems import Result, apart, mixture
+
+from fix_nosquish import philox
+
+THERMOSTATS = {
+    "langevin": "seed 771",
+    "csvr": "seed 771 thermostat csvr",
+    "nh": "thermostat nh",
+    "separate": "seed 771 thermostat csvr separate yes",
+    "chains": "thermostat nh separate yes tchain 5",
+}
+FREE = "pair_style zero 2.5\npair_coeff * *\n"  # no forces
+SMOOTH = "pair_modify shift yes\n"  # no jump of the energy at the cutoff
+DUMP = "write_dump all custom {} id mol mass xu yu zu vx vy vz modify sort id format float %.17g\n"
+
+
+def fix(words, temperature="2 2 4e-3", group="all"):
+    """The fix line, with a temperature, its goal and the damping time."""
+    return f'fix 1 {group} python/move "fix_nosquish.NVT all molecule temp {temperature} {words}"\n'
+
+
+def thermo(columns, every):
+    return (
+        f"thermo_style custom step temp pe {columns}\n"
+        f"thermo {every}\nthermo_modify format float %.16g norm no\n"
+    )
+
+
+def motion(path):
+    """What a dump says of the bodies.
+
+    Returns:
+        mass (n,), momentum, angular momentum in space, both (n, 3), and each of its components
+        along a principal axis, divided by the root of the moment, a list.
+    """
+    atoms = np.loadtxt(path, skiprows=9)
+    momenta, turns, along, masses = [], [], [], []
+    for body in np.unique(atoms[:, 1]):
+        m, x, v = np.split(atoms[atoms[:, 1] == body, 2:], [1, 4], axis=1)
+        x = x - (m * x).sum(axis=0) / m.sum()
+        momentum, turn = (m * v).sum(axis=0), np.cross(x, m * v).sum(axis=0)
+        moments, axes = np.linalg.eigh((m * x**2).sum() * np.eye(3) - (m * x).T @ x)
+        real = moments > 1e-6 * max(moments.max(), 1e-9)
+        along.extend((axes.T @ turn)[real] / np.sqrt(moments[real]))
+        momenta.append(momentum), turns.append(turn), masses.append(m.sum())
+    return np.array(masses), np.array(momenta), np.array(turns), np.array(along)
+
+
+# ------------------------------------------------------------------ random numbers
+
+
+def test_known_answers():
+    """Locks out a Philox that is not the published one: the answers are those of Random123."""
+    for counter, key, answer in (
+        ((0, 0, 0, 0), (0, 0), (0x6627E8D5, 0xE169C58D, 0xBC57AC4C, 0x9B00DBD8)),
+        ((0xFFFFFFFF,) * 4, (0xFFFFFFFF,) * 2, (0x408F276D, 0x41C83B0E, 0xA20BC7C6, 0x6D5451FD)),
+        (
+            (0x243F6A88, 0x85A308D3, 0x13198A2E, 0x03707344),
+            (0xA4093822, 0x299F31D0),
+            (0xD16CFE09, 0x94FDCCEB, 0x5001E420, 0x24126EA1),
+        ),
+    ):
+        assert philox.philox(*counter, *key) == answer
+
+
+def test_normal_numbers():
+    """Locks out a logarithm or an angle that is wrong somewhere: against those of `math`, at words
+    where their formulas change, and the tails of the distribution."""
+    random = np.random.default_rng(5).integers(0, 2**32, 3000).tolist()
+    edges = [e + d for e in (2**k for k in range(1, 32)) for d in (-1, 0, 1)]
+    words = np.array([0, *edges, 2**32 - 1, *random])
+    of_words = np.array([philox.minus_log(w) for w in words.tolist()])
+    np.testing.assert_allclose(of_words, -np.log((words + 1) / 2**32), rtol=1e-15, atol=1e-16)
+    turns = 2 * np.pi * ((words + 0.5) / 2**32) - np.pi / 4
+    found = np.array([philox.direction(w) for w in words.tolist()])
+    np.testing.assert_allclose(found, np.stack([np.cos(turns), np.sin(turns)], axis=1), atol=3e-15)
+
+
+def test_what_is_drawn(run_lammps, tmp_path):
+    """Locks out compiled numbers that are not those of seed, body and step: a body at rest has
+    after one step the velocity that the noise alone gives it."""
+    system = mixture(side=2)
+    words = fix(THERMOSTATS["langevin"])
+    script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 1\n"
+    run_lammps(script + DUMP.format("end"), files=system.files)
+    mass, momentum, *_ = motion(tmp_path / "end")
+    expected = []
+    for body in range(1, len(mass) + 1):
+        w = philox.words(float(body), 1, 0, 771, crc32(b"all molecule") & 0xFFFFFFFE)
+        expected.append([*philox.normal_pair(*w[:2]), philox.normal_pair(*w[2:])[0]])
+    noise = sqrt(2.0 * (1 - exp(-2 * 0.002 / 4e-3)))
+    np.testing.assert_allclose(
+        momentum / np.sqrt(mass)[:, None], noise * np.array(expected), rtol=1e-12
+    )
+
+
+# ------------------------------------------------------------------ distributions
+
+
+@pytest.mark.parametrize("name", ["langevin", "csvr", "separate"])
+def test_free_bodies_have_the_exact_distribution(run_lammps, tmp_path, name):
+    """Locks out noise of a wrong strength for a mass, a moment, a kind of body; an axis that is
+    left out; an energy that flows from rotation to translation. There are no forces: each velocity
+    and each component of the angular momentum is normal, to the last digit."""
+    system = mixture(side=8, temperature=2.0)
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{fix(THERMOSTATS[name])}run 60\n"
+    run_lammps(script + DUMP.format("end"), files=system.files)
+    mass, momentum, _, along = motion(tmp_path / "end")
+    for numbers in (*(momentum / np.sqrt(2.0 * mass)[:, None]).T, along / sqrt(2.0)):
+        assert stats.kstest(numbers, "norm").pvalue > 1e-3
+    assert len(along) > 2 * len(mass)
+
+
+def test_in_the_plane(run_lammps, tmp_path):
+    """Locks out noise out of the plane, and rotation about another axis than z."""
+    system = mixture("planar pair row single", side=14, dimension=2, temperature=0.5)
+    words = fix(THERMOSTATS["langevin"]) + "fix 2 all enforce2d\n"
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n"
+    run_lammps(script + DUMP.format("end"), files=system.files)
+    mass, momentum, turn, _ = motion(tmp_path / "end")
+    assert not momentum[:, 2].any()
+    assert np.abs(turn[:, :2]).max() < 1e-12
+    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+    moments = []
+    for body in np.unique(atoms[:, 1]):
+        m, x = atoms[atoms[:, 1] == body, 2], atoms[atoms[:, 1] == body, 3:5]
+        moments.append((m * ((x - m @ x / m.sum()) ** 2).sum(axis=1)).sum())
+    moments = np.array(moments)
+    turns = moments > 1e-6
+    for numbers in (
+        *(momentum[:, :2] / np.sqrt(2.0 * mass)[:, None]).T,
+        turn[turns, 2] / np.sqrt(2.0 * moments[turns]),
+    ):
+        assert stats.kstest(numbers, "norm").pvalue > 1e-3
+
+
+def test_friction_of_langevin(run_lammps, tmp_path):
+    """Locks out a friction that is not 1 / TDAMP, or another one for rotation: momenta are
+    forgotten as exp(-t / TDAMP)."""
+    system = mixture(side=8, temperature=2.0)
+    words = fix(THERMOSTATS["langevin"], "2 2 2e-2")
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
+    run_lammps(script + DUMP.format("second"), files=system.files)
+    one, two = motion(tmp_path / "first"), motion(tmp_path / "second")
+    for before, after in zip(one[1:3], two[1:3]):
+        kept = (before * after).sum() / (before**2).sum()
+        spread = sqrt((1 - exp(-1.0)) / (before**2).sum() ** 2 * (before**4).sum())
+        assert abs(kept - exp(-0.5)) < 4 * spread, (kept, spread)
+
+
+@pytest.mark.parametrize(("name", "damping", "every"), [("csvr", "2e-2", 20), ("nh", "1e-1", 50)])
+def test_kinetic_energy_is_canonical(run_lammps, name, damping, every):
+    """Locks out a thermostat that keeps the mean and not the distribution, as one that scales to
+    the target does, and degrees of freedom that are miscounted: few bodies, with forces."""
+    system = mixture(side=2, spacing=2.9)
+    words = fix(THERMOSTATS[name], f"2 2 {damping}") + thermo("f_1[1] f_1[2]", every)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run {1200 * every}\n"
+    rows = run_lammps(script, files=system.files).thermo[200:]
+    energy = rows["f_1[1]"] + rows["f_1[2]"]
+    kinds = ["solid", "planar", "pair", "row", "single", "solid", "planar", "pair"]
+    degrees = sum({"pair": 5, "row": 5, "single": 3}.get(kind, 6) for kind in kinds) - 3
+    assert stats.kstest(energy[::2], "gamma", (degrees / 2, 0, 2.0)).pvalue > 1e-3
+
+
+# ------------------------------------------------------------------ what is conserved
+
+
+@pytest.mark.parametrize("name", ["langevin", "csvr", "nh", "chains"])
+def test_effective_energy(run_lammps, name):
+    """Locks out an energy of the thermostat that leaves something out: econserve keeps its value
+    but for an error that goes as the square of the step, while the energy itself changes."""
+    system = mixture(side=3, spacing=2.9)
+    spread = {}
+    for dt in (0.001, 0.002, 0.004):
+        words = fix(THERMOSTATS[name], "2 2 2e-1") + thermo("etotal econserve", round(0.02 / dt))
+        script = f"{system.setup}\n{SMOOTH}timestep {dt}\n{words}run {round(2 / dt)}\n"
+        rows = run_lammps(script, files=system.files).thermo
+        spread[dt] = rows["Econserve"].std()
+        assert np.ptp(rows["TotEng"]) > 50 * spread[dt]
+    assert spread[0.004] / spread[0.002] > 2.5, spread
+    assert spread[0.002] / spread[0.001] > 2.5, spread
+
+
+REVERSE = """
+import sys
+import numpy as np
+from lammps import lammps
+from fix_nosquish.nvt import NVT
+
+lmp = lammps()
+lmp.file(sys.argv[1])
+lmp.command("run 300")
+fix = NVT.of_fix(lmp, "1")
+fix.host.point()
+fix.do("close")
+fix.bodies.v[:] *= -1
+fix.bodies.p[:] *= -1
+fix.chains.reshape(2, 2, -1)[:, 1] *= -1
+fix.passes.level_dt.set(-fix.dt)
+fix.do("close")
+lmp.command("run 300")
+columns = "id mol mass xu yu zu vx vy vz modify sort id format float %.17g"
+lmp.command("write_dump all custom end " + columns)
+"""
+
+
+@pytest.mark.parametrize("name", ["nh", "chains"])
+def test_chains_are_reversible(run_lammps, tmp_path, name):
+    """Locks out a chain, or a place of it in the step, that is not symmetric in time."""
+    system = mixture(side=2, spacing=2.9)
+    words = fix(THERMOSTATS[name] + " reinit no", "2 2 1e-1")
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run 0\n{DUMP.format('start')}"
+    command = [sys.executable, "-c", REVERSE]
+    run_lammps(script, files=system.files, launcher=command)
+    start, end = (np.loadtxt(tmp_path / one, skiprows=9)[:, 3:6] for one in ("start", "end"))
+    assert np.abs(start - end).max() < 1e-9
+
+
+# ------------------------------------------------------------------ velocities that atoms have
+
+
+def test_temperature_is_that_of_the_middle(run_lammps):
+    """Locks out velocities of the step's end, which are too cold: at a long step the printed
+    temperature is the target, and a first run starts with the velocities that atoms have."""
+    system = mixture("solid", side=5, spacing=2.4)
+    words = fix("seed 3", "1 1 5e-2") + thermo("f_1[3] f_1[4] f_1", 10)
+    script = f"{system.setup}\n{SMOOTH}velocity all create 1.5 7 loop geom\n{words}timestep 0.012\n"
+    rows = run_lammps(script + "run 6000\n", files=system.files).thermo
+    assert rows["Temp"][0] == pytest.approx(1.5, rel=0.15)  # as rigid motion, of few bodies
+    later = rows[100:]
+    assert later["f_1[3]"].mean() == pytest.approx(1.0, abs=0.02)
+    assert later["f_1[4]"].mean() == pytest.approx(1.0, abs=0.03)
+    assert later["Temp"].mean() == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["langevin", "csvr", "nh"])
+def test_looking_changes_nothing(run_lammps, tmp_path, name):
+    """Locks out a step that goes on otherwise where something looks at it, or that draws twice."""
+    system, ends = mixture(side=3, spacing=2.9), []
+    for every, columns in ((100, ""), (1, "press econserve f_1[1]")):
+        words = fix(THERMOSTATS[name], "2 2 2e-1") + thermo(columns, every)
+        script = f"{system.setup}\ntimestep 0.002\n{words}run 100\n{DUMP.format('end')}"
+        run_lammps(script, files=system.files)
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_array_equal(*ends)
+
+
+def test_other_fixes_change_velocities(run_lammps, tmp_path):
+    """Locks out a change of the atoms' velocities, at the end of a step, that the bodies ignore."""
+    system = mixture(side=3, spacing=2.9)
+    words = fix(THERMOSTATS["langevin"], "2 2 2e-1") + "fix 2 all momentum 10 linear 1 1 1\n"
+    script = f"{system.setup}\ntimestep 0.002\n{words}run 100\n"
+    log = run_lammps(script + DUMP.format("end"), files=system.files).log
+    momentum = motion(tmp_path / "end")[1]
+    assert np.abs(momentum.sum(axis=0)).max() < 1e-10 * np.abs(momentum).sum()
+    assert "the bodies take them over" in log
+
+
+# ------------------------------------------------------------------ ranks, restart, several runs
+
+
+def ends_alike(run_lammps, tmp_path, scripts, files, h):
+    """How far the atoms at the ends of several runs, (script, ranks), are from those of the
+    first."""
+    ends = []
+    for script, ranks in scripts:
+        run_lammps(script, ranks=ranks, files=files)
+        atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+        ends.append(Result(atoms[:, 3:6], atoms[:, 6:], None, ""))
+    return max(max(apart(one, ends[0], h), np.abs(one.v - ends[0].v).max()) for one in ends[1:])
+
+
+@pytest.mark.parametrize("name", THERMOSTATS)
+def test_ranks(run_lammps, tmp_path, name):
+    """Locks out noise that depends on the rank, a sum that counts a shared body twice, and copies
+    of a body that drift apart."""
+    system = mixture(side=3, spacing=2.9, tilt=0.3)
+    words = fix(THERMOSTATS[name], "2 2 2e-1")
+    script = f"{system.setup}\ntimestep 0.004\n{words}run 100\n{DUMP.format('end')}"
+    runs = [(script, ranks) for ranks in (1, 2, 4, 8)]
+    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
+
+
+@pytest.mark.parametrize("name", THERMOSTATS)
+def test_continued(run_lammps, tmp_path, name):
+    """Locks out a run that goes on otherwise than one that did not stop: after a second run
+    command, and from a restart file on another number of ranks, with the thermostat's own state."""
+    system = mixture(side=3, spacing=2.9)
+    words = fix(THERMOSTATS[name], "2 2 2e-1") + thermo("econserve", 50)
+    start, end = f"{system.setup}\ntimestep 0.004\n", DUMP.format("end")
+    after = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    runs = (
+        (f"{start}{words}run 50\nwrite_restart middle\nrun 50\n{end}", 2),
+        (f"{start}{words}run 100\n{end}", 1),
+        (f"read_restart middle\n{after}timestep 0.004\n{words}run 50\n{end}", 4),
+    )
+    conserved = []
+
+    def run(*given, **how):
+        conserved.append(run_lammps(*given, **how).thermo["Econserve"][-1])
+
+    assert ends_alike(run, tmp_path, runs, system.files, system.h) < 1e-10
+    np.testing.assert_allclose(conserved, conserved[0], rtol=1e-10)
+
+
+def test_restart_of_another_thermostat(run_lammps):
+    """Locks out a chain that is filled with what another thermostat has left."""
+    system = mixture(side=2, spacing=2.9)
+    first = fix(THERMOSTATS["csvr"], "2 2 2e-1")
+    script = f"{system.setup}\ntimestep 0.004\n{first}run 10\nwrite_restart middle\nclear\n"
+    script += f"read_restart middle\n{fix(THERMOSTATS['nh'], '2 2 2e-1')}run 10\n"
+    assert "this one begins anew" in run_lammps(script, files=system.files).log
+
+
+def test_ramp(run_lammps):
+    """Locks out a temperature that does not go from TSTART to TSTOP over the run, or over the steps
+    that run's start and stop name."""
+    system = mixture(side=8)
+    words = fix("seed 3", "1 3 4e-3") + thermo("f_1[3]", 50)
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 200\nrun 100 start 0 stop 600\n"
+    rows = run_lammps(script, files=system.files).thermo
+    expected = {200: 3.0, 300: 2.0, 100: 2.0}
+    degrees = 3 * 512
+    for step, goal in expected.items():
+        found = rows["f_1[3]"][rows["Step"] == step][-1]
+        assert abs(found / goal - 1) < 5 * sqrt(2 / degrees) + 0.02, (step, found)
+
+
+def test_respa(run_lammps):
+    """Locks out draws that repeat within a step of run_style respa, or a friction of the outer
+    step: free bodies have the temperature, and momenta are forgotten as without it."""
+    system = mixture(side=8, temperature=1.0)
+    words = fix(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 1)
+    script = f"{system.setup}\n{FREE}run_style respa 2 4 pair 2\ntimestep 0.002\n{words}run 20\n"
+    rows = run_lammps(script, files=system.files).thermo
+    start = rows["f_1[3]"][0]
+    expected = 2 + (start - 2) * exp(-2 * 10 * 0.002 / 2e-2)
+    assert rows["f_1[3]"][10] == pytest.approx(expected, rel=5 * sqrt(2 / (3 * 512)))
+
+
+# ------------------------------------------------------------------ components that are off
+
+
+def test_components_that_are_off(run_lammps, tmp_path):
+    """Locks out noise on what keywords force and torque switch off: these components stay."""
+    system = mixture("solid", side=3, spacing=2.9)
+    words = " force 1*5 off on on torque 6*9 off off off"
+    script = f"{system.setup}\ntimestep 0.002\n{fix(THERMOSTATS['langevin'] + words)}run 0\n"
+    script += f"{DUMP.format('start')}run 50\n{DUMP.format('end')}"
+    run_lammps(script, files=system.files)
+    one, two = motion(tmp_path / "start"), motion(tmp_path / "end")
+    np.testing.assert_allclose(one[1][:5, 0], two[1][:5, 0], rtol=1e-12)
+    np.testing.assert_allclose(one[2][5:9], two[2][5:9], rtol=1e-10)
+    assert np.abs(one[1][:5, 1:] - two[1][:5, 1:]).min() > 1e-3
+    assert np.abs(one[2][9:] - two[2][9:]).max(axis=1).min() > 1e-2
+
+
+def test_degrees_of_freedom_that_are_off(run_lammps):
+    """Locks out a kinetic energy that counts what cannot change: half of the bodies cannot turn,
+    and rescaling gives the others their temperature."""
+    system = mixture("solid", side=6, spacing=2.9)
+    words = THERMOSTATS["csvr"] + " torque 1*108 off off off"
+    script = (
+        f"{system.setup}\n{FREE}velocity all set 0 0 0\n"
+        "velocity all create 2 7 loop geom rot yes\n"
+        f"timestep 0.002\n{fix(words)}{thermo('f_1[1] f_1[2]', 10)}run 1500\n"
+    )
+    rows = run_lammps(script, files=system.files).thermo[20:]
+    first = run_lammps(script.replace("run 1500", "run 0"), files=system.files).thermo
+    kept = first["f_1[2]"][0] / 2  # about: the part of those that cannot turn
+    goal = 0.5 * 2.0 * (216 * 3 + 108 * 3)
+    total = rows["f_1[1]"] + rows["f_1[2]"] - kept
+    assert total.mean() == pytest.approx(goal, rel=0.05)
+
+
+# ------------------------------------------------------------------ what is refused
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("temp 2 2 1", "keyword seed is missing"),
+        ("seed 5", "keyword temp is missing"),
+        ("temp 2 2", "the fix line ends where TSTART, TSTOP and TDAMP"),
+        ("temp 0 2 1 seed 5", "TSTART is 0, and must be above zero"),
+        ("temp 2 -1 1 seed 5", "TSTOP is -1, and must be above zero"),
+        ("temp 2 2 0 seed 5", "TDAMP is 0, and must be above zero"),
+        ("temp 2 2 x seed 5", "'x' was given where"),
+        ("temp 2 2 v_none seed 5", "there is no variable 'none'"),
+        ("temp 2 2 1 seed 0", "'0' was given where a whole number"),
+        (
+            "temp 2 2 1 thermostat berendsen",
+            "'berendsen' was given where one of langevin, csvr, nh",
+        ),
+        ("temp 2 2 1 thermostat nh seed 5", "keyword seed is of no use"),
+        ("temp 2 2 1 tchain 5 seed 5", "keyword tchain is of no use"),
+        ("temp 2 2 1 seed 5 separate yes", "keyword separate is for thermostats csvr and nh"),
+    ],
+)
+def test_bad_words(run_lammps, words, says):
+    """Locks out words that are taken and mean nothing, or something else."""
+    system = mixture(side=2)
+    line = f'fix 1 all python/move "fix_nosquish.NVT all molecule {words}"\nrun 0\n'
+    done = run_lammps(f"{system.setup}\n{line}", files=system.files, check=False)
+    assert done.code
+    assert len(re.findall("^ERROR", done.screen, re.MULTILINE)) == 1
+    assert says in done.screen
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        ("fix 2 all langevin 2 2 1 5", "fix 2 (style langevin) keeps a temperature of atom"),
+        ("fix 2 all temp/csvr 2 2 1 5", "fix 2 (style temp/csvr) keeps a temperature of atom"),
+        ("velocity all set 0 0 0\npair_style zero 2.5\npair_coeff * *", "the bodies are at rest"),
+    ],
+)
+def test_refused(run_lammps, other, says, ranks):
+    """Locks out two thermostats on the same atoms, and the scaling of velocities that are zero."""
+    system = mixture(side=2)
+    script = f"{system.setup}\n{other}\n{fix(THERMOSTATS['csvr'])}run 5\n"
+    done = run_lammps(script, files=system.files, check=False, ranks=ranks)
+    assert done.code
+    assert says in done.screen
+
+
+def test_nve_has_no_temperature(run_lammps):
+    """Locks out keywords of NVT that NVE takes and ignores."""
+    system = mixture(side=2)
+    line = 'fix 1 all python/move "fix_nosquish.NVE all molecule temp 2 2 1"\n'
+    done = run_lammps(f"{system.setup}\n{line}", files=system.files, check=False)
+    assert "this integrator keeps no temperature, fix_nosquish.NVT does" in done.screen
+
+
+# ------------------------------------------------------------------ atoms as points
+
+
+POINTS = "group loose molecule 1 2 3 4 5\ngroup stiff subtract all loose\n"
+
+
+def with_points(words, temperature="2 2 2e-1"):
+    """The lines for bodies and, besides, the atoms of five molecules as points."""
+    line = f"NVT stiff molecule temp {temperature} {words} points loose"
+    return f'{POINTS}fix 1 all python/move "fix_nosquish.{line}"\n'
+
+
+def test_points_move_as_with_nve(run_lammps, tmp_path):
+    """Locks out points that miss forces, or feel those of a body: without a thermostat they move as
+    fix nve has them beside the bodies."""
+    system, ends = mixture(side=3, spacing=2.9), []
+    one = 'fix 1 all python/move "fix_nosquish.NVE stiff molecule points loose"\n'
+    two = 'fix 1 stiff python/move "fix_nosquish.NVE stiff molecule"\nfix 2 loose nve\n'
+    setup = system.setup.replace("exclude molecule/intra all", "exclude molecule/intra all")
+    for words in (one, two):
+        script = f"{setup}\n{POINTS}{words}{thermo('press', 50)}timestep 0.002\nrun 100\n"
+        rows = run_lammps(script + DUMP.format("end"), files=system.files).thermo
+        ends.append((np.loadtxt(tmp_path / "end", skiprows=9), rows["Temp"], rows["Press"]))
+    for a, b in zip(*ends, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["langevin", "csvr"])
+def test_points_on_ranks(run_lammps, tmp_path, name):
+    """Locks out noise of a point that depends on the rank, and a point that is lost on its way."""
+    system = mixture(side=3, spacing=2.9)
+    script = f"{system.setup}\n{with_points(THERMOSTATS[name])}timestep 0.002\nrun 100\n"
+    runs = [(script + DUMP.format("end"), ranks) for ranks in (1, 2, 4, 8)]
+    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
+
+
+def test_points_have_the_temperature(run_lammps, tmp_path):
+    """Locks out points without noise, or with that of another mass."""
+    system = mixture(side=8, temperature=2.0)
+    groups = "group loose molecule 1:400\ngroup stiff subtract all loose\n"
+    words = with_points(THERMOSTATS["langevin"], "2 2 4e-3").replace(POINTS, groups)
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('end')}"
+    log = run_lammps(script, files=system.files).log
+    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+    loose = atoms[atoms[:, 1] <= 400]
+    for component in (loose[:, 6:] * np.sqrt(loose[:, 2:3] / 2.0)).T:
+        assert stats.kstest(component, "norm").pvalue > 1e-3
+    assert f"{len(loose)} points, the atoms of group loose" in log
+    assert "  112 rigid bodies with" in log
+
+
+def test_points_are_no_rows(run_lammps):
+    """Locks out points among the bodies of the fix's array, and of its table."""
+    system = mixture(side=3, spacing=2.9)
+    words = with_points(THERMOSTATS["langevin"] + " output 5 bodies_csv")
+    script = f"{system.setup}\n{words}timestep 0.002\nrun 0\nprint 'rows $(f_1[22][1]) end'\n"
+    done = run_lammps(script + "print 'none $(f_1[23][1])'\n", files=system.files, check=False)
+    assert re.search(r"^rows [-0-9.e]+ end", done.screen, re.MULTILINE)
+    assert "out-of-range" in done.screen
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        (
+            "group loose molecule 1 2\ngroup stiff union all",
+            "is in a rigid body, and in group 'loose'",
+        ),
+        ("group stiff union all", "there is no group 'loose'"),
+        (f"{POINTS}fix 2 loose nve", "is also integrated by fix 2 (style nve)"),
+    ],
+)
+def test_points_refused(run_lammps, lines, says):
+    """Locks out an atom that is moved twice."""
+    system = mixture(side=2)
+    words = with_points(THERMOSTATS["langevin"]).replace(POINTS, "")
+    done = run_lammps(f"{system.setup}\n{lines}\n{words}run 0\n", files=system.files, check=False)
+    assert done.code
+    assert says in done.screen
