@@ -23,7 +23,7 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="A scheme of LAMMPS that fails is a result. Exit status: 0 if no number is outside "
         "of its bounds by its 95 % margin, 1 if one is or is missing, 130 after Ctrl-C.",
     )
-    command_line.short_or_full(parser, f"{FULL_TIME:g} ps of each point: some seven hours of one core")
+    command_line.short_or_full(parser, f"{FULL_TIME:g} ps of each point: seven hours of one core")
     text = f"length of each point (default {FULL_TIME:g}, --short {SHORT_TIME:g})"
     parser.add_argument("--ps", type=command_line.positive, metavar="PS", help=text)
     steps, short = (",".join(f"{one:g}" for one in some) for some in (STEPS, SHORT_STEPS))
