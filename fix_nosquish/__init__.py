@@ -98,12 +98,12 @@ class _PointInWords:
     @staticmethod
     def find_spec(name: str, path: object = None, target: object = None) -> None:
         if name.startswith(__name__ + ".") and " " in name:
-            from .command import OWN_KEYWORDS, Command, Unfinished
+            from .command import Command, Unfinished
 
             text = name.removeprefix(__name__ + ".")
-            _class_in(text, INTEGRATORS)
+            own = __getattr__(_class_in(text, INTEGRATORS)).func.keywords
             with suppress(Unfinished):  # the rest of it is behind the point
-                Command.parse(text.rpartition(" ")[0], OWN_KEYWORDS)
+                Command.parse(text.rpartition(" ")[0], own)
             raise RunError(
                 f"the words of the fix line hold a point (after '{text}'), "
                 "at which LAMMPS cuts them: write real numbers without one (3e2, 25e-1) "

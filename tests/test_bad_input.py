@@ -77,10 +77,11 @@ CASES = {
     "value missing": Case("all molecule mrot", ("ends where", "number of inner rotor steps")),
     "value with a point": Case("all molecule mrot 2.5", ("point", "25e-1", "v_NAME")),
     "keyword of fix rigid before a point": Case(
-        "all molecule langevin 0.45 0.45 0.5 1", ("unknown keyword 'langevin'", "use fix langevin")
+        "all molecule langevin 0.45 0.45 0.5 1",
+        ("unknown keyword 'langevin'", "Langevin's thermostat"),
     ),
     "thermostat before a point": Case(
-        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps the energy")
+        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps no temperature")
     ),
     "barostat before a point": Case(
         "all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "keeps the volume")
