@@ -101,7 +101,7 @@ class _PointInWords:
             from .command import Command, Unfinished
 
             text = name.removeprefix(__name__ + ".")
-            own = __getattr__(_class_in(text, INTEGRATORS)).func.keywords
+            own = getattr(__getattr__(_class_in(text, INTEGRATORS)).func, "keywords", ())
             with suppress(Unfinished):  # the rest of it is behind the point
                 Command.parse(text.rpartition(" ")[0], own)
             raise RunError(
