@@ -68,6 +68,9 @@ class PlatformWheel(bdist_wheel):
         return "py3", "none", super().get_tag()[2]
 
 
+# what an earlier build has left there would go into the wheel, if the checkout no longer has it
+shutil.rmtree(Path(__file__).with_name("build"), ignore_errors=True)
+
 setup(
     ext_modules=[
         Extension("fix_nosquish.plugin.python_moveplugin", ["fix_nosquish/plugin/python_move.cpp"])

@@ -47,13 +47,13 @@ def of_fix_line(*classes: type) -> Callable[[str], partial]:
     def find(name: str) -> partial:
         if name.startswith("__"):
             raise AttributeError(name)
-        return partial(named[_class_in(name, named)], words=name)
+        return partial(named[_class_in(name, named, classes[0].__module__)], words=name)
 
     return find
 
 
-def _class_in(text: str, known: Collection[str]) -> str:
-    """The first of the words, if it is one of the known classes."""
+def _class_in(text: str, known: Collection[str], module: str = __name__) -> str:
+    """The first of the words, if it is one of the known classes of a module."""
     words = text.split()
     variable = next((word for word in words if "$" in word), None)
     if variable:
@@ -68,7 +68,7 @@ def _class_in(text: str, known: Collection[str]) -> str:
     if not words or words[0] not in known:
         first = " ".join(words[:1])
         problem = (
-            f"there is no integrator '{first}' in fix_nosquish: expected one of {', '.join(known)}"
+            f"there is no integrator '{first}' in {module}: expected one of {', '.join(known)}"
         )
         raise RunError(problem, everywhere=True) if len(words) > 1 else AttributeError(problem)
     return words[0]
@@ -98,12 +98,12 @@ class _PointInWords:
     @staticmethod
     def find_spec(name: str, path: object = None, target: object = None) -> None:
         if name.startswith(__name__ + ".") and " " in name:
-            from .command import OWN_KEYWORDS, Command, Unfinished
+            from .command import Command, Unfinished
 
             text = name.removeprefix(__name__ + ".")
-            _class_in(text, INTEGRATORS)
+            own = getattr(__getattr__(_class_in(text, INTEGRATORS)).func, "keywords", ())
             with suppress(Unfinished):  # the rest of it is behind the point
-                Command.parse(text.rpartition(" ")[0], OWN_KEYWORDS)
+                Command.parse(text.rpartition(" ")[0], own)
             raise RunError(
                 f"the words of the fix line hold a point (after '{text}'), "
                 "at which LAMMPS cuts them: write real numbers without one (3e2, 25e-1) "

@@ -11,7 +11,7 @@ import numpy as np
 
 from . import block, migration, spheres
 from .communicator import ALONE
-from .compiled import Cell, I
+from .compiled import F2, Cell, I
 from .errors import RunError
 from .frames import angular_momentum, rotation_matrix
 from .lookup import gone
@@ -130,6 +130,7 @@ class Bodies:
             ("arrived", np.empty((0, OF_BODY + len(state)))),
         ):
             self.cells[name] = Cell(kinds[name], value)
+        self.cells |= {"rank": Cell(I, communicator.rank), "mask": Cell(F2, np.ones((6, 1)))}
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 
@@ -361,5 +362,5 @@ def _atoms_changed(lammps, communicator, membership, bodies):
     return (
         f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by "
         f"step {lammps.step}, but bodies are made when a run starts: use a static group, "
-        "and insert atoms between runs"
+        "and insert atoms between runs, with reinit yes"
     )

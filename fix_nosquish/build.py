@@ -228,7 +228,7 @@ def _members(lammps, communicator, membership):
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
     far = (ids_of_atoms < _LEAST_ID) | ((ids_of_atoms >= POINTS) & (ids_of_atoms != POINTS + tag))
     communicator.agree(
-        f"the body with ID {ids_of_atoms[far][0]} has too large an ID: less than 2^52 is possible"
+        f"{membership.name(ids_of_atoms[far][0])} has too large an ID: less than 2^52 is possible"
         if far.any()
         else None
     )

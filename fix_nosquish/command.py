@@ -24,13 +24,13 @@ THERMOSTATS = "langevin", "csvr", "nh"
 OWN_KEYWORDS = {
     "temp": f"TSTART, TSTOP and TDAMP, each {_NUMBER}",
     "thermostat": f"one of {', '.join(THERMOSTATS)}",
-    "seed": "a whole number of at least 1",
+    "seed": "a whole number from 1 to 2147483647",
     "tchain": "the length of the chain, a whole number of at least 1",
     "separate": "yes or no",
 }
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
 _ELSEWHERE = {
-    "langevin": "use fix langevin on the bodies' atoms",
+    "langevin": "fix_nosquish.NVT has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
     "gravity": "use fix gravity before this fix",
     "mol": "insert bodies between runs",
     "bodyforces": "the order of the fix lines decides which forces count",
@@ -41,7 +41,7 @@ _ELSEWHERE = {
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
         ("iso", "aniso", "x", "y", "z", "couple", "pchain", "pparam", "fixedpoint", "dilate"),
-        "this fix keeps the volume",
+        "this fix keeps the volume: for constant pressure use fix rigid/npt/small",
     ),
 }
 
@@ -159,7 +159,7 @@ class Command:
             elif keyword == "thermostat":
                 values["thermostat"] = words.one_of(THERMOSTATS, expected)
             elif keyword in ("seed", "tchain"):
-                values[keyword] = words.whole(expected)
+                values[keyword] = words.whole(expected, 2**31)
             elif keyword == "separate":
                 values["separate"] = words.choice(("no", "yes"), expected)
         if "infile" in values:
@@ -207,10 +207,10 @@ class _Words:
             raise self.wrong(f"the fix line ends where {expected} is expected", Unfinished)
         return self.left.pop(0)
 
-    def whole(self, expected):
+    def whole(self, expected, most=2**63):
         """The next word as a whole number of at least 1."""
         word = self.take(expected)
-        if not word.isdigit() or int(word) < 1:
+        if not word.isdigit() or not 1 <= int(word) < most:
             raise self.wrong(f"'{word}' was given where {expected} is expected")
         return int(word)
 

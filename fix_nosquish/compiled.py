@@ -356,7 +356,7 @@ class Module:
         package = self.name.partition(".")[0]
         of_package = [one for name, one in MODULES.items() if name.partition(".")[0] == package]
         missing = [one for one in of_package if one is self or not one.read()]
-        _tell(f"{package} compiles its loops, once for this machine and version: up to a minute")
+        _tell(f"{package} compiles its loops, once for this machine and version: 20 to 60 s")
         begin = time.perf_counter()
         codes = _compile(missing, min(4, len(os.sched_getaffinity(0))))
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")

@@ -35,7 +35,7 @@ from .philox import normal_pair, words
 from .rotor import s_times
 from .step import Operation
 
-NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 4, 5  # rows of a block: four numbers; energy given
+NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six numbers; energy given
 
 
 @loop
@@ -45,15 +45,15 @@ def set_temperature(parameters: F1, step: L1, begin_step: L1, end_step: L1):
 
 
 @inlined
-def draw(block, parameters, which):
-    """Four normal numbers for each body, in rows NOISE."""
-    step, number = int(parameters[STEP]), 2 * int(parameters[DRAW]) + which
+def draw(block, parameters, second):
+    """Draw normal numbers for each body: four in rows NOISE, two behind them if `second`."""
+    step, number = int(parameters[STEP]), 2 * int(parameters[DRAW]) + second
     key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | BODY
     for b in range(LANES):
         w0, w1, w2, w3 = words(block[NUMBER, b], step, number, key_0, key_1)
-        x, y = normal_pair(w0, w1)
-        z, spare = normal_pair(w2, w3)
-        write(block, NOISE, b, (x, y, z, spare))
+        write(block, NOISE + 4 * second, b, normal_pair(w0, w1))
+        if not second:
+            write(block, NOISE + 2, b, normal_pair(w2, w3))
 
 
 @inlined
@@ -75,7 +75,7 @@ def thermalise(block, kind, dt, parameters):
         about = 0.0 if kind == PLANAR else 1.0  # axes 1 and 2
         for b in range(LANES):
             q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
-            x, y, z = three(block, NOISE, b)
+            x, y, z = three(block, NOISE + 3, b)
             a1, a2, a3 = to_body(rotation_matrix(q), x, y, z)
             l1, l2, l3 = angular_momentum(q, four(block, P, b))
             free = block[FREE + 3, b]

@@ -126,7 +126,7 @@ class Membership:
 
     def name(self, body):
         """How a user would name a body."""
-        if body > POINTS:
+        if self.command.points and body > POINTS:
             return f"atom {body - POINTS} (keyword points)"
         if self.command.style == "group":
             return f"the body of group {self.command.arguments[body - 1]}"

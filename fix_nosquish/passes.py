@@ -14,8 +14,6 @@
 The plugin does them by itself; with a LAMMPS's own fix python/move, Python does them, by `do`.
 """
 
-import numpy as np
-
 from . import spheres, step, virial
 from .block import ALL, BLOCK_ROWS, DIVIDED, LANES, WHOLE
 from .bodies import aligned
@@ -61,8 +59,8 @@ class Passes:
         several = communicator.size > 1
         cells = bodies.cells | lammps.cells | own_cells
         cells |= {"dt": self.dt, "parameters": Cell(F1, integrator.parameters)}
-        cells["rank"] = Cell(I, communicator.rank)
-        cells["mask"] = self.mask or Cell(F2, np.ones((6, 1)))
+        if self.mask:
+            cells["mask"] = self.mask
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))

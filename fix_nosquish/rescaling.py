@@ -267,14 +267,3 @@ class Rescaling(NVT):
             "sums": Cell(F1, np.zeros(2)), "separate": Cell(I, self.command.separate),
         }  # fmt: skip
         return cells | ({"chains": Cell(F1, self.chains)} if self.chained else {})
-
-    def energy(self):
-        if not self.chained:
-            return super().energy()
-        positions, velocities = self.chains.reshape(2, 2, -1).transpose(1, 0, 2)
-        kt, rate = self.parameters[[KT, RATE]]
-        degrees = self.parameters[DEGREES : DEGREES + 2]
-        counts = np.ones_like(positions)
-        counts[:, 0] = degrees
-        of_chain = kt * counts * (0.5 * (velocities / rate) ** 2 + positions)
-        return of_chain[degrees > 0].sum()

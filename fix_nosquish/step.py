@@ -218,10 +218,15 @@ def stages(splitting, operations):
             that moves.
         operations: dictionary from letters to `Operation`.
     Raises:
-        ValueError: for a letter without an operation, and for one that is prepared and stands
-            twice, or not between those that move.
+        ValueError: for a letter without an operation; for an operation of the letter F; if nothing
+            moves; and for a letter that is prepared and stands twice, or not between those that
+            move.
     """
     letters = splitting.split()
+    if FORCES in operations:
+        raise ValueError(
+            f"the letter {FORCES} stands for the forces in a splitting: give the operation another"
+        )
     for letter in letters:
         if letter not in operations and letter != FORCES:
             known = ", ".join(operations)
@@ -229,6 +234,8 @@ def stages(splitting, operations):
                 f"splitting {splitting!r}: there is no operation {letter}, only {known}"
             )
     movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
+    if not movers:
+        raise ValueError(f"splitting {splitting!r}: none of its operations moves the bodies")
     cut = letters.index(FORCES) if FORCES in letters else movers[-1] + 1
     first = min(movers[0], cut)
     prepared = [k for k, one in enumerate(letters) if one != FORCES and operations[one].prepared]

@@ -247,9 +247,12 @@ def forces_at_start(nve):
     many, of = communicator.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
     if not many:
         return "", "", spacing
-    cause, remedy = "atoms overlap at the start", "minimise or move them apart before the fix line"
-    if many > 0.1 * of:
-        cause, remedy = f"the time step is too long, or {cause}", f"use a shorter one, or {remedy}"
+    # forces on few bodies that are much too high speak for the start, on many for the step
+    causes = ["atoms overlap at the start", "the time step is too long"]
+    remedies = ["minimise or move them apart before the fix line", "use a shorter time step"]
+    first, second = (0, 1) if many <= 0.1 * of else (1, 0)
+    cause = f"{causes[first]}, or {causes[second]}"
+    remedy = f"{remedies[first]}, or {remedies[second]}"
     furthest = nve.membership.name(int(ids[pushes.argmax()]))
     return (
         f"{cause}: the force on {furthest} moves it by {pushes.max():.3g} in the first step",

@@ -77,10 +77,11 @@ CASES = {
     "value missing": Case("all molecule mrot", ("ends where", "number of inner rotor steps")),
     "value with a point": Case("all molecule mrot 2.5", ("point", "25e-1", "v_NAME")),
     "keyword of fix rigid before a point": Case(
-        "all molecule langevin 0.45 0.45 0.5 1", ("unknown keyword 'langevin'", "use fix langevin")
+        "all molecule langevin 0.45 0.45 0.5 1",
+        ("unknown keyword 'langevin'", "Langevin's thermostat"),
     ),
     "thermostat before a point": Case(
-        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps the energy")
+        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps no temperature")
     ),
     "barostat before a point": Case(
         "all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "keeps the volume")
@@ -246,7 +247,8 @@ CASES = {
     "overlap at the start": Case(
         "all molecule",
         (
-            "atoms overlap at the start: the force on the body of molecule 2",
+            "atoms overlap at the start, or the time step is too long: "
+            "the force on the body of molecule 2",
             "moves it by",
             "in the first step, and atom",
             "is gone by step 1",

@@ -131,19 +131,44 @@ def test_each_table_is_shown_once():
 # ---- the fix
 
 
-def test_each_keyword_is_on_one_page(run_lammps):
-    """Locks out a keyword without its place there: the refusal of an unknown one names all."""
+def test_each_keyword_is_on_its_page(run_lammps):
+    """Locks out a keyword without its place there: the refusal of an unknown one names all.  What
+    only NVT has is on its page."""
     script = files((DOCS / "tutorial.md").read_text())
     setup = script["in.build"].replace("write_data      data.co2 nocoeff", "")
-    line = 'fix 1 all python/move "fix_nosquish.NVE all molecule nonsense 1"\n'
-    run = run_lammps(setup + line, files={"co2.txt": script["co2.txt"]}, check=False)
-    keywords = re.search(r"unknown keyword 'nonsense': expected ([\w, ]*\w)", run.screen)[1]
-    text = (DOCS / "fix.md").read_text()
-    assert len(keywords.split(", ")) > 5
-    for word in keywords.split(", "):
-        assert re.search(rf"^\| \[`{word}`\]\(#[\w-]+\) \|", text, re.M), word
-        assert re.search(rf"^### .*\b{word}\b", text, re.M), word
-        assert word in text.split("## Default")[1], word
+    known = []
+    for name, page, least in ("NVE", "fix.md", 6), ("NVT", "fix-nvt.md", 4):
+        line = f'fix 1 all python/move "fix_nosquish.{name} all molecule nonsense 1"\n'
+        run = run_lammps(setup + line, files={"co2.txt": script["co2.txt"]}, check=False)
+        keywords = re.search(r"unknown keyword 'nonsense': expected ([\w, ]*\w)", run.screen)[1]
+        new = [word for word in keywords.split(", ") if word not in known]
+        text = (DOCS / page).read_text()
+        assert len(new) > least
+        for word in new:
+            assert re.search(rf"^\| \[`{word}`\]\(#[\w-]+\) \|", text, re.M), word
+            assert re.search(rf"^### .*\b{word}\b", text, re.M), word
+            assert word in text.split("## Default")[1], word
+        known += new
+
+
+def test_examples_of_nvt(run_lammps):
+    """Locks out an example that the fix refuses."""
+    examples = (DOCS / "fix-nvt.md").read_text().split("## Examples")[1].split("```")[1]
+    lines = [line for line in examples.splitlines() if "python/move" in line]
+    inputs = ROOT / "inputs/water"
+    setup = f"""units real
+        atom_style full
+        read_data data.water
+        include {inputs / "forcefield.water"}
+        group water molecule <= 500
+        group rigid union water
+        group flexible subtract all water
+        velocity all create 298 4928 loop geom
+    """
+    given = {"data.water": (inputs / "data.water").read_text()}
+    assert len(lines) > 4
+    script = setup + "".join(f"{line}\nrun 1\nunfix 1\n" for line in lines)
+    assert run_lammps(script, files=given).log.count("Loop time") == len(lines)
 
 
 @pytest.fixture(scope="module")
@@ -154,11 +179,15 @@ def source():
     return re.sub(r"[\"']\s*\n\s*f?[\"']", "", text)
 
 
-def test_quoted_messages_are_those_of_the_package(source):
-    """Locks out a message on the fix's page that the package does not print."""
-    rows = (DOCS / "fix.md").read_text().split("### What is refused")[1].split("### ")[0]
+@pytest.mark.parametrize(
+    ("page", "heading", "least"),
+    [("fix.md", "### What is refused", 10), ("fix-nvt.md", "## Restrictions", 8)],
+)
+def test_quoted_messages_are_those_of_the_package(source, page, heading, least):
+    """Locks out a message on a fix's page that the package does not print."""
+    rows = re.split("^##", (DOCS / page).read_text().split(heading)[1], flags=re.M)[0]
     quoted = re.findall(r"\| `([^`]*)` \|$", rows, re.M)
-    assert len(quoted) > 10
+    assert len(quoted) > least
     for message in quoted:
         variable = (
             r"the body of molecule \d|\d[\d.]*|\.\.\.|\(.*?\)|'\w+'|"

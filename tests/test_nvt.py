@@ -20,7 +20,7 @@ THERMOSTATS = {
     "chains": "thermostat nh separate yes tchain 5",
 }
 FREE = "pair_style zero 2.5\npair_coeff * *\n"  # no forces
-SMOOTH = "pair_modify shift yes\n"  # no jump of the energy at the cutoff
+SMOOTH = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1.0 1.0\n"  # no jump at the cutoff
 DUMP = "write_dump all custom {} id mol mass xu yu zu vx vy vz modify sort id format float %.17g\n"
 
 
@@ -187,8 +187,10 @@ def test_effective_energy(run_lammps, name):
         rows = run_lammps(script, files=system.files).thermo
         spread[dt] = rows["Econserve"].std()
         assert np.ptp(rows["TotEng"]) > 50 * spread[dt]
-    assert spread[0.004] / spread[0.002] > 2.5, spread
-    assert spread[0.002] / spread[0.001] > 2.5, spread
+    if name in ("nh", "chains"):  # the noise of the others has another path for each time step
+        assert spread[0.004] / spread[0.002] == pytest.approx(4, rel=0.15), spread
+        assert spread[0.002] / spread[0.001] == pytest.approx(4, rel=0.15), spread
+    assert spread[0.004] / spread[0.001] > 5, spread
 
 
 REVERSE = """
@@ -398,6 +400,7 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
         ("temp 2 2 x seed 5", "'x' was given where"),
         ("temp 2 2 v_none seed 5", "there is no variable 'none'"),
         ("temp 2 2 1 seed 0", "'0' was given where a whole number"),
+        ("temp 2 2 1 seed 2147483648", "from 1 to 2147483647 is expected"),
         (
             "temp 2 2 1 thermostat berendsen",
             "'berendsen' was given where one of langevin, csvr, nh",

@@ -11,6 +11,7 @@ import pytest
 from conftest import BIN, Silent, read_thermo
 
 from validation import __main__
+from validation.ensembles import plan
 from validation.published import measure as published
 from validation.running import run
 from validation.running.trajectory import Series
@@ -152,10 +153,10 @@ print("SLOPES", (energies[0] - energies[1]) / 2e-4, -force @ move)
 """
 
 
-def test_forces_are_the_slope_of_the_energy(run_lammps):
+@pytest.mark.parametrize("scene", [published.scene(), plan.scene()], ids=lambda one: one.name)
+def test_forces_are_the_slope_of_the_energy(run_lammps, scene):
     """Locks out an energy that jumps where pairs come into the cutoff: it would fluctuate
     whatever the time step."""
-    scene = published.scene()
     setup = [f"shell cd {scene.folder}", *scene.setup]
     screen = run_lammps(SHIFTED.format(setup=setup), launcher=[sys.executable]).screen
     measured, expected = map(float, screen.split("SLOPES")[1].split())

@@ -249,7 +249,8 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   rigid_flag = bridge.rigid;
 
   scalar_flag = bridge.compute_scalar != nullptr;
-  extscalar = extarray = 0;
+  extscalar = bridge.couples;
+  extarray = 0;
   if (bridge.vector_size > 0) {
     extensive.assign(bridge.vector_extensive, bridge.vector_extensive + bridge.vector_size);
     vector_flag = 1;

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from validation.bench import report as bench
 from validation.breaks import report as breaks
 from validation.compare import report as compare
+from validation.ensembles import report as ensembles
 from validation.long import report as long
 from validation.pages.said import Said
 from validation.paper import report as paper
@@ -45,6 +46,12 @@ PARTS = (
         "The energy's spread beside published numbers",
         "published",
         published.say,
+    ),
+    Part(
+        "ensembles",
+        "What thermostats with long steps sample",
+        "ensembles --full",
+        ensembles.say,
     ),
     Part("compare-*", "The same start with all fixes", "compare water", compare.say),
     Part("long-run", "A free body for very many steps", "long", long.say),

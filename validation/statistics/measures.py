@@ -189,6 +189,11 @@ def scatter(values: Sequence[float]) -> Estimate:
     return Estimate(sd, sd / np.sqrt(2 * freedom), freedom)
 
 
+def difference(first: Estimate, second: Estimate) -> Estimate:
+    """First less second, independent `Estimate`s."""
+    return Estimate(first.value - second.value, *combined(first[1:], second[1:]))
+
+
 def quotient(first: Estimate, second: Estimate) -> Estimate:
     """First over second, independent `Estimate`s."""
     value = first.value / second.value

@@ -190,30 +190,34 @@ def _quiet(function, *arguments, **more):
         return function(*arguments, **more)
 
 
-def _data(temperature, natoms, **more):
+def _data(temperature, natoms, held=0, **more):
     """physical_validation's record of a whole at this temperature."""
-    none = dict.fromkeys(("nconstraints", "ndof_reduction_tra", "ndof_reduction_rot"), 0)
+    none = dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0)
     first = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
-    system = records.SystemData(natoms=natoms, mass=np.ones(natoms), **none, **first)
+    system = records.SystemData(
+        natoms=natoms, mass=np.ones(natoms), ndof_reduction_tra=held, **none, **first
+    )
     ensemble = records.EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
     how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
     return records.SimulationData(observables=records.ObservableData(**more), **how)
 
 
-def distribution(energies: np.ndarray, temperature: float) -> float:
-    """How far the kinetic energies of single nonlinear bodies are from the canonical distribution,
-    in standard deviations.
+def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held: int = 0) -> float:
+    """How far the kinetic energies of nonlinear bodies are from the canonical distribution, in
+    standard deviations.
 
-    A body among many is a small part of a large whole, so its distribution is canonical also where
-    the whole's energy is constant.  physical_validation holds mean and width against the gamma
-    distribution; the larger distance counts.
+    A single body among many is a small part of a large whole, so its distribution is canonical also
+    where the whole's energy is constant.  physical_validation holds mean and width against the
+    gamma distribution; the larger distance counts.
 
     Args:
         energies: independent ones, kcal/mol.
         temperature: K.
+        bodies: how many an energy is of.
+        held: degrees of freedom that are not theirs, as those of a total momentum that is zero.
     """
     # two atoms' degrees of freedom are six, a body's
-    data = _data(temperature, natoms=2, kinetic_energy=energies)
+    data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
     found = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
     return max(abs(distance) for distance in found)
 

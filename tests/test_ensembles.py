@@ -1,0 +1,300 @@
+"""What thermostats with long steps sample: its plan, its arithmetic, its verdicts, its runs."""
+
+import json
+import re
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import BIN, Silent, read_thermo
+
+from validation import __main__
+from validation.ensembles import criteria, measure, plan
+from validation.ensembles.plan import REFERENCE, SCHEMES, Lengths, Point
+from validation.running import run
+from validation.running.lammps_log import Loop
+from validation.statistics import measures
+from validation.statistics.estimate import Estimate
+
+NAMES = "potential", "temperature", "translation", "rotation", "apart", "pressure", "drift"
+TINY = ["ensembles", "--ps", "0.05", "--dt", "4", "--only"]
+
+
+def numbers(**known):
+    """Numbers of a run: those that are named, and others."""
+    rest = dict.fromkeys(NAMES, Estimate(1.0, 0.1, 20.0))
+    return rest | {"cost": Estimate(2.0), "distribution": Estimate(0.5)} | known
+
+
+def table(rng, molecules, samples, temperature=298.0, held=0):
+    """Output of a canonical sample: kinetic energies of as many normal numbers as there are degrees
+    of freedom, in both ways of printing them."""
+    unit = measure.BOLTZMANN * temperature / 2
+    moves, turns = (unit * rng.chisquare(3 * molecules - off, samples) for off in (held, 0))
+    half = 3 * molecules * measure.BOLTZMANN / 2
+    common = {
+        "PotEng": -9.5 * molecules + rng.normal(size=samples),
+        "Temp": (moves + turns) / (2 * half),
+        "KinEng": moves + turns,
+        "Press": 1.0 + rng.normal(size=samples),
+        "Time": 24.0 * np.arange(samples),
+        "Econserve": 0.05 * np.arange(samples) * 0.024 + 1e-9 * rng.normal(size=samples),
+    }
+    return common | {"f_1[3]": moves / half, "f_1[4]": turns / half}, common | {"v_moves": moves}
+
+
+def test_what_runs():
+    """Locks out a reference that is left out or runs twice, a settled part that is sampled, and
+    samples at other times with other steps."""
+    every = plan.points()
+    assert every[0] == REFERENCE and len(set(every)) == len(every) == 1 + 4 * len(SCHEMES)
+    assert plan.points(["csvr"], [6.0]) == [REFERENCE, Point("csvr", 6.0)]
+    assert plan.points(["langevin-5"], [1.0, 4.0]) == [REFERENCE, Point("langevin-5", 4.0)]
+    full = Lengths(300.0)
+    assert full.runs(6.0) == [1667, 50000] and Lengths(2.0).runs(4.0) == [50, 500]
+    for dt in (1.0, *plan.STEPS):
+        assert full.every(dt) * dt == plan.SAMPLED
+    assert Lengths(0.05).every(8.0) == 1
+    assert plan.total([Point("csvr", 4.0)], Lengths(20.0, 2)) == 2 * (10000 + 500 + 5000)
+    names = [name for name, *_ in plan.names(every, Lengths(1.0, 2))]
+    assert len(set(names)) == 2 * len(every)
+
+
+def test_each_start_has_its_own_random_numbers():
+    """Locks out starts that repeat each other, and a number with a point in the words of a fix
+    python/move, at which LAMMPS cuts them."""
+    scene = plan.scene()
+    for scheme in SCHEMES.values():
+        first, second = (scheme.seeded(start).commands(scene) for start in (1, 2))
+        assert (first == second) == (scheme.name in ("nh", "rigid/nvt/small"))
+        assert plan.SEED not in " ".join(first)
+        for words in re.findall(r'"fix_nosquish\.(.*)"', " ".join(first)):
+            assert "." not in words
+        assert scheme.ours == (scheme.name in criteria.OURS)
+    assert "langevin 298 298 50 " not in " ".join(SCHEMES["langevin-5"].integrator.lines)
+    assert " 298 298 50 " in " ".join(SCHEMES["langevin-20"].integrator.lines)
+
+
+@pytest.mark.parametrize("held", [0, 3])
+def test_numbers_of_a_canonical_sample(held):
+    """Locks out energies of the whole box for those of a molecule, temperatures that count other
+    degrees of freedom, and a way of LAMMPS's fixes that gives another number than ours."""
+    molecules, samples = 64, 4000
+    ours, theirs = table(np.random.default_rng(3), molecules, samples, held=held)
+    found = measure.of_series(ours, molecules, held)
+    assert found["potential"].value == pytest.approx(-9.5, abs=5 / molecules / np.sqrt(samples))
+    assert found["drift"].value == pytest.approx(0.05, rel=1e-6)  # a ps
+    expected = 298.0 * (1 - held / 3 / molecules)
+    for name, mean in ("translation", expected), ("rotation", 298.0):
+        assert abs(found[name].value - mean) < 4 * found[name].error < 2.0
+    apart = found["translation"].value - found["rotation"].value
+    assert found["apart"].value == pytest.approx(apart, abs=1e-9)
+    assert found["distribution"].value < 4
+    for name, one in measure.of_series(theirs, molecules, held).items():
+        assert one.value == pytest.approx(found[name].value, rel=1e-9)
+    hot = measure.of_series(
+        table(np.random.default_rng(3), molecules, samples, 304.0, held)[0], molecules, held
+    )
+    assert hot["distribution"].value > 6
+
+
+def test_cost_is_of_one_core():
+    """Locks out a time that others who use the core make longer: 8 ms a step by the clock, of
+    which half was ours, 250 steps in a ps."""
+    assert measure.cost(8000.0, 50.0, 4.0).value == pytest.approx(1.0)
+    assert measure.cost(8000.0, None, 4.0).value == pytest.approx(2.0)
+
+
+def test_a_bias_has_the_error_of_both():
+    """Locks out a reference that is taken as exact."""
+    one = measures.difference(Estimate(7.0, 3.0), Estimate(2.0, 4.0))
+    assert one.value == 5.0 and one.error == pytest.approx(5.0) and one.freedom is None
+    few = measures.difference(Estimate(7.0, 3.0, 4.0), Estimate(2.0, 4.0, 4.0))
+    assert few.margin == pytest.approx(np.hypot(*(Estimate(0, e, 4.0).margin for e in (3, 4))))
+
+
+def test_rows():
+    """Locks out a bias against another scheme, a bias of the reference itself, and numbers of a
+    point of which a start failed."""
+    known = {
+        REFERENCE: [numbers(potential=Estimate(-9.0, 0.03), pressure=Estimate(500.0, 3.0))],
+        Point("csvr", 6.0): [
+            numbers(potential=Estimate(-8.9, 0.04), pressure=Estimate(490.0, 4.0))
+        ],
+        Point("nh", 6.0): [numbers()],
+    }
+    found = measure.Found(known, {Point("nh", 6.0): "Lost atoms"})
+    first, second, third = measure.rows(found, known)
+    assert first.bias is None and first.pressure_bias is None and first.potential.value == -9.0
+    assert second.bias.value == pytest.approx(0.1) and second.bias.error == pytest.approx(0.05)
+    assert second.pressure_bias.value == -10.0 and second.pressure_bias.error == pytest.approx(5.0)
+    assert second.cost["median"] == 2.0 and second.starts == 1
+    assert third.error == "Lost atoms" and third.potential is None
+    found = measure.Found(known, {REFERENCE: "Lost atoms"})
+    assert [row.bias for row in measure.rows(found, known)] == [None] * 3
+
+
+def test_the_scatter_of_starts_tells_their_errors():
+    """Locks out errors of the series where starts are further apart than these say: -9, -9.1 and
+    -9.2 have a mean with the error 0.1/√3, and Student's t of two degrees of freedom."""
+    starts = [numbers(potential=Estimate(-9.0 - 0.1 * i, 1e-6)) for i in range(3)]
+    one = measure.pooled(starts)["potential"]
+    assert one.value == pytest.approx(-9.1) and one.error == pytest.approx(0.1 / np.sqrt(3))
+    assert one.margin == pytest.approx(4.302653 * one.error, rel=1e-6)
+    assert measure.pooled(starts[:1])["potential"] == starts[0]["potential"]
+
+
+def judged(dt=6.0, scheme="langevin-5", time=100.0, **row):
+    """The verdicts on a point's numbers, by part."""
+    return {
+        one.part: one for one in criteria.checks({Point(scheme, dt): {"error": None} | row}, time)
+    }
+
+
+@pytest.mark.parametrize(
+    ("key", "part", "scheme", "dt", "inside", "outside"),
+    [
+        ("bias", "potential", "langevin-5", 4.0, -0.0099, -0.0101),
+        ("bias", "potential", "langevin-5", 6.0, 0.0179, 0.0181),
+        ("bias", "potential", "langevin-5", 8.0, -0.0249, -0.0251),
+        ("bias", "potential", "langevin-20", 8.0, 0.0099, 0.0101),
+        ("temperature", "temperature", "nh", 8.0, 300.97, 300.99),
+        ("temperature", "temperature", "csvr", 2.0, 295.03, 295.01),
+        ("apart", "equipartition", "langevin-5", 4.0, -1.49, -1.51),
+        ("apart", "equipartition", "langevin-5", 6.0, -3.99, -4.01),
+        ("apart", "equipartition", "langevin-20", 4.0, 0.49, 0.51),
+        ("apart", "equipartition", "langevin-20", 6.0, -0.99, -1.01),
+        ("pressure_bias", "pressure", "langevin-5", 6.0, -24.9, -25.1),
+        ("pressure_bias", "pressure", "csvr", 6.0, 24.9, 25.1),
+    ],
+)
+def test_bounds(key, part, scheme, dt, inside, outside):
+    """Locks out a bound at another place, for another sign, and a verdict where the interval
+    reaches over it."""
+    for value, holds in (inside, True), (outside, False):
+        for error, expected in (1e-6, holds), (0.02 * abs(inside), None):
+            one = judged(dt, scheme, **{key: Estimate(value, error)})[part]
+            assert one.holds is expected and one.value == value
+
+
+def test_beside_the_trial():
+    """Locks out agreement with the trial by a run that is too short to disagree, and a distance
+    in other errors: 0.005 and the trial's 0.0045."""
+    near = judged(bias=Estimate(-0.014 + 0.006, 0.0045))["trial"]
+    assert near.value == pytest.approx(0.006 / (0.0045 * np.sqrt(2))) and near.holds is True
+    far = judged(bias=Estimate(-0.014 + 0.010, 0.001))["trial"]
+    assert far.value == pytest.approx(0.010 / np.hypot(0.0045, 0.001)) and far.holds is False
+    short = judged(bias=Estimate(-0.014, 0.0046))["trial"]
+    assert short.verdict == "cannot tell" and "run longer" in short.note
+    assert "trial" not in judged(2.0, "csvr", bias=Estimate(0.0, 0.001))
+
+
+def test_what_is_not_judged():
+    """Locks out verdicts on points that are too short or were not run, and a failed run that
+    passes."""
+    good = {"bias": Estimate(0.0, 1e-6), "temperature": Estimate(298.0, 1e-3)}
+    assert judged(time=criteria.LEAST, **good) and not judged(time=0.99 * criteria.LEAST, **good)
+    assert not judged(scheme="shake+langevin", bias=Estimate(9.0, 0.1))
+    assert not judged(5.0, bias=Estimate(9.0, 0.1))
+    for one in judged(error="Lost atoms").values():
+        assert one.verdict == "cannot tell" and one.note == "Lost atoms"
+    assert "reference" in judged(temperature=Estimate(298.0, 1e-3))["potential"].note
+
+
+# ---- runs
+
+
+@pytest.mark.timeout(200)
+def test_the_verb_runs(tmp_path, monkeypatch):
+    """Locks out a verb that fails, runs that are done twice, a folder that forgets what an earlier
+    command has left, and a Ctrl-C that loses it."""
+    out, some = ["--out", str(tmp_path)], ["langevin-5", "rigid/nvt/small", "shake+langevin"]
+    assert __main__.main([*TINY, *some, *out]) == 0
+    files = {path.name for path in tmp_path.iterdir()}
+    assert {"summary.json", "table.csv", "checks.csv", "report.html", "bias.png"} <= files
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    points = [(row["scheme"], row["dt"]) for row in summary["rows"]]
+    assert points == [REFERENCE, *((name, 4.0) for name in some)] and not summary["checks"]
+    for row in summary["rows"]:
+        assert row["error"] is None and 250 < row["temperature"]["value"] < 350
+        assert -10 < row["potential"]["value"] < -9 and row["cost"]["median"] > 0
+        assert ("bias" in row) == ((row["scheme"], row["dt"]) != REFERENCE)
+    assert "not known without" in (tmp_path / "report.html").read_text()
+
+    done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")}
+    assert len(done) == 5  # and the start
+
+    once = run.once
+
+    def stopped(job, *rest, **more):
+        if "csvr" in job.directory:
+            return run.Result("interrupted", {}, [], None, {}, interrupted=True)
+        return once(job, *rest, **more)
+
+    monkeypatch.setattr(run, "once", stopped)
+    assert __main__.main([*TINY, "csvr", *out]) == 130
+    again = json.loads((tmp_path / "summary.json").read_text())
+    assert again["interrupted"] and len(again["rows"]) == len(points)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")} == done
+
+
+def test_what_settles_is_left_out(tmp_path, monkeypatch):
+    """Locks out samples of the part that is run before: of 20 and 40 steps only the second's."""
+    series, _ = table(np.random.default_rng(4), 512, 61)
+    series |= {"Step": np.arange(61.0)}
+    series["PotEng"] = np.where(series["Step"] < 20, 0.0, -512 * 9.5)
+    timings = [
+        Loop(time, 1, steps, 1536, 100.0, {"Modify": 0.1}) for time, steps in ((9.0, 20), (0.4, 40))
+    ]
+    result = run.Result(None, series, timings, None, {}, [1], {"commands": [], "setups": []})
+    monkeypatch.setattr(run, "collect", lambda directory: result)
+    found, job = measure.Found(), run.Job(str(tmp_path), "", [], [20, 40], None)
+    measure._measure(found, Point("csvr", 8.0), job)
+    ((only,),) = found.numbers.values()
+    assert only["potential"].value == -9.5
+    assert only["cost"].value == pytest.approx(0.4 / 40 * 125)
+    series["PotEng"][50] = np.nan
+    measure._measure(found, Point("nh", 8.0), job)
+    assert found.errors == {Point("nh", 8.0): "energy is not finite"}
+
+
+def test_a_start_that_fails_is_said(tmp_path, monkeypatch):
+    """Locks out points that run from a start which is not there."""
+    bad = replace(SCHEMES["csvr"].integrator, lines=("fix 1 {group} no/such",))
+    monkeypatch.setattr(measure, "STARTER", plan.Scheme(50.0, bad))
+    points = [REFERENCE, Point("csvr", 4.0)]
+    _, rows = measure.ensembles(points, Lengths(0.05), tmp_path, Silent(), 60.0)
+    assert all("start 1" in row.error and "no/such" in row.error for row in rows) and len(rows) == 2
+
+
+def test_translation_is_that_of_the_centres(tmp_path):
+    """Locks out a kinetic energy of translation, of LAMMPS's fixes, that is not the centres': the
+    same as that of the fix, which knows its bodies."""
+    scene, scheme = plan.scene(), SCHEMES["nosquish+langevin"]
+    more = [line.format(group=scene.group) for line in measure.MOVES]
+    more += run.thermo("v_moves", "f_1[1]", "f_1[2]")
+    how = {"dt": 4.0, "every": 5, "more": more, "keeps": "nothing"}
+    result = run.run(run.job(scene, scheme.seeded(1), tmp_path / "run", [20], **how))
+    assert result.error is None
+    found = result.thermo
+    np.testing.assert_allclose(found["v_moves"], found["f_1[1]"], rtol=1e-6)
+    np.testing.assert_allclose(found["KinEng"] - found["v_moves"], found["f_1[2]"], rtol=1e-6)
+
+
+def test_the_scene_runs_by_itself(tmp_path):
+    """Locks out an input script that is another scene than the verb's."""
+    log, scene = tmp_path / "alone.log", plan.scene()
+    done = subprocess.run(
+        [str(BIN / "lmp"), "-in", "in.512", "-log", str(log), "-var", "nsteps", "1"],
+        cwd=scene.folder,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert done.returncode == 0, done.stdout
+    one = run.run(
+        run.job(scene, SCHEMES["langevin-5"].seeded(1), tmp_path / "scene", [0], dt=4.0, every=1)
+    )
+    energy = read_thermo(log.read_text())["PotEng"][0]
+    assert energy == pytest.approx(one.thermo["PotEng"][0], rel=1e-6)

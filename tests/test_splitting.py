@@ -1,0 +1,44 @@
+"""Splittings: which ones are refused, and in what passes a step is done."""
+
+import pytest
+
+from fix_nosquish.nve import NVE
+from fix_nosquish.operations import kick
+from fix_nosquish.step import Operation, stages
+
+PAUSE = Operation(kick, prepared=True, measures=kick)
+KNOWN = NVE.operations | {"O": Operation(kick, prepared=True), "M": PAUSE}
+
+
+@pytest.mark.parametrize(
+    ("splitting", "more", "says"),
+    [
+        ("B A X B", {}, "there is no operation X, only A, B"),
+        ("B A F B", {"F": Operation(kick)}, "the letter F stands for the forces"),
+        ("B B", {}, "none of its operations moves the bodies"),
+        ("B A O A O A B", {}, "stands once, between those that move"),
+        ("O B A B", {}, "stands once, between those that move"),
+        ("B A B O", {}, "stands once, between those that move"),
+    ],
+)
+def test_refused(splitting, more, says):
+    """Locks out a letter that is taken for something else, and random numbers that are drawn twice
+    in a step or with the temperature of another."""
+    with pytest.raises(ValueError, match=says):
+        stages(splitting, KNOWN | more)
+
+
+@pytest.mark.parametrize(
+    ("splitting", "passes", "tail_moves", "prepared"),
+    [
+        ("B A B", 1, False, False),
+        ("B A F A B", 1, True, False),
+        ("B A O A B", 1, False, True),
+        ("B A M A B", 2, False, True),
+    ],
+)
+def test_passes(splitting, passes, tail_moves, prepared):
+    """Locks out a second pass over the bodies where nothing is measured, and none where it is."""
+    found = stages(splitting, KNOWN)
+    assert len(found.middle) == passes
+    assert (found.tail_moves, found.prepared) == (tail_moves, prepared)
