@@ -25,6 +25,7 @@ __version__ = "0.1.0"
 INTEGRATORS = {
     "NVE": "nve",
     "NVT": "nvt",
+    "NPT": "npt",
     "MatubayasiNakahara": "matubayasi_nakahara",
     "Gear": "gear",
 }  # class: its module, which is imported when a fix line names the class

@@ -239,7 +239,8 @@ class Bodies:
             self._box = box
             values = box.h, box.inverse, box.lo, box.wrap, OFF_BODY * box.size
             for name, value in zip(migration.Box._fields, values, strict=True):
-                self.cells[name].set(value)
+                # copies, because a barostat changes what loops have
+                self.cells[name].set(np.array(value) if name != "near" else value)
 
     def _off(self):
         """What to say of the atom that is off its body, None for none on this rank."""

@@ -7,54 +7,58 @@ together (Del Tatto et al., Appl. Sci. 12, 1139 (2022)).  With lambda = sqrt(V),
 
 Centres of mass are stretched with the box, velocities by the inverse; shapes stay.  So P is the
 molecular pressure: of the bodies' translation, and the virial of the forces on their centres.
+
+It is done every so many steps, when the bodies have moved and before their forces are computed: no
+force of the old box acts in the new one.
 """
 
 from math import sqrt
+from typing import NamedTuple
 
-from .block import COUNTED, LANES, MASS, Layout, Q, V, X, at, take, three
-from .compiled import F1, F2, L1, Cell, F, I, address, call, inlined, loop
+from .block import HOME, MASS, Images, Layout, Q, V, X, at, take
+from .compiled import F1, F2, L1, F, I, address, call, inlined, loop
 from .migration import Box
 from .mpi import DOUBLE, Mpi, add_up
-from .nvt import ALL_BODIES, COMMON, DRAW, KEY_0, KEY_1, KT, STEP
+from .nvt import ALL_BODIES, DRAW, KEY_0, KEY_1, KT, STEP, prepare
 from .philox import normal_pair, words
-from .step import displaced, rotation_matrices
+from .step import displaced, move_to_images, place, rotation_matrices
 
-# parameters, behind those of any thermostat: factors of the three axes, the point that stays;
-# twice the kinetic energy along each axis, and the virial of forces about the bodies' centres, of
-# this rank
-STRETCH, FIXED, MOTION, SPREAD, CELL_END = (COMMON + 6 + 3 * k for k in range(5))
-# numbers of the barostat: pressure at begin and end, as energies in a volume; compressibility over
-# damping time; mass times velocity squared as an energy
-P_START, P_STOP, RATE_OF_CELL, UNIT, BAROSTAT = 0, 3, 6, 7, 8
-FIRST_OF_CELL = 3 * 1024 * 1024  # random numbers of the system that are the barostat's
-
-
-@inlined
-def measure_motion(block, kind, dt, parameters):
-    """Add twice the bodies' kinetic energy along each axis."""
-    for k in range(3):
-        energy = 0.0
-        for b in range(LANES):
-            energy += block[COUNTED, b] * block[MASS, b] * block[V + k, b] * block[V + k, b]
-        parameters[MOTION + k] += energy
+# numbers of the barostat: pressure at the begin and the end of the run, as energies in a volume;
+# compressibility over damping time; mass times velocity squared as an energy; steps between two
+# changes; 1.0 in three dimensions, 0.0 in two; of this rank, twice the kinetic energy along each
+# axis, and the virial of forces about the bodies' centres; factors of the axes, and the centre
+P_START, P_STOP, RATE, UNIT, EVERY, SPACE, MOTION, SPREAD, STRETCH, CENTRE, NUMBERS = (
+    0, 3, 6, 7, 8, 9, 10, 13, 16, 19, 22,
+)  # fmt: skip
+FIRST = 3 * 1024 * 1024  # the system's random numbers from here on are the barostat's
 
 
-@inlined
-def stretch(block, kind, dt, parameters):
-    """Stretch the place of the centres, and shrink their velocities."""
-    for k in range(3):
-        factor, fixed = parameters[STRETCH + k], parameters[FIXED + k]
-        for b in range(LANES):
-            block[X + k, b] = fixed + factor * (block[X + k, b] - fixed)
-            block[V + k, b] /= factor
+class Barostat(NamedTuple):
+    """What changes the box.
+
+    Attributes:
+        barostat: (NUMBERS,), see above.
+        axes: (3,) which axes change together: a number from 0 to 2, or -1 for one that does not.
+        cell_sums: (6,) to work with.
+        forces_virial: (6,) the virial of LAMMPS's forces on all ranks (xx yy zz xy xz yz).
+        new_box: (9,) lowest and highest coordinates, tilts xy, xz, yz.
+        set_box: (2,) address of LAMMPS's function that takes these, and its first argument.
+    """
+
+    barostat: F1
+    axes: L1
+    cell_sums: F1
+    forces_virial: F1
+    new_box: F1
+    set_box: L1
 
 
 @loop
-def virial_about_centres(layout: Layout, atom_f: F2, parameters: F1):
+def virial_about_centres(layout: Layout, atom_f: F2, barostat: F1):
     """The virial of the forces on this rank's atoms about their bodies' centres."""
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
     for k in range(3):
-        parameters[SPREAD + k] = 0.0
+        barostat[SPREAD + k] = 0.0
     for k in range(blocks.shape[0] - 1):
         take(layout, k, Q, Q + 4, Q)
         rotation_matrices(block)
@@ -63,78 +67,89 @@ def virial_about_centres(layout: Layout, atom_f: F2, parameters: F1):
                 j = rounds[r] + b
                 i = at(layout.index[at(j)])
                 x, y, z = displaced(block, b, d, j)
-                parameters[SPREAD] += x * atom_f[i, 0]
-                parameters[SPREAD + 1] += y * atom_f[i, 1]
-                parameters[SPREAD + 2] += z * atom_f[i, 2]
+                barostat[SPREAD] += x * atom_f[i, 0]
+                barostat[SPREAD + 1] += y * atom_f[i, 1]
+                barostat[SPREAD + 2] += z * atom_f[i, 2]
 
 
 @inlined
-def find_stretch(parameters, sums, forces_virial, barostat, axes, box, part, dt):
-    """The factors of the axes, by the energies along them and the virial, (3,) each in sums."""
-    h, kt = box.h, parameters[KT] * barostat[UNIT]
-    volume, rate = h[0, 0] * h[1, 1] * h[2, 2], barostat[RATE_OF_CELL]
+def find_stretch(parameters, cell, box, part, dt):
+    """The factors of the axes for dt, by the kinetic energies and virials along them."""
+    h, kt, numbers = box.h, parameters[KT] * cell.barostat[UNIT], cell.barostat
+    volume = h[0, 0] * h[1, 1] * (h[2, 2] if numbers[SPACE] > 0.0 else 1.0)
     step, number = int(parameters[STEP]), int(parameters[DRAW])
     key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | ALL_BODIES
     for k in range(3):
-        parameters[STRETCH + k] = 1.0
+        numbers[STRETCH + k] = 1.0
     for group in range(3):
-        count, pressure, goal = 0, 0.0, 0.0
+        count, excess = 0, 0.0
         for k in range(3):
-            if axes[k] == group:
+            if cell.axes[k] == group:
                 count += 1
-                virial = forces_virial[k] - sums[3 + k]
-                pressure += (sums[k] * barostat[UNIT] + virial) / volume
-                goal += barostat[P_START + k]
-                goal += part * (barostat[P_STOP + k] - barostat[P_START + k])
+                energy = cell.cell_sums[k] * numbers[UNIT]
+                energy += cell.forces_virial[k] - cell.cell_sums[3 + k]
+                start, stop = numbers[P_START + k], numbers[P_STOP + k]
+                excess += start + part * (stop - start) - energy / volume
         if count > 0:
-            w0, w1, _, _ = words(float(FIRST_OF_CELL + group), step, number, key_0, key_1)
+            w0, w1, _, _ = words(float(FIRST + group), step, number, key_0, key_1)
             noise, _ = normal_pair(w0, w1)
-            root, strength = sqrt(volume), rate * count * dt / 6.0
-            excess = (goal - pressure) / count - 0.5 * kt / volume
-            root += -strength * root * excess + sqrt(strength * kt) * noise
-            factor = root * root / volume
-            volume = root * root
+            root, strength = sqrt(volume), numbers[RATE] * count * dt / 6.0
+            root -= strength * root * (excess / count - 0.5 * kt / volume)
+            root += sqrt(strength * kt) * noise
+            factor, volume = root * root / volume, root * root
             if count == 2:
                 factor = sqrt(factor)
             elif count == 3:
                 factor = factor ** (1.0 / 3.0)
             for k in range(3):
-                if axes[k] == group:
-                    parameters[STRETCH + k] = factor
+                if cell.axes[k] == group:
+                    numbers[STRETCH + k] = factor
 
 
 @inlined
-def set_box(parameters, box, shift, new_box, setter):
+def stretch_box(cell, box, shift):
     """Stretch the box about its centre, with all that follows from it, and tell LAMMPS."""
-    h, inverse, lo = box.h, box.inverse, box.lo
+    h, inverse, lo, new_box = box.h, box.inverse, box.lo, cell.new_box
     for k in range(3):
-        factor, fixed = parameters[STRETCH + k], lo[k]
+        factor, centre = cell.barostat[STRETCH + k], lo[k]
         for i in range(3):
-            fixed += 0.5 * h[k, i]
-        parameters[FIXED + k] = fixed
+            centre += 0.5 * h[k, i]
+        cell.barostat[CENTRE + k] = centre
         edge = factor * h[k, k]
-        lo[k] = fixed + factor * (lo[k] - fixed)
+        lo[k] = centre + factor * (lo[k] - centre)
         for i in range(3):
             h[k, i] *= factor
             inverse[i, k] /= factor
         for i in range(shift.shape[0]):
             shift[i, k] *= factor
         new_box[k], new_box[3 + k] = lo[k], lo[k] + edge
-        h[k, k] = new_box[3 + k] - lo[k]
+        h[k, k] = new_box[3 + k] - lo[k]  # as LAMMPS will have it
     new_box[6], new_box[7], new_box[8] = h[0, 1], h[0, 2], h[1, 2]
-    call(setter[0], setter[1], address(new_box))
+    call(cell.set_box[0], cell.set_box[1], address(new_box))
 
 
-@inlined
+@loop
 def rescale_cell(
-    mpi, parameters, cell_sums, forces_virial, barostat, axes, box, shift, new_box, setter, part, dt
-):
-    """Stretch the box and tell LAMMPS; the energies along the axes, in cell_sums, are those after
-    it."""
-    add_up(mpi, DOUBLE, parameters[MOTION : MOTION + 6], cell_sums)
+    mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F, rank: I,
+    step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: Box,
+):  # fmt: skip
+    """Change the box, stretch the centres of mass with it, and place the atoms anew."""
+    state, numbers = layout.state, cell.barostat
     for k in range(3):
-        parameters[MOTION + k] = 0.0
-    find_stretch(parameters, cell_sums, forces_virial, barostat, axes, box, part, dt)
-    set_box(parameters, box, shift, new_box, setter)
+        numbers[MOTION + k] = 0.0
+        for b in range(state.shape[1]):
+            if state[HOME, b] == rank:
+                numbers[MOTION + k] += state[MASS, b] * state[V + k, b] * state[V + k, b]
+    add_up(mpi, DOUBLE, numbers[MOTION : MOTION + 6], cell.cell_sums)
+    part = prepare(parameters, step, begin_step, end_step)
+    find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
+    stretch_box(cell, box, images.shift)
     for k in range(3):
-        cell_sums[k] /= parameters[STRETCH + k] * parameters[STRETCH + k]
+        factor, centre = numbers[STRETCH + k], numbers[CENTRE + k]
+        for b in range(state.shape[1]):
+            state[X + k, b] = centre + factor * (state[X + k, b] - centre)
+            state[V + k, b] /= factor
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, MASS, Q + 4, MASS)
+        place(layout, k, atom_x)
+    move_to_images(layout, images, atom_x)

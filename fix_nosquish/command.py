@@ -1,7 +1,7 @@
 """The quoted words of the fix line, checked: GROUP BODYSTYLE [args] [keyword value ...]."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite
 
 from .errors import RunError
@@ -20,6 +20,7 @@ KEYWORDS = {
 }
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
+COUPLES = "none", "xyz", "xy", "yz", "xz"
 # keywords that only some integrators have
 OWN_KEYWORDS = {
     "temp": f"TSTART, TSTOP and TDAMP, each {_NUMBER}",
@@ -27,6 +28,10 @@ OWN_KEYWORDS = {
     "seed": "a whole number from 1 to 2147483647",
     "tchain": "the length of the chain, a whole number of at least 1",
     "separate": "yes or no",
+    **dict.fromkeys(("iso", "aniso", "x", "y", "z"), f"PSTART, PSTOP and PDAMP, each {_NUMBER}"),
+    "couple": f"one of {', '.join(COUPLES)}",
+    "every": "a whole number of at least 1",
+    "compressibility": _NUMBER,
 }
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
 _ELSEWHERE = {
@@ -72,6 +77,9 @@ class Command:
         temp: (TSTART, TSTOP, TDAMP), words for numbers, None for none.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
+        pressure: dictionary from iso, aniso, x, y, z to (PSTART, PSTOP, PDAMP), words for numbers.
+        couple: one of `COUPLES`.  every: steps between two changes of the box.
+        compressibility: a word for a number, None for the default.
     """
 
     text: str
@@ -91,6 +99,10 @@ class Command:
     seed: int | None = None
     tchain: int = 3
     separate: bool = False
+    pressure: dict = field(default_factory=dict)
+    couple: str = "none"
+    every: int = 10
+    compressibility: str | None = None
 
     @classmethod
     def parse(cls, text, own=()):
@@ -162,6 +174,15 @@ class Command:
                 values[keyword] = words.whole(expected, 2**31)
             elif keyword == "separate":
                 values["separate"] = words.choice(("no", "yes"), expected)
+            elif keyword in ("iso", "aniso", "x", "y", "z"):
+                given = tuple(words.number(expected) for _ in range(3))
+                values.setdefault("pressure", {})[keyword] = given
+            elif keyword == "couple":
+                values["couple"] = words.one_of(COUPLES, expected)
+            elif keyword == "every":
+                values["every"] = words.whole(expected)
+            elif keyword == "compressibility":
+                values["compressibility"] = words.number(expected)
         if "infile" in values:
             # as in fix rigid: the file is the start, not the state of later runs
             values["reinit"] = False

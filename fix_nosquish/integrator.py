@@ -82,6 +82,10 @@ class Integrator:
             `operations`; it is asked when a run begins, and all are in `parameters` then.
         own_cells: a method that returns a dictionary of cells that its own loop takes.
         thermostat: whether it keeps a temperature, so that no other fix may.
+        every: every how many steps the box changes, 0 for never.
+        cell_loops: a method that binds two lists of loops to cells: what the forces say of the
+            pressure, and what changes the box in the next step.
+        modules: names of modules whose loops it needs, besides those of its classes.
 
     Attributes:
         bodies: the `Bodies`, from the first use of the fix on.
@@ -109,6 +113,7 @@ class Integrator:
 
     host = parameters = None
     unprepared = ""
+    every, modules = 0, ()
     follows_atoms = True
     virial = virial_per_atom = None
     rigid_flag = False
@@ -148,7 +153,12 @@ class Integrator:
         if self.communicator.size > 1 or self.host:
             modules.append(lookup)
         names = [module.__name__ for module in modules]
-        compiled.load(self.communicator, *names, *(kind.__module__ for kind in type(self).__mro__))
+        compiled.load(
+            self.communicator,
+            *names,
+            *(kind.__module__ for kind in type(self).__mro__),
+            *self.modules,
+        )
         self.command = Command.parse(words, self.keywords)
         if not self.splits and (self.command.mrot, self.command.order) != (1, 321):
             raise RunError(
@@ -370,6 +380,8 @@ class Integrator:
         self.phase, self._ran = self.ended, True
         if vflag:
             self.reports.add_constraint_virial()
+        if self._cell_is_due(self.lammps.step):
+            self.do("pressure")
         self._leave_to_host()
         if self.host.calls_setup:
             self.reports.say(bool(vflag))
@@ -403,6 +415,8 @@ class Integrator:
         """The first half of a step."""
         self._begin_step(vflag)
         self.do("whole" if self.phase == Phase.WAITING else "begin")
+        if self._cell_is_due(self.lammps.step - 1):
+            self.do("cell")
         self._has_begun()
 
     @hook
@@ -433,7 +447,13 @@ class Integrator:
             self.set_velocities()
         if self.host.vflag:
             self.reports.add_constraint_virial()
+        if self._cell_is_due(step):
+            self.do("pressure")
         self.reports.write()
+
+    def _cell_is_due(self, step):
+        """Whether the forces of this step are followed by a change of the box."""
+        return self.every and step % self.every == 0
 
     def catch_up(self):
         """Do what the last step has left to the next one."""
@@ -515,7 +535,7 @@ class Integrator:
     def _refuse_new_box(self, held):
         """End the run if one of the box vectors that are held, (3,) bool, has changed."""
         box = self.lammps.box
-        if box is self._box:
+        if box is self._box or self.every:
             return
         if ((box.h != self._box.h) & held).any():
             raise RunError(

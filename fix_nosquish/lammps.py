@@ -126,6 +126,7 @@ class Lammps:
         self.ftm2v = self._scalar("ftm2v", c_double).value
         self.mvv2e = self._scalar("mvv2e", c_double).value
         self.boltz = self._scalar("boltz", c_double).value
+        self.nktv2p = self._scalar("nktv2p", c_double).value
         self.units = ctypes.string_at(self._global("units")).decode()
         tag = self.setting("tagint")
         self.tagint = {4: np.int32, 8: np.int64}[tag]

@@ -1,70 +1,131 @@
-"""NPT: rigid bodies at constant temperature and pressure.
-
-`NVT`, and every so many steps the box follows the pressure, in the middle of the step beside the
-thermostat, B A C O A B: forces are computed anew before they are used again.  See `cell`.
-"""
+"""NPT: rigid bodies at constant temperature and pressure: `NVT`, and a box that changes; see `cell`."""
 
 import numpy as np
 
-from .cell import (
-    BAROSTAT,
-    CELL_END,
-    P_START,
-    P_STOP,
-    RATE_OF_CELL,
-    SPACE,
-    UNIT,
-    measure_motion,
-    rescale_cell,
-    stretch,
-    virial_about_centres,
-)
+from . import cell
+from .cell import EVERY, NUMBERS, P_START, RATE, SPACE, UNIT
 from .command import Command
-from .compiled import F1, L1, Cell, F, I, loop
+from .compiled import F1, L1, Cell
 from .errors import RunError
 from .langevin import Langevin
-from .migration import Box
-from .mpi import Mpi
-from .nvt import NVT, prepare
-from .rescaling import Rescaling, rescale_by_chains, rescale_stochastically, use_factors
-from .step import Operation
+from .nvt import NVT
+from .rescaling import Rescaling
 
-WITH_CELL = "B A C O A B"
-MOVES_CELL = Operation(stretch, prepared=True, measures=measure_motion)
+AXES = "xyz"
+COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
+COMPRESSIBILITY = 4.6e-5  # of water, 1/atm, where the pressure is in these units
 
 
-@loop
-def move_cell(
-    mpi: Mpi, parameters: F1, cell_dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell_sums: F1, forces_virial: F1, barostat: F1, axes: L1, box: Box, shift: F2, new_box: F1,
-    setter: L1,
-):  # fmt: skip
-    """The box, and the temperature of Langevin's thermostat."""
-    part = prepare(parameters, step, begin_step, end_step)
-    rescale_cell(
-        mpi, parameters, cell_sums, forces_virial, barostat, axes, box, shift, new_box, setter,
-        part, cell_dt,
-    )  # fmt: skip
+class NPT(NVT):
+    """fix python/move "fix_nosquish.NPT GROUP BODYSTYLE temp ... iso PSTART PSTOP PDAMP ...".
+
+    Besides the words of `NVT` it takes those of `keywords`.  All atoms of the system are in its
+    bodies, or points.
+
+    Raises:
+        RunError: for words that do not go together, for atoms that are left out, and where a face
+            of the box is not periodic.
+    """
+
+    keywords = (*NVT.keywords, "iso", "aniso", "x", "y", "z", "couple", "every", "compressibility")
+    respa = False
+    modules = (cell.__name__,)
+
+    def __new__(cls, ptr, words):
+        if cls is NPT:
+            langevin = Command.parse(words, cls.keywords).thermostat == "langevin"
+            cls = LangevinNPT if langevin else RescalingNPT
+        return super().__new__(cls, ptr, words)
+
+    @property
+    def every(self):
+        return self.command.every
+
+    def cell_loops(self, cells):
+        return [cell.virial_about_centres.bind_to(cells)], [cell.rescale_cell.bind_to(cells)]
+
+    def own_parameters(self):
+        self._refuse()
+        return super().own_parameters()
+
+    def _refuse(self):
+        """Raise an error for a system whose box this fix cannot change; collective."""
+        lammps = self.lammps
+        outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
+        if outside:
+            raise RunError(
+                f"{outside} atoms are in no body, and would stay where they are when the box changes: "
+                "give their group to keyword points",
+                everywhere=True,
+            )
+        if self.command.force or self.command.torque:
+            raise RunError(
+                "keywords force and torque are for a box that does not change", everywhere=True
+            )
+        for k, axis in enumerate(AXES):
+            if self.axes[k] >= 0 and not lammps.box.periodic[k]:
+                raise RunError(
+                    f"there is no pressure along {axis}, which is not periodic: name other axes",
+                    everywhere=True,
+                )
+
+    @property
+    def axes(self):
+        """Which axes change together, (3,): see `cell.Barostat`."""
+        coupled = COUPLED["xyz" if "iso" in self.command.pressure else self.command.couple]
+        named = set(self.command.pressure)
+        free = AXES if named & {"iso", "aniso"} else named
+        axes = [group if axis in free else -1 for axis, group in zip(AXES, coupled, strict=True)]
+        return np.array(axes if self.lammps.dimension == 3 else [*axes[:2], -1])
+
+    def own_cells(self):
+        lammps, command, numbers = self.lammps, self.command, np.zeros(NUMBERS)
+        unit = 1.0 / lammps.nktv2p
+        damping = 1.0
+        for axis in range(3):
+            words = command.pressure.get(AXES[axis])
+            for all_axes in "iso", "aniso":
+                words = command.pressure.get(all_axes, words)
+            if words:
+                start, stop, damping = (lammps.number(word) for word in words)
+                numbers[[P_START + axis, cell.P_STOP + axis]] = start * unit, stop * unit
+        if command.compressibility:
+            compressibility = lammps.number(command.compressibility)
+        elif lammps.units in _PER_ATM:
+            compressibility = COMPRESSIBILITY * _PER_ATM[lammps.units]
+        else:
+            raise RunError(
+                f"keyword compressibility is missing: with units {lammps.units} there is no default",
+                everywhere=True,
+            )
+        numbers[RATE] = compressibility * lammps.nktv2p / damping
+        numbers[UNIT], numbers[EVERY], numbers[SPACE] = (
+            lammps.mvv2e,
+            self.every,
+            lammps.dimension == 3,
+        )
+        return super().own_cells() | {
+            "barostat": Cell(F1, numbers),
+            "axes": Cell(L1, self.axes),
+            "cell_sums": Cell(F1, np.zeros(6)),
+            "forces_virial": Cell(F1, self.host.forces_virial),
+            "new_box": Cell(F1, np.zeros(9)),
+            "set_box": Cell(L1, self.host.set_box),
+        }
 
 
-@loop
-def move_cell_and_rescale(
-    mpi: Mpi, parameters: F1, cell_dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell_sums: F1, forces_virial: F1, barostat: F1, axes: L1, box: Box, shift: F2, new_box: F1,
-    setter: L1, dt: F, sums: F1, separate: I, chains: F1, chained: I,
-) -> I:  # fmt: skip
-    """The box, and the factors of a thermostat that scales all velocities."""
-    part = prepare(parameters, step, begin_step, end_step)
-    rescale_cell(
-        mpi, parameters, cell_sums, forces_virial, barostat, axes, box, shift, new_box, setter,
-        part, cell_dt,
-    )  # fmt: skip
-    add_up_energies(mpi, parameters, sums)
-    sums[0] = cell_sums[0] + cell_sums[1] + cell_sums[2]
-    join(sums, separate)
-    if chained:
-        found = rescale_by_chains(parameters, sums, chains, dt)
-    else:
-        found = rescale_stochastically(parameters, sums, dt)
-    use_factors(mpi, parameters, sums, separate)
-    return found
+# what one atmosphere is in the units of pressure
+_PER_ATM = {
+    "real": 1.0, "metal": 1 / 1.01325, "si": 1 / 101325.0, "cgs": 1 / 1013250.0,
+    "electron": 1 / 101325.0,
+}  # fmt: skip
+
+
+class LangevinNPT(NPT, Langevin):
+    """`NPT` with keyword thermostat langevin."""
+
+    method = "NO_SQUISH with Langevin's thermostat and cell rescaling"
+
+
+class RescalingNPT(NPT, Rescaling):
+    """`NPT` with keyword thermostat csvr or nh."""

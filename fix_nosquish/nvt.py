@@ -32,12 +32,17 @@ BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the syste
 
 @inlined
 def prepare(parameters, step, begin_step, end_step):
-    """Set the temperature of this step, and which draw of the step comes next."""
+    """Set the temperature of this step, and which draw of the step comes next.
+
+    Returns:
+        which part of the run is over.
+    """
     steps = end_step[0] - begin_step[0]
     part = (step[0] - begin_step[0]) / steps if steps > 0 else 0.0
     parameters[KT] = parameters[START] + part * (parameters[STOP] - parameters[START])
     parameters[DRAW] = parameters[DRAW] + 1.0 if parameters[STEP] == step[0] else 0.0
     parameters[STEP] = step[0]
+    return part
 
 
 class NVT(Integrator):

@@ -8,6 +8,8 @@
     velocities   the atoms' velocities
     virial       the constraint virial
     follow       the bodies follow LAMMPS's atoms
+    pressure     what the forces say of the pressure, every so many steps
+    cell         the box changes, in the next step
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
@@ -112,6 +114,9 @@ class Passes:
             "follow": [bodies.following],
         }
         self.lists["end"] = [] if integrator.middle else self.lists["close"]
+        if integrator.every:
+            self.lists["pressure"], moves = integrator.cell_loops(cells)
+            self.lists["cell"] = [*moves, *after]
         if integrator.middle:
             self.lists["virial"] = [*gather, *self.lists["virial"]]
 

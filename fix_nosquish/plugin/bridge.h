@@ -39,6 +39,7 @@ struct Bridge {
   int32_t wants_virial;             // it fills in virial
   int32_t wants_virial_per_atom;    // it fills in virial_per_atom
   int32_t writes_restart_file;
+  int32_t changes_box;      // every how many steps it changes the box, 0: never
   int32_t couples;          // its scalar is an energy that went from the system
   int32_t restart_size;     // numbers that go to restart files
   double *restart_state;    // these
@@ -80,6 +81,9 @@ struct Bridge {
   const Pass *velocities;
   const Pass *virial_passes;
   const Pass *follow;
+  const Pass *pressure;
+  const Pass *cell;
+  double *forces_virial;    // of all ranks and without this fix, where the box changes in the next step
   int64_t *arrays;    // cells for LAMMPS's arrays
   const int64_t *index;    // cells of the bodies; null if there are none
   const int64_t *body_of;
@@ -94,6 +98,7 @@ struct Bridge {
   void (*set_array_rows)(void *fix, int n);
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
+  int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);

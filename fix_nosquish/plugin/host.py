@@ -1,6 +1,6 @@
 """The `hosts.Host` of a class that the plugin drives."""
 
-from ctypes import byref, cast
+from ctypes import byref, c_void_p, cast
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,8 @@ LISTS = {
     "velocities": "velocities",
     "virial_passes": "virial",
     "follow": "follow",
+    "pressure": "pressure",
+    "cell": "cell",
 }
 
 
@@ -64,6 +66,9 @@ class Host:
         self.group = bridge.group.decode()
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
+        self.forces_virial = as_array(bridge.forces_virial, (6,))
+        place = cast(bridge.set_box, c_void_p).value
+        self.set_box = np.array([place, bridge.fix or 0])
         self.span = tuple(as_array(step, (1,)) for step in (bridge.begin_step, bridge.end_step))
         self._keep, self._point = (
             bridge.keep,
@@ -113,7 +118,9 @@ class Host:
 
     def go_alone(self, lists, *, velocities_every, python_every, ended, late, without):
         tables = {
-            field: _table(lists[name]) for field, name in LISTS.items() if name not in without
+            field: _table(lists[name])
+            for field, name in LISTS.items()
+            if name in lists and name not in without
         }
         for field, table in tables.items():
             setattr(self._bridge, field, table.ctypes.data)

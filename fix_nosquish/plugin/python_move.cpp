@@ -10,17 +10,25 @@
 
 #include "bridge.h"
 
+#include "angle.h"
 #include "atom.h"
+#include "bond.h"
 #include "comm.h"
+#include "compute.h"
+#include "dihedral.h"
 #include "domain.h"
 #include "error.h"
 #include "fix.h"
+#include "force.h"
 #include "group.h"
+#include "improper.h"
 #include "input.h"
+#include "kspace.h"
 #include "library.h"
 #include "memory.h"
 #include "modify.h"
 #include "output.h"
+#include "pair.h"
 #include "universe.h"
 #include "update.h"
 
@@ -168,6 +176,8 @@ class FixPythonMove : public Fix {
   // arrived
   int64_t *origin = nullptr;
   std::vector<double> arrived;
+  double forces_virial[6] = {};
+  std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   int describe(int, FixFacts *) const;
@@ -178,6 +188,9 @@ class FixPythonMove : public Fix {
   void make_virial_per_atom();
   std::vector<double> box() const;
   bool run(const Pass *);
+  int64_t set_box(const double *);
+  void take_virial();
+  bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
   std::string problem(const std::string &text) const
   {
     return "Fix " + std::string(id) + " python/move: " + text;
@@ -229,6 +242,8 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
+  bridge.set_box = [](void *fix, const double *box) { return self(fix)->set_box(box); };
+  bridge.forces_virial = forces_virial;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
@@ -246,6 +261,12 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   restart_file = bridge.writes_restart_file;
   restart_global = bridge.restart_size > 0;
   ecouple_flag = bridge.couples;
+  if (bridge.changes_box) {
+    box_change |= BOX_CHANGE_SIZE | (domain->triclinic ? BOX_CHANGE_SHAPE : 0);
+    no_change_box = 1;
+    virial_id = std::string(id) + "_virial";
+    modify->add_compute(virial_id + " all pressure NULL virial");
+  }
   rigid_flag = bridge.rigid;
 
   scalar_flag = bridge.compute_scalar != nullptr;
@@ -279,6 +300,7 @@ FixPythonMove::~FixPythonMove()
 {
   if (bridge.follows_atoms && modify->get_fix_by_id(id)) atom->delete_callback(id, Atom::GROW);
   memory->destroy(origin);
+  if (!virial_id.empty() && modify->get_compute_by_id(virial_id)) modify->delete_compute(virial_id);
   if (bridge.release) bridge.release(&bridge);
   int finalized;
   MPI_Finalized(&finalized);
@@ -299,11 +321,16 @@ void FixPythonMove::init()
     error->all(FLERR, problem("its class has no methods for run_style respa"));
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
   call(bridge.init);
+  if (bridge.changes_box) {
+    const bigint step = update->ntimestep, every = bridge.changes_box;
+    modify->get_compute_by_id(virial_id)->addstep((step + every - 1) / every * every);
+  }
 }
 
 void FixPythonMove::setup(int vflag)
 {
   v_init(vflag);
+  take_virial();
   call_with_virial(bridge.setup, vflag);
 }
 
@@ -333,6 +360,7 @@ void FixPythonMove::initial_integrate(int vflag)
   if (passes && !changed && run(passes)) {
     bridge.phase = HALF;
     bridge.velocities_set = 0;
+    if (cell_is_due(update->ntimestep - 1)) run(bridge.cell);
   } else {
     call(bridge.initial_integrate, vflag);
   }
@@ -345,6 +373,8 @@ void FixPythonMove::final_integrate()
   const bigint step = update->ntimestep;
   auto falls_on = [step](int every) { return every && step % every == 0; };
   const bool for_python = falls_on(bridge.python_every);
+  take_virial();
+  if (cell_is_due(step) && bridge.pressure) run(bridge.pressure);
   const bool looked_at = step == output->next || falls_on(bridge.velocities_every);
   if (bridge.may_wait && !bridge.vflag && !looked_at && !for_python) {
     bridge.phase = WAITING;
@@ -525,6 +555,52 @@ std::vector<double> FixPythonMove::box() const
   numbers.insert(numbers.end(), domain->boxhi, domain->boxhi + 3);
   numbers.insert(numbers.end(), {domain->xy, domain->xz, domain->yz});
   return numbers;
+}
+
+// The box has changed, and all atoms are where it has them.
+
+int64_t FixPythonMove::set_box(const double *numbers)
+{
+  std::copy_n(numbers, 3, domain->boxlo);
+  std::copy_n(numbers + 3, 3, domain->boxhi);
+  if (domain->triclinic) {
+    domain->xy = numbers[6];
+    domain->xz = numbers[7];
+    domain->yz = numbers[8];
+  }
+  domain->set_global_box();
+  domain->set_local_box();
+  if (force->kspace) force->kspace->setup();
+  kept_box = box();
+  return 0;
+}
+
+// What LAMMPS's forces say of the pressure, if the box changes next: their virial on all ranks, without this fix's.
+
+void FixPythonMove::take_virial()
+{
+  if (!cell_is_due(update->ntimestep)) return;
+  std::vector<const double *> parts;
+  if (force->pair) parts.push_back(force->pair->virial);
+  if (atom->molecular != Atom::ATOMIC) {
+    if (force->bond) parts.push_back(force->bond->virial);
+    if (force->angle) parts.push_back(force->angle->virial);
+    if (force->dihedral) parts.push_back(force->dihedral->virial);
+    if (force->improper) parts.push_back(force->improper->virial);
+  }
+  for (const auto &fix : modify->get_fix_list())
+    if (fix != this && fix->thermo_virial) parts.push_back(fix->virial);
+  double sums[6] = {};
+  for (const auto part : parts)
+    for (int k = 0; k < 6; k++) sums[k] += part[k];
+  MPI_Allreduce(sums, forces_virial, 6, MPI_DOUBLE, MPI_SUM, world);
+  if (force->kspace)
+    for (int k = 0; k < 6; k++) forces_virial[k] += force->kspace->virial[k];
+  const double area = domain->xprd * domain->yprd;
+  const double volume = domain->dimension == 3 ? area * domain->zprd : area;
+  if (force->pair && force->pair->tail_flag)
+    for (int k = 0; k < domain->dimension; k++) forces_virial[k] += force->pair->ptail / volume;
+  modify->get_compute_by_id(virial_id)->addstep(update->ntimestep + bridge.changes_box);
 }
 
 // Do passes; returns whether all went well.
