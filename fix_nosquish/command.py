@@ -187,7 +187,23 @@ class Command:
             # as in fix rigid: the file is the start, not the state of later runs
             values["reinit"] = False
         _check_thermostat(words, values, known)
+        _check_pressure(words, values, known)
         return cls(text, group, style, arguments, **values)
+
+
+def _check_pressure(words, values, known):
+    """Raise an error if the words of a barostat do not go together."""
+    if "iso" not in known:
+        return
+    given = set(values.get("pressure", ()))
+    if not given:
+        raise words.wrong(
+            f"the pressure is missing: give iso, aniso, x, y or z {OWN_KEYWORDS['iso']}"
+        )
+    if len(given & {"iso", "aniso"}) > (len(given) == 1):
+        raise words.wrong("of the keywords iso, aniso and x, y, z only one kind can stand")
+    if "iso" in given and "couple" in values:
+        raise words.wrong("keyword couple is for aniso and x, y, z: iso couples all axes")
 
 
 def _check_thermostat(words, values, known):

@@ -1,4 +1,7 @@
-"""NPT: rigid bodies at constant temperature and pressure: `NVT`, and a box that changes; see `cell`."""
+"""NPT: rigid bodies at constant temperature and pressure.
+
+`NVT`, and a box that changes every so many steps: see `cell`.
+"""
 
 import numpy as np
 
@@ -54,8 +57,8 @@ class NPT(NVT):
         outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
         if outside:
             raise RunError(
-                f"{outside} atoms are in no body, and would stay where they are when the box changes: "
-                "give their group to keyword points",
+                f"{outside} atoms are in no body, and would stay where they are when the box "
+                "changes: give their group to keyword points",
                 everywhere=True,
             )
         if self.command.force or self.command.torque:
@@ -88,6 +91,12 @@ class NPT(NVT):
                 words = command.pressure.get(all_axes, words)
             if words:
                 start, stop, damping = (lammps.number(word) for word in words)
+                if not damping > 0:
+                    raise RunError(
+                        f"PDAMP is {damping:g}, and must be above zero "
+                        f'(in "fix_nosquish.{command.text}")',
+                        everywhere=True,
+                    )
                 numbers[[P_START + axis, cell.P_STOP + axis]] = start * unit, stop * unit
         if command.compressibility:
             compressibility = lammps.number(command.compressibility)
@@ -95,7 +104,7 @@ class NPT(NVT):
             compressibility = COMPRESSIBILITY * _PER_ATM[lammps.units]
         else:
             raise RunError(
-                f"keyword compressibility is missing: with units {lammps.units} there is no default",
+                f"keyword compressibility is missing: with units {lammps.units} it has no default",
                 everywhere=True,
             )
         numbers[RATE] = compressibility * lammps.nktv2p / damping

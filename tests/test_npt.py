@@ -1,0 +1,132 @@
+"""NPT: the distribution of volumes, ranks, restart, boxes, and what is refused."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy import stats
+from systems import mixture
+from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, thermo
+
+CELL = "iso 12e-2 12e-2 2e-1 every 5 compressibility 8"
+
+
+def fix(words, cell=CELL, temperature="2 2 2e-1"):
+    """The fix line."""
+    line = f"NPT all molecule temp {temperature} {words} {cell}"
+    return f'fix 1 all python/move "fix_nosquish.{line}"\n'
+
+
+@pytest.mark.parametrize(
+    ("name", "cell"),
+    [
+        ("langevin", CELL),
+        ("csvr", CELL),
+        ("langevin", "x 12e-2 12e-2 2e-1 every 5 compressibility 8"),
+    ],
+)
+def test_volumes_of_a_gas(run_lammps, name, cell):
+    """Locks out a pressure that counts rotation, a wrong strength of the noise or of the drift, and
+    momenta that are not scaled: the volume of free bodies has the gamma distribution."""
+    system = mixture(side=2)
+    words = fix(THERMOSTATS[name], cell) + thermo("vol", 200)
+    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 120000\n"
+    rows = run_lammps(script, files=system.files).thermo[20:]
+    bodies = 8 if name == "langevin" else 7  # csvr keeps the total momentum, and counts it out
+    shape = (bodies + 1, 0, 2.0 / 0.12)
+    assert stats.kstest(rows["Volume"], "gamma", shape).pvalue > 1e-3, rows["Volume"].mean()
+
+
+def test_only_named_axes_change(run_lammps):
+    """Locks out an axis that changes and was not named, and coupled axes that part."""
+    system = mixture(side=3, tilt=0.3)
+    for cell, alike in (
+        ("x 12e-2 12e-2 2e-1 compressibility 8", ()),
+        ("aniso 12e-2 12e-2 2e-1 compressibility 8 couple xz", ("Lx", "Lz")),
+    ):
+        words = fix(THERMOSTATS["langevin"], cell) + thermo("lx ly lz xy xz yz", 100)
+        script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 1000\n"
+        rows = run_lammps(script, files=system.files).thermo
+        scale = {k: rows[k] / rows[k][0] for k in ("Lx", "Ly", "Lz")}
+        assert np.ptp(scale["Lx"]) > 1e-2
+        if alike:
+            np.testing.assert_allclose(scale["Lx"], scale["Lz"], rtol=1e-12)
+            assert np.ptp(scale["Ly"] - scale["Lx"]) > 1e-3
+        else:
+            assert np.ptp(scale["Ly"]) == np.ptp(scale["Lz"]) == 0
+        for tilt, axis in (("Xy", "Lx"), ("Xz", "Lx"), ("Yz", "Ly")):
+            np.testing.assert_allclose(rows[tilt] / rows[tilt][0], scale[axis], rtol=1e-10)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+@pytest.mark.parametrize("name", ["langevin", "csvr", "nh"])
+def test_ranks(run_lammps, tmp_path, name, tilt):
+    """Locks out boxes that differ between ranks, atoms in other images that do not follow, and a
+    virial that counts a rank twice."""
+    system = mixture(side=3, spacing=2.9, tilt=tilt)
+    words = fix(THERMOSTATS[name])
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 100\n{DUMP.format('end')}"
+    runs = [(script, ranks) for ranks in (1, 2, 4, 8)]
+    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-9
+
+
+def test_bodies_keep_their_shape(run_lammps, tmp_path):
+    """Locks out shapes that are stretched with the box."""
+    system = mixture("solid", side=3, spacing=2.9)
+    words = fix(THERMOSTATS["langevin"])
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 0\n{DUMP.format('start')}"
+    run_lammps(script + f"run 500\n{DUMP.format('end')}", files=system.files)
+    sizes = []
+    for name in "start", "end":
+        atoms = np.loadtxt(tmp_path / name, skiprows=9)
+        x = atoms[:, 3:6].reshape(-1, 5, 3)
+        sizes.append(np.linalg.norm(x[:, :, None] - x[:, None], axis=-1))
+    np.testing.assert_allclose(*sizes, atol=1e-9)
+
+
+def test_looking_changes_nothing(run_lammps, tmp_path):
+    """Locks out a box that changes otherwise where something looks at the step."""
+    system, ends = mixture(side=3, spacing=2.9), []
+    for every, columns in ((100, ""), (1, "press vol f_1[1]")):
+        words = fix(THERMOSTATS["langevin"]) + thermo(columns, every)
+        script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 100\n{DUMP.format('end')}"
+        run_lammps(script, files=system.files)
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_allclose(*ends, rtol=1e-9, atol=1e-9)
+
+
+def test_continued(run_lammps, tmp_path):
+    """Locks out a run that goes on otherwise than one that did not stop."""
+    system = mixture(side=3, spacing=2.9)
+    words = fix(THERMOSTATS["langevin"])
+    start, end = f"{system.setup}\n{SMOOTH}timestep 0.004\n", DUMP.format("end")
+    after = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    runs = (
+        (f"{start}{words}run 50\nwrite_restart middle\nrun 50\n{end}", 2),
+        (f"{start}{words}run 100\n{end}", 1),
+        (f"read_restart middle\n{SMOOTH}{after}timestep 0.004\n{words}run 50\n{end}", 4),
+    )
+    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("", "the pressure is missing"),
+        ("iso 1 1", "the fix line ends where PSTART, PSTOP and PDAMP"),
+        ("iso 1 1 1", "keyword compressibility is missing: with units lj it has no default"),
+        ("iso 1 1 1 x 1 1 1", "only one kind can stand"),
+        ("iso 1 1 1 couple xy", "keyword couple is for aniso"),
+        ("iso 1 1 0 compressibility 1", "PDAMP is 0, and must be above zero"),
+        ("aniso 1 1 1 couple yx", "'yx' was given where one of none, xyz"),
+        ("iso 1 1 1 compressibility 1 force * off on on", "for a box that does not change"),
+    ],
+)
+def test_bad_words(run_lammps, words, says):
+    """Locks out words that are taken and mean nothing, or something else."""
+    system = mixture(side=2)
+    line = fix("seed 5", words)
+    done = run_lammps(f"{system.setup}\n{line}run 0\n", files=system.files, check=False)
+    assert done.code
+    assert len(re.findall("^ERROR", done.screen, re.MULTILINE)) == 1
+    assert says in done.screen
