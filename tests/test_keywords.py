@@ -171,7 +171,7 @@ UNREADABLE = {
     "reinit twice": ("reinit no reinit no", ("reinit", "twice")),
     "no name of the infile": ("infile", ("ends where", "a file", "without a point")),
     "keyword of a thermostat": ("temp 1 1 1", ("'temp'", "fix_nosquish.NVT")),
-    "keyword langevin": ("langevin 1 1 1 428984", ("'langevin'", "fix langevin")),
+    "keyword langevin": ("langevin 1 1 1 428984", ("'langevin'", "fix_nosquish.NVT")),
 }
 
 

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from functools import cache
 from math import exp, sqrt
 from zlib import crc32
 
@@ -22,6 +23,12 @@ THERMOSTATS = {
 FREE = "pair_style zero 2.5\npair_coeff * *\n"  # no forces
 SMOOTH = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1.0 1.0\n"  # no jump at the cutoff
 DUMP = "write_dump all custom {} id mol mass xu yu zu vx vy vz modify sort id format float %.17g\n"
+
+
+@cache
+def gas():
+    """Bodies of all kinds, enough for a distribution."""
+    return mixture(side=6, temperature=2.0)
 
 
 def fix(words, temperature="2 2 4e-3", group="all"):
@@ -112,7 +119,7 @@ def test_free_bodies_have_the_exact_distribution(run_lammps, tmp_path, name):
     """Locks out noise of a wrong strength for a mass, a moment, a kind of body; an axis that is
     left out; an energy that flows from rotation to translation. There are no forces: each velocity
     and each component of the angular momentum is normal, to the last digit."""
-    system = mixture(side=8, temperature=2.0)
+    system = gas()
     script = f"{system.setup}\n{FREE}timestep 0.002\n{fix(THERMOSTATS[name])}run 60\n"
     run_lammps(script + DUMP.format("end"), files=system.files)
     mass, momentum, _, along = motion(tmp_path / "end")
@@ -123,7 +130,7 @@ def test_free_bodies_have_the_exact_distribution(run_lammps, tmp_path, name):
 
 def test_in_the_plane(run_lammps, tmp_path):
     """Locks out noise out of the plane, and rotation about another axis than z."""
-    system = mixture("planar pair row single", side=14, dimension=2, temperature=0.5)
+    system = mixture("planar pair row single", side=10, dimension=2, temperature=0.5)
     words = fix(THERMOSTATS["langevin"]) + "fix 2 all enforce2d\n"
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n"
     run_lammps(script + DUMP.format("end"), files=system.files)
@@ -147,7 +154,7 @@ def test_in_the_plane(run_lammps, tmp_path):
 def test_friction_of_langevin(run_lammps, tmp_path):
     """Locks out a friction that is not 1 / TDAMP, or another one for rotation: momenta are
     forgotten as exp(-t / TDAMP)."""
-    system = mixture(side=8, temperature=2.0)
+    system = gas()
     words = fix(THERMOSTATS["langevin"], "2 2 2e-2")
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
     run_lammps(script + DUMP.format("second"), files=system.files)
@@ -327,27 +334,29 @@ def test_restart_of_another_thermostat(run_lammps):
 def test_ramp(run_lammps):
     """Locks out a temperature that does not go from TSTART to TSTOP over the run, or over the steps
     that run's start and stop name."""
-    system = mixture(side=8)
+    system = gas()
     words = fix("seed 3", "1 3 4e-3") + thermo("f_1[3]", 50)
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 200\nrun 100 start 0 stop 600\n"
     rows = run_lammps(script, files=system.files).thermo
     expected = {200: 3.0, 300: 2.0, 100: 2.0}
-    degrees = 3 * 512
+    degrees = 3 * 216
     for step, goal in expected.items():
         found = rows["f_1[3]"][rows["Step"] == step][-1]
         assert abs(found / goal - 1) < 5 * sqrt(2 / degrees) + 0.02, (step, found)
 
 
-def test_respa(run_lammps):
+def test_respa(run_lammps, tmp_path):
     """Locks out draws that repeat within a step of run_style respa, or a friction of the outer
     step: free bodies have the temperature, and momenta are forgotten as without it."""
-    system = mixture(side=8, temperature=1.0)
-    words = fix(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 1)
-    script = f"{system.setup}\n{FREE}run_style respa 2 4 pair 2\ntimestep 0.002\n{words}run 20\n"
-    rows = run_lammps(script, files=system.files).thermo
-    start = rows["f_1[3]"][0]
-    expected = 2 + (start - 2) * exp(-2 * 10 * 0.002 / 2e-2)
-    assert rows["f_1[3]"][10] == pytest.approx(expected, rel=5 * sqrt(2 / (3 * 512)))
+    system, style = gas(), "run_style respa 2 4 pair 2\n"
+    words = fix(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 60)
+    script = f"{system.setup}\n{FREE}{style}timestep 0.002\n{words}run 60\n{DUMP.format('first')}"
+    rows = run_lammps(f"{script}run 5\n{DUMP.format('second')}", files=system.files).thermo
+    assert rows["f_1[3]"][1] == pytest.approx(2, rel=5 * sqrt(2 / (3 * 216)))
+    assert rows["f_1[4]"][1] == pytest.approx(2, rel=5 * sqrt(2 / (2 * 216)))
+    (_, one, *_), (_, two, *_) = motion(tmp_path / "first"), motion(tmp_path / "second")
+    spread = sqrt((1 - exp(-1.0)) / (one**2).sum() ** 2 * (one**4).sum())
+    assert abs((one * two).sum() / (one**2).sum() - exp(-0.5)) < 4 * spread
 
 
 # ------------------------------------------------------------------ components that are off
@@ -484,17 +493,17 @@ def test_points_on_ranks(run_lammps, tmp_path, name):
 
 def test_points_have_the_temperature(run_lammps, tmp_path):
     """Locks out points without noise, or with that of another mass."""
-    system = mixture(side=8, temperature=2.0)
-    groups = "group loose molecule 1:400\ngroup stiff subtract all loose\n"
+    system = gas()
+    groups = "group loose molecule 1:150\ngroup stiff subtract all loose\n"
     words = with_points(THERMOSTATS["langevin"], "2 2 4e-3").replace(POINTS, groups)
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('end')}"
     log = run_lammps(script, files=system.files).log
     atoms = np.loadtxt(tmp_path / "end", skiprows=9)
-    loose = atoms[atoms[:, 1] <= 400]
+    loose = atoms[atoms[:, 1] <= 150]
     for component in (loose[:, 6:] * np.sqrt(loose[:, 2:3] / 2.0)).T:
         assert stats.kstest(component, "norm").pvalue > 1e-3
     assert f"{len(loose)} points, the atoms of group loose" in log
-    assert "  112 rigid bodies with" in log
+    assert "  66 rigid bodies with" in log
 
 
 def test_points_are_no_rows(run_lammps):
