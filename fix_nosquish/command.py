@@ -20,6 +20,7 @@ KEYWORDS = {
 }
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
+PRESSURES = "iso", "aniso", "x", "y", "z"
 COUPLES = "none", "xyz", "xy", "yz", "xz"
 # keywords that only some integrators have
 OWN_KEYWORDS = {
@@ -154,35 +155,10 @@ class Command:
                         tuple(words.choice(("off", "on"), expected) for _ in "xyz"),
                     ),
                 )
-            elif keyword == "mrot":
-                values["mrot"] = words.whole(expected)
-            elif keyword == "order":
-                values["order"] = (321, 123)[words.choice(("321", "123"), expected)]
-            elif keyword == "reinit":
-                values["reinit"] = words.choice(("no", "yes"), expected)
-            elif keyword == "infile":
-                values["infile"] = words.take(expected)
-            elif keyword == "output":
-                values["output"] = (words.whole(expected), words.take(expected))
-            elif keyword == "points":
-                values["points"] = words.take(expected)
-            elif keyword == "temp":
-                values["temp"] = tuple(words.number(expected) for _ in range(3))
-            elif keyword == "thermostat":
-                values["thermostat"] = words.one_of(THERMOSTATS, expected)
-            elif keyword in ("seed", "tchain"):
-                values[keyword] = words.whole(expected, 2**31)
-            elif keyword == "separate":
-                values["separate"] = words.choice(("no", "yes"), expected)
-            elif keyword in ("iso", "aniso", "x", "y", "z"):
-                given = tuple(words.number(expected) for _ in range(3))
-                values.setdefault("pressure", {})[keyword] = given
-            elif keyword == "couple":
-                values["couple"] = words.one_of(COUPLES, expected)
-            elif keyword == "every":
-                values["every"] = words.whole(expected)
-            elif keyword == "compressibility":
-                values["compressibility"] = words.number(expected)
+            elif keyword in PRESSURES:
+                values.setdefault("pressure", {})[keyword] = words.numbers(3, expected)
+            else:
+                values[keyword] = _READ[keyword](words, expected)
         if "infile" in values:
             # as in fix rigid: the file is the start, not the state of later runs
             values["reinit"] = False
@@ -260,6 +236,10 @@ class _Words:
             )
         return word == allowed[1]
 
+    def numbers(self, count, expected):
+        """The next words, which are numbers or name variables."""
+        return tuple(self.number(expected) for _ in range(count))
+
     def number(self, expected):
         """The next word, which is a number or names a variable."""
         word = self.take(expected)
@@ -286,3 +266,21 @@ class _Words:
             raise self.wrong(f"'{word}' was given where {expected} is expected")
         one, low, high = (int(part or 0) for part in match.groups())
         return (one, one) if one else (low, high)
+
+
+_READ = {  # what the words behind a keyword give
+    "mrot": _Words.whole,
+    "order": lambda words, expected: (321, 123)[words.choice(("321", "123"), expected)],
+    "reinit": lambda words, expected: words.choice(("no", "yes"), expected),
+    "infile": _Words.take,
+    "output": lambda words, expected: (words.whole(expected), words.take(expected)),
+    "points": _Words.take,
+    "temp": lambda words, expected: words.numbers(3, expected),
+    "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),
+    "seed": lambda words, expected: words.whole(expected, 2**31),
+    "tchain": _Words.whole,
+    "separate": lambda words, expected: words.choice(("no", "yes"), expected),
+    "couple": lambda words, expected: words.one_of(COUPLES, expected),
+    "every": _Words.whole,
+    "compressibility": _Words.number,
+}
