@@ -47,7 +47,7 @@ _ELSEWHERE = {
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
         ("iso", "aniso", "x", "y", "z", "couple", "pchain", "pparam", "fixedpoint", "dilate"),
-        "this fix keeps the volume: for constant pressure use fix rigid/npt/small",
+        "this fix keeps the volume: fix_nosquish.NPT changes it",
     ),
 }
 
@@ -146,7 +146,8 @@ class Command:
                     f"unknown keyword '{keyword}': "
                     + _ELSEWHERE.get(keyword, "expected " + ", ".join(known))
                 )
-            if keyword in values and keyword not in ("force", "torque"):
+            before = {*values, *values.get("pressure", ())} - {"force", "torque"}
+            if keyword in before:
                 raise words.wrong(f"keyword {keyword} stands twice")
             if keyword in ("force", "torque"):
                 values[keyword] += (

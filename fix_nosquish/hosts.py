@@ -4,6 +4,8 @@ import sys
 from functools import wraps
 from typing import Protocol
 
+import numpy as np
+
 
 class Host(Protocol):
     """The fix as its integrator sees it.
@@ -20,6 +22,7 @@ class Host(Protocol):
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
         next_output: the next step for which LAMMPS writes something; None if that is not known.
         span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
+        forces_virial, set_box: as `cell.Barostat` has them; None where LAMMPS does not give them.
         creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
     """
 
@@ -35,6 +38,8 @@ class Host(Protocol):
     ghost_velocity: bool
     next_output: int | None
     span: tuple | None
+    forces_virial: np.ndarray | None
+    set_box: np.ndarray | None
     creates_velocities: bool
 
     def log(self, text):

@@ -541,7 +541,7 @@ class Integrator:
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, but in a run bodies move at "
                 "constant volume: use this fix without fixes that change the box (fix deform, npt, "
-                "nph, box/relax); for constant pressure use fix rigid/npt/small. The box may "
+                "nph, box/relax); for constant pressure use fix_nosquish.NPT. The box may "
                 "change between runs: bodies keep their shape when the next run makes them anew, "
                 "with reinit yes and without infile or 'pre no'",
                 everywhere=True,

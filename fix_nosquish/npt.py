@@ -54,6 +54,19 @@ class NPT(NVT):
     def _refuse(self):
         """Raise an error for a system whose box this fix cannot change; collective."""
         lammps = self.lammps
+        if self.host.set_box is None:
+            raise RunError(
+                "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
+                "package where its plugin serves, or use fix_nosquish.NVT",
+                everywhere=True,
+            )
+        other = [fix for fix in self._fixes if fix.box_change]
+        if other:
+            raise RunError(
+                f"fix {other[0].id} (style {other[0].style}) changes the box, as this fix does: "
+                "unfix one of them",
+                everywhere=True,
+            )
         outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
         if outside:
             raise RunError(

@@ -21,7 +21,7 @@ def fix(words, cell=CELL, temperature="2 2 2e-1"):
     ("name", "cell"),
     [
         ("langevin", CELL),
-        ("csvr", CELL),
+        ("separate", CELL),  # nothing else brings energy from rotation to translation
         ("langevin", "x 12e-2 12e-2 2e-1 every 5 compressibility 8"),
     ],
 )
@@ -35,6 +35,15 @@ def test_volumes_of_a_gas(run_lammps, name, cell):
     bodies = 8 if name == "langevin" else 7  # csvr keeps the total momentum, and counts it out
     shape = (bodies + 1, 0, 2.0 / 0.12)
     assert stats.kstest(rows["Volume"], "gamma", shape).pvalue > 1e-3, rows["Volume"].mean()
+
+
+def test_areas_of_a_gas(run_lammps):
+    """Locks out a volume in two dimensions, where the pressure is that of an area."""
+    system = mixture("planar pair row single", side=3, dimension=2)
+    words = fix(THERMOSTATS["langevin"], "iso 35e-2 35e-2 2e-1 every 5 compressibility 3")
+    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}fix 2 all enforce2d\n"
+    rows = run_lammps(f"{script}{thermo('vol', 200)}run 120000\n", files=system.files).thermo[20:]
+    assert stats.kstest(rows["Volume"], "gamma", (9 + 1, 0, 2.0 / 0.35)).pvalue > 1e-3
 
 
 def test_only_named_axes_change(run_lammps):
@@ -107,6 +116,28 @@ def test_continued(run_lammps, tmp_path):
         (f"read_restart middle\n{SMOOTH}{after}timestep 0.004\n{words}run 50\n{end}", 4),
     )
     assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        (
+            "fix 2 all deform 10 x scale 1.1",
+            "fix 2 (style deform) changes the box, as this fix does",
+        ),
+        ("group loose molecule 1\ngroup stiff subtract all loose", "atoms are in no body"),
+        ("change_box all boundary p p f", "there is no pressure along z, which is not periodic"),
+        ("run_style respa 2 2 pair 2", "use run_style verlet"),
+    ],
+)
+def test_refused(run_lammps, lines, says):
+    """Locks out a box that two fixes change, and atoms that would not move with it."""
+    system = mixture(side=2)
+    line = fix("seed 5").replace("NPT all", "NPT stiff" if "stiff" in lines else "NPT all")
+    script = f"{system.setup}\n{lines}\n{line}run 20\n"
+    done = run_lammps(script, files=system.files, check=False)
+    assert done.code
+    assert says in done.screen
 
 
 @pytest.mark.parametrize(
