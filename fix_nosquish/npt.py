@@ -60,13 +60,6 @@ class NPT(NVT):
                 "package where its plugin serves, or use fix_nosquish.NVT",
                 everywhere=True,
             )
-        other = [fix for fix in self._fixes if fix.box_change]
-        if other:
-            raise RunError(
-                f"fix {other[0].id} (style {other[0].style}) changes the box, as this fix does: "
-                "unfix one of them",
-                everywhere=True,
-            )
         outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
         if outside:
             raise RunError(

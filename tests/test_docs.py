@@ -133,11 +133,12 @@ def test_each_table_is_shown_once():
 
 def test_each_keyword_is_on_its_page(run_lammps):
     """Locks out a keyword without its place there: the refusal of an unknown one names all.  What
-    only NVT has is on its page."""
+    only NVT or NPT has is on its page."""
     script = files((DOCS / "tutorial.md").read_text())
     setup = script["in.build"].replace("write_data      data.co2 nocoeff", "")
     known = []
-    for name, page, least in ("NVE", "fix.md", 6), ("NVT", "fix-nvt.md", 4):
+    pages = ("NVE", "fix.md", 6), ("NVT", "fix-nvt.md", 4), ("NPT", "fix-npt.md", 7)
+    for name, page, least in pages:
         line = f'fix 1 all python/move "fix_nosquish.{name} all molecule nonsense 1"\n'
         run = run_lammps(setup + line, files={"co2.txt": script["co2.txt"]}, check=False)
         keywords = re.search(r"unknown keyword 'nonsense': expected ([\w, ]*\w)", run.screen)[1]
@@ -151,22 +152,25 @@ def test_each_keyword_is_on_its_page(run_lammps):
         known += new
 
 
-def test_examples_of_nvt(run_lammps):
+@pytest.mark.parametrize(
+    ("page", "least", "waters"), [("fix-nvt.md", 4, 500), ("fix-npt.md", 2, 1000)]
+)
+def test_examples_of_ensembles(run_lammps, page, least, waters):
     """Locks out an example that the fix refuses."""
-    examples = (DOCS / "fix-nvt.md").read_text().split("## Examples")[1].split("```")[1]
+    examples = (DOCS / page).read_text().split("## Examples")[1].split("```")[1]
     lines = [line for line in examples.splitlines() if "python/move" in line]
     inputs = ROOT / "inputs/water"
     setup = f"""units real
         atom_style full
         read_data data.water
         include {inputs / "forcefield.water"}
-        group water molecule <= 500
+        group water molecule <= {waters}
         group rigid union water
         group flexible subtract all water
         velocity all create 298 4928 loop geom
     """
     given = {"data.water": (inputs / "data.water").read_text()}
-    assert len(lines) > 4
+    assert len(lines) > least
     script = setup + "".join(f"{line}\nrun 1\nunfix 1\n" for line in lines)
     assert run_lammps(script, files=given).log.count("Loop time") == len(lines)
 
@@ -181,7 +185,11 @@ def source():
 
 @pytest.mark.parametrize(
     ("page", "heading", "least"),
-    [("fix.md", "### What is refused", 10), ("fix-nvt.md", "## Restrictions", 8)],
+    [
+        ("fix.md", "### What is refused", 10),
+        ("fix-nvt.md", "## Restrictions", 8),
+        ("fix-npt.md", "## Restrictions", 4),
+    ],
 )
 def test_quoted_messages_are_those_of_the_package(source, page, heading, least):
     """Locks out a message on a fix's page that the package does not print."""

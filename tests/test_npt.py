@@ -123,7 +123,7 @@ def test_continued(run_lammps, tmp_path):
     [
         (
             "fix 2 all deform 10 x scale 1.1",
-            "fix 2 (style deform) changes the box, as this fix does",
+            "Must not have multiple fixes change box parameter x",
         ),
         ("group loose molecule 1\ngroup stiff subtract all loose", "atoms are in no body"),
         ("change_box all boundary p p f", "there is no pressure along z, which is not periodic"),
