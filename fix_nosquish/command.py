@@ -190,12 +190,13 @@ def _check_thermostat(words, values, known):
     if "temp" not in values:
         raise words.wrong(f"keyword temp is missing: give it {OWN_KEYWORDS['temp']}")
     chains = values.get("thermostat") == "nh"
-    if not chains and "seed" not in values:
+    draws = "barostat" if "iso" in known else "" if chains else "thermostat"
+    if draws and "seed" not in values:
         raise words.wrong(
-            "keyword seed is missing: this thermostat draws random numbers, so give it "
+            f"keyword seed is missing: this {draws} draws random numbers, so give it "
             + OWN_KEYWORDS["seed"]
         )
-    for keyword, serves in ("seed", not chains), ("tchain", chains):
+    for keyword, serves in ("seed", draws), ("tchain", chains):
         if keyword in values and not serves:
             raise words.wrong(f"keyword {keyword} is of no use to this thermostat: leave it out")
     if values.get("separate") and values.get("thermostat", THERMOSTATS[0]) == THERMOSTATS[0]:

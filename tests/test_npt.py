@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 from systems import mixture
-from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, thermo
+from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
+from test_nvt import THERMOSTATS as OF_NVT
 
+THERMOSTATS = OF_NVT | {"chains": "seed 771 thermostat nh tchain 5"}  # the barostat draws
 CELL = "iso 12e-2 12e-2 2e-1 every 5 compressibility 8"
 
 
@@ -68,7 +70,7 @@ def test_only_named_axes_change(run_lammps):
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3])
-@pytest.mark.parametrize("name", ["langevin", "csvr", "nh"])
+@pytest.mark.parametrize("name", ["langevin", "csvr", "chains"])
 def test_ranks(run_lammps, tmp_path, name, tilt):
     """Locks out boxes that differ between ranks, atoms in other images that do not follow, and a
     virial that counts a rank twice."""
@@ -144,6 +146,7 @@ def test_refused(run_lammps, lines, says):
     ("words", "says"),
     [
         ("", "the pressure is missing"),
+        ("thermostat nh " + CELL, "keyword seed is missing: this barostat draws"),
         ("iso 1 1", "the fix line ends where PSTART, PSTOP and PDAMP"),
         ("iso 1 1 1", "keyword compressibility is missing: with units lj it has no default"),
         ("iso 1 1 1 x 1 1 1", "only one kind can stand"),
@@ -156,7 +159,7 @@ def test_refused(run_lammps, lines, says):
 def test_bad_words(run_lammps, words, says):
     """Locks out words that are taken and mean nothing, or something else."""
     system = mixture(side=2)
-    line = fix("seed 5", words)
+    line = fix("" if "nh" in words else "seed 5", words)
     done = run_lammps(f"{system.setup}\n{line}run 0\n", files=system.files, check=False)
     assert done.code
     assert len(re.findall("^ERROR", done.screen, re.MULTILINE)) == 1
