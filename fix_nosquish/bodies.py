@@ -5,6 +5,7 @@ momentum p, with its mass and principal moments.  Every rank keeps the bodies of
 atom, and of their atoms only its own.  `build` makes them.
 """
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -239,8 +240,7 @@ class Bodies:
             self._box = box
             values = box.h, box.inverse, box.lo, box.wrap, OFF_BODY * box.size
             for name, value in zip(migration.Box._fields, values, strict=True):
-                # copies, because a barostat changes what loops have
-                self.cells[name].set(np.array(value) if name != "near" else value)
+                self.cells[name].set(copy(value))  # a barostat changes what loops have
 
     def _off(self):
         """What to say of the atom that is off its body, None for none on this rank."""

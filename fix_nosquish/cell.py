@@ -19,8 +19,8 @@ from .block import HOME, MASS, Images, Layout, Q, V, X, at, take
 from .compiled import F1, F2, L1, F, I, address, call, inlined, loop
 from .migration import Box
 from .mpi import DOUBLE, Mpi, add_up
-from .nvt import ALL_BODIES, DRAW, KEY_0, KEY_1, KT, STEP, prepare
-from .philox import normal_pair, words
+from .nvt import KT, OF_BAROSTAT, prepare, words_of_all
+from .philox import normal_pair
 from .step import displaced, move_to_images, place, rotation_matrices
 
 # numbers of the barostat: pressure at the begin and the end of the run, as energies in a volume;
@@ -30,7 +30,6 @@ from .step import displaced, move_to_images, place, rotation_matrices
 P_START, P_STOP, RATE, UNIT, EVERY, SPACE, MOTION, SPREAD, STRETCH, CENTRE, NUMBERS = (
     0, 3, 6, 7, 8, 9, 10, 13, 16, 19, 22,
 )  # fmt: skip
-FIRST = 3 * 1024 * 1024  # the system's random numbers from here on are the barostat's
 
 
 class Barostat(NamedTuple):
@@ -77,8 +76,6 @@ def find_stretch(parameters, cell, box, part, dt):
     """The factors of the axes for dt, by the kinetic energies and virials along them."""
     h, kt, numbers = box.h, parameters[KT] * cell.barostat[UNIT], cell.barostat
     volume = h[0, 0] * h[1, 1] * (h[2, 2] if numbers[SPACE] > 0.0 else 1.0)
-    step, number = int(parameters[STEP]), int(parameters[DRAW])
-    key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | ALL_BODIES
     for k in range(3):
         numbers[STRETCH + k] = 1.0
     for group in range(3):
@@ -91,7 +88,7 @@ def find_stretch(parameters, cell, box, part, dt):
                 start, stop = numbers[P_START + k], numbers[P_STOP + k]
                 excess += start + part * (stop - start) - energy / volume
         if count > 0:
-            w0, w1, _, _ = words(float(FIRST + group), step, number, key_0, key_1)
+            w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
             noise, _ = normal_pair(w0, w1)
             root, strength = sqrt(volume), numbers[RATE] * count * dt / 6.0
             root -= strength * root * (excess / count - 0.5 * kt / volume)

@@ -29,7 +29,7 @@ OWN_KEYWORDS = {
     "seed": "a whole number from 1 to 2147483647",
     "tchain": "the length of the chain, a whole number of at least 1",
     "separate": "yes or no",
-    **dict.fromkeys(("iso", "aniso", "x", "y", "z"), f"PSTART, PSTOP and PDAMP, each {_NUMBER}"),
+    **dict.fromkeys(PRESSURES, f"PSTART, PSTOP and PDAMP, each {_NUMBER}"),
     "couple": f"one of {', '.join(COUPLES)}",
     "every": "a whole number of at least 1",
     "compressibility": _NUMBER,
@@ -46,7 +46,7 @@ _ELSEWHERE = {
     ),
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
-        ("iso", "aniso", "x", "y", "z", "couple", "pchain", "pparam", "fixedpoint", "dilate"),
+        (*PRESSURES, "couple", "pchain", "pparam", "fixedpoint", "dilate"),
         "this fix keeps the volume: fix_nosquish.NPT changes it",
     ),
 }
@@ -104,6 +104,11 @@ class Command:
     couple: str = "none"
     every: int = 10
     compressibility: str | None = None
+
+    def pressure_along(self, axis):
+        """The words (PSTART, PSTOP, PDAMP) for an axis, x, y or z; None if it does not change."""
+        given = (self.pressure.get(keyword) for keyword in (axis, "iso", "aniso"))
+        return next(filter(None, given), None)
 
     @classmethod
     def parse(cls, text, own=()):
@@ -181,6 +186,11 @@ def _check_pressure(words, values, known):
         raise words.wrong("of the keywords iso, aniso and x, y, z only one kind can stand")
     if "iso" in given and "couple" in values:
         raise words.wrong("keyword couple is for aniso and x, y, z: iso couples all axes")
+    asked, couple = values["pressure"], values.get("couple", "none")
+    if len({damping for _, _, damping in asked.values()}) > 1:
+        raise words.wrong("PDAMP is another one for another axis: give all axes the same")
+    if "aniso" not in given and couple != "none" and len({asked.get(k) for k in couple}) > 1:
+        raise words.wrong(f"keyword couple {couple}: give each of these axes, and the same numbers")
 
 
 def _check_thermostat(words, values, known):
@@ -189,7 +199,8 @@ def _check_thermostat(words, values, known):
         return
     if "temp" not in values:
         raise words.wrong(f"keyword temp is missing: give it {OWN_KEYWORDS['temp']}")
-    chains = values.get("thermostat") == "nh"
+    thermostat = values.get("thermostat", THERMOSTATS[0])
+    chains = thermostat == "nh"
     draws = "barostat" if "iso" in known else "" if chains else "thermostat"
     if draws and "seed" not in values:
         raise words.wrong(
@@ -199,7 +210,7 @@ def _check_thermostat(words, values, known):
     for keyword, serves in ("seed", draws), ("tchain", chains):
         if keyword in values and not serves:
             raise words.wrong(f"keyword {keyword} is of no use to this thermostat: leave it out")
-    if values.get("separate") and values.get("thermostat", THERMOSTATS[0]) == THERMOSTATS[0]:
+    if values.get("separate") and thermostat == "langevin":
         raise words.wrong(
             "keyword separate is for thermostats csvr and nh: "
             "langevin acts on each motion by itself"

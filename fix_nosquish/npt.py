@@ -6,7 +6,7 @@
 import numpy as np
 
 from . import cell
-from .cell import EVERY, NUMBERS, P_START, RATE, SPACE, UNIT
+from .cell import EVERY, NUMBERS, P_START, P_STOP, RATE, SPACE, UNIT
 from .command import Command
 from .compiled import F1, L1, Cell
 from .errors import RunError
@@ -16,7 +16,12 @@ from .rescaling import Rescaling
 
 AXES = "xyz"
 COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
-COMPRESSIBILITY = 4.6e-5  # of water, 1/atm, where the pressure is in these units
+COMPRESSIBILITY = 4.6e-5  # of water, 1/atm
+# atm that the unit of pressure is
+_PER_ATM = {
+    "real": 1.0, "metal": 1 / 1.01325, "si": 1 / 101325.0, "cgs": 1 / 1013250.0,
+    "electron": 1 / 101325.0,
+}  # fmt: skip
 
 
 class NPT(NVT):
@@ -39,6 +44,10 @@ class NPT(NVT):
             langevin = Command.parse(words, cls.keywords).thermostat == "langevin"
             cls = LangevinNPT if langevin else RescalingNPT
         return super().__new__(cls, ptr, words)
+
+    @property
+    def method(self):
+        return f"{super().method}, and stochastic cell rescaling"
 
     @property
     def every(self):
@@ -71,8 +80,8 @@ class NPT(NVT):
             raise RunError(
                 "keywords force and torque are for a box that does not change", everywhere=True
             )
-        for k, axis in enumerate(AXES):
-            if self.axes[k] >= 0 and not lammps.box.periodic[k]:
+        for axis, group, periodic in zip(AXES, self.axes, lammps.box.periodic, strict=True):
+            if group >= 0 and not periodic:
                 raise RunError(
                     f"there is no pressure along {axis}, which is not periodic: name other axes",
                     everywhere=True,
@@ -81,29 +90,21 @@ class NPT(NVT):
     @property
     def axes(self):
         """Which axes change together, (3,): see `cell.Barostat`."""
-        coupled = COUPLED["xyz" if "iso" in self.command.pressure else self.command.couple]
-        named = set(self.command.pressure)
-        free = AXES if named & {"iso", "aniso"} else named
-        axes = [group if axis in free else -1 for axis, group in zip(AXES, coupled, strict=True)]
+        command = self.command
+        coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
+        axes = [
+            group if command.pressure_along(axis) else -1
+            for axis, group in zip(AXES, coupled, strict=True)
+        ]
         return np.array(axes if self.lammps.dimension == 3 else [*axes[:2], -1])
 
     def own_cells(self):
         lammps, command, numbers = self.lammps, self.command, np.zeros(NUMBERS)
-        unit = 1.0 / lammps.nktv2p
-        damping = 1.0
-        for axis in range(3):
-            words = command.pressure.get(AXES[axis])
-            for all_axes in "iso", "aniso":
-                words = command.pressure.get(all_axes, words)
-            if words:
+        for k, axis in enumerate(AXES):
+            if words := command.pressure_along(axis):
                 start, stop, damping = (lammps.number(word) for word in words)
-                if not damping > 0:
-                    raise RunError(
-                        f"PDAMP is {damping:g}, and must be above zero "
-                        f'(in "fix_nosquish.{command.text}")',
-                        everywhere=True,
-                    )
-                numbers[[P_START + axis, cell.P_STOP + axis]] = start * unit, stop * unit
+                self._refuse_unless_positive("PDAMP", damping)
+                numbers[[P_START + k, P_STOP + k]] = start / lammps.nktv2p, stop / lammps.nktv2p
         if command.compressibility:
             compressibility = lammps.number(command.compressibility)
         elif lammps.units in _PER_ATM:
@@ -114,11 +115,7 @@ class NPT(NVT):
                 everywhere=True,
             )
         numbers[RATE] = compressibility * lammps.nktv2p / damping
-        numbers[UNIT], numbers[EVERY], numbers[SPACE] = (
-            lammps.mvv2e,
-            self.every,
-            lammps.dimension == 3,
-        )
+        numbers[[UNIT, EVERY, SPACE]] = lammps.mvv2e, self.every, lammps.dimension == 3
         return super().own_cells() | {
             "barostat": Cell(F1, numbers),
             "axes": Cell(L1, self.axes),
@@ -129,17 +126,8 @@ class NPT(NVT):
         }
 
 
-# what one atmosphere is in the units of pressure
-_PER_ATM = {
-    "real": 1.0, "metal": 1 / 1.01325, "si": 1 / 101325.0, "cgs": 1 / 1013250.0,
-    "electron": 1 / 101325.0,
-}  # fmt: skip
-
-
 class LangevinNPT(NPT, Langevin):
     """`NPT` with keyword thermostat langevin."""
-
-    method = "NO_SQUISH with Langevin's thermostat and cell rescaling"
 
 
 class RescalingNPT(NPT, Rescaling):

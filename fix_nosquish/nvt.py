@@ -21,6 +21,7 @@ from .errors import RunError
 from .hosts import hook
 from .integrator import Integrator
 from .operations import PARAMETERS
+from .philox import words
 
 # the parameters behind those of `operations`: damping rate; temperature at the begin and the end of
 # the run, and now, as energies in mass times velocity squared; the step, and which of its draws the
@@ -28,6 +29,8 @@ from .operations import PARAMETERS
 RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, HEAT, COMMON = range(PARAMETERS, PARAMETERS + 10)
 MIDDLE = "B A O A B"  # the step
 BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
+# the system's draws: of translation and of rotation, or both; of the barostat
+OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
 
 
 @inlined
@@ -45,6 +48,14 @@ def prepare(parameters, step, begin_step, end_step):
     return part
 
 
+@inlined
+def words_of_all(parameters, number):
+    """Four random words for the system: the draw of this number in this step."""
+    step, draw = int(parameters[STEP]), int(parameters[DRAW])
+    key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | ALL_BODIES
+    return words(float(number), step, draw, key_0, key_1)
+
+
 class NVT(Integrator):
     """fix python/move "fix_nosquish.NVT GROUP BODYSTYLE temp TSTART TSTOP TDAMP ...".
 
@@ -52,7 +63,6 @@ class NVT(Integrator):
     has the thermostat: `Langevin` or `Rescaling`.
 
     Attributes:
-        random: whether the thermostat draws random numbers.
         restart_state: (n,) what goes to a restart file and comes from there: which thermostat, the
             energy that it has taken (or nan, for no restart), and what it has besides.
 
@@ -111,7 +121,14 @@ class NVT(Integrator):
     def own_parameters(self):
         command, lammps = self.command, self.lammps
         start, stop, damping = (lammps.number(word) for word in command.temp)
-        self._check(start, stop, damping)
+        for name, value in ("TSTART", start), ("TSTOP", stop), ("TDAMP", damping):
+            self._refuse_unless_positive(f"keyword temp: {name}", value)
+        if start != stop and self.host.span is None:
+            raise RunError(
+                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
+                "so TSTART and TSTOP must be the same",
+                everywhere=True,
+            )
         if self.restart_state[0] != self.kind:
             self.host.log(
                 "WARNING: the restart file has the state of another thermostat: "
@@ -131,19 +148,12 @@ class NVT(Integrator):
             command.seed or 0, key, 0.0,
         )  # fmt: skip
 
-    def _check(self, start, stop, damping):
-        """Raise an error for numbers of keyword temp that make no sense."""
-        for name, value in ("TSTART", start), ("TSTOP", stop), ("TDAMP", damping):
-            if not value > 0:
-                raise RunError(
-                    f"keyword temp: {name} is {value:g}, and must be above zero "
-                    f'(in "fix_nosquish.{self.command.text}")',
-                    everywhere=True,
-                )
-        if start != stop and self.host.span is None:
+    def _refuse_unless_positive(self, name, value):
+        """Raise an error for a number of the fix line that is not above zero."""
+        if not value > 0:
             raise RunError(
-                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
-                "so TSTART and TSTOP must be the same",
+                f"{name} is {value:g}, and must be above zero "
+                f'(in "fix_nosquish.{self.command.text}")',
                 everywhere=True,
             )
 

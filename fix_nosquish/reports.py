@@ -1,12 +1,21 @@
 """What LAMMPS and the user are told of bodies: log, degrees of freedom, virial, thermo, table."""
 
 import weakref
+from contextlib import contextmanager
 
 import numpy as np
 
 from . import infile, output, thermo
 from .build import build
 from .errors import RunError
+
+
+@contextmanager
+def _as_they_are(bodies):
+    """Have the bodies afterwards as they are now, whatever is tried with them."""
+    kept = bodies.state.copy()
+    yield
+    bodies.state[:] = kept
 
 
 class Reports:
@@ -140,10 +149,9 @@ class Reports:
         if state.host.atoms_moved() or not state.has_begun:
             state.post_neighbor()
         bodies = state.bodies
-        kept = bodies.state.copy()
-        state.do("close" if state.has_begun and not state.middle else "gather")
-        self.add_constraint_virial(virial)
-        bodies.state[:] = kept
+        with _as_they_are(bodies):
+            state.do("close" if state.has_begun and not state.middle else "gather")
+            self.add_constraint_virial(virial)
 
     def removed_freedom(self, group):
         """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
@@ -181,11 +189,9 @@ class Reports:
         def closed(bodies):
             if state.phase != state.ended or not state.middle:
                 return now
-            kept = bodies.state.copy()
-            state.do("close")
-            energy = thermo.energies(bodies, state.communicator, state.lammps)[:2].sum()
-            bodies.state[:] = kept
-            return energy
+            with _as_they_are(bodies):
+                state.do("close")
+                return thermo.energies(bodies, state.communicator, state.lammps)[:2].sum()
 
         return self._once("kinetic", closed), now
 

@@ -27,20 +27,17 @@ from .frames import angular_momentum, angular_velocity
 from .mpi import DOUBLE, RANK, Mpi, add_up
 from .nve import NVE
 from .nvt import (
-    ALL_BODIES,
     COMMON,
-    DRAW,
     HEAT,
-    KEY_0,
-    KEY_1,
     KT,
     MIDDLE,
     NVT,
+    OF_THERMOSTATS,
     RATE,
-    STEP,
     prepare,
-)  # fmt: skip
-from .philox import minus_log, normal_pair, words
+    words_of_all,
+)
+from .philox import minus_log, normal_pair
 from .step import Operation
 
 # of translation and of rotation, or of both and of none: degrees of freedom, twice the kinetic
@@ -112,9 +109,7 @@ def use_factors(mpi, parameters, sums, separate):
 @inlined
 def normal_and_uniform(parameters, attempt):
     """A normal number, and minus the logarithm of a uniform one."""
-    step, number = int(parameters[STEP]), int(parameters[DRAW])
-    key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | ALL_BODIES
-    w0, w1, w2, _ = words(float(attempt), step, number, key_0, key_1)
+    w0, w1, w2, _ = words_of_all(parameters, attempt)
     return normal_pair(w0, w1)[0], minus_log(w2)
 
 
@@ -156,7 +151,7 @@ def stochastic_rescaling(
         if degrees > 0.0:
             if not sums[k] > 0.0:
                 return -1
-            first = 1024 * 1024 * k
+            first = OF_THERMOSTATS[k]
             ratio = (1.0 - keep) * parameters[KT] / sums[k]
             x, _ = normal_and_uniform(parameters, first)
             others = sum_of_squares(parameters, int(degrees) - 1, first + 1)

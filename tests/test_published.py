@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import BIN, Silent, read_thermo
 
-from validation import __main__
+from validation import INPUTS, __main__
 from validation.ensembles import plan
 from validation.published import measure as published
 from validation.running import run
@@ -204,7 +204,7 @@ def test_each_number_says_where_it_comes_from(tmp_path, monkeypatch):
             f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}"
             in one["source"]
         )
-    written = published.INPUTS.parent / "docs" / "results" / "water.md"
+    written = INPUTS.parent / "docs" / "results" / "water.md"
     page, written = (tmp_path / "report.html").read_text(), committed.render(written.read_text())
     for text in page, written:
         assert (

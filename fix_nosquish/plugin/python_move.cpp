@@ -374,7 +374,6 @@ void FixPythonMove::final_integrate()
   auto falls_on = [step](int every) { return every && step % every == 0; };
   const bool for_python = falls_on(bridge.python_every);
   take_virial();
-  if (cell_is_due(step) && bridge.pressure) run(bridge.pressure);
   const bool looked_at = step == output->next || falls_on(bridge.velocities_every);
   if (bridge.may_wait && !bridge.vflag && !looked_at && !for_python) {
     bridge.phase = WAITING;
@@ -393,7 +392,9 @@ void FixPythonMove::final_integrate()
     }
   } else {
     call_with_virial(bridge.final_integrate);
+    return;
   }
+  if (cell_is_due(step)) run(bridge.pressure);
 }
 
 void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)

@@ -139,7 +139,7 @@ def _dump(folder: Path, start: int) -> Path:
 
 def _start(scene: Scene, directory: Path, start: int, lengths: Lengths, silence: float) -> run.Job:
     """The run that makes a start."""
-    runs = [plan.steps(lengths.begin, plan.BEGIN_STEP)]
+    runs = [plan.at_least_one(lengths.begin, plan.BEGIN_STEP)]
     one = STARTER.seeded(start)
     more = to_dump((directory / "state.dump").resolve(), runs[0])
     how: dict = {"dt": plan.BEGIN_STEP, "every": max(1, runs[0] // 100), "keeps": "nothing"}
@@ -159,7 +159,7 @@ def _job(
     """The run of a point from a start; its momentum is zero, for some schemes keep it."""
     scheme, dump = SCHEMES[point.scheme], _dump(folder, start)
     one = scheme.seeded(start)
-    begun = from_dump(scene, dump, plan.steps(lengths.begin, plan.BEGIN_STEP))
+    begun = from_dump(scene, dump, plan.at_least_one(lengths.begin, plan.BEGIN_STEP))
     rest = f"velocity {scene.group} zero linear"
     begun = replace(begun, setup=(*begun.setup, rest))
     prints = OURS_PRINTS if scheme.ours else (ALL_PRINT,)

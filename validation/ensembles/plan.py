@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from validation.command_line import chosen
-from validation.scenes import FS_PER_PS, INPUTS, SCENES, Scene
+from validation.scenes import Scene, smooth_water, steps
 from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
 
 TEMPERATURE = 298.0  # K
@@ -127,32 +127,22 @@ class Lengths:
 
     def runs(self, dt: float) -> list[int]:
         """Steps that are left out, and steps that are sampled."""
-        return [steps(self.settle, dt), steps(self.time, dt)]
+        return [at_least_one(self.settle, dt), at_least_one(self.time, dt)]
 
     def every(self, dt: float) -> int:
         """Steps between samples: of a settled run at least eight of them."""
         return max(1, min(round(SAMPLED / dt), self.runs(dt)[1] // 8))
 
 
-def steps(time: float, dt: float) -> int:
-    """How many steps of dt (fs) a time (ps) has; at least one."""
-    return max(1, round(time * FS_PER_PS / dt))
+def at_least_one(time: float, dt: float) -> int:
+    """How many steps of dt (fs) a time (ps) has; a run without any would sample nothing."""
+    return max(1, steps(time, dt))
 
 
 def scene() -> Scene:
     """The water that all schemes move."""
-    files = "read_data data.512", "include forcefield.512"
-    return replace(
-        SCENES["water"],
-        name="water-512",
-        title="512 TIP3P molecules at 298 K and 0.997 g/cm³, smooth cutoff at 8.5 Å",
-        folder=INPUTS / "water_512",
-        setup=("units real", "atom_style full", *files, "group water type 1 2"),
-        unit=512,
-        sizes=(),
-        cutter=None,
-        subject=None,
-    )
+    title = "512 TIP3P molecules at 298 K and 0.997 g/cm³, smooth cutoff at 8.5 Å"
+    return smooth_water("water-512", title, "water_512", "512", 512)
 
 
 def points(only: Collection[str] | None = None, dt: Collection[float] = STEPS) -> list[Point]:
@@ -176,5 +166,5 @@ def names(points: Collection[Point], lengths: Lengths) -> Iterator[tuple[str, Po
 
 def total(points: Collection[Point], lengths: Lengths) -> int:
     """Steps of all runs together."""
-    start = steps(lengths.begin, BEGIN_STEP)
+    start = at_least_one(lengths.begin, BEGIN_STEP)
     return lengths.starts * (start + sum(sum(lengths.runs(one.dt)) for one in points))

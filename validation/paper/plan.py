@@ -7,7 +7,7 @@ from pathlib import Path
 from validation.running import machine
 from validation.running.run import Meter
 from validation.running.trajectory import WHOLE, Series, Trajectory, do
-from validation.scenes import FS_PER_PS, SCENES, TEMPERATURE, Scene
+from validation.scenes import FS_PER_PS, SCENES, TEMPERATURE, Scene, steps
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.integrators import INTEGRATORS, PAPER
 
@@ -71,10 +71,6 @@ FULL = Lengths(
 )
 
 
-def _steps(time: float, dt: float) -> int:
-    return round(time * FS_PER_PS / dt)
-
-
 @dataclass(frozen=True)
 class _Planner:
     """Makes trajectories of some lengths: with MPI ranks, in the folder of all."""
@@ -88,13 +84,11 @@ class _Planner:
         who = (INTEGRATORS | PAPER)[integrator]
         usual: dict = {"name": f"{scene.name}-{integrator}", "label": f"{scene.name}, {who.label}"}
         usual |= {"every": self.lengths.every, "ranks": self.ranks}
-        return Trajectory(
-            scene=scene, integrator=who, dt=dt, steps=_steps(time, dt), **usual | more
-        )
+        return Trajectory(scene=scene, integrator=who, dt=dt, steps=steps(time, dt), **usual | more)
 
     def starts(self, scene: Scene, number: int, time: float, dt: float, **more):
         """A trajectory that leaves so many starts, and where each is."""
-        name, apart = f"{scene.name}-starts", _steps(time, dt)
+        name, apart = f"{scene.name}-starts", steps(time, dt)
         named = {"name": name, "label": f"{scene.name}, starts"}
         how = {"state": apart, "every": 1000, "piece": WHOLE}
         one = self.one(scene, "nosquish", 0, dt, **named, **how, **more)
@@ -145,7 +139,7 @@ def plan(lengths: Lengths, ranks: int, out: Path) -> Iterator[Trajectory]:
     yield from make.dimers()
     for name in "nosquish", "shake", "rigid/nve/small", ORDERED:
         time = lengths.ordered if name == ORDERED else lengths.peptide
-        yield make.one(peptide, name, time, more=paper_peptide.dump(_steps(1.0, DT)))
+        yield make.one(peptide, name, time, more=paper_peptide.dump(steps(1.0, DT)))
     yield from make.gear(liquid)
     yield from make.gear(peptide)
     alone, within = paper_peptide.alone(peptide), paper_peptide.within(peptide)
@@ -160,12 +154,12 @@ def plan(lengths: Lengths, ranks: int, out: Path) -> Iterator[Trajectory]:
         copies = liquid.of_size(size)
         warm = f"velocity water create {TEMPERATURE['water']:g} {size}"
         copies = replace(copies, setup=(*copies.setup, warm))
-        every = _steps(SAMPLED / FS_PER_PS, DT)
+        every = steps(SAMPLED / FS_PER_PS, DT)
         names = f"water-{size}", f"{size:,} waters"
         yield make.named(copies, lengths.size, DT, *names, every=every)
     for dt in STEPS:
         names = f"peptide-at-{dt:g}-fs", f"peptide at {dt:g} fs"
-        every = _steps(SAMPLED / FS_PER_PS, dt)
+        every = steps(SAMPLED / FS_PER_PS, dt)
         yield make.named(peptide, lengths.size, dt, *names, every=every)
     yield make.one(peptide, "rigid/small", lengths.drifting)
     for name in "nosquish", "matubayasi-nakahara":

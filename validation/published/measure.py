@@ -8,14 +8,13 @@ number by number.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from validation.running import run
 from validation.running.trajectory import WHOLE, Series, Trajectory, do
-from validation.scenes import FS_PER_PS, INPUTS, SCENES, Scene
+from validation.scenes import Scene, smooth_water, steps
 from validation.scenes.integrators import INTEGRATORS
 from validation.statistics import measures
 from validation.statistics.check import Check
@@ -60,23 +59,8 @@ SAMPLED = 12.0  # fs between samples of the energy
 
 def scene() -> Scene:
     """Their water."""
-    files = "read_data data.smooth", "include forcefield.smooth"
-    return replace(
-        SCENES["water"],
-        name="water-smooth",
-        title="903 TIP3P molecules at 0.97 g/cm³, smooth cutoff",
-        folder=INPUTS / "water_smooth",
-        setup=("units real", "atom_style full", *files, "group water type 1 2"),
-        unit=903,
-        sizes=(),
-        cutter=None,
-        subject=None,
-    )
-
-
-def steps(time: float, dt: float) -> int:
-    """How many steps of dt (fs) a time (ps) has."""
-    return round(time * FS_PER_PS / dt)
+    title = "903 TIP3P molecules at 0.97 g/cm³, smooth cutoff"
+    return smooth_water("water-smooth", title, "water_smooth", "smooth", 903)
 
 
 def total(time: float) -> int:

@@ -195,3 +195,29 @@ _SCENES = (
     ),
 )
 SCENES = {scene.name: scene for scene in _SCENES}
+
+
+def smooth_water(name: str, title: str, folder: str, ending: str, molecules: int) -> Scene:
+    """Water whose forces end smoothly: nothing but the time step makes its energy fluctuate.
+
+    Args:
+        name, title: of the scene.
+        folder: in inputs/, with data.ENDING and forcefield.ENDING.
+    """
+    files = f"read_data data.{ending}", f"include forcefield.{ending}"
+    return replace(
+        SCENES["water"],
+        name=name,
+        title=title,
+        folder=INPUTS / folder,
+        setup=("units real", "atom_style full", *files, "group water type 1 2"),
+        unit=molecules,
+        sizes=(),
+        cutter=None,
+        subject=None,
+    )
+
+
+def steps(time: float, dt: float) -> int:
+    """How many steps of dt (fs) a time (ps) has."""
+    return round(time * FS_PER_PS / dt)
