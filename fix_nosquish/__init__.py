@@ -26,6 +26,7 @@ INTEGRATORS = {
     "NVE": "nve",
     "NVT": "nvt",
     "NPT": "npt",
+    "NPH": "nph",
     "MatubayasiNakahara": "matubayasi_nakahara",
     "Gear": "gear",
 }  # class: its module, which is imported when a fix line names the class

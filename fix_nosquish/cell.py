@@ -23,7 +23,7 @@ from .nvt import KT, OF_BAROSTAT, prepare, words_of_all
 from .philox import normal_pair
 from .step import displaced, move_to_images, place, rotation_matrices
 
-# numbers of the barostat: pressure at the begin and the end of the run, as energies in a volume;
+# numbers of a barostat: pressure at the begin and the end of the run, as energies in a volume;
 # compressibility over damping time; mass times velocity squared as an energy; steps between two
 # changes; 1.0 in three dimensions, 0.0 in two; of this rank, twice the kinetic energy along each
 # axis, and the virial of forces about the bodies' centres; factors of the axes, and the centre

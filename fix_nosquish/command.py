@@ -21,6 +21,7 @@ KEYWORDS = {
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
 PRESSURES = "iso", "aniso", "x", "y", "z"
+BAROSTATS = "crescale", "mtk"
 COUPLES = "none", "xyz", "xy", "yz", "xz"
 # keywords that only some integrators have
 OWN_KEYWORDS = {
@@ -31,6 +32,7 @@ OWN_KEYWORDS = {
     "separate": "yes or no",
     **dict.fromkeys(PRESSURES, f"PSTART, PSTOP and PDAMP, each {_NUMBER}"),
     "couple": f"one of {', '.join(COUPLES)}",
+    "barostat": f"one of {', '.join(BAROSTATS)}",
     "every": "a whole number of at least 1",
     "compressibility": _NUMBER,
 }
@@ -79,7 +81,8 @@ class Command:
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
         pressure: dictionary from iso, aniso, x, y, z to (PSTART, PSTOP, PDAMP), words for numbers.
-        couple: one of `COUPLES`.  every: steps between two changes of the box.
+        couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
+        every: steps between two changes of the box.
         compressibility: a word for a number, None for the default.
     """
 
@@ -102,6 +105,7 @@ class Command:
     separate: bool = False
     pressure: dict = field(default_factory=dict)
     couple: str = "none"
+    barostat: str = BAROSTATS[0]
     every: int = 10
     compressibility: str | None = None
 
@@ -191,6 +195,8 @@ def _check_pressure(words, values, known):
         raise words.wrong("PDAMP is another one for another axis: give all axes the same")
     if "aniso" not in given and couple != "none" and len({asked.get(k) for k in couple}) > 1:
         raise words.wrong(f"keyword couple {couple}: give each of these axes, and the same numbers")
+    if "compressibility" in values and values.get("barostat") == "mtk":
+        raise words.wrong("keyword compressibility is of no use to this barostat: leave it out")
 
 
 def _check_thermostat(words, values, known):
@@ -201,7 +207,8 @@ def _check_thermostat(words, values, known):
         raise words.wrong(f"keyword temp is missing: give it {OWN_KEYWORDS['temp']}")
     thermostat = values.get("thermostat", THERMOSTATS[0])
     chains = thermostat == "nh"
-    draws = "barostat" if "iso" in known else "" if chains else "thermostat"
+    rescales = "iso" in known and values.get("barostat", BAROSTATS[0]) == "crescale"
+    draws = "barostat" if rescales else "" if chains else "thermostat"
     if draws and "seed" not in values:
         raise words.wrong(
             f"keyword seed is missing: this {draws} draws random numbers, so give it "
@@ -294,6 +301,7 @@ _READ = {  # what the words behind a keyword give
     "tchain": _Words.whole,
     "separate": lambda words, expected: words.choice(("no", "yes"), expected),
     "couple": lambda words, expected: words.one_of(COUPLES, expected),
+    "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
     "every": _Words.whole,
     "compressibility": _Words.number,
 }

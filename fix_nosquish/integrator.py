@@ -82,7 +82,8 @@ class Integrator:
             `operations`; it is asked when a run begins, and all are in `parameters` then.
         own_cells: a method that returns a dictionary of cells that its own loop takes.
         thermostat: whether it keeps a temperature, so that no other fix may.
-        every: every how many steps the box changes, 0 for never.
+        every: the box changes in the steps after the multiples of this; 0 for never.
+        looks_after: whether these steps end with a look at the pressure, too.
         cell_loops: a method that binds two lists of loops to cells: what the forces say of the
             pressure, and what changes the box in the next step.
         modules: names of modules whose loops it needs, besides those of its classes.
@@ -113,7 +114,7 @@ class Integrator:
 
     host = parameters = None
     unprepared = ""
-    every, modules = 0, ()
+    every, modules, looks_after = 0, (), False
     follows_atoms = True
     virial = virial_per_atom = None
     rigid_flag = False
@@ -380,7 +381,7 @@ class Integrator:
         self.phase, self._ran = self.ended, True
         if vflag:
             self.reports.add_constraint_virial()
-        if self._cell_is_due(self.lammps.step):
+        if self._pressure_is_due(self.lammps.step):
             self.do("pressure")
         self._leave_to_host()
         if self.host.calls_setup:
@@ -447,13 +448,17 @@ class Integrator:
             self.set_velocities()
         if self.host.vflag:
             self.reports.add_constraint_virial()
-        if self._cell_is_due(step):
+        if self._pressure_is_due(step):
             self.do("pressure")
         self.reports.write()
 
     def _cell_is_due(self, step):
         """Whether the forces of this step are followed by a change of the box."""
         return self.every and step % self.every == 0
+
+    def _pressure_is_due(self, step):
+        """Whether the forces of this step change the box, or its velocity."""
+        return self._cell_is_due(step) or (self.looks_after and self._cell_is_due(step - 1))
 
     def catch_up(self):
         """Do what the last step has left to the next one."""

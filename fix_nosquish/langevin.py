@@ -97,5 +97,5 @@ class Langevin(NVT):
     """`NVT` with keyword thermostat langevin."""
 
     operations = NVE.operations | {"O": Operation(thermalise, prepared=True)}
-    splitting, work, prepares = MIDDLE, WORK, set_temperature
+    splitting, work, prepares, keeps_momentum = MIDDLE, WORK, set_temperature, False
     method = "NO_SQUISH with Langevin's thermostat in the middle of the step"

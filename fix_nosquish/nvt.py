@@ -63,6 +63,7 @@ class NVT(Integrator):
     has the thermostat: `Langevin` or `Rescaling`.
 
     Attributes:
+        keeps_momentum: whether the thermostat leaves the total momentum at zero.
         restart_state: (n,) what goes to a restart file and comes from there: which thermostat, the
             energy that it has taken (or nan, for no restart), and what it has besides.
 
@@ -71,7 +72,7 @@ class NVT(Integrator):
             left to keep at a temperature.
     """
 
-    splits = middle = thermostat = couples = True
+    splits = middle = thermostat = couples = keeps_momentum = True
     keywords = "temp", "thermostat", "seed", "tchain", "separate"
 
     def __new__(cls, ptr, words):
@@ -99,8 +100,7 @@ class NVT(Integrator):
 
     def degrees(self):
         """Degrees of freedom of translation and of rotation that are free to change, less those of
-        the momentum if all atoms are in bodies that are free, so that nothing changes it;
-        collective."""
+        the momentum if nothing changes it: all atoms are in bodies that are free; collective."""
         lammps, bodies, owned = self.lammps, self.bodies, self.bodies.sharers.owned
         dimension, mask = lammps.dimension, np.ones((6, len(bodies)))
         mask *= self.mask if self.mask is not None else 1.0
@@ -109,7 +109,7 @@ class NVT(Integrator):
         free = np.array([mask[:dimension].sum(axis=0), of_rotation * turns])[:, owned].sum(axis=1)
         missing = dimension * owned.sum() - free[0] + len(lammps.groups) - len(bodies.index)
         *free, missing = self.communicator.total(np.array([*free, missing]))
-        held = 0 if missing else dimension
+        held = dimension if self.keeps_momentum and not missing else 0
         if not sum(free) > held:
             raise RunError(
                 f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
@@ -118,11 +118,15 @@ class NVT(Integrator):
             )
         return np.array([free[0] - held, free[1]])
 
-    def own_parameters(self):
-        command, lammps = self.command, self.lammps
-        start, stop, damping = (lammps.number(word) for word in command.temp)
+    def temperature(self):
+        """The temperature at the begin and at the end of the run, and the rate of damping."""
+        start, stop, damping = (self.lammps.number(word) for word in self.command.temp)
         for name, value in ("TSTART", start), ("TSTOP", stop), ("TDAMP", damping):
             self._refuse_unless_positive(f"keyword temp: {name}", value)
+        return start, stop, 1.0 / damping
+
+    def own_parameters(self):
+        command, (start, stop, rate) = self.command, self.temperature()
         if start != stop and self.host.span is None:
             raise RunError(
                 "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
@@ -139,12 +143,12 @@ class NVT(Integrator):
         elif self.parameters is not None:
             self._energy = self.energy()
         self.restart_state[:2] = self.kind, np.nan  # of no more use
-        unit = lammps.boltz / lammps.mvv2e
+        unit = self.lammps.boltz / self.lammps.mvv2e
         # bodies of two fixes may have the same IDs
         whose = " ".join((command.group, command.style, *command.arguments))
         key = crc32(whose.encode()) & 0xFFFFFFFE
         return (
-            1.0 / damping, unit * start, unit * stop, unit * start, -1.0, 0.0,
+            rate, unit * start, unit * stop, unit * start, -1.0, 0.0,
             command.seed or 0, key, 0.0,
         )  # fmt: skip
 

@@ -86,9 +86,9 @@ def scale(block, kind, dt, parameters):
 def add_up_energies(mpi, parameters, sums, separate):
     """Twice the kinetic energies of all bodies on all ranks."""
     add_up(mpi, DOUBLE, parameters[TWICE : TWICE + 2], sums)
+    parameters[TWICE], parameters[TWICE + 1] = 0.0, 0.0
     if not separate:
         sums[0], sums[1] = sums[0] + sums[1], 0.0
-    parameters[TWICE], parameters[TWICE + 1] = 0.0, 0.0
 
 
 @inlined
@@ -134,17 +134,13 @@ def sum_of_squares(parameters, n, attempt):
     return result
 
 
-@loop
-def stochastic_rescaling(
-    mpi: Mpi, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1, sums: F1, separate: I
-) -> I:
+@inlined
+def rescale(mpi, parameters, dt, sums, separate):
     """Bussi, Donadio and Parrinello, J. Chem. Phys. 126, 014101 (2007), eq. A7.
 
     Returns:
         -1 if there is no kinetic energy to scale, else 0.
     """
-    prepare(parameters, step, begin_step, end_step)
-    add_up_energies(mpi, parameters, sums, separate)
     keep = exp(-parameters[RATE] * dt)
     for k in range(2):
         degrees, parameters[FACTOR + k] = parameters[DEGREES + k], 1.0
@@ -160,6 +156,16 @@ def stochastic_rescaling(
             parameters[FACTOR + k] = sign * sqrt(square)
     use_factors(mpi, parameters, sums, separate)
     return 0
+
+
+@loop
+def stochastic_rescaling(
+    mpi: Mpi, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1, sums: F1, separate: I
+) -> I:
+    """The factors of a step: see `rescale`."""
+    prepare(parameters, step, begin_step, end_step)
+    add_up_energies(mpi, parameters, sums, separate)
+    return rescale(mpi, parameters, dt, sums, separate)
 
 
 # ---------------------------------------------------------------- Nose-Hoover chains
@@ -195,18 +201,13 @@ def move_chain(chain, n, twice, degrees, kt, rate, dt):
     return factor
 
 
-@loop
-def nose_hoover(
-    mpi: Mpi, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1, sums: F1, separate: I,
-    chains: F1,
-) -> I:  # fmt: skip
+@inlined
+def move_chains(mpi, parameters, dt, sums, separate, chains):
     """Martyna, Tuckerman, Tobias and Klein, Mol. Phys. 87, 1117 (1996), eqs. 26-29.
 
     Returns:
-        as `stochastic_rescaling`.
+        as `rescale`.
     """
-    prepare(parameters, step, begin_step, end_step)
-    add_up_energies(mpi, parameters, sums, separate)
     length = chains.size // 2
     for k in range(2):
         degrees, parameters[FACTOR + k] = parameters[DEGREES + k], 1.0
@@ -221,6 +222,17 @@ def nose_hoover(
     return 0
 
 
+@loop
+def nose_hoover(
+    mpi: Mpi, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1, sums: F1, separate: I,
+    chains: F1,
+) -> I:  # fmt: skip
+    """The factors of a step: see `move_chains`."""
+    prepare(parameters, step, begin_step, end_step)
+    add_up_energies(mpi, parameters, sums, separate)
+    return move_chains(mpi, parameters, dt, sums, separate, chains)
+
+
 class Rescaling(NVT):
     """`NVT` with keyword thermostat csvr or nh."""
 
@@ -230,7 +242,7 @@ class Rescaling(NVT):
         "the bodies are at rest, so there is no velocity to scale: give them velocities first "
         "(velocity ... create), or use thermostat langevin"
     )
-    chains = None
+    chains, number_of_chains = None, 2  # of translation and of rotation, or of both and of none
 
     @property
     def chained(self):
@@ -248,7 +260,8 @@ class Rescaling(NVT):
 
     def own_state(self):
         if self.chains is None:
-            self.chains = np.zeros(4 * self.command.tchain if self.chained else 0)
+            length = 2 * self.command.tchain * self.number_of_chains
+            self.chains = np.zeros(length if self.chained else 0)
         return self.chains
 
     def own_parameters(self):

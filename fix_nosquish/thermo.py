@@ -124,12 +124,9 @@ def summary(nve, virial):
         *turning,
         (single, "", "no single atoms"),
         (bodies.spheres, "torque and spin of spheres", ""),
-        (
-            nve.prepares,
-            "thermostat"
-            + (", a sum over the ranks, a second pass over the bodies" if nve.go_on else ""),
-            "",
-        ),
+        (nve.thermostat, "thermostat", ""),
+        (nve.every, f"box, in one of {nve.every} steps", ""),
+        (nve.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
         (
             nve.late,

@@ -191,6 +191,11 @@ class FixPythonMove : public Fix {
   int64_t set_box(const double *);
   void take_virial();
   bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
+  bool pressure_is_due(bigint step) const
+  {
+    return cell_is_due(step) || (bridge.looks_after && cell_is_due(step - 1));
+  }
+  void ask_for_pressure(bigint step);
   std::string problem(const std::string &text) const
   {
     return "Fix " + std::string(id) + " python/move: " + text;
@@ -321,10 +326,7 @@ void FixPythonMove::init()
     error->all(FLERR, problem("its class has no methods for run_style respa"));
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
   call(bridge.init);
-  if (bridge.changes_box) {
-    const bigint step = update->ntimestep, every = bridge.changes_box;
-    modify->get_compute_by_id(virial_id)->addstep((step + every - 1) / every * every);
-  }
+  if (bridge.changes_box) ask_for_pressure(update->ntimestep);
 }
 
 void FixPythonMove::setup(int vflag)
@@ -394,7 +396,7 @@ void FixPythonMove::final_integrate()
     call_with_virial(bridge.final_integrate);
     return;
   }
-  if (cell_is_due(step)) run(bridge.pressure);
+  if (pressure_is_due(step)) run(bridge.pressure);
 }
 
 void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
@@ -576,11 +578,19 @@ int64_t FixPythonMove::set_box(const double *numbers)
   return 0;
 }
 
-// What LAMMPS's forces say of the pressure, if the box changes next: their virial on all ranks, without this fix's.
+// Have LAMMPS tally the virial in the first step from this one on that needs it.
+
+void FixPythonMove::ask_for_pressure(bigint step)
+{
+  while (!pressure_is_due(step)) step++;
+  modify->get_compute_by_id(virial_id)->addstep(step);
+}
+
+// What LAMMPS's forces say of the pressure, where that is needed: their virial on all ranks, without this fix's.
 
 void FixPythonMove::take_virial()
 {
-  if (!cell_is_due(update->ntimestep)) return;
+  if (!pressure_is_due(update->ntimestep)) return;
   std::vector<const double *> parts;
   if (force->pair) parts.push_back(force->pair->virial);
   if (atom->molecular != Atom::ATOMIC) {
@@ -601,7 +611,7 @@ void FixPythonMove::take_virial()
   const double volume = domain->dimension == 3 ? area * domain->zprd : area;
   if (force->pair && force->pair->tail_flag)
     for (int k = 0; k < domain->dimension; k++) forces_virial[k] += force->pair->ptail / volume;
-  modify->get_compute_by_id(virial_id)->addstep(update->ntimestep + bridge.changes_box);
+  ask_for_pressure(update->ntimestep + 1);
 }
 
 // Do passes; returns whether all went well.

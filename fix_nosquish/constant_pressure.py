@@ -1,0 +1,106 @@
+"""What integrators at constant pressure have in common: the words for it, and what they refuse.
+
+How the box follows the pressure is said by `cell` and `mtk`.
+"""
+
+import numpy as np
+
+from .cell import EVERY, P_START, P_STOP, SPACE, UNIT
+from .command import PRESSURES
+from .compiled import F1, L1, Cell
+from .errors import RunError
+from .nvt import NVT
+
+AXES = "xyz"
+COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
+
+
+class ConstantPressure(NVT):
+    """An integrator whose box changes every so many steps.
+
+    All atoms of the system are in its bodies, or points.
+
+    Attributes:
+        numbers: how many numbers its barostat has; see `cell`.
+
+    Raises:
+        RunError: for words that do not go together, for atoms that are left out, and where a face
+            of the box is not periodic.
+    """
+
+    keywords = (*PRESSURES, "couple", "every")
+    respa = False
+
+    @property
+    def every(self):
+        return self.command.every
+
+    def own_parameters(self):
+        self._refuse()
+        return super().own_parameters()
+
+    def _refuse(self):
+        """Raise an error for a system whose box this fix cannot change; collective."""
+        lammps = self.lammps
+        if self.host.set_box is None:
+            raise RunError(
+                "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
+                "package where its plugin serves, or use fix_nosquish.NVT",
+                everywhere=True,
+            )
+        outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
+        if outside:
+            raise RunError(
+                f"{outside} atoms are in no body, and would stay where they are when the box "
+                "changes: give their group to keyword points",
+                everywhere=True,
+            )
+        if self.command.force or self.command.torque:
+            raise RunError(
+                "keywords force and torque are for a box that does not change", everywhere=True
+            )
+        for axis, group, periodic in zip(AXES, self.axes, lammps.box.periodic, strict=True):
+            if group >= 0 and not periodic:
+                raise RunError(
+                    f"there is no pressure along {axis}, which is not periodic: name other axes",
+                    everywhere=True,
+                )
+
+    @property
+    def axes(self):
+        """Which axes change together, (3,): see `cell.Barostat`."""
+        command = self.command
+        coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
+        axes = [
+            group if command.pressure_along(axis) else -1
+            for axis, group in zip(AXES, coupled, strict=True)
+        ]
+        return np.array(axes if self.lammps.dimension == 3 else [*axes[:2], -1])
+
+    @property
+    def damping(self):
+        """PDAMP, which is one for all axes."""
+        words = next(iter(self.command.pressure.values()))
+        damping = self.lammps.number(words[2])
+        self._refuse_unless_positive("PDAMP", damping)
+        return damping
+
+    def own_numbers(self):
+        """The numbers of the barostat, (n,): see `cell`."""
+        lammps, numbers = self.lammps, np.zeros(self.numbers)
+        for k, axis in enumerate(AXES):
+            if words := self.command.pressure_along(axis):
+                start, stop = (lammps.number(word) for word in words[:2])
+                numbers[[P_START + k, P_STOP + k]] = start / lammps.nktv2p, stop / lammps.nktv2p
+        numbers[[UNIT, EVERY, SPACE]] = lammps.mvv2e, self.every, lammps.dimension == 3
+        return numbers
+
+    def own_cells(self):
+        return super().own_cells() | {
+            "barostat": Cell(F1, self.own_numbers()),
+            "axes": Cell(L1, self.axes),
+            "cell_sums": Cell(F1, np.zeros(6)),
+            "forces_virial": Cell(F1, self.host.forces_virial),
+            "new_box": Cell(F1, np.zeros(9)),
+            "set_box": Cell(L1, self.host.set_box),
+        }

@@ -1,0 +1,49 @@
+"""NPH: rigid bodies at constant pressure and enthalpy, in a box that a piston moves; see `mtk`."""
+
+from .block import Images
+from .compiled import F1, L1, F, loop
+from .constant_pressure import ConstantPressure
+from .errors import RunError
+from .migration import Box
+from .mpi import Mpi
+from .mtk import DILATION, SCALE, Mtk, Piston, begin_move, end_move
+from .nve import NVE
+from .nvt import prepare
+from .thermo import energies
+
+
+@loop
+def dilation(
+    mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
+    cell: Piston, box: Box,
+):  # fmt: skip
+    """The factors of letter D."""
+    part = prepare(parameters, step, begin_step, end_step)
+    begin_move(mpi, parameters, step, cell, box, part, dt)
+    end_move(parameters, step, cell, box, images.shift, part, dt, 1.0)
+
+
+class NPH(Mtk):
+    """fix python/move "fix_nosquish.NPH GROUP BODYSTYLE iso PSTART PSTOP PDAMP ..."."""
+
+    operations = NVE.operations | {"D": DILATION}
+    splitting, prepares, thermostat = "B A D A B", dilation, False
+    keywords, method = (
+        ConstantPressure.keywords,
+        "NO_SQUISH, and the piston of Martyna, Tobias and Klein",
+    )
+
+    def temperature(self):
+        return 0.0, 0.0, 0.0
+
+    def heat(self):
+        if not self.piston[SCALE]:
+            kelvin = energies(self.bodies, self.communicator, self.lammps)[4]
+            if not kelvin > 0:
+                raise RunError(
+                    "the bodies are at rest, so there is no temperature to choose the piston's "
+                    "inertia by: give them velocities first (velocity ... create)",
+                    everywhere=True,
+                )
+            self.piston[SCALE] = self.lammps.boltz * kelvin
+        return self.piston[SCALE]

@@ -1,0 +1,156 @@
+"""The piston: its conserved energy, reversal, the distribution of volumes, ranks and restart."""
+
+import sys
+
+import numpy as np
+import pytest
+from endings import assert_ended
+from scipy import stats
+from systems import mixture
+from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
+
+WORDS = {
+    "NPH": "",
+    "langevin": "temp 2 2 2e-1 seed 771",
+    "csvr": "temp 2 2 2e-1 thermostat csvr seed 771",
+    "separate csvr": "temp 2 2 2e-1 thermostat csvr seed 771 separate yes",
+    "nh": "temp 2 2 2e-1 thermostat nh",
+    "separate": "temp 2 2 2e-1 thermostat nh separate yes",
+}
+CELL = "iso 12e-2 12e-2 4e-1 every 5"
+
+
+def fix(name, cell=CELL, more=""):
+    """The fix line."""
+    words = "NPH all molecule" if name == "NPH" else "NPT all molecule barostat mtk"
+    line = f"{words} {WORDS[name]} {cell} {more}"
+    return f'fix 1 all python/move "fix_nosquish.{line}"\n'
+
+
+@pytest.mark.parametrize(
+    ("name", "cell"),
+    [
+        ("NPH", CELL.replace("every 5", "every 1")),
+        ("NPH", "x 12e-2 12e-2 4e-1 z 3e-1 3e-1 4e-1 every 1"),
+        ("nh", CELL.replace("every 5", "every 1")),
+        ("separate", "aniso 12e-2 12e-2 4e-1 couple xz every 1"),
+    ],
+)
+def test_conserved_energy(run_lammps, name, cell):
+    """Locks out a term that the piston lacks, or that its energy does."""
+    system = mixture(side=3, spacing=2.9)
+    spread = {}
+    for dt in (0.001, 0.002, 0.004):
+        words = fix(name, cell) + thermo("etotal econserve vol", round(0.02 / dt))
+        script = f"{system.setup}\n{SMOOTH}timestep {dt}\n{words}run {round(2 / dt)}\n"
+        rows = run_lammps(script, files=system.files).thermo
+        spread[dt] = rows["Econserve"].std()
+        assert np.ptp(rows["TotEng"]) > 50 * spread[dt], (spread, np.ptp(rows["TotEng"]))
+        assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
+    assert spread[0.004] / spread[0.002] == pytest.approx(4, rel=0.15), spread
+    assert spread[0.002] / spread[0.001] == pytest.approx(4, rel=0.15), spread
+
+
+REVERSE = """
+import sys
+import numpy as np
+from lammps import lammps
+from fix_nosquish.nvt import NVT
+
+lmp = lammps()
+lmp.file(sys.argv[1])
+lmp.command("run 303")
+fix = NVT.of_fix(lmp, "1")
+fix.host.point()
+fix.do("close")
+fix.bodies.v[:] *= -1
+fix.bodies.p[:] *= -1
+fix.piston[:3] *= -1
+if getattr(fix, "chains", None) is not None:
+    fix.chains.reshape(fix.number_of_chains, 2, -1)[:, 1] *= -1
+fix.passes.level_dt.set(-fix.dt)
+fix.do("close")
+lmp.command("run 303")
+columns = "id mol mass xu yu zu vx vy vz modify sort id format float %.17g"
+lmp.command("write_dump all custom end " + columns)
+"""
+
+
+@pytest.mark.parametrize("every", [1, 5])
+@pytest.mark.parametrize("name", ["NPH", "nh", "separate"])
+def test_reversible(run_lammps, tmp_path, name, every):
+    """Locks out a piston, or a place of it in the step, that is not symmetric in time."""
+    system = mixture(side=2, spacing=2.9)
+    words = fix(name, CELL.replace("every 5", f"every {every}"), "reinit no")
+    words += thermo("vol", 303)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run 0\n{DUMP.format('start')}"
+    done = run_lammps(script, files=system.files, launcher=[sys.executable, "-c", REVERSE])
+    start, end = (np.loadtxt(tmp_path / one, skiprows=9)[:, 3:6] for one in ("start", "end"))
+    assert np.abs(start - end).max() < 1e-9
+    volumes = done.thermo["Volume"]
+    assert abs(volumes[-1] / volumes[0] - 1) < 1e-10 < 1e-2 < abs(volumes[2] / volumes[0] - 1)
+
+
+@pytest.mark.parametrize(
+    ("name", "cell", "bodies"),
+    [("langevin", CELL, 8), ("separate csvr", CELL, 7), ("langevin", CELL.replace("iso", "x"), 8)],
+)
+def test_volumes_of_a_gas(run_lammps, name, cell, bodies):
+    """Locks out a pressure that counts rotation, a wrong drag on the momenta, and a piston at
+    another temperature: the volume of free bodies has the gamma distribution."""
+    system = mixture(side=2)
+    words = fix(name, cell) + thermo("vol", 200)
+    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 120000\n"
+    rows = run_lammps(script, files=system.files).thermo[20:]
+    shape = (bodies + 1, 0, 2.0 / 0.12)  # csvr keeps the total momentum, and counts it out
+    assert stats.kstest(rows["Volume"], "gamma", shape).pvalue > 1e-3, rows["Volume"].mean()
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+@pytest.mark.parametrize("name", ["NPH", "langevin", "csvr", "nh"])
+def test_ranks(run_lammps, tmp_path, name, tilt):
+    """Locks out rates of strain that differ between ranks, and a virial that counts a rank
+    twice."""
+    system = mixture(side=3, spacing=2.9, tilt=tilt)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix(name)}run 100\n{DUMP.format('end')}"
+    runs = [(script, ranks) for ranks in (1, 2, 4)]
+    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["NPH", "langevin", "nh"])
+def test_continued(run_lammps, tmp_path, name):
+    """Locks out a piston that a second run or a restart forgets, or moves once too often."""
+    system = mixture(side=3, spacing=2.9)
+    start, end = f"{system.setup}\n{SMOOTH}timestep 0.004\n", DUMP.format("end")
+    after = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    words = fix(name)
+    runs = [
+        (f"{start}{words}run 100\n{end}", 1),
+        (f"{start}{words}run 53\nwrite_restart middle\nrun 47\n{end}", 2),
+        (f"read_restart middle\n{SMOOTH}{after}timestep 0.004\n{words}run 47\n{end}", 4),
+    ]
+    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("NPT all molecule temp 2 2 1 iso 1 1 1 barostat mtk", "keyword seed is missing"),
+        (
+            "NPT all molecule temp 2 2 1 seed 3 iso 1 1 1 barostat mtk compressibility 8",
+            "keyword compressibility is of no use to this barostat",
+        ),
+        ("NPT all molecule temp 2 2 1 seed 3 iso 1 1 1 barostat nh", "one of crescale, mtk"),
+        ("NPH all molecule temp 2 2 1 iso 1 1 1", "this integrator keeps no temperature"),
+        ("NPH all molecule every 5", "the pressure is missing"),
+        ("NPH all molecule iso 1 1 0", "PDAMP is 0, and must be above zero"),
+        ("NPH all molecule iso 1 1 1", "no temperature to choose the piston's inertia by"),
+    ],
+)
+def test_bad_words(run_lammps, tmp_path, line, says):
+    """Locks out words that are taken and mean nothing, and a piston without a mass."""
+    system = mixture(side=2)
+    script = f"{system.setup}\nvelocity all set 0 0 0\n"
+    script += f'fix 1 all python/move "fix_nosquish.{line}"\nrun 0\n'
+    done = run_lammps(script, files=system.files, check=False)
+    assert_ended(done, [says], tmp_path)
