@@ -44,13 +44,16 @@ _ELSEWHERE = {
     "bodyforces": "the order of the fix lines decides which forces count",
     **dict.fromkeys(
         ("temp", "tchain", "thermostat", "seed", "separate"),
-        "this integrator keeps no temperature, fix_nosquish.NVT does",
+        "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
     ),
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
-        (*PRESSURES, "couple", "pchain", "pparam", "fixedpoint", "dilate"),
-        "this fix keeps the volume: fix_nosquish.NPT changes it",
+        (*PRESSURES, "couple", "barostat", "every", "compressibility"),
+        "this integrator keeps the volume, fix_nosquish.NPT and NPH change it",
     ),
+    "pchain": "the chain of fix_nosquish.NPT's piston has the length tchain",
+    "dilate": "all atoms move with the box of fix_nosquish.NPT and NPH",
+    "fixedpoint": "the box of fix_nosquish.NPT and NPH changes about its centre",
 }
 
 

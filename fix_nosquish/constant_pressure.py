@@ -12,6 +12,7 @@ from .errors import RunError
 from .nvt import NVT
 
 AXES = "xyz"
+PARTS = 20  # of PDAMP, the longest time between two changes of the box that needs no warning
 COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
 
 
@@ -88,6 +89,13 @@ class ConstantPressure(NVT):
     def own_numbers(self):
         """The numbers of the barostat, (n,): see `cell`."""
         lammps, numbers = self.lammps, np.zeros(self.numbers)
+        between = self.every * self.lammps.dt
+        if between * PARTS > self.damping:
+            self.host.log(
+                f"WARNING: the box changes every {between:g} time units only, and PDAMP is "
+                f"{self.damping:g}: volumes fluctuate too much if this is more than a part in "
+                f"{PARTS} of PDAMP: give keyword every a smaller number, or take a longer PDAMP\n"
+            )
         for k, axis in enumerate(AXES):
             if words := self.command.pressure_along(axis):
                 start, stop = (lammps.number(word) for word in words[:2])

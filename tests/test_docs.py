@@ -153,7 +153,8 @@ def test_each_keyword_is_on_its_page(run_lammps):
 
 
 @pytest.mark.parametrize(
-    ("page", "least", "waters"), [("fix-nvt.md", 4, 500), ("fix-npt.md", 2, 1000)]
+    ("page", "least", "waters"),
+    [("fix-nvt.md", 4, 500), ("fix-npt.md", 3, 1000), ("fix-nph.md", 1, 1000)],
 )
 def test_examples_of_ensembles(run_lammps, page, least, waters):
     """Locks out an example that the fix refuses."""
@@ -189,6 +190,7 @@ def source():
         ("fix.md", "### What is refused", 10),
         ("fix-nvt.md", "## Restrictions", 8),
         ("fix-npt.md", "## Restrictions", 4),
+        ("fix-nph.md", "## Restrictions", 1),
     ],
 )
 def test_quoted_messages_are_those_of_the_package(source, page, heading, least):

@@ -164,3 +164,12 @@ def test_bad_words(run_lammps, tmp_path, words, says):
     line = fix("" if "nh" in words else "seed 5", words)
     done = run_lammps(f"{system.setup}\n{line}run 0\n", files=system.files, check=False)
     assert_ended(done, [says], tmp_path)
+
+
+def test_rare_changes_are_told(run_lammps):
+    """Locks out a box that changes too rarely for its damping time, without a word."""
+    system = mixture(side=2)
+    for every, warns in ((50, False), (51, True)):
+        words = fix("seed 5", f"iso 1 1 2e-1 compressibility 1 every {every}")
+        log = run_lammps(f"{system.setup}\ntimestep 2e-4\n{words}run 0\n", files=system.files).log
+        assert ("WARNING: the box changes every 0.0102" in log) == warns
