@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from conftest import BIN, Silent, read_thermo
+from scipy import signal
 
 from validation import __main__
 from validation.ensembles import criteria, measure, plan
@@ -156,6 +157,32 @@ def test_two_states(other):
     assert structure.between_states(*exchanged) > 4
     far = second._replace(values=3 * second.values)
     assert structure.between_states(first, far) is None
+
+
+def remembering(rng, samples=12500, time=50.0):
+    """Standard normal numbers with an exponential autocorrelation, as a volume of 300 ps has it."""
+    keep = np.exp(-1 / time)
+    noise = rng.normal(size=samples + round(20 * time))
+    return signal.lfilter([np.sqrt(1 - keep**2)], [1, -keep], noise)[-samples:]
+
+
+@pytest.mark.parametrize(("wide", "low", "high"), [(1.0, 0.4, 1.4), (0.85, 2, 4), (1.15, 2, 4)])
+def test_two_states_of_series(wide, low, high):
+    """Locks out samples that remember each other and pass for independent ones, of which a right
+    ensemble has several standard deviations, and a check that a width 15 % off passes."""
+    rng, volume, sd = np.random.default_rng(7), 15800.0, 178.0
+    kt = measure.BOLTZMANN * plan.TEMPERATURE * measure.ATM
+    apart = sd**2 * (plan.PRESSED - plan.PRESSURE) / kt  # of two normal distributions
+    assert 1.5 < apart / sd < 2.5
+    found = []
+    for _ in range(12):
+        pair = []
+        for pressure, mean in (plan.PRESSURE, volume), (plan.PRESSED, volume - apart):
+            values = measure.thinned(mean + wide * sd * remembering(rng), times=measure.DENSER)
+            both = np.concatenate([0 * values, values])
+            pair.append(structure.Sampled(plan.TEMPERATURE, pressure, both))
+        found.append(structure.between_states(*pair))
+    assert low < np.sqrt(np.mean(np.square(found))) < high
 
 
 def test_compressibility_of_a_gas():
