@@ -44,16 +44,11 @@ class Bound(NamedTuple):
 
 
 def _bounds(
-    part: str,
-    key: str,
-    what: str,
-    unit: str,
-    within: Mapping[str, Mapping[float, float]],
-    around=0.0,
+    part: str, key: str, what: str, unit: str, within: Mapping[str, Mapping[float, float]]
 ) -> list[Bound]:
-    """Of {scheme: {fs: how far}}."""
+    """Of {scheme: {fs: how far from zero}}."""
     return [
-        Bound(part, key, what, unit, scheme, dt, most, around)
+        Bound(part, key, what, unit, scheme, dt, most)
         for scheme, those in within.items()
         for dt, most in those.items()
     ]
@@ -79,7 +74,7 @@ BOUNDS = [
         dict.fromkeys(OURS_NVT, dict.fromkeys(MODERATE, 25.0)),
     ),
     # what is printed is the pressure that the barostat keeps, so the bound is that at constant
-    # volume; of a state of water 25 atm are 0.1 % of the density
+    # volume; 25 atm change the density of water by 0.1 %
     *_bounds(
         "pressure", "pressure_bias", "mean of press less the barostat's pressure", "atm",
         dict.fromkeys(OURS_NPT, dict.fromkeys(MODERATE, 25.0)),
