@@ -17,7 +17,7 @@ long one is in ``section``) and ``command`` (its words, and its entry):
     scaling       what ranks send each other, counted, and a model
     paper         the paper's test problems again
     published     the energy's spread in water beside published numbers
-    ensembles     what thermostats with long steps sample, beside the limit of short ones
+    ensembles     what long steps sample at constant temperature and pressure
     theory        what the paper proves, each a number between bounds
     sweep         error against run time, every integrator with every step
     advise        the fastest point of a sweep that meets a target

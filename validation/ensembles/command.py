@@ -3,7 +3,7 @@
 import argparse
 
 from validation import command_line
-from validation.ensembles.plan import FULL_TIME, SCHEMES, SHORT_STEPS, SHORT_TIME, STEPS
+from validation.ensembles.plan import FULL_TIME, SCHEMES, SHORT_STEPS, SHORT_TIME
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -12,24 +12,27 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "ensembles",
         run,
-        help="what a thermostat with a long step does to energies and pressures",
-        description="Run water at constant temperature with this package's thermostats and with "
-        "LAMMPS's, at 2 to 8 fs, and hold mean energy, temperatures and pressure against those of "
-        "a step of 1 fs. Writes tables to the terminal and summary.json, table.csv, checks.csv, a "
-        "figure and a self-contained report.html to the output folder. Ctrl-C keeps each run that "
-        "is complete, and the same command goes on from there. With the same lengths the output "
-        "folder gathers thermostats and steps. The same command, started once for each core, "
-        "shares the runs.",
+        help="what thermostats and barostats with a long step do to energies and densities",
+        description="Run water at constant volume and at constant pressure with this package's "
+        "thermostats and barostats and with LAMMPS's, at 1 to 8 fs, and hold mean energy, "
+        "temperatures, pressure and density against those of a step of 1 fs. At constant pressure "
+        "hold the distributions of two temperatures and of two pressures against each other. "
+        "Writes tables to the terminal and summary.json, table.csv, checks.csv, figures and a "
+        "self-contained report.html to the output folder. Ctrl-C keeps each run that is complete, "
+        "and the same command goes on from there. With the same lengths the output folder gathers "
+        "schemes and steps. The same command, started once for each core, shares the runs.",
         epilog="A scheme of LAMMPS that fails is a result. Exit status: 0 if no number is outside "
         "of its bounds by its 95 % margin, 1 if one is or is missing, 130 after Ctrl-C.",
     )
-    command_line.short_or_full(parser, f"{FULL_TIME:g} ps of each point: seven hours of one core")
+    command_line.short_or_full(
+        parser, f"{FULL_TIME:g} ps of each point: fourteen hours of one core"
+    )
     text = f"length of each point (default {FULL_TIME:g}, --short {SHORT_TIME:g})"
     parser.add_argument("--ps", type=command_line.positive, metavar="PS", help=text)
-    steps, short = (",".join(f"{one:g}" for one in some) for some in (STEPS, SHORT_STEPS))
-    text = f"time steps in fs, beside the reference (default {steps}; --short {short})"
+    short = ",".join(f"{one:g}" for one in SHORT_STEPS)
+    text = f"time steps in fs, beside the reference (default each scheme's own; --short {short})"
     parser.add_argument("--dt", type=command_line.positives, metavar="FS,FS", help=text)
-    command_line.only(parser, SCHEMES, "thermostats, of: %(choices)s (default all)")
+    command_line.only(parser, SCHEMES, "schemes, of: %(choices)s (default all)")
     text = "independent starts; of several, their scatter tells the errors, so take four or more"
     command_line.number(parser, "--starts", 1, "N", text)
     command_line.silence(parser, 120.0)
@@ -46,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     out = command_line.folder(arguments, short)
     time = arguments.ps or (SHORT_TIME if short else FULL_TIME)
     lengths = plan.Lengths(time, arguments.starts)
-    points = plan.points(arguments.only, arguments.dt or (SHORT_STEPS if short else STEPS))
+    points = plan.points(arguments.only, arguments.dt or (SHORT_STEPS if short else None))
     screen = console.console()
     with console.Meter(screen, plan.total(points, lengths)) as meter:
         summary, rows = measure.ensembles(points, lengths, out, meter, arguments.silence)

@@ -1,8 +1,9 @@
-"""The bias that a thermostat gives to what is sampled at a time step.
+"""The bias that a thermostat or a barostat gives to what is sampled at a time step.
 
 All schemes move the same molecules from the same starts.  The bias of a mean is its distance from
 that of this package's Langevin thermostat at a step so short that a step twice as long gives the
-same within errors.
+same within errors.  At constant pressure two states are compared as well: the ratio of their
+distributions is known without any reference.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -12,16 +13,29 @@ from pathlib import Path
 import numpy as np
 
 from validation.ensembles import plan
-from validation.ensembles.plan import REFERENCE, SCHEMES, STARTER, TEMPERATURE, Lengths, Point
+from validation.ensembles.plan import (
+    REFERENCES,
+    SCHEMES,
+    STARTER,
+    TEMPERATURE,
+    Lengths,
+    Point,
+    Scheme,
+)
 from validation.running import machine, rounds, run
 from validation.running.store import Store
 from validation.scenes import FS_PER_PS, Scene
 from validation.scenes.starts import from_dump, to_dump
 from validation.statistics import measures, structure
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import Estimate, combined
 from validation.sweep.errors import BOLTZMANN
 
 DEGREES = 3  # of freedom of a molecule's translation, and of its rotation
+ATM = 68568.415  # atm Angstrom^3 in a kcal/mol, LAMMPS's
+FINE = 1e5  # compressibilities are in 1e-5/atm
+# of each of two states independent samples, as fewer cannot tell a slope, and how many are taken
+# for an independent one, as physical_validation has bins to fill (it counts independent ones)
+LEAST_SAMPLES, DENSER = 50, 4
 # the kinetic energy of the molecules' centres, of any integrator
 MOVES = (
     "compute molecules {group} chunk/atom molecule",
@@ -40,11 +54,17 @@ class Row:
 
     Attributes:
         potential, bias: kcal/mol a molecule.  temperature, translation, rotation, apart: K; the
-            last is translation less rotation.  pressure, pressure_bias: atm.  drift: of the
-            effective energy, kcal/mol/ps in all.
+            last is translation less rotation.  pressure, pressure_bias: atm; at constant pressure
+            the bias is the distance from the barostat's.  drift: of the effective energy,
+            kcal/mol/ps in all.
         cost: s of one core for a ps, over starts.
         distribution: standard deviations between the kinetic energy's distribution and the
             canonical one (physical_validation), over starts.
+        density: g/cm^3.  density_bias: percent.  volume: Angstrom^3.
+        compressibility: from the volume's fluctuations, 1e-5/atm.
+        deviation: of a state beside the first, see `structure.between_states`.
+        two_pressures, fluctuations: of a pressure beside the first, the compressibility from both
+            mean volumes, and the mean of those from fluctuations at both; 1e-5/atm.
     """
 
     scheme: str
@@ -65,13 +85,22 @@ class Row:
     drift: Estimate | None = None
     cost: measures.Spread | None = None
     distribution: measures.Spread | None = None
+    density: Estimate | None = None
+    density_bias: Estimate | None = None
+    volume: Estimate | None = None
+    compressibility: Estimate | None = None
+    deviation: Estimate | None = None
+    two_pressures: Estimate | None = None
+    fluctuations: Estimate | None = None
 
 
 @dataclass
 class Found:
-    """What the runs gave: of each point the numbers of its starts, and why one failed."""
+    """What the runs gave: of each point the numbers of its starts, at constant pressure their
+    samples, and why one failed."""
 
     numbers: dict[Point, list[Numbers]] = field(default_factory=dict)
+    samples: dict[Point, list[structure.Sampled]] = field(default_factory=dict)
     errors: dict[Point, str] = field(default_factory=dict)
     versions: dict = field(default_factory=dict)
     interrupted: bool = False
@@ -107,7 +136,7 @@ def ensembles(
             _do(found, label, _job(scene, folder, name, point, start, lengths, silence), meter)
     except KeyboardInterrupt:
         found.interrupted = True
-    every = list(dict.fromkeys([*points, *plan.points()]))
+    every = plan.ordered([*points, *plan.points(dt=(1.0, *plan.STEPS))])
     for name, point, start in plan.names(every, lengths):
         if point in found.errors:
             continue
@@ -117,7 +146,7 @@ def ensembles(
     summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
     summary["versions"] |= machine.worker_versions(found.versions)
     summary |= {"interrupted": found.interrupted, "molecules": scene.unit}
-    summary |= {"temperature": TEMPERATURE, "reference": REFERENCE._asdict()}
+    summary |= {"temperature": TEMPERATURE, "references": [one._asdict() for one in REFERENCES]}
     summary["settings"] = asdict(lengths) | {"settle": lengths.settle, "sampled_fs": plan.SAMPLED}
     return summary, rows(found, every)
 
@@ -164,7 +193,7 @@ def _job(
     begun = replace(begun, setup=(*begun.setup, rest))
     prints = OURS_PRINTS if scheme.ours else (ALL_PRINT,)
     more = [line.format(group=scene.group) for line in MOVES] if not scheme.ours else []
-    more += run.thermo("econserve", *prints)
+    more += run.thermo("econserve", "vol", "density", *prints)
     how: dict = {"dt": point.dt, "every": lengths.every(point.dt), "keeps": "nothing"}
     files = [dump] if dump.exists() else []  # else LAMMPS says so
     how |= {"silence": silence, "more": more, "origin": machine.origin(scene, one, *files)}
@@ -182,27 +211,29 @@ def _measure(found: Found, point: Point, job: run.Job) -> None:
         found.errors.setdefault(point, result.error)
         return
     scheme, timing = SCHEMES[point.scheme], rounds.timing(job, result)
-    numbers = of_series(table, plan.scene().unit, scheme.held)
+    numbers = of_series(table, plan.scene().unit, scheme)
     numbers["cost"] = cost(timing.loop or 0.0, timing.cpu, point.dt)
     found.numbers.setdefault(point, []).append(numbers)
+    if scheme.pressure is not None:
+        values = thinned(table["PotEng"], table["Volume"], times=DENSER)
+        one = structure.Sampled(scheme.temperature, scheme.pressure, values)
+        found.samples.setdefault(point, []).append(one)
 
 
-def of_series(table: Mapping[str, np.ndarray], molecules: int, held: int = 0) -> Numbers:
+def of_series(table: Mapping[str, np.ndarray], molecules: int, scheme: Scheme) -> Numbers:
     """A run's numbers.
 
     Args:
         table: columns of LAMMPS's output, (samples,), after the part that is left out.
-        held: degrees of freedom that the total momentum has not.
     """
     if ALL_PRINT in table:
         moves, half = table[ALL_PRINT], DEGREES * molecules * BOLTZMANN / 2
         translation, rotation = moves / half, (table["KinEng"] - moves) / half
     else:
         translation, rotation = (table[name] for name in OURS_PRINTS)
-    kinetic = table["KinEng"]
-    independent = kinetic[:: int(np.ceil(measures.statistical_inefficiency(kinetic)))]
-    far = structure.distribution(independent, TEMPERATURE, molecules, held)
-    return {
+    (kinetic,) = thinned(table["KinEng"])
+    far = structure.distribution(kinetic, scheme.temperature, molecules, scheme.held)
+    found = {
         "potential": measures.mean(table["PotEng"]).times(1 / molecules),
         "temperature": measures.mean(table["Temp"]),
         "translation": measures.mean(translation),
@@ -212,6 +243,25 @@ def of_series(table: Mapping[str, np.ndarray], molecules: int, held: int = 0) ->
         "drift": measures.drift(table["Time"] / FS_PER_PS, table["Econserve"]),
         "distribution": Estimate(far),
     }
+    if scheme.pressure is not None:
+        found["pressure_bias"] = measures.mean(table["Press"] - scheme.pressure)
+        found["density"] = measures.mean(table["Density"])
+        found["volume"] = measures.mean(table["Volume"])
+        found["compressibility"] = compressibility(table["Volume"], scheme.temperature)
+    return found
+
+
+def thinned(*series: np.ndarray, times: int = 1) -> np.ndarray:
+    """So many times the samples, (series, samples), that are independent in each of the series."""
+    apart = max(map(measures.statistical_inefficiency, series))
+    return np.stack(series)[:, :: int(np.ceil(apart / times))]
+
+
+def compressibility(volumes: np.ndarray, temperature: float) -> Estimate:
+    """var(V) / (kT <V>), of a series in Angstrom^3; 1e-5/atm."""
+    sd = measures.standard_deviation(volumes)
+    unit = FINE / (BOLTZMANN * ATM * temperature * np.mean(volumes))
+    return Estimate(sd.value**2, 2 * sd.value * sd.error, sd.freedom).times(unit)
 
 
 def cost(loop: float, cpu: float | None, dt: float) -> Estimate:
@@ -237,7 +287,6 @@ def pooled(starts: Sequence[Numbers]) -> Numbers:
 def rows(found: Found, points: Iterable[Point]) -> list[Row]:
     """A row for each of the points that was run, biases included."""
     made, means = [], {point: pooled(some) for point, some in found.numbers.items()}
-    limit = None if REFERENCE in found.errors else means.get(REFERENCE)
     for point in points:
         if point not in means and point not in found.errors:
             continue
@@ -249,14 +298,51 @@ def rows(found: Found, points: Iterable[Point]) -> list[Row]:
             vars(row).update(means[point], starts=len(starts))
             for name in SPREAD:
                 vars(row)[name] = measures.spread(one[name].value for one in starts)
-            vars(row).update(biases(means[point], limit) if limit and point != REFERENCE else {})
+            if point.other in means and point.other not in found.errors and point.other != point:
+                vars(row).update(compared(point, means, found.samples))
         made.append(row)
+    return made
+
+
+def compared(
+    point: Point, means: Mapping[Point, Numbers], samples: Mapping[Point, list[structure.Sampled]]
+) -> Numbers:
+    """The numbers of a point beside its other one."""
+    both = point.other, point
+    low, high = (means[one] for one in both)
+    if not SCHEMES[point.scheme].first:
+        return biases(high, low)
+    made = {}
+    first, second = (
+        samples[one][0]._replace(values=np.hstack([start.values for start in samples[one]]))
+        for one in both
+    )
+    if min(one.values.shape[1] for one in (first, second)) >= LEAST_SAMPLES * DENSER:
+        deviation = structure.between_states(first, second)
+        made = {} if deviation is None else {"deviation": Estimate(deviation)}
+    if apart := second.pressure - first.pressure:
+        made |= of_two_pressures(low, high, apart)
     return made
 
 
 def biases(numbers: Numbers, limit: Numbers) -> Numbers:
     """How far means are from those of the reference."""
-    return {
-        "bias": measures.difference(numbers["potential"], limit["potential"]),
-        "pressure_bias": measures.difference(numbers["pressure"], limit["pressure"]),
-    }
+    made = {"bias": measures.difference(numbers["potential"], limit["potential"])}
+    if "density" in limit:
+        ratio = measures.quotient(numbers["density"], limit["density"])
+        return made | {"density_bias": Estimate(ratio.value - 1, *ratio[1:]).times(100.0)}
+    return made | {"pressure_bias": measures.difference(numbers["pressure"], limit["pressure"])}
+
+
+def of_two_pressures(low: Numbers, high: Numbers, apart: float) -> Numbers:
+    """Compressibilities from pressures that are so many atm apart.
+
+    -d ln <V> / dP is the compressibility from fluctuations, at any pressure.  So its mean over the
+    interval, here that of the ends, is the slope between them.
+    """
+    volumes = low["volume"], high["volume"]
+    parts = ((one.error / one.value, one.freedom) for one in volumes)
+    slope = Estimate(float(np.log(volumes[0].value / volumes[1].value)), *combined(*parts))
+    halves = [one["compressibility"].times(0.5) for one in (low, high)]
+    mean = Estimate(halves[0].value + halves[1].value, *combined(*(one[1:] for one in halves)))
+    return {"two_pressures": slope.times(FINE / apart), "fluctuations": mean}

@@ -8,9 +8,21 @@ from validation.command_line import chosen
 from validation.scenes import Scene, smooth_water, steps
 from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
 
-TEMPERATURE = 298.0  # K
+TEMPERATURE, WARM = 298.0, 308.0  # K
+PRESSURE, PRESSED = 1.0, 400.0  # atm
+# states at constant pressure: ends of a scheme's name and label, temperature, pressure. From the
+# first to the others it is as far as physical_validation advises: the tips of the distributions
+# are some two standard deviations apart, which are 35 kcal/mol of an enthalpy, 1.1 % of a volume
+STATES = (
+    ("", "", TEMPERATURE, PRESSURE),
+    (f"-{WARM:g}K", f", {WARM:g} K", WARM, PRESSURE),
+    (f"-{PRESSED:g}atm", f", {PRESSED:g} atm", TEMPERATURE, PRESSED),
+)
 DAMPING, STRONG = 200.0, 50.0  # fs; friction of 5/ps and of 20/ps
+PRESSURE_DAMPING = 1000.0  # fs
 STEPS = 2.0, 4.0, 6.0, 8.0  # fs
+STATES_STEPS = 2.0, 6.0  # of states that are compared with the first
+LIMIT_STEPS = 1.0, 2.0  # of LAMMPS's barostats, which have to agree in the limit only
 SHORT_STEPS = 4.0, 8.0
 SAMPLED = 24.0  # fs between samples: all of `STEPS` divide it
 FULL_TIME, SHORT_TIME = 300.0, 2.0  # ps of a point
@@ -25,17 +37,23 @@ BATH = f"fix bath {{group}} langevin {TEMPERATURE:g} {TEMPERATURE:g} {DAMPING:g}
 
 @dataclass(frozen=True)
 class Scheme:
-    """A thermostat with its integrator.
+    """A thermostat with its integrator, with or without a barostat, at one state.
 
     Attributes:
-        damping: fs.
         integrator: its lines have `SEED` where a start's own number goes.
         held: degrees of freedom of the total momentum, where the scheme keeps it at zero.
+        temperature: K.
+        pressure: atm; None at constant volume.
+        first: name of the same scheme at the first of `STATES`, if this is at another one.
+        steps: fs, of the points that are run if no other steps are asked for.
     """
 
-    damping: float
     integrator: Integrator
     held: int = 0
+    temperature: float = TEMPERATURE
+    pressure: float | None = None
+    first: str = ""
+    steps: tuple[float, ...] = STEPS
 
     @property
     def name(self) -> str:
@@ -50,7 +68,12 @@ class Scheme:
     @property
     def ours(self) -> bool:
         """Whether it is this package's thermostat."""
-        return "fix_nosquish.NVT" in self.integrator.lines[-1]
+        return any(f"fix_nosquish.{one}" in self.integrator.lines[-1] for one in ("NVT", "NPT"))
+
+    @property
+    def reference(self) -> "Point":
+        """What stands for the limit of small steps: biases are the distances from it."""
+        return REFERENCES[self.pressure is not None]
 
     def seeded(self, start: int) -> Integrator:
         """With the random numbers of a start, from 1."""
@@ -58,35 +81,66 @@ class Scheme:
         return replace(self.integrator, lines=tuple(lines))
 
 
-def _middle(name: str, label: str, words: str, damping: float = DAMPING, held: int = 0) -> Scheme:
+def _state(
+    damping: float = DAMPING, temperature: float = TEMPERATURE, pressure: float | None = None
+) -> str:
+    """The state in the words of a fix: this package's and LAMMPS's are the same."""
+    words = f" temp {temperature:g} {temperature:g} {damping:g}"
+    if pressure is None:
+        return words
+    return f"{words} iso {pressure:g} {pressure:g} {PRESSURE_DAMPING:g}"
+
+
+def _nvt(name: str, label: str, words: str, damping: float = DAMPING, held: int = 0) -> Scheme:
     """This package's thermostat, in the middle of the step."""
-    words = f" temp {TEMPERATURE:g} {TEMPERATURE:g} {damping:g} thermostat {words}"
-    return Scheme(damping, nosquish(name, label, words, "NVT"), held)
+    return Scheme(nosquish(name, label, f"{_state(damping)} thermostat {words}", "NVT"), held)
+
+
+def _npt(name: str, label: str, words: str, held: int = 0) -> Iterator[Scheme]:
+    """This package's thermostat and barostat, at all states."""
+    for ending, said, temperature, pressure in STATES:
+        line = f"{_state(DAMPING, temperature, pressure)} thermostat {words}"
+        one = nosquish(name + ending, label + said, line, "NPT")
+        first, steps = (name, STATES_STEPS) if ending else ("", STEPS)
+        yield Scheme(one, held, temperature, pressure, first, steps)
 
 
 def _kicked(name: str, label: str, integrator: Integrator) -> Scheme:
     """Fix langevin, beside an integrator of constant energy."""
     lines = (BATH, *integrator.lines)
-    return Scheme(DAMPING, replace(integrator, name=name, label=label, lines=lines))
+    return Scheme(replace(integrator, name=name, label=label, lines=lines))
 
 
-def _nvt() -> Scheme:
-    one = rigid("rigid/nvt/small")
-    words = f" temp {TEMPERATURE:g} {TEMPERATURE:g} {DAMPING:g}"
-    return Scheme(DAMPING, replace(one, lines=tuple(line + words for line in one.lines)), held=3)
+def _rigid(style: str, pressure: float | None = None, **more) -> Scheme:
+    """LAMMPS's rigid bodies with chains."""
+    one, words = rigid(style), _state(pressure=pressure)
+    lines = tuple(line + words for line in one.lines)
+    return Scheme(replace(one, lines=lines), held=3, pressure=pressure, **more)
+
+
+def _constrained_npt() -> Scheme:
+    one = constrained("shake", "1e-6")
+    # LAMMPS wants shake first here
+    lines = *one.lines[1:], "fix 1 {group} npt" + _state(pressure=PRESSURE)
+    one = replace(one, name="shake+npt", label="shake + fix npt", lines=lines)
+    return Scheme(one, held=3, pressure=PRESSURE, steps=LIMIT_STEPS)
 
 
 SCHEMES = {
     scheme.name: scheme
     for scheme in (
-        _middle("langevin-5", "NVT langevin 5/ps", f"langevin seed {SEED}"),
-        _middle("langevin-20", "NVT langevin 20/ps", f"langevin seed {SEED}", STRONG),
-        _middle("csvr", "NVT csvr", f"csvr seed {SEED}", held=3),
-        _middle("nh", "NVT nh", "nh", held=3),
-        _nvt(),
+        _nvt("langevin-5", "NVT langevin 5/ps", f"langevin seed {SEED}"),
+        _nvt("langevin-20", "NVT langevin 20/ps", f"langevin seed {SEED}", STRONG),
+        _nvt("csvr", "NVT csvr", f"csvr seed {SEED}", held=3),
+        _nvt("nh", "NVT nh", "nh", held=3),
+        _rigid("rigid/nvt/small"),
         _kicked("rigid+langevin", "rigid/nve/small + langevin", rigid("rigid/nve/small")),
         _kicked("shake+langevin", "shake + langevin", constrained("shake", "1e-6")),
         _kicked("nosquish+langevin", "fix_nosquish.NVE + langevin", nosquish("", "")),
+        *_npt("npt-langevin", "NPT langevin 5/ps", f"langevin seed {SEED}"),
+        *_npt("npt-csvr", "NPT csvr", f"csvr seed {SEED}", held=3),
+        _constrained_npt(),
+        _rigid("rigid/npt/small", PRESSURE, steps=LIMIT_STEPS),
     )
 }
 STARTER = SCHEMES["langevin-20"]  # makes the starts
@@ -103,9 +157,15 @@ class Point(NamedTuple):
         """For the terminal."""
         return f"{SCHEMES[self.scheme].label}, {self.dt:g} fs"
 
+    @property
+    def other(self) -> "Point":
+        """The one that it is compared with: the first state at the same step, or the reference."""
+        scheme = SCHEMES[self.scheme]
+        return Point(scheme.first, self.dt) if scheme.first else scheme.reference
 
-# biases are the distances from this one; the second tells how near it is to the limit
-REFERENCE, BESIDE = Point("langevin-5", 1.0), Point("langevin-5", 2.0)
+
+REFERENCES = Point("langevin-5", 1.0), Point("npt-langevin", 1.0)  # of volume, of pressure
+BESIDE = 2.0  # fs; a point of the references' schemes that tells how near to the limit they are
 
 
 @dataclass(frozen=True)
@@ -145,15 +205,25 @@ def scene() -> Scene:
     return smooth_water("water-512", title, "water_512", "512", 512)
 
 
-def points(only: Collection[str] | None = None, dt: Collection[float] = STEPS) -> list[Point]:
-    """What is measured, in the order in which it runs: the reference first, whatever is wanted.
+def points(only: Collection[str] | None = None, dt: Collection[float] | None = None) -> list[Point]:
+    """What is measured, in the order in which it runs: what is wanted, and before each what it is
+    compared with.
 
     Args:
         only: names of schemes; None is all.
-        dt: time steps, fs.
+        dt: time steps, fs; None is each scheme's own.
     """
-    found = [Point(name, one) for name in chosen(SCHEMES, only) for one in sorted(dt)]
-    return list(dict.fromkeys([REFERENCE, *found]))
+    found = [
+        Point(name, one)
+        for name in chosen(SCHEMES, only)
+        for one in sorted(dt or SCHEMES[name].steps)
+    ]
+    return list(dict.fromkeys(point for one in found for point in (one.other, one)))
+
+
+def ordered(points: Collection[Point]) -> list[Point]:
+    """Each once, by scheme and step."""
+    return sorted(set(points), key=lambda one: (list(SCHEMES).index(one.scheme), one.dt))
 
 
 def names(points: Collection[Point], lengths: Lengths) -> Iterator[tuple[str, Point, int]]:

@@ -5,29 +5,43 @@ from pathlib import Path
 from rich.console import Console
 
 from validation.ensembles.criteria import LEAST, MOLECULE, TITLES, TOO_SHORT
-from validation.ensembles.figures import bias
-from validation.ensembles.plan import BESIDE, REFERENCE, Point
+from validation.ensembles.figures import bias, density
+from validation.ensembles.plan import BESIDE, REFERENCES, SCHEMES, Point
 from validation.pages import report
 from validation.pages.figures import draw_each
 from validation.pages.said import Figure, Said, of_checks
 from validation.pages.tables import Column, cell, numbers
 
-COLUMNS = (
-    Column("bias", "bias of U/N", "kcal/mol", "estimate"),
+TEMPERATURES = (
     Column("temperature", "temp", "K", "estimate"),
     Column("translation", "T_trans", "K", "estimate"),
     Column("rotation", "T_rot", "K", "estimate"),
     Column("apart", "T_trans − T_rot", "K", "estimate"),
-    Column("pressure_bias", "bias of P", "atm", "estimate"),
-    Column("drift", "drift", "kcal/mol/ps", "estimate"),
+)
+ALL = (
     Column("distribution", "K", "sd"),
     Column("cost", "cost", "s/ps"),
 )
-SHOWN = [one for one in COLUMNS if one.key not in ("translation", "rotation")]  # in the terminal
+BIAS = Column("bias", "bias of U/N", "kcal/mol", "estimate")
+PRESSURE_BIAS = Column("pressure_bias", "bias of P", "atm", "estimate")
+DENSITY_BIAS = Column("density_bias", "bias of ρ", "%", "estimate")
+DRIFT = Column("drift", "drift", "kcal/mol/ps", "estimate")
+DENSITY = Column("density", "density", "g/cm³", "estimate")
+COMPRESSIBILITIES = (
+    Column("compressibility", "κ of V's sd", "1e-5/atm", "estimate"),
+    Column("two_pressures", "κ of two P", "1e-5/atm", "estimate"),
+    Column("deviation", "two states", "sd", "estimate"),
+)
 MEANS = (
     Column("potential", "potential energy", MOLECULE, "estimate"),
     Column("pressure", "pressure", "atm", "estimate"),
 )
+NVT = (BIAS, *TEMPERATURES, PRESSURE_BIAS, DRIFT, *ALL)
+NPT = (DENSITY, DENSITY_BIAS, BIAS, *COMPRESSIBILITIES, *TEMPERATURES, PRESSURE_BIAS, *ALL)
+COLUMNS = (*MEANS, *dict.fromkeys((*NVT, *NPT)))
+LONG = "translation", "rotation"  # not in the terminal
+# of each reference: what is told of it, and what of the point beside it
+TOLD = (MEANS, (BIAS, PRESSURE_BIAS)), ((DENSITY, MEANS[0]), (DENSITY_BIAS, BIAS))
 
 
 def label(row: dict) -> str:
@@ -35,48 +49,69 @@ def label(row: dict) -> str:
     return Point(row["scheme"], row["dt"]).label
 
 
-def limit(summary: dict) -> str:
-    """What the reference's means are, and how near it is to the limit of small steps."""
+def limits(summary: dict) -> list[str]:
+    """What the references' means are, and how near these are to the limit of small steps."""
     found = {(row["scheme"], row["dt"]): row for row in summary["rows"] if not row["error"]}
-    if (one := found.get(REFERENCE)) is None:
-        return f"The reference, {REFERENCE.label}, was not measured: there are no biases."
-    told = [f"{cell(one, column)} {column.unit} ({column.title})" for column in MEANS]
-    said = f"The reference, {REFERENCE.label}, has {' and '.join(told)}. "
-    if (two := found.get(BESIDE)) is None:
-        return said + f"How near it is to the limit is not known without {BESIDE.label}."
-    told = [f"{cell(two, column)} {column.unit}" for column in COLUMNS if "bias" in column.key]
-    return said + f"{BESIDE.dt:g} fs are apart from it by {' and '.join(told)}."
+    return [
+        _limit(found, reference, *told)
+        for reference, told in zip(REFERENCES, TOLD)
+        if any(Point(*point).other == reference for point in found)
+    ]
+
+
+def _limit(found, reference, means, biases):
+    if (one := found.get(reference)) is None:
+        return f"The reference, {reference.label}, was not measured: there are no biases from it."
+    told = [f"{cell(one, column)} {column.unit} ({column.title})" for column in means]
+    said = f"The reference, {reference.label}, has {' and '.join(told)}. "
+    beside = reference._replace(dt=BESIDE)
+    if (two := found.get(beside)) is None:
+        return said + f"How near it is to the limit is not known without {beside.label}."
+    told = [f"{cell(two, column)} {column.unit}" for column in biases]
+    return said + f"{BESIDE:g} fs are apart from it by {' and '.join(told)}."
+
+
+def tables(summary: dict) -> list[tuple[str, tuple[Column, ...], list[dict]]]:
+    """(title, columns, rows), at constant volume and at constant pressure."""
+    split: tuple[list[dict], list[dict]] = [], []
+    for row in summary["rows"]:
+        split[SCHEMES[row["scheme"]].pressure is not None].append(row)
+    titles = "Constant volume", "Constant pressure"
+    return [one for one in zip(titles, (NVT, NPT), split) if one[2]]
 
 
 def write(summary: dict, out: Path) -> None:
-    """Write summary.json, table.csv, checks.csv, the figure and report.html into a folder.
+    """Write summary.json, table.csv, checks.csv, figures and report.html into a folder.
 
     Args:
         summary: plain data: ``rows``, ``checks``, settings and circumstances.
     """
     table = [
         {"scheme": row["label"], "step (fs)": row["dt"], "starts": row["starts"]}
-        | numbers(row, (*MEANS, *COLUMNS))
+        | numbers(row, COLUMNS)
         | {"status": row["error"] or "ok"}
         for row in summary["rows"]
     ]
-    tables = {"table": report.frame(table), "checks": report.of_checks(summary["checks"])}
-    values = {"columns": COLUMNS, "cell": cell, "label": label, "titles": TITLES}
+    files = {"table": report.frame(table), "checks": report.of_checks(summary["checks"])}
+    values = {"parts": tables(summary), "cell": cell, "label": label, "titles": TITLES}
     values |= {"too_short": TOO_SHORT if summary["settings"]["time"] < LEAST else ""}
-    figures = draw_each((bias,), out, summary)
-    report.write(summary, out, tables, "ensembles.html", figures, **values, limit=limit(summary))
+    figures = draw_each((bias, density), out, summary)
+    report.write(summary, out, files, "ensembles.html", figures, **values, limits=limits(summary))
 
 
 def show(console: Console, summary: dict, out: Path) -> None:
     """Print the points, the checks, what failed and where the files are."""
-    heads, cells = ["scheme", "step\nfs", *(one.head for one in SHOWN)], []
-    for row in summary["rows"]:
-        name = "✗ " * bool(row["error"]) + row["label"]
-        step = f"{row['dt']:g}"
-        cells.append([name, step, *(cell(row, one, short=True) for one in SHOWN)])
-    styles = ["bold" if row["ours"] else None for row in summary["rows"]]
-    report.table(console, summary["title"], heads, cells, styles=styles)
-    console.print(limit(summary), soft_wrap=True)
+    for title, columns, rows in tables(summary):
+        shown, cells = [one for one in columns if one.key not in LONG], []
+        heads = ["scheme", "step\nfs", *(one.head for one in shown)]
+        for row in rows:
+            name = "✗ " * bool(row["error"]) + row["label"]
+            step = f"{row['dt']:g}"
+            cells.append([name, step, *(cell(row, one, short=True) for one in shown)])
+        styles = ["bold" if row["ours"] else None for row in rows]
+        report.table(console, f"{summary['title']}. {title}", heads, cells, styles=styles)
+    for line in limits(summary):
+        console.print(line, soft_wrap=True)
     if summary["settings"]["time"] < LEAST:
         console.print(TOO_SHORT, soft_wrap=True)
     else:
@@ -87,6 +122,9 @@ def show(console: Console, summary: dict, out: Path) -> None:
 
 def say(summary: dict) -> Said:
     """For the report of all verbs."""
-    noun = "statements about what thermostats with long steps sample"
-    figures = [Figure("bias.png", "Bias of the mean potential energy against the time step.")]
-    return of_checks(summary, TITLES, noun, lines=[limit(summary)], figures=figures)
+    noun = "statements about what thermostats and barostats with long steps sample"
+    figures = [
+        Figure("bias.png", "Bias of the mean potential energy against the time step."),
+        Figure("density.png", "Bias of the mean density against the time step."),
+    ]
+    return of_checks(summary, TITLES, noun, lines=limits(summary), figures=figures)

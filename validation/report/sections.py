@@ -49,7 +49,7 @@ PARTS = (
     ),
     Part(
         "ensembles",
-        "What thermostats with long steps sample",
+        "What thermostats and barostats with long steps sample",
         "ensembles --full",
         ensembles.say,
     ),

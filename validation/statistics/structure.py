@@ -6,6 +6,7 @@ import io
 import logging
 import warnings
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import mdtraj
 import numpy as np
@@ -190,14 +191,16 @@ def _quiet(function, *arguments, **more):
         return function(*arguments, **more)
 
 
-def _data(temperature, natoms, held=0, **more):
-    """physical_validation's record of a whole at this temperature."""
+def _data(temperature, natoms, held=0, pressure=None, **more):
+    """physical_validation's record of a whole at this temperature, and pressure if there is one."""
     none = dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0)
     first = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
     system = records.SystemData(
         natoms=natoms, mass=np.ones(natoms), ndof_reduction_tra=held, **none, **first
     )
-    ensemble = records.EnsembleData("NVT", natoms=natoms, volume=1.0, temperature=temperature)
+    kind = "NVT" if pressure is None else "NPT"
+    state = {"volume": 1.0, "temperature": temperature, "pressure": pressure}
+    ensemble = records.EnsembleData(kind, natoms=natoms, **state)
     how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
     return records.SimulationData(observables=records.ObservableData(**more), **how)
 
@@ -254,6 +257,35 @@ def equipartition(
     found = _quiet(physical_validation.kinetic_energy.equipartition, data, **INDEPENDENT)
     _, (translational, _), (rotational, _), *_ = found
     return max(abs(translational), abs(rotational))
+
+
+class Sampled(NamedTuple):
+    """A series at constant temperature and pressure: K, atm, and (2, samples) of the potential
+    energy, kcal/mol, and the volume, Angstrom^3; a few samples for each independent one."""
+
+    temperature: float
+    pressure: float
+    values: np.ndarray
+
+
+def between_states(first: Sampled, second: Sampled) -> float | None:
+    """How far two states' distributions are from the canonical ones, in standard deviations; None
+    if they overlap too little to tell.
+
+    By physical_validation (Shirts, J. Chem. Theory Comput. 9, 909, 2013).  The logarithm of the
+    ratio of two distributions is a straight line, whatever is sampled, and its slope is known: of
+    volumes at two pressures, or of enthalpies at two temperatures.  No force field and no limit of
+    small steps is needed.
+    """
+    runs = [
+        _data(temperature, 2, pressure=pressure, potential_energy=energies, volume=volumes)
+        for temperature, pressure, (energies, volumes) in (first, second)
+    ]
+    try:
+        (found,) = _quiet(physical_validation.ensemble.check, *runs, **INDEPENDENT)
+    except (physical_validation.util.error.InputError, np.linalg.LinAlgError):
+        return None
+    return found
 
 
 def convergence(deviations: Mapping[float, np.ndarray]) -> float:
