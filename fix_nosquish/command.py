@@ -85,7 +85,8 @@ class Command:
         separate: whether translation and rotation have a thermostat each.
         pressure: dictionary from iso, aniso, x, y, z to (PSTART, PSTOP, PDAMP), words for numbers.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
-        every: steps between two changes of the box.
+        every: steps between two changes of the box, None for a
+            part of PDAMP.
         compressibility: a word for a number, None for the default.
     """
 
@@ -109,7 +110,7 @@ class Command:
     pressure: dict = field(default_factory=dict)
     couple: str = "none"
     barostat: str = BAROSTATS[0]
-    every: int = 10
+    every: int | None = None
     compressibility: str | None = None
 
     def pressure_along(self, axis):

@@ -12,7 +12,9 @@ from .errors import RunError
 from .nvt import NVT
 
 AXES = "xyz"
-PARTS = 20  # of PDAMP, the longest time between two changes of the box that needs no warning
+# parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
+# a box that follows the fast fluctuations of a liquid's pressure in long jumps is too restless
+PARTS, FEWEST_PARTS = 50, 20
 COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
 
 
@@ -32,13 +34,25 @@ class ConstantPressure(NVT):
     keywords = (*PRESSURES, "couple", "every")
     respa = False
 
-    @property
-    def every(self):
-        return self.command.every
+    every = 1
 
     def own_parameters(self):
         self._refuse()
+        self._choose_every()
         return super().own_parameters()
+
+    def _choose_every(self):
+        """Say in which steps the box changes."""
+        dt, damping = self.lammps.dt, self.damping
+        self.every = self.command.every or max(1, int(damping / (PARTS * dt) + 1e-9))
+        self.host.changes_box = self.every
+        parts = damping / (self.every * dt)
+        if self.command.every and parts < FEWEST_PARTS:
+            self.host.log(
+                f"WARNING: the box changes {parts:.3g} times in PDAMP: volumes fluctuate too much "
+                f"if that is less than {FEWEST_PARTS}. Give keyword every a smaller number, or "
+                "leave it out\n"
+            )
 
     def _refuse(self):
         """Raise an error for a system whose box this fix cannot change; collective."""
@@ -89,13 +103,6 @@ class ConstantPressure(NVT):
     def own_numbers(self):
         """The numbers of the barostat, (n,): see `cell`."""
         lammps, numbers = self.lammps, np.zeros(self.numbers)
-        between = self.every * self.lammps.dt
-        if between * PARTS > self.damping:
-            self.host.log(
-                f"WARNING: the box changes every {between:g} time units only, and PDAMP is "
-                f"{self.damping:g}: volumes fluctuate too much if this is more than a part in "
-                f"{PARTS} of PDAMP: give keyword every a smaller number, or take a longer PDAMP\n"
-            )
         for k, axis in enumerate(AXES):
             if words := self.command.pressure_along(axis):
                 start, stop = (lammps.number(word) for word in words[:2])

@@ -1,5 +1,7 @@
 """NPT: the distribution of volumes, ranks, restart, boxes, and what is refused."""
 
+import re
+
 import numpy as np
 import pytest
 from endings import assert_ended
@@ -166,10 +168,17 @@ def test_bad_words(run_lammps, tmp_path, words, says):
     assert_ended(done, [says], tmp_path)
 
 
-def test_rare_changes_are_told(run_lammps):
-    """Locks out a box that changes too rarely for its damping time, without a word."""
+def test_how_often_the_box_changes(run_lammps):
+    """Locks out a default that ignores PDAMP, a time step changed between runs, and a box that
+    changes too rarely without a word."""
     system = mixture(side=2)
-    for every, warns in ((50, False), (51, True)):
-        words = fix("seed 5", f"iso 1 1 2e-1 compressibility 1 every {every}")
-        log = run_lammps(f"{system.setup}\ntimestep 2e-4\n{words}run 0\n", files=system.files).log
-        assert ("WARNING: the box changes every 0.0102" in log) == warns
+    script = f"{system.setup}\ntimestep 2e-4\n"
+    for every in "", "every 50", "every 51":
+        words = fix("seed 5", f"iso 1 1 2e-1 compressibility 1 {every}")
+        script += f"{words}run 0\nunfix 1\n"
+    words = fix("seed 5", "iso 1 1 2e-1 compressibility 1") + thermo("vol", 1)
+    done = run_lammps(f"{script}{words}run 0\ntimestep 4e-4\nrun 40\n", files=system.files)
+    assert re.findall(r"box, in one of (\d+) steps", done.log) == ["20", "50", "51", "20"]
+    assert re.findall("WARNING: the box changes (.*) times", done.log) == ["19.6"]
+    volumes = done.log.rsplit("Volume", 1)[1].split("Loop time")[0].splitlines()[1:-1]
+    assert len({row.split()[-1] for row in volumes}) == 5  # at the start, and after 0, 10, 20, 30

@@ -59,6 +59,7 @@ class Host:
     has_virial = False  # not known early
     phase, velocities_set = _shared("phase", int), _shared("velocities_set", bool)
     vflag, changes = _shared("vflag", int), _shared("changes", int)
+    changes_box = _shared("changes_box", int)
     ghost_velocity, creates_velocities = _asked("ghost_velocity"), _asked("creates_velocities")
 
     def __init__(self, bridge: Bridge):
