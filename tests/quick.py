@@ -62,7 +62,7 @@ QUICK = {
         test_bad_input.py::test_ends_on_two_ranks[atoms lost]
         test_bad_input.py::test_ends_on_two_ranks[exception of its own]
         test_bad_input.py::test_ends_on_one_rank[library-keyword that does not exist]
-        test_bad_input.py::test_change_between_runs[delete_atoms group odd-1]""",
+        test_bad_input.py::test_change_between_runs[delete_atoms group odd]""",
     "other fixes, respa": """
         test_other_fixes.py::test_velocities_changed_by_fixes[1]
         test_respa.py::test_equal_steps_are_verlet[one level]

@@ -9,6 +9,8 @@ import pytest
 from endings import SECONDS, assert_ended
 
 import fix_nosquish
+from fix_nosquish.command import Command
+from fix_nosquish.errors import RunError
 
 # 27 bodies of three atoms; what a case adds goes before the fix, and after it
 SCRIPT = """
@@ -280,7 +282,30 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+# seen in the words alone; how the run then ends, "keyword that does not exist" has
+OF_WORDS = (
+    "body style that does not exist",
+    "no body style",
+    "value missing",
+    "value not a number",
+    "value of zero",
+    "keyword given twice",
+    "number of groups missing",
+    "fewer groups than announced",
+    "custom of neither kind",
+)
+
+
+@pytest.mark.parametrize("name", OF_WORDS)
+def test_words(name):
+    """Locks out words that are taken for something else, for each wrong fix line."""
+    with pytest.raises(RunError) as caught:
+        Command.parse(f"NVE {CASES[name].words}")
+    assert caught.value.everywhere
+    assert not [words for words in CASES[name].expected if words not in str(caught.value)]
+
+
+@pytest.mark.parametrize("name", [name for name in CASES if name not in OF_WORDS])
 def test_ends_on_two_ranks(run_case, tmp_path, name):
     """Locks out a hang, a message per rank, a bare traceback and a silently wrong run,
     for each wrong input."""
@@ -288,19 +313,19 @@ def test_ends_on_two_ranks(run_case, tmp_path, name):
 
 
 @pytest.mark.parametrize(
-    "name",
+    "launcher, name",
     [
-        "value with a point",
-        "keyword that does not exist",
-        "atoms at one point",
-        "fix nve after ours",
-        "force not finite from the start",
-        "atoms deleted by a fix",
-        "box deformed",
-        "exception of its own",
+        ("library", "value with a point"),
+        ("library", "keyword that does not exist"),
+        ("lmp", "atoms at one point"),
+        ("library", "fix nve after ours"),
+        ("library", "force not finite from the start"),
+        ("lmp", "atoms deleted by a fix"),
+        ("library", "box deformed"),
+        ("lmp", "exception of its own"),
+        ("library", "exception of its own"),
     ],
 )
-@pytest.mark.parametrize("launcher", ["lmp", "library"])
 def test_ends_on_one_rank(run_case, tmp_path, launcher, name):
     """Locks out a check that works only where ranks agree on it,
     and a Python session that gets no exception."""
@@ -398,11 +423,12 @@ SET
 fix 1 all python/move "fix_nosquish.NVE all single"
 run 1
 """
+    ranks = 2 if style == "sph" else 1
     if style in MORE:
-        run = run_lammps(script.replace("SET", made), ranks=2, check=False, timeout=SECONDS)
+        run = run_lammps(script.replace("SET", made), ranks=ranks, check=False, timeout=SECONDS)
         assert_ended(run, (*MORE[style], "this fix does not advance"), tmp_path)
     if style in AS_POINTS:
-        assert run_lammps(script.replace("SET", AS_POINTS[style]), ranks=2).code == 0
+        assert run_lammps(script.replace("SET", AS_POINTS[style])).code == 0
 
 
 def test_group_of_the_fix(run_case):
@@ -425,7 +451,6 @@ def test_before_the_box(run_lammps, tmp_path):
     assert run.code != 0 and run.screen.count("ERROR") == 1 and "box" in run.screen, run.screen
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize(
     "between",
     [
@@ -437,12 +462,12 @@ def test_before_the_box(run_lammps, tmp_path):
         "velocity all create 2.0 87287",
     ],
 )
-def test_change_between_runs(run_case, ranks, between):
+def test_change_between_runs(run_case, between):
     """Locks out the refusal between runs of what is refused in mid-run,
     and bodies of a fix that is gone."""
     run = run_case(
         Case(steps=20, before="group odd molecule 1", after=f"run 20\n{between}"),
-        ranks=ranks,
+        ranks=2,
         check=True,
     )
     assert run.screen.count("Loop time") == 2

@@ -20,16 +20,7 @@ STYLES = {  # the words of each body style, and the groups that its fix moves
     "group": ("group 3 ammonium methyls water", "ammonium methyls water"),
     "single": ("single", "methyls"),
 }
-RUNS = [
-    ("real", 1),
-    ("real", 2),
-    ("real", 4),
-    ("real", 8),
-    ("metal", 1),
-    ("metal", 2),
-    ("lj", 1),
-    ("lj", 2),
-]
+RUNS = [("real", 1), ("real", 2), ("real", 4), ("metal", 1), ("lj", 1)]
 TERMS = ("E_bond", "E_angle", "E_dihed", "E_impro", "E_vdwl", "E_coul")
 
 

@@ -70,15 +70,14 @@ def test_only_named_axes_change(run_lammps):
             np.testing.assert_allclose(rows[tilt] / rows[tilt][0], scale[axis], rtol=1e-10)
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.3])
-@pytest.mark.parametrize("name", ["langevin", "csvr", "chains"])
+@pytest.mark.parametrize("name, tilt", [("langevin", 0.3), ("csvr", 0.0), ("chains", 0.3)])
 def test_ranks(run_lammps, tmp_path, name, tilt):
     """Locks out boxes that differ between ranks, atoms in other images that do not follow, and a
     virial that counts a rank twice."""
     system = mixture(side=3, spacing=2.9, tilt=tilt)
     words = fix(THERMOSTATS[name])
     script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 100\n{DUMP.format('end')}"
-    runs = [(script, ranks) for ranks in (1, 2, 4, 8)]
+    runs = [(script, ranks) for ranks in (1, 2, 4)]
     assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-9
 
 

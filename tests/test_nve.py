@@ -30,16 +30,16 @@ from systems import (
 # ---- trajectories
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 4, 8])
+@pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_water_moves_as_with_rigid_nve(simulate, ranks):
     """Locks out force, torque, exchange between ranks or migration that are off by more than
     round-off, and a temperature or energy with the wrong degrees of freedom or of velocities from
     another time."""
     system = water()
-    theirs = simulate(system, RIGID, 100)
-    ours = simulate(system, LIKE_LAMMPS, 100, ranks=ranks)
+    theirs = simulate(system, RIGID, 50)
+    ours = simulate(system, LIKE_LAMMPS, 50, ranks=ranks)
     assert apart(ours, theirs, system.h) < 1e-8
-    assert len(ours.thermo) == 11
+    assert len(ours.thermo) == 6
     np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=1e-10)
 
 
@@ -263,8 +263,7 @@ pair_coeff * * 1.0 1.0
 neigh_modify every 1 delay 0 check yes exclude group bodies bodies"""
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("rows", [2, 3, 4, 6, 8, 9, 12])
+@pytest.mark.parametrize("rows, ranks", [(2, 2), (3, 1), (4, 2), (8, 1), (9, 2)])
 def test_periodic_wall(simulate, rows, ranks):
     """Locks out the refusal, and any doubt of, a wall that spans the periodic box, whose image
     flags are all 0, and a shape other than fix rigid/nve's."""
@@ -326,19 +325,20 @@ def test_temperature_of_a_mixture(simulate, dimension, ranks):
         np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=1e-10, err_msg=name)
 
 
-@pytest.mark.parametrize("kinds", [KINDS, "solid", "planar", "pair", "row"])
+@pytest.mark.parametrize("kinds", ["solid", "planar", "pair", "row"])
 def test_pressure_in_the_limit_of_small_steps(simulate, kinds):
     """Locks out a wrong term of the constraint virial for one kind of body: the six components
     differ from rigid/nve/small's in proportion to dt (LAMMPS averages two half steps)."""
     system = mixture(kinds)
     size = []
-    for n in 40, 80, 160:
+    for n in 80, 160:
         ours, theirs = (
             tensor(simulate(system, fix, n, dt=40 / n, every=n))[-1] for fix in (OURS, SMALL)
         )
         size.append(np.linalg.norm(ours - theirs) / np.linalg.norm(ours))
-    np.testing.assert_allclose(np.array(size[:-1]) / size[1:], 2.0, rtol=0.15)
-    assert size[-1] < 0.02
+    print("relative difference:", size)
+    assert size[0] / size[1] == pytest.approx(2.0, rel=0.15)
+    assert size[1] < 0.02
 
 
 @pytest.mark.parametrize("ranks", [1, 4])
@@ -381,7 +381,7 @@ run 0
 """
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("ranks", [1, 4])
 def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, ranks):
     """Locks out a step 0 with the impulse that makes the velocities of `velocity create` rigid, as
     LAMMPS's rigid fixes print it: the pressure is that of the molecules' centres, by hand from the
@@ -390,12 +390,8 @@ def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, 
     P V = (sum of M V^2 + atomic virial - sum of f (r - R)) / 3, where M, R and V are of a molecule.
     """
     system, found, mvv2p = water(), {}, UNITS["real"].mvv2e * 68568.415
-    for name, fix, dt in (
-        ("ours", OURS, 1.0),
-        ("ours", OURS, 0.01),
-        ("theirs", RIGID, 1.0),
-        ("theirs", RIGID, 0.01),
-    ):
+    fixes = {"ours": OURS} | ({"theirs": RIGID} if ranks == 1 else {})
+    for (name, fix), dt in itertools.product(fixes.items(), (1.0, 0.01)):
         script = STEP_0.format(fix=fix.format(group="bodies", words="molecule"), dt=dt)
         thermo = run_lammps(f"{system.setup}\n{script}", files=system.files, ranks=ranks).thermo[0]
         _, molecule, mass, *columns = np.loadtxt(tmp_path / "forces", skiprows=9).T
@@ -411,13 +407,12 @@ def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, 
         terms = np.array([kinetic, thermo["c_atomic"], -inside])
         found[name, dt] = (thermo["Press"] - terms.sum()) / np.abs(terms).max()
     assert abs(found["ours", 1.0]) < 1e-12 and abs(found["ours", 0.01]) < 1e-12, found
-    assert abs(found["theirs", 0.01]) > 10 * abs(found["theirs", 1.0]) > 0.1, (
+    assert ranks > 1 or abs(found["theirs", 0.01]) > 10 * abs(found["theirs", 1.0]) > 0.1, (
         "rigid/nve no longer has the impulse: say so in docs/fix.md"
     )
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("tilt", [0.0, 0.3])
+@pytest.mark.parametrize("tilt, ranks", [(0.0, 1), (0.3, 2)])
 def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
     """Locks out a virial with absolute positions in it,
     or of an atom in the wrong periodic image."""

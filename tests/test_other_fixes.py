@@ -142,10 +142,13 @@ def half_rigid():
     )
 
 
-@pytest.mark.parametrize("style", ["shake", "rattle"])
 @pytest.mark.parametrize(
-    "words, first, ranks",
-    [("molecule", "theirs", 2), ("molecule", "ours", 1), ("group 1 bodies", "theirs", 1)],
+    "style, words, first, ranks",
+    [
+        ("shake", "molecule", "theirs", 2),
+        ("rattle", "molecule", "ours", 1),
+        ("shake", "group 1 bodies", "theirs", 1),
+    ],
 )
 def test_constraints_on_bodies_are_refused(run_lammps, style, words, first, ranks):
     """Locks out a fix that constrains the bodies' atoms beside ours,
@@ -206,7 +209,7 @@ run 0
 """
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("ranks", [1, 4])
 def test_velocity_create(run_all, ranks):
     """Locks out degrees of freedom that are taken from random velocities before they are rigid
     motion, and then again: velocities as without bodies, before a first run as with rigid/nve,

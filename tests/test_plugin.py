@@ -96,8 +96,7 @@ def assert_stopped(run, text, proc=None):
         assert errors[0].startswith(f"ERROR on proc {proc}: "), errors[0]
 
 
-@pytest.mark.parametrize("launcher", ["lmp", "module", "library"])
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("launcher, ranks", [("lmp", 2), ("module", 1), ("library", 2)])
 def test_equals_fix_nve(run_lammps, run_mover, launcher, ranks):
     """Locks out hooks that are not called, are called at the wrong moment, or see stale arrays
     after atoms migrate; and launchers that find no Python, no plugin or no MPI."""
@@ -174,8 +173,16 @@ def test_class_text_reaches_module_getattr(run_lammps):
 RANK = "import os\nrank = int(os.environ['PMI_RANK'])\n"
 
 
-@pytest.mark.parametrize("launcher", ["lmp", "module", "library"])
-@pytest.mark.parametrize("where", ["__init__", "init", "final_integrate"])
+@pytest.mark.parametrize(
+    "where, launcher",
+    [
+        ("__init__", "lmp"),
+        ("init", "lmp"),
+        ("final_integrate", "lmp"),
+        ("__init__", "module"),
+        ("final_integrate", "library"),
+    ],
+)
 def test_error_on_one_rank_ends_all(run_mover, launcher, where):
     """Locks out the hang of LAMMPS's own fix,
     which waits in error->all for ranks that did not fail.
@@ -196,8 +203,10 @@ def test_error_on_one_rank_ends_all(run_mover, launcher, where):
     assert "line" in run.screen and "in " + where in run.screen, "no traceback on standard error"
 
 
-@pytest.mark.parametrize("launcher", ["lmp", "module"])
-@pytest.mark.parametrize("where", ["__init__", "init", "initial_integrate"])
+@pytest.mark.parametrize(
+    "where, launcher",
+    [("__init__", "lmp"), ("init", "module"), ("initial_integrate", "lmp")],
+)
 def test_run_error_everywhere_is_one_message(run_mover, launcher, where):
     """Locks out a message per rank, and a traceback, where all ranks know that they fail alike."""
     more = (
@@ -255,16 +264,15 @@ def test_run_error_on_one_rank(run_mover):
     assert "Traceback" not in run.screen
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize(
-    "target, text",
+    "target, text, ranks",
     [
-        ("mover.Nobody", "module 'mover' has no attribute 'Nobody'"),
-        ("nowhere.NVE", "no Python module named 'nowhere'"),
-        ("nowhere.at_all.NVE", "no Python module named 'nowhere'"),
-        ("Nobody", "module '__main__' has no attribute 'Nobody'"),
-        ("mover.lammps", ""),
-        ("mover.NVE all", "has no attribute 'NVE all'"),
+        ("mover.Nobody", "module 'mover' has no attribute 'Nobody'", 2),
+        ("nowhere.NVE", "no Python module named 'nowhere'", 2),
+        ("nowhere.at_all.NVE", "no Python module named 'nowhere'", 1),
+        ("Nobody", "module '__main__' has no attribute 'Nobody'", 2),
+        ("mover.lammps", "", 2),
+        ("mover.NVE all", "has no attribute 'NVE all'", 1),
     ],
 )
 def test_class_that_is_not_there(run_lammps, ranks, target, text):

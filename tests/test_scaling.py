@@ -13,7 +13,7 @@ import pytest
 
 from fix_nosquish.compiled import Cell
 
-RANKS = 1, 2, 4, 8, 16
+RANKS = 1, 4, 16
 SIDE = 4  # molecules along each edge of a rank's cube
 SPACING = 3.1
 STEPS, EVERY = 12, 4  # and between re-neighbourings
@@ -139,11 +139,9 @@ def test_counts(counts):
     assert set(counts[1][0].values()) == {0}
     four = counts[4][0]
     assert four["messages"] > 2 and four["bytes"] > 1000  # there is an exchange to count
-    for ranks in (8, 16):
-        for key, value in counts[ranks][0].items():
-            assert value < 1.15 * four[key], (
-                f"{key} per step and rank: {value} on {ranks} ranks, {four[key]} on 4"
-            )
+    for key, value in counts[16][0].items():
+        told = f"{key} per step and rank: {value} on 16 ranks, {four[key]} on 4"
+        assert value < 1.15 * four[key], told
 
 
 def test_arrays(counts):

@@ -366,7 +366,7 @@ def test_time_between_turns_over(tilt):
     moments, _ = stability_bodies.moments(stability_bodies.BENT, stability_bodies.MASSES)
     start = moments * stability_tops.MIDDLE * np.array([tilt, 1.0, tilt])
     exact = stability_tops.exact_interval(tilt)
-    times = np.linspace(0.0, 3.2 * exact, 2000)
+    times = np.linspace(0.0, 3.2 * exact, 600)
     along = np.array(
         [free_top(np.array([1.0, 0, 0, 0]), start, moments, time)[1][1] for time in times]
     )
@@ -566,7 +566,7 @@ APART = [
     ("middle-axis", 1000, "nosquish", "rigid"),
     ("turn-per-step", 10_000, "shake 1e-8", "rigid"),
     ("long-tops", 8000, "nosquish", "rigid"),
-    ("contact", 200_000, "nosquish", "gear"),
+    ("contact", 120_000, "nosquish", "gear"),
     ("far-away", 50, "nosquish", "rigid/nve/small"),
     ("resonance", 50, "nosquish", "gear"),
 ]
@@ -583,9 +583,10 @@ def test_cases_tell_integrators_apart(tmp_path, name, length, passes, does_not):
     assert found["verdict"] in ("fail", "blow-up"), found
 
 
-def test_ranks_tell_integrators_apart(tmp_path):
+def test_ranks_tell_integrators_apart(tmp_path, monkeypatch):
     """Locks out a liquid in which nothing is added up over ranks, so that they agree to the last
     bit whatever is run."""
+    monkeypatch.setattr("validation.stability.contact.RANKS", (4,))
     found = row(CASES["ranks"], "rigid/nve", tmp_path, 10)
     assert found["verdict"] == "pass" and found["value"] > 0.0, found
     found = row(CASES["ranks"], "rattle 1e-4", tmp_path, 10)

@@ -166,8 +166,9 @@ def test_defects_are_seen():
 
 
 @pytest.mark.parametrize("part", ["symplectic", "conserved", "mrot", "recursion", "loops"])
-def test_the_theory_holds(part):
+def test_the_theory_holds(monkeypatch, part):
     """Locks out a rotor or a reference that loses what the paper proves of it."""
+    monkeypatch.setattr(theory, "RANDOM", 50)
     assert not failed(part)
 
 
@@ -195,6 +196,8 @@ def test_shake_rattle_keeps_lengths(dimer):
 
 # ---- broken schemes
 
+LONG = 1.0, 2.0, 4.0  # time steps that are enough for the laws below, of right schemes, to hold
+
 
 def test_a_wrong_torque_is_found(monkeypatch):
     """Locks out checks of (2.42) and of the conserved quantity that a missing factor in (2.60)
@@ -207,6 +210,7 @@ def test_a_wrong_torque_is_found(monkeypatch):
         return y
 
     monkeypatch.setattr(Dimer, "kick", wrong)
+    monkeypatch.setattr(theory, "MULTIPLES", LONG)
     text = " ".join(failed("symplectic", "conserved"))
     assert "NO_SQUISH: |J g⁻¹ Jᵀ − g⁻¹|" in text and "NO_SQUISH: |Jᵀ g J − g|" in text
     assert "NO_SQUISH: spread of H ∝" in text
@@ -228,8 +232,9 @@ def test_another_order_of_axes_is_found(monkeypatch):
         return q, p
 
     monkeypatch.setattr(rotor, "free_rotor", other)
-    text = failed("symplectic", "conserved")
-    assert text and all("H⁽²⁾" in line for line in text), text
+    monkeypatch.setattr(theory, "MULTIPLES", LONG)
+    text = " ".join(failed("conserved"))
+    assert "NO_SQUISH: spread of H + Δt² H⁽²⁾ ∝" in text and "spread of H ∝" not in text, text
 
 
 def test_a_lossy_rotation_is_found(monkeypatch):
