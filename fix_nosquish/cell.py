@@ -26,10 +26,13 @@ from .step import displaced, move_to_images, place, rotation_matrices
 # numbers of a barostat: pressure at the begin and the end of the run, as energies in a volume;
 # compressibility over damping time; mass times velocity squared as an energy; steps between two
 # changes; 1.0 in three dimensions, 0.0 in two; of this rank, twice the kinetic energy along each
-# axis, and the virial of forces about the bodies' centres; factors of the axes, and the centre
-P_START, P_STOP, RATE, UNIT, EVERY, SPACE, MOTION, SPREAD, STRETCH, CENTRE, NUMBERS = (
-    0, 3, 6, 7, 8, 9, 10, 13, 16, 19, 22,
+# axis, and the virial of forces about the bodies' centres; factors of the axes, and the centre; 1.0
+# once a factor was out of bounds
+P_START, P_STOP, RATE, UNIT, EVERY, SPACE, MOTION, SPREAD, STRETCH, CENTRE, BROKEN, NUMBERS = (
+    0, 3, 6, 7, 8, 9, 10, 13, 16, 19, 22, 23,
 )  # fmt: skip
+OUT_OF_BOUNDS = -2  # what the loops return then
+MOST = 2.0  # the largest factor by which an axis may change at once, and its inverse the smallest
 
 
 class Barostat(NamedTuple):
@@ -72,10 +75,22 @@ def virial_about_centres(layout: Layout, atom_f: F2, barostat: F1):
 
 
 @inlined
+def volume_of(box, numbers):
+    """The volume of the box, in two dimensions its area."""
+    return box.h[0, 0] * box.h[1, 1] * (box.h[2, 2] if numbers[SPACE] > 0.0 else 1.0)
+
+
+@inlined
+def pressure_now(numbers, k, part):
+    """The pressure along an axis that is asked for."""
+    return numbers[P_START + k] + part * (numbers[P_STOP + k] - numbers[P_START + k])
+
+
+@inlined
 def find_stretch(parameters, cell, box, part, dt):
     """The factors of the axes for dt, by the kinetic energies and virials along them."""
-    h, kt, numbers = box.h, parameters[KT] * cell.barostat[UNIT], cell.barostat
-    volume = h[0, 0] * h[1, 1] * (h[2, 2] if numbers[SPACE] > 0.0 else 1.0)
+    kt, numbers = parameters[KT] * cell.barostat[UNIT], cell.barostat
+    volume = volume_of(box, numbers)
     for k in range(3):
         numbers[STRETCH + k] = 1.0
     for group in range(3):
@@ -85,8 +100,7 @@ def find_stretch(parameters, cell, box, part, dt):
                 count += 1
                 energy = cell.cell_sums[k] * numbers[UNIT]
                 energy += cell.forces_virial[k] - cell.cell_sums[3 + k]
-                start, stop = numbers[P_START + k], numbers[P_STOP + k]
-                excess += start + part * (stop - start) - energy / volume
+                excess += pressure_now(numbers, k, part) - energy / volume
         if count > 0:
             w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
             noise, _ = normal_pair(w0, w1)
@@ -105,8 +119,17 @@ def find_stretch(parameters, cell, box, part, dt):
 
 @inlined
 def stretch_box(cell, box, shift):
-    """Stretch the box about its centre, with all that follows from it, and tell LAMMPS."""
+    """Stretch the box about its centre, with all that follows from it, and tell LAMMPS.
+
+    Returns:
+        OUT_OF_BOUNDS if a factor is, or was, else 0.
+    """
     h, inverse, lo, new_box = box.h, box.inverse, box.lo, cell.new_box
+    for k in range(3):
+        if not 1.0 / MOST < cell.barostat[STRETCH + k] < MOST:  # nor if it is not a number
+            cell.barostat[BROKEN] = 1.0
+    if cell.barostat[BROKEN] > 0.0:
+        return OUT_OF_BOUNDS
     for k in range(3):
         factor, centre = cell.barostat[STRETCH + k], lo[k]
         for i in range(3):
@@ -123,14 +146,19 @@ def stretch_box(cell, box, shift):
         h[k, k] = new_box[3 + k] - lo[k]  # as LAMMPS will have it
     new_box[6], new_box[7], new_box[8] = h[0, 1], h[0, 2], h[1, 2]
     call(cell.set_box[0], cell.set_box[1], address(new_box))
+    return 0
 
 
 @loop
 def rescale_cell(
     mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F, rank: I,
     step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: Box,
-):  # fmt: skip
-    """Change the box, stretch the centres of mass with it, and place the atoms anew."""
+) -> I:  # fmt: skip
+    """Change the box, stretch the centres of mass with it, and place the atoms anew.
+
+    Returns:
+        as `stretch_box`.
+    """
     state, numbers = layout.state, cell.barostat
     for k in range(3):
         numbers[MOTION + k] = 0.0
@@ -140,7 +168,8 @@ def rescale_cell(
     add_up(mpi, DOUBLE, numbers[MOTION : MOTION + 6], cell.cell_sums)
     part = prepare(parameters, step, begin_step, end_step)
     find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
-    stretch_box(cell, box, images.shift)
+    if stretch_box(cell, box, images.shift) < 0:
+        return OUT_OF_BOUNDS
     for k in range(3):
         factor, centre = numbers[STRETCH + k], numbers[CENTRE + k]
         for b in range(state.shape[1]):
@@ -150,3 +179,4 @@ def rescale_cell(
         take(layout, k, MASS, Q + 4, MASS)
         place(layout, k, atom_x)
     move_to_images(layout, images, atom_x)
+    return 0

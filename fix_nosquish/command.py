@@ -46,6 +46,10 @@ _ELSEWHERE = {
         ("temp", "tchain", "thermostat", "seed", "separate"),
         "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
     ),
+    "tri": "the box of fix_nosquish.NPT and NPH keeps its tilts' ratios: use iso, aniso, x, y or z",
+    "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
+    "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
+    **dict.fromkeys(("nreset", "drag"), "the box is integrated in one way"),
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
         (*PRESSURES, "couple", "barostat", "every", "compressibility"),
@@ -306,6 +310,6 @@ _READ = {  # what the words behind a keyword give
     "separate": lambda words, expected: words.choice(("no", "yes"), expected),
     "couple": lambda words, expected: words.one_of(COUPLES, expected),
     "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
-    "every": _Words.whole,
+    "every": lambda words, expected: words.whole(expected, 2**31),
     "compressibility": _Words.number,
 }

@@ -5,7 +5,7 @@ How the box follows the pressure is said by `cell` and `mtk`.
 
 import numpy as np
 
-from .cell import EVERY, P_START, P_STOP, SPACE, UNIT
+from .cell import EVERY, MOST, OUT_OF_BOUNDS, P_START, P_STOP, SPACE, UNIT
 from .command import PRESSURES
 from .compiled import F1, L1, Cell
 from .errors import RunError
@@ -44,15 +44,27 @@ class ConstantPressure(NVT):
     def _choose_every(self):
         """Say in which steps the box changes."""
         dt, damping = self.lammps.dt, self.damping
-        self.every = self.command.every or max(1, int(damping / (PARTS * dt) + 1e-9))
+        usual = min(damping / (PARTS * dt) + 1e-9, 2.0**31 - 1.0)
+        self.every = self.command.every or max(1, int(usual))
         self.host.changes_box = self.every
         parts = damping / (self.every * dt)
+        self.own_warnings = ()
         if self.command.every and parts < FEWEST_PARTS:
-            self.host.log(
-                f"WARNING: the box changes {parts:.3g} times in PDAMP: volumes fluctuate too much "
-                f"if that is less than {FEWEST_PARTS}. Give keyword every a smaller number, or "
-                "leave it out\n"
+            self.own_warnings = (
+                f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
+                f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
+                "break. Give keyword every a smaller number, or leave it out",
             )
+
+    def complaint(self, found):
+        if found == OUT_OF_BOUNDS:
+            return (
+                f"an axis of the box would change by more than a factor of {MOST:g} at once by "
+                f"step {self.lammps.step}: the pressure is far from the one asked for, or PDAMP "
+                "is too short. Bring the system near this pressure at constant volume or with a "
+                "longer PDAMP first, or give keyword every a smaller number"
+            )
+        return super().complaint(found)
 
     def _refuse(self):
         """Raise an error for a system whose box this fix cannot change; collective."""
@@ -60,7 +72,7 @@ class ConstantPressure(NVT):
         if self.host.set_box is None:
             raise RunError(
                 "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
-                "package where its plugin serves, or use fix_nosquish.NVT",
+                "package where its plugin serves, or use fix_nosquish.NVT or NVE",
                 everywhere=True,
             )
         outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
@@ -68,6 +80,12 @@ class ConstantPressure(NVT):
             raise RunError(
                 f"{outside} atoms are in no body, and would stay where they are when the box "
                 "changes: give their group to keyword points",
+                everywhere=True,
+            )
+        flat = {"z", "xz", "yz"} & {*self.command.pressure, self.command.couple}
+        if lammps.dimension == 2 and flat:
+            raise RunError(
+                f"in two dimensions the box has no length along z: leave out {flat.pop()}",
                 everywhere=True,
             )
         if self.command.force or self.command.torque:

@@ -86,6 +86,7 @@ class Integrator:
         looks_after: whether these steps end with a look at the pressure, too.
         cell_loops: a method that binds two lists of loops to cells: what the forces say of the
             pressure, and what changes the box in the next step.
+        own_warnings: lines for the log on what is probably not meant.
         modules: names of modules whose loops it needs, besides those of its classes.
 
     Attributes:
@@ -115,6 +116,7 @@ class Integrator:
     host = parameters = None
     unprepared = ""
     every, modules, looks_after = 0, (), False
+    own_warnings = ()
     follows_atoms = True
     virial = virial_per_atom = None
     rigid_flag = False
@@ -460,6 +462,10 @@ class Integrator:
         """Whether the forces of this step change the box, or its velocity."""
         return self._cell_is_due(step) or (self.looks_after and self._cell_is_due(step - 1))
 
+    def complaint(self, found):
+        """Why a loop that returned a number below 0 ends the run."""
+        return self.unprepared
+
     def catch_up(self):
         """Do what the last step has left to the next one."""
         if self.phase == Phase.WAITING:
@@ -479,7 +485,7 @@ class Integrator:
         """Do a list of passes; see `passes`."""
         found = self.passes.do(name)
         if found < 0:
-            raise RunError(self.unprepared, everywhere=True)
+            raise RunError(self.complaint(found), everywhere=True)
         if found:
             self._blame_forces()
 
@@ -546,7 +552,7 @@ class Integrator:
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, but in a run bodies move at "
                 "constant volume: use this fix without fixes that change the box (fix deform, npt, "
-                "nph, box/relax); for constant pressure use fix_nosquish.NPT. The box may "
+                "nph, box/relax); for constant pressure use fix_nosquish.NPT or NPH. The box may "
                 "change between runs: bodies keep their shape when the next run makes them anew, "
                 "with reinit yes and without infile or 'pre no'",
                 everywhere=True,

@@ -12,8 +12,9 @@ Each term depends on positions or on velocities, so the step can be symmetric in
     B   F_k acts on the bodies, virial_k - P_k volume on e
     D   half of the strain, sum M V_k^2 + sum M V^2 / N acts on e, half of the strain
 
-A thermostat acts in the middle of D, on e too: so the box has the right distribution even where its
-own oscillation, which is fast at a given arrangement of the bodies, is badly resolved.
+The piston's thermostat acts in the middle of D: so the box has the right distribution even where
+its own oscillation, which is fast at a given arrangement of the bodies, is badly resolved.  Chains
+and velocity rescaling act there on the bodies, too; Langevin's thermostat acts on these behind D.
 
 The kinetic energy that drives the piston is that of the step's middle, as the temperature is.
 Every so many steps the piston moves, for all of their time at once.
@@ -30,18 +31,19 @@ from .cell import (
     CENTRE,
     EVERY,
     NUMBERS,
-    P_START,
-    P_STOP,
+    OUT_OF_BOUNDS,
     RATE,
-    SPACE,
     SPREAD,
     STRETCH,
     UNIT,
     Barostat,
+    pressure_now,
     stretch_box,
+    volume_of,
 )  # fmt: skip
 from .compiled import F1, L1, Cell, F, inlined, loop
 from .constant_pressure import ConstantPressure
+from .errors import RunError
 from .hosts import hook
 from .migration import Box
 from .mpi import DOUBLE, RANK, Mpi, add_up
@@ -57,11 +59,11 @@ INERTIA, FREEDOM, VIRIAL, OPEN, MTK_NUMBERS = (
     NUMBERS, NUMBERS + 3, NUMBERS + 4, NUMBERS + 7, NUMBERS + 8,
 )  # fmt: skip
 # the piston: rates of strain; the work done against the pressure; the k T that its inertia is of
-WORK, SCALE, PISTON = 3, 4, 5
+WORK, INERTIA_KT, PISTON = 3, 4, 5
 Piston = NamedTuple("Piston", [*Barostat.__annotations__.items(), ("piston", F1)])
 # parameters behind those of all thermostats: twice this rank's kinetic energy along each axis;
-# factors of velocities, of positions, and from where these count
-ALONG, SLOW, STRAIN, FROM, BEHIND = range(COMMON + 6, COMMON + 21, 3)
+# factors of velocities, of positions, and the points from which these count
+ALONG, SLOW, STRAIN, CENTRES, BEHIND = range(COMMON + 6, COMMON + 21, 3)
 
 
 @inlined
@@ -78,25 +80,13 @@ def measure_along(block, kind, dt, parameters):
 def dilate(block, kind, dt, parameters):
     """Strain the centres of mass, and slow their velocities down."""
     for k in range(3):
-        longer, centre = parameters[STRAIN + k] - 1.0, parameters[FROM + k]
+        longer, centre = parameters[STRAIN + k] - 1.0, parameters[CENTRES + k]
         for b in range(LANES):
             block[X + k, b] += longer * (block[X + k, b] - centre)
             block[V + k, b] *= parameters[SLOW + k]
 
 
 DILATION = Operation(dilate, prepared=True, measures=measure_along)
-
-
-@inlined
-def volume_of(box, numbers):
-    """The volume of the box, in two dimensions its area."""
-    return box.h[0, 0] * box.h[1, 1] * (box.h[2, 2] if numbers[SPACE] > 0.0 else 1.0)
-
-
-@inlined
-def pressure_now(numbers, k, part):
-    """The pressure along an axis that is asked for."""
-    return numbers[P_START + k] + part * (numbers[P_STOP + k] - numbers[P_START + k])
 
 
 @inlined
@@ -130,7 +120,8 @@ def strain(parameters, cell, box, part, dt):
         parameters[SLOW + k] *= factor
         cell.cell_sums[k] *= factor * factor
         numbers[STRETCH + k] *= exp(dt * rate)
-    longer = dt if total == 0.0 else (exp(dt * total) - 1.0) / total
+    much = dt * total
+    longer = dt * (1.0 + 0.5 * much) if abs(much) < 1e-7 else (exp(much) - 1.0) / total
     cell.piston[WORK] += against * volume * longer
 
 
@@ -177,6 +168,8 @@ def end_move(parameters, step, cell, box, shift, part, dt, factor):
 
     Args:
         factor: what a thermostat has multiplied the velocities by in between.
+    Returns:
+        as `stretch_box`.
     """
     numbers = cell.barostat
     if is_due(step, cell):
@@ -185,11 +178,13 @@ def end_move(parameters, step, cell, box, shift, part, dt, factor):
         half = 0.5 * dt * numbers[EVERY]
         push_by_motion(cell, half)
         strain(parameters, cell, box, part, half)
-        stretch_box(cell, box, shift)
+        if stretch_box(cell, box, shift) < 0:
+            return OUT_OF_BOUNDS
         for k in range(3):
             parameters[STRAIN + k] = numbers[STRETCH + k]
-            parameters[FROM + k] = numbers[CENTRE + k]
+            parameters[CENTRES + k] = numbers[CENTRE + k]
         numbers[OPEN] = 1.0
+    return 0
 
 
 @inlined
@@ -246,8 +241,8 @@ class Mtk(ConstantPressure):
         return f"{super().method}, and the piston of Martyna, Tobias and Klein"
 
     @property
-    def kind(self):
-        return super().kind + 0.5  # another one than without a piston
+    def own_words(self):
+        return (*super().own_words, type(self).__name__, *self.axes)
 
     def own_state(self):
         if self._state is None:
@@ -266,12 +261,18 @@ class Mtk(ConstantPressure):
         return (*own, *(0.0,) * (BEHIND - PARAMETERS - len(own)))
 
     def heat(self):
-        """The k T that the piston's inertia is of."""
-        return self.lammps.boltz * self.temperature()[0]
+        """The k T that the piston's inertia is of: of the highest temperature of the run."""
+        return self.lammps.boltz * max(self.temperature()[:2])
 
     def own_numbers(self):
         numbers, d, axes = super().own_numbers(), self.lammps.dimension, self.axes
         damping, freedom = self.damping, self.degrees()[0]
+        if not freedom > 0:
+            raise RunError(
+                "no centre of mass can move against another, so there is no pressure for the "
+                "piston: use more bodies, or thermostat langevin",
+                everywhere=True,
+            )
         inertia = (freedom + d) * self.heat() * damping**2
         for group in range(3):
             numbers[INERTIA + group] = (axes == group).sum() / d * inertia

@@ -1,12 +1,12 @@
 """NPH: rigid bodies at constant pressure and enthalpy, in a box that a piston moves; see `mtk`."""
 
 from .block import Images
-from .compiled import F1, L1, F, loop
+from .compiled import F1, L1, F, I, loop
 from .constant_pressure import ConstantPressure
 from .errors import RunError
 from .migration import Box
 from .mpi import Mpi
-from .mtk import DILATION, SCALE, Mtk, Piston, begin_move, end_move
+from .mtk import DILATION, INERTIA_KT, Mtk, Piston, begin_move, end_move
 from .nve import NVE
 from .nvt import prepare
 from .thermo import energies
@@ -16,11 +16,15 @@ from .thermo import energies
 def dilation(
     mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
     cell: Piston, box: Box,
-):  # fmt: skip
-    """The factors of letter D."""
+) -> I:  # fmt: skip
+    """The factors of letter D.
+
+    Returns:
+        as `stretch_box`.
+    """
     part = prepare(parameters, step, begin_step, end_step)
     begin_move(mpi, parameters, step, cell, box, part, dt)
-    end_move(parameters, step, cell, box, images.shift, part, dt, 1.0)
+    return end_move(parameters, step, cell, box, images.shift, part, dt, 1.0)
 
 
 class NPH(Mtk):
@@ -28,16 +32,14 @@ class NPH(Mtk):
 
     operations = NVE.operations | {"D": DILATION}
     splitting, prepares, thermostat = "B A D A B", dilation, False
-    keywords, method = (
-        ConstantPressure.keywords,
-        "NO_SQUISH, and the piston of Martyna, Tobias and Klein",
-    )
+    keywords = ConstantPressure.keywords
+    method = "NO_SQUISH, and the piston of Martyna, Tobias and Klein"
 
     def temperature(self):
         return 0.0, 0.0, 0.0
 
     def heat(self):
-        if not self.piston[SCALE]:
+        if not self.piston[INERTIA_KT]:
             kelvin = energies(self.bodies, self.communicator, self.lammps)[4]
             if not kelvin > 0:
                 raise RunError(
@@ -45,5 +47,5 @@ class NPH(Mtk):
                     "inertia by: give them velocities first (velocity ... create)",
                     everywhere=True,
                 )
-            self.piston[SCALE] = self.lammps.boltz * kelvin
-        return self.piston[SCALE]
+            self.piston[INERTIA_KT] = self.lammps.boltz * kelvin
+        return self.piston[INERTIA_KT]

@@ -1,16 +1,14 @@
 """NPT with keyword barostat mtk: a thermostat of the bodies and of the piston; see `mtk`."""
 
 from .block import Images
+from .cell import EVERY, RATE, UNIT
 from .compiled import F1, L1, F, I, inlined, loop
 from .langevin import Langevin, thermalise
 from .migration import Box
 from .mpi import Mpi
 from .mtk import (
     DILATION,
-    EVERY,
     INERTIA,
-    RATE,
-    UNIT,
     Mtk,
     Piston,
     begin_move,
@@ -42,12 +40,16 @@ SPLITTING = "B A D O A B"
 def dilation_and_langevin(
     mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
     cell: Piston, box: Box,
-):  # fmt: skip
-    """The factors of letter D, and the piston's friction and noise."""
+) -> I:  # fmt: skip
+    """The factors of letter D, and the piston's friction and noise.
+
+    Returns:
+        as `stretch_box`.
+    """
     part = prepare(parameters, step, begin_step, end_step)
     begin_move(mpi, parameters, step, cell, box, part, dt)
     thermalise_piston(mpi, parameters, step, cell, dt)
-    end_move(parameters, step, cell, box, images.shift, part, dt, 1.0)
+    return end_move(parameters, step, cell, box, images.shift, part, dt, 1.0)
 
 
 @inlined
@@ -65,15 +67,15 @@ def dilation_and_rescaling(
     """The factors of letters D and O, and the piston's friction and noise.
 
     Returns:
-        as `rescale`.
+        as `rescale` and `stretch_box`.
     """
     part = prepare(parameters, step, begin_step, end_step)
     add_up_energies(mpi, parameters, sums, separate)
     sums[0] += begin_move(mpi, parameters, step, cell, box, part, dt)
     thermalise_piston(mpi, parameters, step, cell, dt)
     wrong = rescale(mpi, parameters, dt, sums, separate)
-    end_move(parameters, step, cell, box, images.shift, part, dt, parameters[FACTOR])
-    return wrong
+    factor = parameters[FACTOR]
+    return min(wrong, end_move(parameters, step, cell, box, images.shift, part, dt, factor))
 
 
 @inlined
@@ -102,15 +104,15 @@ def dilation_and_chains(
     """The factors of letters D and O, and the piston's chain.
 
     Returns:
-        as `rescale`.
+        as `rescale` and `stretch_box`.
     """
     part, length = prepare(parameters, step, begin_step, end_step), chains.size // 3
     add_up_energies(mpi, parameters, sums, separate)
     sums[0] += begin_move(mpi, parameters, step, cell, box, part, dt)
     move_chain_of_piston(mpi, parameters, step, cell, chains[2 * length :], dt)
     wrong = move_chains(mpi, parameters, dt, sums, separate, chains[: 2 * length])
-    end_move(parameters, step, cell, box, images.shift, part, dt, parameters[FACTOR])
-    return wrong
+    factor = parameters[FACTOR]
+    return min(wrong, end_move(parameters, step, cell, box, images.shift, part, dt, factor))
 
 
 class LangevinNPT(Mtk, NPT, Langevin):

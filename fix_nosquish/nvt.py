@@ -94,9 +94,15 @@ class NVT(Integrator):
 
     @property
     def kind(self):
-        """A number for the thermostat, its length and what it acts on."""
-        chain = self.command.tchain if self.command.thermostat == "nh" else 0
-        return 1.0 + crc32(f"{self.command.thermostat} {chain} {self.command.separate}".encode())
+        """A number for what its own state is of."""
+        return 1.0 + crc32(" ".join(map(str, self.own_words)).encode())
+
+    @property
+    def own_words(self):
+        """The thermostat, the length of its chains and what it acts on."""
+        command = self.command
+        length = command.tchain if command.thermostat == "nh" else 0
+        return command.thermostat, length, command.separate
 
     def degrees(self):
         """Degrees of freedom of translation and of rotation that are free to change, less those of
@@ -135,7 +141,7 @@ class NVT(Integrator):
             )
         if self.restart_state[0] != self.kind:
             self.host.log(
-                "WARNING: the restart file has the state of another thermostat: "
+                "WARNING: the restart file has the state of another thermostat or barostat: "
                 "this one begins anew\n"
             )
         elif np.isfinite(self.restart_state[1]):

@@ -116,7 +116,7 @@ class Passes:
         self.lists["end"] = [] if integrator.middle else self.lists["close"]
         if integrator.every:
             self.lists["pressure"], moves = integrator.cell_loops(cells)
-            self.lists["cell"] = [*moves, *after]
+            self.lists["cell"] = [*moves, *after] if moves else []
         if integrator.middle:
             self.lists["virial"] = [*gather, *self.lists["virial"]]
 

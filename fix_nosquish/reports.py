@@ -187,7 +187,7 @@ class Reports:
         state, now = self._state, self.energies()[:2].sum()
 
         def closed(bodies):
-            if state.phase != state.ended or not state.middle:
+            if not (state.phase == state.ended or state.is_over) or not state.middle:
                 return now
             with _as_they_are(bodies):
                 state.do("close")

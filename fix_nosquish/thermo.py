@@ -202,7 +202,7 @@ def warnings(nve):
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: "
             "give every body a molecule-ID of its own, or leave these atoms out of the group"
         )
-    lines += notes["warnings"]
+    lines += [*notes["warnings"], *nve.own_warnings]
     turn, body = _fastest(nve.bodies, nve.communicator, nve.lammps.innermost_dt)
     if turn > _FAST:
         lines.append(

@@ -7,6 +7,7 @@ import pytest
 from endings import assert_ended
 from scipy import stats
 from systems import mixture
+from test_npt import fix as of_npt
 from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
 
 WORDS = {
@@ -31,7 +32,7 @@ def fix(name, cell=CELL, more=""):
     ("name", "cell"),
     [
         ("NPH", CELL.replace("every 5", "every 1")),
-        ("NPH", "x 12e-2 12e-2 4e-1 z 3e-1 3e-1 4e-1 every 1"),
+        ("NPH", "x 12e-2 12e-2 4e-1 z 3e-1 5e-1 4e-1 every 1"),
         ("nh", CELL.replace("every 5", "every 1")),
         ("separate", "aniso 12e-2 12e-2 4e-1 couple xz every 1"),
     ],
@@ -132,9 +133,82 @@ def test_continued(run_lammps, tmp_path, name):
     assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-9
 
 
+def test_areas_of_a_gas(run_lammps):
+    """Locks out inertia and degrees of freedom of three dimensions in two."""
+    system = mixture("planar pair row single", side=3, dimension=2)
+    words = fix("langevin", "iso 35e-2 35e-2 4e-1 every 5")
+    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}fix 2 all enforce2d\n"
+    rows = run_lammps(f"{script}{thermo('vol', 200)}run 120000\n", files=system.files).thermo[20:]
+    assert stats.kstest(rows["Volume"], "gamma", (9 + 1, 0, 2.0 / 0.35)).pvalue > 1e-3
+
+
+def test_what_is_not_of_this_step(run_lammps, tmp_path):
+    """Locks out a virial of another step, after a change of the step's number."""
+    system = mixture(side=2, spacing=2.9)
+    words = f"{fix('NPH')}thermo_style custom step vol\nrun 53\nreset_timestep 1000\n"
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 20 pre no\n"
+    done = run_lammps(script, files=system.files, check=False)
+    assert_ended(done, ["has not tallied the virial"], tmp_path)
+
+
+def test_run_that_goes_on(run_lammps):
+    """Locks out a conserved energy that is another one in the first row of a run that goes on."""
+    system = mixture(side=2, spacing=2.9)
+    words = fix("NPH") + thermo("econserve", 20)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 40\nrun 20 pre no\n"
+    rows = run_lammps(script, files=system.files).thermo
+    assert list(rows["Step"]) == [0, 20, 40, 40, 60]
+    assert rows["Econserve"][3] == pytest.approx(rows["Econserve"][2], rel=1e-12)
+
+
+def test_state_of_another_barostat(run_lammps):
+    """Locks out a piston that goes on along other axes than before."""
+    system = mixture(side=2, spacing=2.9)
+    after = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    begin = f"{system.setup}\n{SMOOTH}timestep 0.004\n"
+    run_lammps(f"{begin}{fix('langevin')}run 20\nwrite_restart middle\n", files=system.files)
+    for cell, told in ((CELL, False), (CELL.replace("iso", "x"), True)):
+        words = (
+            f"read_restart middle\n{SMOOTH}{after}timestep 0.004\n{fix('langevin', cell)}run 1\n"
+        )
+        log = run_lammps(words, files=system.files).log
+        assert ("has the state of another thermostat or barostat" in log) == told
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("name", ["crescale", "NPH", "langevin", "nh"])
+def test_box_that_breaks(run_lammps, tmp_path, name, ranks):
+    """Locks out a box that is no number, or of another order of size, without a word."""
+    system = mixture(side=2, spacing=2.9)
+    cell = "iso 1e9 1e9 4e-1 every 5"
+    words = fix(name, cell) if name != "crescale" else of_npt("seed 5", f"{cell} compressibility 1")
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 50\n"
+    done = run_lammps(script, files=system.files, check=False, ranks=ranks)
+    assert_ended(done, ["an axis of the box would change by more than a factor of 2"], tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("setup", "line", "says"),
+    [
+        ("", "NPH one molecule iso 1 1 1", "no centre of mass can move against another"),
+        ("2", "NPH all molecule z 1 1 1", "in two dimensions the box has no length along z"),
+        ("2", "NPH all molecule aniso 1 1 1 couple xz", "leave out xz"),
+    ],
+)
+def test_what_has_no_pressure(run_lammps, tmp_path, setup, line, says):
+    """Locks out a division by no degree of freedom, and axes that are not there."""
+    flat = mixture("planar pair row single", side=2, dimension=2)
+    system = flat if setup else mixture("solid", side=1)
+    words = f'group one molecule 1\nfix 1 all python/move "fix_nosquish.{line}"\n'
+    script = f"{system.setup}\n{words}"
+    done = run_lammps(f"{script}run 0\n", files=system.files, check=False)
+    assert_ended(done, [says], tmp_path)
+
+
 @pytest.mark.parametrize(
     ("line", "says"),
     [
+        ("NPH all molecule iso 1 1 1 every 4294967296", "'4294967296' was given where"),
         ("NPT all molecule temp 2 2 1 iso 1 1 1 barostat mtk", "keyword seed is missing"),
         (
             "NPT all molecule temp 2 2 1 seed 3 iso 1 1 1 barostat mtk compressibility 8",

@@ -84,7 +84,7 @@ struct Bridge {
   const Pass *follow;
   const Pass *pressure;
   const Pass *cell;
-  double *forces_virial;    // of all ranks and without this fix, where the box changes in the next step
+  double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
   int64_t *arrays;    // cells for LAMMPS's arrays
   const int64_t *index;    // cells of the bodies; null if there are none
   const int64_t *body_of;

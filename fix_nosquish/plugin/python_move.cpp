@@ -362,7 +362,8 @@ void FixPythonMove::initial_integrate(int vflag)
   if (passes && !changed && run(passes)) {
     bridge.phase = HALF;
     bridge.velocities_set = 0;
-    if (cell_is_due(update->ntimestep - 1)) run(bridge.cell);
+    // if it fails, Python finds it broken, too, and says why
+    if (cell_is_due(update->ntimestep - 1) && !run(bridge.cell)) call(bridge.initial_integrate, vflag);
   } else {
     call(bridge.initial_integrate, vflag);
   }
@@ -582,8 +583,9 @@ int64_t FixPythonMove::set_box(const double *numbers)
 
 void FixPythonMove::ask_for_pressure(bigint step)
 {
-  while (!pressure_is_due(step)) step++;
-  modify->get_compute_by_id(virial_id)->addstep(step);
+  const bigint every = bridge.changes_box;
+  const bool after = bridge.looks_after && cell_is_due(step - 1);
+  modify->get_compute_by_id(virial_id)->addstep(after ? step : (step + every - 1) / every * every);
 }
 
 // What LAMMPS's forces say of the pressure, where that is needed: their virial on all ranks, without this fix's.
@@ -591,6 +593,8 @@ void FixPythonMove::ask_for_pressure(bigint step)
 void FixPythonMove::take_virial()
 {
   if (!pressure_is_due(update->ntimestep)) return;
+  if (update->vflag_global != update->ntimestep)
+    error->all(FLERR, problem("LAMMPS has not tallied the virial that the new box needs: begin the run with 'pre yes'"));
   std::vector<const double *> parts;
   if (force->pair) parts.push_back(force->pair->virial);
   if (atom->molecular != Atom::ATOMIC) {
