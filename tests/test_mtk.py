@@ -101,7 +101,7 @@ def test_volumes_of_a_gas(run_lammps, name, cell, bodies):
     another temperature: the volume of free bodies has the gamma distribution."""
     system = mixture(side=2)
     words = fix(name, cell) + thermo("vol", 200)
-    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 120000\n"
+    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 80000\n"
     rows = run_lammps(script, files=system.files).thermo[20:]
     shape = (bodies + 1, 0, 2.0 / 0.12)  # csvr keeps the total momentum, and counts it out
     assert stats.kstest(rows["Volume"], "gamma", shape).pvalue > 1e-3, rows["Volume"].mean()
@@ -138,7 +138,7 @@ def test_areas_of_a_gas(run_lammps):
     system = mixture("planar pair row single", side=3, dimension=2)
     words = fix("langevin", "iso 35e-2 35e-2 4e-1 every 5")
     script = f"{system.setup}\n{FREE}timestep 0.004\n{words}fix 2 all enforce2d\n"
-    rows = run_lammps(f"{script}{thermo('vol', 200)}run 120000\n", files=system.files).thermo[20:]
+    rows = run_lammps(f"{script}{thermo('vol', 200)}run 80000\n", files=system.files).thermo[20:]
     assert stats.kstest(rows["Volume"], "gamma", (9 + 1, 0, 2.0 / 0.35)).pvalue > 1e-3
 
 

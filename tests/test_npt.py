@@ -33,7 +33,7 @@ def test_volumes_of_a_gas(run_lammps, name, cell):
     momenta that are not scaled: the volume of free bodies has the gamma distribution."""
     system = mixture(side=2)
     words = fix(THERMOSTATS[name], cell) + thermo("vol", 200)
-    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 120000\n"
+    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 80000\n"
     rows = run_lammps(script, files=system.files).thermo[20:]
     bodies = 8 if name == "langevin" else 7  # csvr keeps the total momentum, and counts it out
     shape = (bodies + 1, 0, 2.0 / 0.12)
@@ -45,7 +45,7 @@ def test_areas_of_a_gas(run_lammps):
     system = mixture("planar pair row single", side=3, dimension=2)
     words = fix(THERMOSTATS["langevin"], "iso 35e-2 35e-2 2e-1 every 5 compressibility 3")
     script = f"{system.setup}\n{FREE}timestep 0.004\n{words}fix 2 all enforce2d\n"
-    rows = run_lammps(f"{script}{thermo('vol', 200)}run 120000\n", files=system.files).thermo[20:]
+    rows = run_lammps(f"{script}{thermo('vol', 200)}run 80000\n", files=system.files).thermo[20:]
     assert stats.kstest(rows["Volume"], "gamma", (9 + 1, 0, 2.0 / 0.35)).pvalue > 1e-3
 
 
