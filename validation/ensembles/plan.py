@@ -19,7 +19,7 @@ STATES = (
     (f"-{PRESSED:g}atm", f", {PRESSED:g} atm", TEMPERATURE, PRESSED),
 )
 DAMPING, STRONG = 200.0, 50.0  # fs; friction of 5/ps and of 20/ps
-PRESSURE_DAMPING = 1000.0  # fs
+PRESSURE_DAMPING = 500.0  # fs
 STEPS = 2.0, 4.0, 6.0, 8.0  # fs
 STATES_STEPS = 2.0, 6.0  # of states that are compared with the first
 LIMIT_STEPS = 1.0, 2.0  # of LAMMPS's barostats, which have to agree in the limit only
@@ -139,6 +139,7 @@ SCHEMES = {
         _kicked("nosquish+langevin", "fix_nosquish.NVE + langevin", nosquish("", "")),
         *_npt("npt-langevin", "NPT langevin 5/ps", f"langevin seed {SEED}"),
         *_npt("npt-csvr", "NPT csvr", f"csvr seed {SEED}", held=3),
+        *_npt("npt-mtk", "NPT nh, mtk", "nh barostat mtk", held=3),
         _constrained_npt(),
         _rigid("rigid/npt/small", PRESSURE, steps=LIMIT_STEPS),
     )
