@@ -19,6 +19,7 @@ STYLES = {  # of schemes: colour, marker
     "nosquish+langevin": (THIRD, "P"),
     "npt-langevin": (OURS, "o"),
     "npt-csvr": ("#8a8f2a", "s"),
+    "npt-mtk": ("#c3b84c", "X"),
     "shake+npt": ("#7a5195", "v"),
     "rigid/npt/small": (OTHERS, "s"),
 }
