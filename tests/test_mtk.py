@@ -8,7 +8,7 @@ from endings import assert_ended
 from scipy import stats
 from systems import mixture
 from test_npt import fix as of_npt
-from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
+from test_nvt import DUMP, FREE, REVERSE, SMOOTH, ends_alike, thermo
 
 WORDS = {
     "NPH": "",
@@ -50,31 +50,6 @@ def test_conserved_energy(run_lammps, name, cell):
         assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
     assert spread[0.004] / spread[0.002] == pytest.approx(4, rel=0.15), spread
     assert spread[0.002] / spread[0.001] == pytest.approx(4, rel=0.15), spread
-
-
-REVERSE = """
-import sys
-import numpy as np
-from lammps import lammps
-from fix_nosquish.nvt import NVT
-
-lmp = lammps()
-lmp.file(sys.argv[1])
-lmp.command("run 303")
-fix = NVT.of_fix(lmp, "1")
-fix.host.point()
-fix.do("close")
-fix.bodies.v[:] *= -1
-fix.bodies.p[:] *= -1
-fix.piston[:3] *= -1
-if getattr(fix, "chains", None) is not None:
-    fix.chains.reshape(fix.number_of_chains, 2, -1)[:, 1] *= -1
-fix.passes.level_dt.set(-fix.dt)
-fix.do("close")
-lmp.command("run 303")
-columns = "id mol mass xu yu zu vx vy vz modify sort id format float %.17g"
-lmp.command("write_dump all custom end " + columns)
-"""
 
 
 @pytest.mark.parametrize("every", [1, 5])
