@@ -108,6 +108,19 @@ def test_continued(run_lammps, tmp_path, name):
     assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-9
 
 
+@pytest.mark.parametrize("name", ["langevin", "csvr"])
+def test_temperature_of_the_piston(run_lammps, name):
+    """Locks out a thermostat that keeps the piston at another temperature than the bodies: the mean
+    square of its rate of strain is k T over its inertia."""
+    system, dt, every, damping = mixture(side=2), 0.004, 5, 0.4
+    words = fix(name) + thermo("vol", every)
+    script = f"{system.setup}\n{FREE}timestep {dt}\n{words}run 40000\n"
+    volumes = run_lammps(script, files=system.files).thermo["Volume"][400:]
+    rate = np.diff(np.log(volumes)) / (3 * every * dt)
+    freedom = 24 if name == "langevin" else 21
+    assert np.mean(rate**2) * (freedom + 3) * damping**2 == pytest.approx(1.0, abs=0.2)
+
+
 def test_areas_of_a_gas(run_lammps):
     """Locks out inertia and degrees of freedom of three dimensions in two."""
     system = mixture("planar pair row single", side=3, dimension=2)
