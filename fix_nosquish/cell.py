@@ -1,33 +1,20 @@
-"""Stochastic cell rescaling: the box, and with it the centres of mass, follow the pressure.
+"""The box of an integrator at constant pressure: its numbers, its pressure, and how it stretches.
 
-Bernetti and Bussi, J. Chem. Phys. 153, 114107 (2020), for the whole box or for some of its axes
-together (Del Tatto et al., Appl. Sci. 12, 1139 (2022)).  With lambda = sqrt(V), for d coupled axes
-
-    d lambda = -(beta d lambda / 6 tau) (P_0 - P - k T / 2 V) dt + sqrt(beta k T d / 6 tau) dW
-
-Centres of mass are stretched with the box, velocities by the inverse; shapes stay.  So P is the
-molecular pressure: of the bodies' translation, and the virial of the forces on their centres.
-
-It is done every so many steps, when the bodies have moved and before their forces are computed: no
-force of the old box acts in the new one.
+The pressure is the molecular one: of the bodies' translation, and the virial of the forces on their
+centres of mass.  `crescale` and `mtk` say how the box follows it.
 """
 
-from math import sqrt
 from typing import NamedTuple
 
-from .block import HOME, MASS, Images, Layout, Q, V, X, at, take
-from .compiled import F1, F2, L1, F, I, address, call, inlined, loop
-from .migration import Box
-from .mpi import DOUBLE, Mpi, add_up
-from .nvt import KT, OF_BAROSTAT, prepare, words_of_all
-from .philox import normal_pair
-from .step import displaced, move_to_images, place, rotation_matrices
+from .block import Layout, Q, at, take
+from .compiled import F1, F2, L1, address, call, inlined, loop
+from .step import displaced, rotation_matrices
 
 # numbers of a barostat: pressure at the begin and the end of the run, as energies in a volume;
-# compressibility over damping time; mass times velocity squared as an energy; steps between two
-# changes; 1.0 in three dimensions, 0.0 in two; of this rank, twice the kinetic energy along each
-# axis, and the virial of forces about the bodies' centres; factors of the axes, and the centre; 1.0
-# once a factor was out of bounds
+# compressibility over damping time, of a piston 1 over it; mass times velocity squared as an
+# energy; steps between two changes; 1.0 in three dimensions, 0.0 in two; of this rank, twice the
+# kinetic energy along each axis, and the virial of forces about the bodies' centres; factors of the
+# axes, and the centre; 1.0 once a factor was out of bounds
 P_START, P_STOP, RATE, UNIT, EVERY, SPACE, MOTION, SPREAD, STRETCH, CENTRE, BROKEN, NUMBERS = (
     0, 3, 6, 7, 8, 9, 10, 13, 16, 19, 22, 23,
 )  # fmt: skip
@@ -87,37 +74,6 @@ def pressure_now(numbers, k, part):
 
 
 @inlined
-def find_stretch(parameters, cell, box, part, dt):
-    """The factors of the axes for dt, by the kinetic energies and virials along them."""
-    kt, numbers = parameters[KT] * cell.barostat[UNIT], cell.barostat
-    volume = volume_of(box, numbers)
-    for k in range(3):
-        numbers[STRETCH + k] = 1.0
-    for group in range(3):
-        count, excess = 0, 0.0
-        for k in range(3):
-            if cell.axes[k] == group:
-                count += 1
-                energy = cell.cell_sums[k] * numbers[UNIT]
-                energy += cell.forces_virial[k] - cell.cell_sums[3 + k]
-                excess += pressure_now(numbers, k, part) - energy / volume
-        if count > 0:
-            w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
-            noise, _ = normal_pair(w0, w1)
-            root, strength = sqrt(volume), numbers[RATE] * count * dt / 6.0
-            root -= strength * root * (excess / count - 0.5 * kt / volume)
-            root += sqrt(strength * kt) * noise
-            factor, volume = root * root / volume, root * root
-            if count == 2:
-                factor = sqrt(factor)
-            elif count == 3:
-                factor = factor ** (1.0 / 3.0)
-            for k in range(3):
-                if cell.axes[k] == group:
-                    numbers[STRETCH + k] = factor
-
-
-@inlined
 def stretch_box(cell, box, shift):
     """Stretch the box about its centre, with all that follows from it, and tell LAMMPS.
 
@@ -146,37 +102,4 @@ def stretch_box(cell, box, shift):
         h[k, k] = new_box[3 + k] - lo[k]  # as LAMMPS will have it
     new_box[6], new_box[7], new_box[8] = h[0, 1], h[0, 2], h[1, 2]
     call(cell.set_box[0], cell.set_box[1], address(new_box))
-    return 0
-
-
-@loop
-def rescale_cell(
-    mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F, rank: I,
-    step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: Box,
-) -> I:  # fmt: skip
-    """Change the box, stretch the centres of mass with it, and place the atoms anew.
-
-    Returns:
-        as `stretch_box`.
-    """
-    state, numbers = layout.state, cell.barostat
-    for k in range(3):
-        numbers[MOTION + k] = 0.0
-        for b in range(state.shape[1]):
-            if state[HOME, b] == rank:
-                numbers[MOTION + k] += state[MASS, b] * state[V + k, b] * state[V + k, b]
-    add_up(mpi, DOUBLE, numbers[MOTION : MOTION + 6], cell.cell_sums)
-    part = prepare(parameters, step, begin_step, end_step)
-    find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
-    if stretch_box(cell, box, images.shift) < 0:
-        return OUT_OF_BOUNDS
-    for k in range(3):
-        factor, centre = numbers[STRETCH + k], numbers[CENTRE + k]
-        for b in range(state.shape[1]):
-            state[X + k, b] = centre + factor * (state[X + k, b] - centre)
-            state[V + k, b] /= factor
-    for k in range(layout.blocks.shape[0] - 1):
-        take(layout, k, MASS, Q + 4, MASS)
-        place(layout, k, atom_x)
-    move_to_images(layout, images, atom_x)
     return 0

@@ -89,8 +89,7 @@ class Command:
         separate: whether translation and rotation have a thermostat each.
         pressure: dictionary from iso, aniso, x, y, z to (PSTART, PSTOP, PDAMP), words for numbers.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
-        every: steps between two changes of the box, None for a
-            part of PDAMP.
+        every: steps between two changes of the box, None for a part of PDAMP.
         compressibility: a word for a number, None for the default.
     """
 
@@ -305,11 +304,11 @@ _READ = {  # what the words behind a keyword give
     "points": _Words.take,
     "temp": lambda words, expected: words.numbers(3, expected),
     "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),
-    "seed": lambda words, expected: words.whole(expected, 2**31),
-    "tchain": _Words.whole,
+    **dict.fromkeys(
+        ("seed", "tchain", "every"), lambda words, expected: words.whole(expected, 2**31)
+    ),
     "separate": lambda words, expected: words.choice(("no", "yes"), expected),
     "couple": lambda words, expected: words.one_of(COUPLES, expected),
     "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
-    "every": lambda words, expected: words.whole(expected, 2**31),
     "compressibility": _Words.number,
 }

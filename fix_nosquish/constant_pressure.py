@@ -1,11 +1,12 @@
 """What integrators at constant pressure have in common: the words for it, and what they refuse.
 
-How the box follows the pressure is said by `cell` and `mtk`.
+How the box follows the pressure is said by `crescale` and `mtk`.
 """
 
 import numpy as np
 
-from .cell import EVERY, MOST, OUT_OF_BOUNDS, P_START, P_STOP, SPACE, UNIT
+from . import cell
+from .cell import EVERY, MOST, NUMBERS, OUT_OF_BOUNDS, P_START, P_STOP, SPACE, UNIT
 from .command import PRESSURES
 from .compiled import F1, L1, Cell
 from .errors import RunError
@@ -32,9 +33,8 @@ class ConstantPressure(NVT):
     """
 
     keywords = (*PRESSURES, "couple", "every")
-    respa = False
-
-    every = 1
+    modules, numbers = (cell.__name__,), NUMBERS
+    respa, every = False, 1
 
     def own_parameters(self):
         self._refuse()

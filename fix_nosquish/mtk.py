@@ -47,7 +47,7 @@ from .errors import RunError
 from .hosts import hook
 from .migration import Box
 from .mpi import DOUBLE, RANK, Mpi, add_up
-from .nvt import COMMON, HEAT, KT, OF_BAROSTAT, words_of_all
+from .nvt import COMMON, HEAT, KT, OF_BAROSTAT, part_of_run, words_of_all
 from .operations import PARAMETERS
 from .philox import normal_pair
 from .step import Operation
@@ -220,8 +220,7 @@ def see_virial(mpi: Mpi, step: L1, begin_step: L1, end_step: L1, dt: F, cell: Pi
     for k in range(3):
         numbers[VIRIAL + k] = cell.forces_virial[k] - cell.cell_sums[k]
     if numbers[OPEN] > 0.0:
-        steps = end_step[0] - begin_step[0]
-        part = (step[0] - begin_step[0]) / steps if steps > 0 else 0.0
+        part = part_of_run(step, begin_step, end_step)
         push(cell, box, part, 0.5 * dt * numbers[EVERY])
         numbers[OPEN] = 0.0
 
@@ -233,7 +232,7 @@ class Mtk(ConstantPressure):
         piston: (PISTON,), see above; the begin of its own state.
     """
 
-    numbers, looks_after, modules = MTK_NUMBERS, True, (cell.__name__,)
+    numbers, looks_after = MTK_NUMBERS, True
     piston = _state = None
 
     @property
@@ -286,5 +285,5 @@ class Mtk(ConstantPressure):
     @hook
     def compute_scalar(self):
         """As `NVT`, with the work against the pressure and the energy of the piston; collective."""
-        kinetic = 0.5 * (self._inertia * self.piston[:3] ** 2).sum()
-        return super().compute_scalar() + self.piston[WORK] + kinetic
+        others = super().compute_scalar()
+        return others + self.piston[WORK] + 0.5 * (self._inertia * self.piston[:3] ** 2).sum()

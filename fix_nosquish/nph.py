@@ -33,7 +33,6 @@ class NPH(Mtk):
     operations = NVE.operations | {"D": DILATION}
     splitting, prepares, thermostat = "B A D A B", dilation, False
     keywords = ConstantPressure.keywords
-    method = "NO_SQUISH, and the piston of Martyna, Tobias and Klein"
 
     def temperature(self):
         return 0.0, 0.0, 0.0

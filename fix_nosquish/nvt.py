@@ -34,14 +34,20 @@ OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
 
 
 @inlined
+def part_of_run(step, begin_step, end_step):
+    """Which part of the run is over."""
+    steps = end_step[0] - begin_step[0]
+    return (step[0] - begin_step[0]) / steps if steps > 0 else 0.0
+
+
+@inlined
 def prepare(parameters, step, begin_step, end_step):
     """Set the temperature of this step, and which draw of the step comes next.
 
     Returns:
-        which part of the run is over.
+        as `part_of_run`.
     """
-    steps = end_step[0] - begin_step[0]
-    part = (step[0] - begin_step[0]) / steps if steps > 0 else 0.0
+    part = part_of_run(step, begin_step, end_step)
     parameters[KT] = parameters[START] + part * (parameters[STOP] - parameters[START])
     parameters[DRAW] = parameters[DRAW] + 1.0 if parameters[STEP] == step[0] else 0.0
     parameters[STEP] = step[0]
@@ -73,7 +79,7 @@ class NVT(Integrator):
     """
 
     splits = middle = thermostat = couples = keeps_momentum = True
-    keywords = "temp", "thermostat", "seed", "tchain", "separate"
+    keywords, method = ("temp", "thermostat", "seed", "tchain", "separate"), "NO_SQUISH"
 
     def __new__(cls, ptr, words):
         if cls is NVT:

@@ -24,7 +24,7 @@ sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the p
 pytest.register_assert_rewrite("endings")
 
 import quick
-from endings import BENT, SECONDS, SPOIL
+from endings import BENT, SECONDS, SPOIL, assert_ended
 from installed import compile_loops, tested
 from systems import result, script
 
@@ -191,6 +191,16 @@ def run_lammps(tmp_path):
         if check:
             assert done.returncode == 0, f"exit code {done.returncode}:\n{done.stdout}"
         return Run(done.returncode, done.stdout, log.read_text() if log.exists() else "")
+
+    return run
+
+
+@pytest.fixture
+def refused(run_lammps, tmp_path):
+    """A function that runs a script, and asserts that it ends with one error that says this."""
+
+    def run(script, says, files, **how):
+        assert_ended(run_lammps(script, files=files, check=False, **how), [says], tmp_path)
 
     return run
 

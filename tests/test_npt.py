@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from endings import assert_ended
 from scipy import stats
 from systems import mixture
 from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
@@ -132,13 +131,12 @@ def test_continued(run_lammps, tmp_path):
         ("run_style respa 2 2 pair 2", "use run_style verlet"),
     ],
 )
-def test_refused(run_lammps, tmp_path, lines, says):
+def test_refused(refused, lines, says):
     """Locks out a box that two fixes change, and atoms that would not move with it."""
     system = mixture(side=2)
     line = fix("seed 5").replace("NPT all", "NPT stiff" if "stiff" in lines else "NPT all")
     script = f"{system.setup}\n{lines}\n{line}run 20\n"
-    done = run_lammps(script, files=system.files, check=False)
-    assert_ended(done, [says], tmp_path)
+    refused(script, says, system.files)
 
 
 @pytest.mark.parametrize(
@@ -159,12 +157,11 @@ def test_refused(run_lammps, tmp_path, lines, says):
         ("iso 1 1 1 compressibility 1 force * off on on", "for a box that does not change"),
     ],
 )
-def test_bad_words(run_lammps, tmp_path, words, says):
+def test_bad_words(refused, words, says):
     """Locks out words that are taken and mean nothing, or something else."""
     system = mixture(side=2)
     line = fix("" if "nh" in words else "seed 5", words)
-    done = run_lammps(f"{system.setup}\n{line}run 0\n", files=system.files, check=False)
-    assert_ended(done, [says], tmp_path)
+    refused(f"{system.setup}\n{line}run 0\n", says, system.files)
 
 
 def test_how_often_the_box_changes(run_lammps):

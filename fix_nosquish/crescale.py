@@ -1,0 +1,135 @@
+"""Stochastic cell rescaling: the box, and with it the centres of mass, follow the pressure.
+
+Bernetti and Bussi, J. Chem. Phys. 153, 114107 (2020), for the whole box or for some of its axes
+together (Del Tatto et al., Appl. Sci. 12, 1139 (2022)).  With lambda = sqrt(V), for d coupled axes
+
+    d lambda = -(beta d lambda / 6 tau) (P_0 - P - k T / 2 V) dt + sqrt(beta k T d / 6 tau) dW
+
+Centres of mass are stretched with the box, velocities by the inverse; shapes stay.  So P is the
+molecular pressure: of the bodies' translation, and the virial of the forces on their centres.
+
+It is done every so many steps, when the bodies have moved and before their forces are computed: no
+force of the old box acts in the new one.
+"""
+
+from math import sqrt
+
+from . import cell
+from .block import HOME, MASS, Images, Layout, Q, V, X, take
+from .cell import (
+    CENTRE,
+    EVERY,
+    MOTION,
+    OUT_OF_BOUNDS,
+    RATE,
+    STRETCH,
+    UNIT,
+    Barostat,
+    pressure_now,
+    stretch_box,
+    volume_of,
+)  # fmt: skip
+from .compiled import F1, F2, L1, F, I, inlined, loop
+from .constant_pressure import ConstantPressure
+from .errors import RunError
+from .migration import Box
+from .mpi import DOUBLE, Mpi, add_up
+from .nvt import KT, OF_BAROSTAT, prepare, words_of_all
+from .philox import normal_pair
+from .step import move_to_images, place
+
+COMPRESSIBILITY = 4.6e-5  # of water, 1/atm
+# atm that the unit of pressure is
+_PER_ATM = {
+    "real": 1.0, "metal": 1 / 1.01325, "si": 1 / 101325.0, "cgs": 1 / 1013250.0,
+    "electron": 1 / 101325.0,
+}  # fmt: skip
+
+
+@inlined
+def find_stretch(parameters, cell, box, part, dt):
+    """The factors of the axes for dt, by the kinetic energies and virials along them."""
+    kt, numbers = parameters[KT] * cell.barostat[UNIT], cell.barostat
+    volume = volume_of(box, numbers)
+    for k in range(3):
+        numbers[STRETCH + k] = 1.0
+    for group in range(3):
+        count, excess = 0, 0.0
+        for k in range(3):
+            if cell.axes[k] == group:
+                count += 1
+                energy = cell.cell_sums[k] * numbers[UNIT]
+                energy += cell.forces_virial[k] - cell.cell_sums[3 + k]
+                excess += pressure_now(numbers, k, part) - energy / volume
+        if count > 0:
+            w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
+            noise, _ = normal_pair(w0, w1)
+            root, strength = sqrt(volume), numbers[RATE] * count * dt / 6.0
+            root -= strength * root * (excess / count - 0.5 * kt / volume)
+            root += sqrt(strength * kt) * noise
+            factor, volume = root * root / volume, root * root
+            if count == 2:
+                factor = sqrt(factor)
+            elif count == 3:
+                factor = factor ** (1.0 / 3.0)
+            for k in range(3):
+                if cell.axes[k] == group:
+                    numbers[STRETCH + k] = factor
+
+
+@loop
+def rescale_cell(
+    mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F, rank: I,
+    step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: Box,
+) -> I:  # fmt: skip
+    """Change the box, stretch the centres of mass with it, and place the atoms anew.
+
+    Returns:
+        as `stretch_box`.
+    """
+    state, numbers = layout.state, cell.barostat
+    for k in range(3):
+        numbers[MOTION + k] = 0.0
+        for b in range(state.shape[1]):
+            if state[HOME, b] == rank:
+                numbers[MOTION + k] += state[MASS, b] * state[V + k, b] * state[V + k, b]
+    add_up(mpi, DOUBLE, numbers[MOTION : MOTION + 6], cell.cell_sums)
+    part = prepare(parameters, step, begin_step, end_step)
+    find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
+    if stretch_box(cell, box, images.shift) < 0:
+        return OUT_OF_BOUNDS
+    for k in range(3):
+        factor, centre = numbers[STRETCH + k], numbers[CENTRE + k]
+        for b in range(state.shape[1]):
+            state[X + k, b] = centre + factor * (state[X + k, b] - centre)
+            state[V + k, b] /= factor
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, MASS, Q + 4, MASS)
+        place(layout, k, atom_x)
+    move_to_images(layout, images, atom_x)
+    return 0
+
+
+class StochasticCell(ConstantPressure):
+    """What an integrator with stochastic cell rescaling has besides its thermostat."""
+
+    @property
+    def method(self):
+        return f"{super().method}, and stochastic cell rescaling"
+
+    def cell_loops(self, cells):
+        return [cell.virial_about_centres.bind_to(cells)], [rescale_cell.bind_to(cells)]
+
+    def own_numbers(self):
+        numbers, lammps = super().own_numbers(), self.lammps
+        if self.command.compressibility:
+            compressibility = lammps.number(self.command.compressibility)
+        elif lammps.units in _PER_ATM:
+            compressibility = COMPRESSIBILITY * _PER_ATM[lammps.units]
+        else:
+            raise RunError(
+                f"keyword compressibility is missing: with units {lammps.units} it has no default",
+                everywhere=True,
+            )
+        numbers[RATE] = compressibility * lammps.nktv2p / self.damping
+        return numbers
