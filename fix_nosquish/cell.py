@@ -14,10 +14,10 @@ from .step import displaced, rotation_matrices
 # compressibility over damping time, of a piston 1 over it; mass times velocity squared as an
 # energy; steps between two changes; 1.0 in three dimensions, 0.0 in two; of this rank, twice the
 # kinetic energy along each axis, and the virial of forces about the bodies' centres; factors of the
-# axes, and the centre; 1.0 once a factor was out of bounds
-P_START, P_STOP, RATE, UNIT, EVERY, SPACE, MOTION, SPREAD, STRETCH, CENTRE, BROKEN, NUMBERS = (
-    0, 3, 6, 7, 8, 9, 10, 13, 16, 19, 22, 23,
-)  # fmt: skip
+# axes, and the centre; 1.0 once a factor was out of bounds; 1.0 while the box has changed and the
+# forces behind are not known
+P_START, P_STOP, RATE, UNIT, EVERY, SPACE, MOTION, SPREAD = 0, 3, 6, 7, 8, 9, 10, 13
+STRETCH, CENTRE, BROKEN, OPEN, NUMBERS = 16, 19, 22, 23, 24
 OUT_OF_BOUNDS = -2  # what the loops return then
 MOST = 2.0  # the largest factor by which an axis may change at once, and its inverse the smallest
 
@@ -102,4 +102,5 @@ def stretch_box(cell, box, shift):
         h[k, k] = new_box[3 + k] - lo[k]  # as LAMMPS will have it
     new_box[6], new_box[7], new_box[8] = h[0, 1], h[0, 2], h[1, 2]
     call(cell.set_box[0], cell.set_box[1], address(new_box))
+    cell.barostat[OPEN] = 1.0
     return 0

@@ -10,9 +10,13 @@ molecular pressure: of the bodies' translation, and the virial of the forces on 
 
 It is done every so many steps, when the bodies have moved and before their forces are computed: no
 force of the old box acts in the new one.
+
+The energy that a change of the box gives to the system is noted as heat is.  Of the kinetic energy
+it is known.  Of the potential energy it is what the mean of the forces before and behind does,
+which is right to the second order in the change.
 """
 
-from math import sqrt
+from math import log, sqrt
 
 from . import cell
 from .block import HOME, MASS, Images, Layout, Q, V, X, take
@@ -20,8 +24,10 @@ from .cell import (
     CENTRE,
     EVERY,
     MOTION,
+    OPEN,
     OUT_OF_BOUNDS,
     RATE,
+    SPREAD,
     STRETCH,
     UNIT,
     Barostat,
@@ -33,8 +39,8 @@ from .compiled import F1, F2, L1, F, I, inlined, loop
 from .constant_pressure import ConstantPressure
 from .errors import RunError
 from .migration import Box
-from .mpi import DOUBLE, Mpi, add_up
-from .nvt import KT, OF_BAROSTAT, prepare, words_of_all
+from .mpi import DOUBLE, RANK, Mpi, add_up
+from .nvt import HEAT, KT, OF_BAROSTAT, prepare, words_of_all
 from .philox import normal_pair
 from .step import move_to_images, place
 
@@ -77,6 +83,27 @@ def find_stretch(parameters, cell, box, part, dt):
                     numbers[STRETCH + k] = factor
 
 
+@inlined
+def note_work(mpi, parameters, cell):
+    """Note half of the energy that the change of the box gives by way of the forces, this rank's
+    part: with the forces before it, and with those behind."""
+    numbers, given = cell.barostat, 0.0
+    for k in range(3):
+        virial = -numbers[SPREAD + k]
+        if mpi.interface[RANK] == 0:
+            virial += cell.forces_virial[k]
+        given -= 0.5 * log(numbers[STRETCH + k]) * virial
+    parameters[HEAT] += given / numbers[UNIT]
+
+
+@loop
+def end_change(mpi: Mpi, parameters: F1, cell: Barostat):
+    """The forces in the new box are known."""
+    if cell.barostat[OPEN] > 0.0:
+        note_work(mpi, parameters, cell)
+        cell.barostat[OPEN] = 0.0
+
+
 @loop
 def rescale_cell(
     mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F, rank: I,
@@ -98,6 +125,10 @@ def rescale_cell(
     find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
     if stretch_box(cell, box, images.shift) < 0:
         return OUT_OF_BOUNDS
+    note_work(mpi, parameters, cell)
+    for k in range(3):
+        slower = 1.0 / (numbers[STRETCH + k] * numbers[STRETCH + k])
+        parameters[HEAT] += 0.5 * numbers[MOTION + k] * (slower - 1.0)
     for k in range(3):
         factor, centre = numbers[STRETCH + k], numbers[CENTRE + k]
         for b in range(state.shape[1]):
@@ -118,7 +149,8 @@ class StochasticCell(ConstantPressure):
         return f"{super().method}, and stochastic cell rescaling"
 
     def cell_loops(self, cells):
-        return [cell.virial_about_centres.bind_to(cells)], [rescale_cell.bind_to(cells)]
+        forces = [cell.virial_about_centres.bind_to(cells), end_change.bind_to(cells)]
+        return forces, [rescale_cell.bind_to(cells)]
 
     def own_numbers(self):
         numbers, lammps = super().own_numbers(), self.lammps

@@ -83,7 +83,6 @@ class Integrator:
         own_cells: a method that returns a dictionary of cells that its own loop takes.
         thermostat: whether it keeps a temperature, so that no other fix may.
         every: the box changes in the steps after the multiples of this; 0 for never.
-        looks_after: whether these steps end with a look at the pressure, too.
         cell_loops: a method that binds two lists of loops to cells: what the forces say of the
             pressure, and what changes the box in the next step.
         own_warnings: lines for the log on what is probably not meant.
@@ -115,7 +114,7 @@ class Integrator:
 
     host = parameters = None
     unprepared = ""
-    every, modules, looks_after = 0, (), False
+    every, modules = 0, ()
     own_warnings = ()
     follows_atoms = True
     virial = virial_per_atom = None
@@ -459,8 +458,8 @@ class Integrator:
         return self.every and step % self.every == 0
 
     def _pressure_is_due(self, step):
-        """Whether the forces of this step change the box, or its velocity."""
-        return self._cell_is_due(step) or (self.looks_after and self._cell_is_due(step - 1))
+        """Whether the forces of this step are those before or behind a change of the box."""
+        return self._cell_is_due(step) or self._cell_is_due(step - 1)
 
     def complaint(self, found):
         """Why a loop that returned a number below 0 ends the run."""

@@ -31,6 +31,7 @@ from .cell import (
     CENTRE,
     EVERY,
     NUMBERS,
+    OPEN,
     OUT_OF_BOUNDS,
     RATE,
     SPREAD,
@@ -53,11 +54,8 @@ from .philox import normal_pair
 from .step import Operation
 
 # numbers behind those of `cell`: the inertia of each rate of strain, 0 where there is none; degrees
-# of freedom of translation; the molecular virial; 1.0 while the piston has moved, and the forces
-# behind have not acted on it
-INERTIA, FREEDOM, VIRIAL, OPEN, MTK_NUMBERS = (
-    NUMBERS, NUMBERS + 3, NUMBERS + 4, NUMBERS + 7, NUMBERS + 8,
-)  # fmt: skip
+# of freedom of translation; the molecular virial
+INERTIA, FREEDOM, VIRIAL, MTK_NUMBERS = NUMBERS, NUMBERS + 3, NUMBERS + 4, NUMBERS + 7
 # the piston: rates of strain; the work done against the pressure; the k T that its inertia is of
 WORK, INERTIA_KT, PISTON = 3, 4, 5
 Piston = NamedTuple("Piston", [*Barostat.__annotations__.items(), ("piston", F1)])
@@ -183,7 +181,6 @@ def end_move(parameters, step, cell, box, shift, part, dt, factor):
         for k in range(3):
             parameters[STRAIN + k] = numbers[STRETCH + k]
             parameters[CENTRES + k] = numbers[CENTRE + k]
-        numbers[OPEN] = 1.0
     return 0
 
 
@@ -232,7 +229,7 @@ class Mtk(ConstantPressure):
         piston: (PISTON,), see above; the begin of its own state.
     """
 
-    numbers, looks_after = MTK_NUMBERS, True
+    numbers = MTK_NUMBERS
     piston = _state = None
 
     @property

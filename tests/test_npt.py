@@ -48,6 +48,22 @@ def test_areas_of_a_gas(run_lammps):
     assert stats.kstest(rows["Volume"], "gamma", (9 + 1, 0, 2.0 / 0.35)).pvalue > 1e-3
 
 
+@pytest.mark.parametrize(
+    ("name", "cell"),
+    [("chains", CELL), ("langevin", "aniso 12e-2 12e-2 4e-1 couple xz every 2 compressibility 2")],
+)
+def test_effective_energy(run_lammps, name, cell):
+    """Locks out a part of the barostat's energy that `econserve` lacks: that of the noise in the
+    forces' work alone makes it rise by k T in PDAMP."""
+    system = mixture(side=3, spacing=2.9)
+    cell = cell.replace("2e-1 every 5 compressibility 8", "4e-1 every 1 compressibility 4")
+    words = fix(THERMOSTATS[name], cell) + thermo("etotal econserve vol", 20)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}run 4000\n"
+    rows = run_lammps(script, files=system.files, ranks=2).thermo
+    assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
+    assert rows["Econserve"].std() < 0.01 * rows["TotEng"].std()
+
+
 def test_only_named_axes_change(run_lammps):
     """Locks out an axis that changes and was not named, and coupled axes that part."""
     system = mixture(side=3, tilt=0.3)

@@ -40,7 +40,6 @@ struct Bridge {
   int32_t wants_virial_per_atom;    // it fills in virial_per_atom
   int32_t writes_restart_file;
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
-  int32_t looks_after;      // at the pressure after a change of the box, too
   int32_t couples;          // its scalar is an energy that went from the system
   int32_t restart_size;     // numbers that go to restart files
   double *restart_state;    // these

@@ -191,10 +191,7 @@ class FixPythonMove : public Fix {
   int64_t set_box(const double *);
   void take_virial();
   bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
-  bool pressure_is_due(bigint step) const
-  {
-    return cell_is_due(step) || (bridge.looks_after && cell_is_due(step - 1));
-  }
+  bool pressure_is_due(bigint step) const { return cell_is_due(step) || cell_is_due(step - 1); }
   void ask_for_pressure(bigint step);
   std::string problem(const std::string &text) const
   {
@@ -584,8 +581,7 @@ int64_t FixPythonMove::set_box(const double *numbers)
 void FixPythonMove::ask_for_pressure(bigint step)
 {
   const bigint every = bridge.changes_box;
-  const bool after = bridge.looks_after && cell_is_due(step - 1);
-  modify->get_compute_by_id(virial_id)->addstep(after ? step : (step + every - 1) / every * every);
+  modify->get_compute_by_id(virial_id)->addstep(cell_is_due(step - 1) ? step : (step + every - 1) / every * every);
 }
 
 // What LAMMPS's forces say of the pressure, where that is needed: their virial on all ranks, without this fix's.
