@@ -41,8 +41,10 @@ class Layout(NamedTuple):
     """Where a rank's bodies and their atoms are.
 
     Attributes:
-        state: (rows, bodies).  kinds: (3,) bodies [0, kinds[0]) have three moments, or one if all
-            turn in a plane (kinds[2]); [kinds[0], kinds[1]) are linear, the rest points.
+        state: (rows, bodies).  kinds: (4,) bodies [0, kinds[0]) have three moments, or one if all
+            turn in a plane (kinds[2]); [kinds[0], kinds[1]) are linear, the rest points.  If their
+            moments are chosen (keyword moments), kinds[3] is the first of three rows: the root of
+            each principal moment over that of the atoms.  Else it is 0.
         blocks: (blocks + 1, 3) each block's first body, its first round, and whether all atoms of
             its bodies are this rank's.
         rounds: (rounds + 1,) each round's first atom, as an entry of index.

@@ -14,7 +14,7 @@ from . import block, migration, spheres
 from .communicator import ALONE
 from .compiled import F2, Cell, I
 from .errors import RunError
-from .frames import angular_momentum, rotation_matrix
+from .frames import angular_momentum, quaternion_momentum, rotation_matrix
 from .lookup import gone
 from .membership import POINTS
 from .memory import Memory
@@ -93,18 +93,21 @@ class Bodies:
         start: None, or what is known of the start of the run: its step, and what
             `thermo.forces_at_start` says.
         planar: whether they turn in the xy plane only, about their axis 3.
+        chosen: `block.Layout.kinds`[3].
         spheres: whether some atom of a body, on any rank, is a sphere, with a torque of its own.
         cells: dictionary from the names that the loops' arguments have to `compiled.Cell`.
 
     Args:
         state (rows, n), body (m,), displace (4, m): the bodies and their atoms, in any order.
         here: (m,) indices of these atoms in LAMMPS's arrays, ascending.
-        planar, spheres: see above.
+        planar, spheres, chosen: see above.
         communicator: the `Communicator` or `ALONE`.
     """
 
-    def __init__(self, state, body, displace, here, planar, spheres, communicator=ALONE):
-        self.planar, self.spheres, self.start = planar, spheres, None
+    def __init__(
+        self, state, body, displace, here, planar, spheres, communicator=ALONE, chosen=0
+    ):
+        self.planar, self.spheres, self.chosen, self.start = planar, spheres, chosen, None
         self._communicator, self._box = communicator, None
         self._memory = Memory(migration.KINDS)
         for name, values in (
@@ -123,7 +126,7 @@ class Bodies:
         self.cells["bodies"] = self.cells.pop("memory")
         kinds = migration.follow.kinds
         for name, value in (
-            ("kinds", np.array([0, 0, planar])),
+            ("kinds", np.array([0, 0, planar, chosen])),
             ("block", lanes),
             ("found", self._found),
             ("aways", np.zeros(1, np.int64)),
@@ -162,7 +165,7 @@ class Bodies:
     @property
     def flat(self):
         """Which rotors are planar, (rotors,): two of their moments add up to the largest."""
-        moment = self.moment[:, : self.rotors]
+        moment = self.moments_of_atoms[:, : self.rotors]
         return moment.sum(axis=0) <= moment.max(axis=0) * (2 + 1e-7)
 
     def __len__(self):
@@ -283,6 +286,9 @@ class Bodies:
             -x * q1 - y * q2 - z * q3, x * q0 + y * q3 - z * q2,
             -x * q3 + y * q0 + z * q1, x * q2 - y * q1 + z * q0,
         )  # fmt: skip
+        if self.chosen:
+            slower = self.angular_momentum() * self.slowness
+            self.p[:] = quaternion_momentum(self.q, *slower)
         if self.turning > self.rotors:  # nothing turns about the axis of a linear body
             linear = slice(self.rotors, self.turning)
             q, about = self.q[:, linear], self.angular_momentum()[2, linear]
@@ -299,9 +305,20 @@ class Bodies:
             self.angular_momentum(), self.moment, out=np.zeros_like(self.moment), where=turns
         )
 
+    @property
+    def slowness(self):
+        """The root of each moment over that of the atoms, (3, n), or 1.0; see `block.Layout`."""
+        return self.state[self.chosen : self.chosen + 3] if self.chosen else 1.0
+
+    @property
+    def moments_of_atoms(self):
+        """Principal moments that follow from the atoms, or the infile, (3, n)."""
+        return self.moment / self.slowness**2
+
     def momenta(self):
-        """Linear and angular momentum in the space frame, (6, n)."""
-        angular = np.einsum("abn,bn->an", matrices(self.q), self.angular_momentum())
+        """Linear and angular momentum of the atoms' velocities in the space frame, (6, n)."""
+        angular = self.angular_momentum() / self.slowness
+        angular = np.einsum("abn,bn->an", matrices(self.q), angular)
         return np.concatenate([self.mass * self.v, angular])
 
     def instability(self, body, lammps):

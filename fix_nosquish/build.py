@@ -122,11 +122,13 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
             axes[solid] = axes[solid, :, ::-1]
         axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
 
-    state = np.zeros((ROWS + own_rows, n))
+    chosen, slower = _chosen(lammps, membership.command, moment, plane)
+    state = np.zeros((ROWS + own_rows + len(slower), n))
+    state[ROWS + own_rows :] = slower
     state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = (
         body_mass,
         natoms,
-        moment,
+        chosen,
         sharers.home,
         ids,
     )
@@ -138,7 +140,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     has_spheres = communicator.any(radius is not None and radius.any())
     if has_spheres:
         compiled.load(communicator, spheres.__name__)
-    result = Bodies(state, body, d, atoms, plane, has_spheres, communicator)
+    row = ROWS + own_rows if len(slower) else 0
+    result = Bodies(state, body, d, atoms, plane, has_spheres, communicator, row)
     result.take_velocities(lammps, given and given.momenta(result.id))
     notes = _notes(result, lammps, communicator, membership, rebuilt[sharers.owned].sum())
     return result, notes | {
@@ -147,6 +150,32 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         "kept": kept,
         "new": new,
     }
+
+
+def _chosen(lammps, command, moment, plane):
+    """The moments that bodies have instead of those of their atoms; see `Command.moments`.
+
+    Args:
+        moment: those of the atoms, (3, n).  plane: whether bodies turn about axis 3 only.
+    Returns:
+        moments (3, n), and the root of each over that of the atoms, (3, n); (0, n) if they are
+        those.
+    """
+    if command.moments is None:
+        return moment, moment[:0]
+    how, value = command.moments[0], lammps.number(command.moments[1])
+    if not value > 0:
+        raise RunError(
+            f"keyword moments: {how} is {value:g}, and must be above zero "
+            f'(in "fix_nosquish.{command.text}")',
+            everywhere=True,
+        )
+    turns = moment > 0
+    if plane:
+        turns[:2] = False  # a moment about these axes only says that the body is no point
+    slower = np.ones_like(moment)
+    slower[turns] = np.sqrt(value / moment[turns] if how == "equal" else value)
+    return moment * slower**2, slower
 
 
 def count(lammps, communicator, membership):

@@ -30,6 +30,7 @@ OWN_KEYWORDS = {
     "seed": "a whole number from 1 to 2147483647",
     "tchain": "the length of the chain, a whole number of at least 1",
     "separate": "yes or no",
+    "moments": f"equal VALUE (mass times length squared) or scale FACTOR, {_NUMBER}",
     **dict.fromkeys(PRESSURES, f"PSTART, PSTOP and PDAMP, each {_NUMBER}"),
     "couple": f"one of {', '.join(COUPLES)}",
     "barostat": f"one of {', '.join(BAROSTATS)}",
@@ -46,6 +47,7 @@ _ELSEWHERE = {
         ("temp", "tchain", "thermostat", "seed", "separate"),
         "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
     ),
+    "moments": "only the averages of fix_nosquish.NVT and NPT do not depend on the moments",
     "tri": "the box of fix_nosquish.NPT and NPH keeps its tilts' ratios: use iso, aniso, x, y or z",
     "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
@@ -87,6 +89,8 @@ class Command:
         temp: (TSTART, TSTOP, TDAMP), words for numbers, None for none.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
+        moments: ("equal", value), the principal moments that bodies get, or ("scale", factor) of
+            those of their atoms, each a word for a number; None for those of the atoms.
         pressure: dictionary from iso, aniso, x, y, z to (PSTART, PSTOP, PDAMP), words for numbers.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
         every: steps between two changes of the box, None for a part of PDAMP.
@@ -110,6 +114,7 @@ class Command:
     seed: int | None = None
     tchain: int = 3
     separate: bool = False
+    moments: tuple | None = None
     pressure: dict = field(default_factory=dict)
     couple: str = "none"
     barostat: str = BAROSTATS[0]
@@ -308,6 +313,10 @@ _READ = {  # what the words behind a keyword give
         ("seed", "tchain", "every"), lambda words, expected: words.whole(expected, 2**31)
     ),
     "separate": lambda words, expected: words.choice(("no", "yes"), expected),
+    "moments": lambda words, expected: (
+        words.one_of(("equal", "scale"), expected),
+        words.number(expected),
+    ),
     "couple": lambda words, expected: words.one_of(COUPLES, expected),
     "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
     "compressibility": _Words.number,

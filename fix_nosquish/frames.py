@@ -45,6 +45,17 @@ def angular_momentum(q, p):
 
 
 @inlined
+def quaternion_momentum(q, l1, l2, l3):
+    """p of the angular momentum L in the principal frame: p = 2 S(q) (0, L)."""
+    return (
+        2.0 * (-q[1] * l1 - q[2] * l2 - q[3] * l3),
+        2.0 * (q[0] * l1 - q[3] * l2 + q[2] * l3),
+        2.0 * (q[3] * l1 + q[0] * l2 - q[1] * l3),
+        2.0 * (-q[2] * l1 + q[1] * l2 + q[0] * l3),
+    )
+
+
+@inlined
 def angular_velocity(q, p, i1, i2, i3):
     """omega in the principal frame; zero about an axis without moment."""
     l1, l2, l3 = angular_momentum(q, p)

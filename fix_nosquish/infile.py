@@ -133,7 +133,7 @@ def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> Non
     """
     owned = bodies.sharers.owned
     turn = matrices(bodies.q)
-    inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moment, turn)
+    inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moments_of_atoms, turn)
     rows = np.concatenate(
         [
             bodies.id[None, :],

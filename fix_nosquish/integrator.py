@@ -135,7 +135,7 @@ class Integrator:
     @property
     def carries(self):
         """How many numbers go with an atom to another rank."""
-        return migration.OF_BODY + ROWS + self.rows
+        return migration.OF_BODY + ROWS + self.rows + 3 * bool(self.command.moments)
 
     def __init__(self, ptr, words):
         self.lammps = Lammps(ptr)

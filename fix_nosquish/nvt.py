@@ -79,7 +79,8 @@ class NVT(Integrator):
     """
 
     splits = middle = thermostat = couples = keeps_momentum = True
-    keywords, method = ("temp", "thermostat", "seed", "tchain", "separate"), "NO_SQUISH"
+    keywords = "temp", "thermostat", "seed", "tchain", "separate", "moments"
+    method = "NO_SQUISH"
 
     def __new__(cls, ptr, words):
         if cls is NVT:

@@ -67,7 +67,7 @@ def table(bodies, lammps):
         bodies.q.T,
     )
     rows["angmom"] = bodies.momenta()[3:].T
-    rows["omega"] = np.einsum("abn,bn->na", turn, bodies.angular_velocity())
+    rows["omega"] = np.einsum("abn,bn->na", turn, bodies.angular_velocity() * bodies.slowness)
     rows["force"], rows["torque"] = bodies.force.T, bodies.torque.T
     return rows[bodies.listed]
 

@@ -3,6 +3,7 @@
 from .block import ATOM, LANES, MOMENT, Layout, P, Q, four, take, three, write
 from .compiled import F2, I1, L1, loop
 from .frames import angular_velocity, rotation_matrix, to_space
+from .step import show_atoms_moments
 
 
 @loop
@@ -19,6 +20,7 @@ def set_spins(layout: Layout, atom_omega: F2):
     block, blocks, rounds = layout.block, layout.blocks, layout.rounds
     for k in range(blocks.shape[0] - 1):
         take(layout, k, MOMENT, P + 4, MOMENT)
+        show_atoms_moments(layout, k)
         for b in range(LANES):
             q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
             w1, w2, w3 = angular_velocity(q, four(block, P, b), i1, i2, i3)

@@ -32,7 +32,13 @@ from .block import (
     write,
 )  # fmt: skip
 from .compiled import F1, F2, F, I, inlined, loop
-from .frames import angular_velocity, rotation_matrix, to_space
+from .frames import (
+    angular_momentum,
+    angular_velocity,
+    quaternion_momentum,
+    rotation_matrix,
+    to_space,
+)
 
 # ---------------------------------------------------------------- atoms and their bodies
 
@@ -56,6 +62,21 @@ def velocity_matrices(block):
             w3 * r[4] - w2 * r[5], w1 * r[5] - w3 * r[3], w2 * r[3] - w1 * r[4],
             w3 * r[7] - w2 * r[8], w1 * r[8] - w3 * r[6], w2 * r[6] - w1 * r[7],
         ))  # fmt: skip
+
+
+@inlined
+def show_atoms_moments(layout, k):
+    """Where moments are chosen, have in the block those of the atoms, and the momenta of the same
+    kinetic energy: atoms then have velocities of the right distribution."""
+    block, row = layout.block, layout.kinds[3]
+    if row > 0:
+        take(layout, k, row, row + 3, ATOM)
+        for b in range(LANES):
+            q, (s1, s2, s3) = four(block, Q, b), three(block, ATOM, b)
+            l1, l2, l3 = angular_momentum(q, four(block, P, b))
+            write(block, P, b, quaternion_momentum(q, l1 / s1, l2 / s2, l3 / s3))
+            i1, i2, i3 = three(block, MOMENT, b)
+            write(block, MOMENT, b, (i1 / (s1 * s1), i2 / (s2 * s2), i3 / (s3 * s3)))
 
 
 @inlined
@@ -167,6 +188,7 @@ def set_velocities(layout: Layout, atom_v: F2):
     """Write the velocities v + omega x r of the bodies' atoms."""
     for k in range(layout.blocks.shape[0] - 1):
         take(layout, k, MOMENT, P + 4, MOMENT)
+        show_atoms_moments(layout, k)
         velocity_matrices(layout.block)
         write_atoms(layout, k, V, atom_v)
 

@@ -174,6 +174,13 @@ def summary(nve, virial):
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
+    if command.moments:
+        how, value = command.moments[0], nve.lammps.number(command.moments[1])
+        chosen = f"{value:g} instead" if how == "equal" else f"{value:g} times those"
+        lines.append(
+            f"  principal moments: {chosen} of the atoms' own. Averages over configurations and "
+            "velocities stay as they are; how long bodies take to turn does not"
+        )
     if notes["rebuilt"]:
         lines.append(
             f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the "
@@ -231,7 +238,7 @@ def forces_at_start(nve):
         * np.sqrt((bodies.force**2).sum(axis=0))
         / bodies.mass
     )
-    size = np.sqrt(bodies.moment.max(axis=0) / bodies.mass)
+    size = np.sqrt(bodies.moments_of_atoms.max(axis=0) / bodies.mass)
     k = [push.argmax()] if len(push) else []
     pushes, ids, sizes = communicator.gather_to_all(
         np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T

@@ -19,7 +19,7 @@ from .block import (
 )
 from .compiled import F1, F2, I1, F, inlined, loop
 from .frames import angular_velocity, to_body, to_space
-from .step import displaced, rotation_matrices
+from .step import displaced, rotation_matrices, show_atoms_moments
 
 ACCELERATION = OWN
 
@@ -68,6 +68,7 @@ def constraint_virial(
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
     for k in range(blocks.shape[0] - 1):
         take(layout, k, MASS, TORQUE + 3, MASS)
+        show_atoms_moments(layout, k)
         rotation_matrices(block)
         acceleration_matrices(block, ftm2v)
         for r in range(blocks[k, 1], blocks[k + 1, 1]):

@@ -1,0 +1,119 @@
+"""Keyword moments: averages of configurations and velocities do not depend on it, times do."""
+
+import re
+from math import sqrt, tanh
+
+import numpy as np
+import pytest
+from scipy import stats
+from systems import mixture
+from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, gas, motion, thermo
+from test_nvt import fix as nvt_fix
+
+CHOSEN = {"equal": "moments equal 3", "scale": "moments scale v_four"}
+
+
+def fix(*words):
+    """As of NVT, with the variable that `CHOSEN` names."""
+    return "variable four equal 4\n" + nvt_fix(*words)
+
+
+@pytest.mark.parametrize(("name", "chosen"), [("langevin", "equal"), ("separate", "scale")])
+def test_velocities_of_atoms(run_lammps, tmp_path, name, chosen):
+    """Locks out velocities that are those of the chosen moments: atoms' angular momenta about each
+    axis have the distribution of the atoms' own moments, and temp is the target."""
+    system = gas()
+    words = fix(f"{THERMOSTATS[name]} {CHOSEN[chosen]}") + thermo("f_1[3] f_1[4]", 60)
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n"
+    rows = run_lammps(script + DUMP.format("end"), files=system.files).thermo
+    *_, along = motion(tmp_path / "end")
+    assert stats.kstest(along / sqrt(2.0), "norm").pvalue > 1e-3
+    size = np.array([(along[:, None] ** 2).mean()])
+    assert rows["f_1[4]"][-1] == pytest.approx(size[0], rel=1e-9)  # k T = 2 K / degrees of freedom
+
+
+def test_orientations(run_lammps, tmp_path):
+    """Locks out torques or rotations of other axes than those of the moments: in a field that
+    pulls two atoms apart, directions have Langevin's distribution."""
+    system = mixture("solid", side=6, temperature=2.0)
+    force = 3.0
+    field = f"group up id 1:100000:5\ngroup down id 2:100000:5\nfix up up addforce 0 0 {force}\n"
+    field += f"fix down down addforce 0 0 -{force}\n"
+    words = fix(f"{THERMOSTATS['langevin']} {CHOSEN['equal']}", "2 2 2e-1")
+    dump = "dump 1 all custom 500 end id type xu yu zu\ndump_modify 1 sort id format float %.17g\n"
+    script = f"{system.setup}\n{FREE}{field}{words}timestep 0.01\nrun 1000\n{dump}run 5000\n"
+    run_lammps(script, files=system.files)
+    text = (tmp_path / "end").read_text()
+    atoms = np.array([
+        np.loadtxt(one.splitlines()) for one in re.findall(r"zu\n((?:[\d-].*\n)+?)(?=ITEM|\Z)", text)
+    ]).reshape(-1, 5, 5)  # fmt: skip
+    apart = atoms[:, 0, 2:] - atoms[:, 1, 2:]
+    length = np.linalg.norm(apart, axis=1)
+    a = force * length[0] / 2.0
+    up = apart[:, 2] / length
+    mean = 1 / tanh(a) - 1 / a
+    spread = sqrt((1 - 2 * mean / a - mean**2) / len(up))
+    assert abs(up.mean() - mean) < 4 * spread, (up.mean(), mean, spread)
+
+    def below(z):
+        return (np.exp(a * z) - np.exp(-a)) / (np.exp(a) - np.exp(-a))
+
+    assert stats.kstest(up, below).pvalue > 1e-3
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_pressure(run_lammps, dimension):
+    """Locks out a constraint virial of other velocities than the atoms have: the pressure of free
+    bodies is that of their translation, in every step."""
+    kinds = "planar pair row single" if dimension == 2 else "solid planar pair row single"
+    system = mixture(kinds, side=3, dimension=dimension)
+    flat = "fix 2 all enforce2d\n" if dimension == 2 else ""
+    words = fix(f"seed 5 {CHOSEN['scale']}", "2 2 1") + flat + thermo("press f_1[1] vol", 10)
+    rows = run_lammps(f"{system.setup}\n{FREE}timestep 0.002\n{words}run 50\n", files=system.files)
+    rows = rows.thermo
+    of_translation = 2 * rows["f_1[1]"] / dimension / rows["Volume"]
+    np.testing.assert_allclose(rows["Press"], of_translation, rtol=1e-10)
+
+
+@pytest.mark.parametrize("chosen", CHOSEN)
+def test_ranks_and_restart(run_lammps, tmp_path, chosen):
+    """Locks out moments that a body does not take to another rank, and velocities that a restart,
+    or a second run, reads as those of other moments."""
+    system = mixture(side=3, spacing=2.9, tilt=0.3)
+    words = fix(f"{THERMOSTATS['langevin']} {CHOSEN[chosen]}", "2 2 2e-1")
+    start, end = f"{system.setup}\ntimestep 0.004\n", DUMP.format("end")
+    after = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    runs = (
+        (f"{start}{words}run 50\nwrite_restart middle\nrun 50\n{end}", 2),
+        *((f"{start}{words}run 100\n{end}", ranks) for ranks in (1, 4, 8)),
+        (f"read_restart middle\n{after}timestep 0.004\n{words}run 50\n{end}", 4),
+    )
+    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
+
+
+def test_moments_decide_the_step(run_lammps):
+    """Locks out moments that are only said to be others: with nh, econserve spreads as the square
+    of the step over the time of a rotation, so larger moments stand a longer step."""
+    system, spread = mixture("solid", side=3, spacing=2.4), {}
+    for chosen in ("moments scale 1", "moments scale 16"):
+        words = fix(f"{THERMOSTATS['nh']} {chosen}", "1 1 5e-1") + thermo("econserve etotal", 2)
+        script = f"{system.setup}\n{SMOOTH}timestep 0.008\n{words}run 1000\n"
+        result = run_lammps(script, files=system.files)
+        spread[chosen] = result.thermo["Econserve"][100:].std()
+        assert "how long bodies take to turn does not" in result.log
+    assert spread["moments scale 16"] < 0.5 * spread["moments scale 1"], spread
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("moments equal 0", "keyword moments: equal is 0, and must be above zero"),
+        ("moments scale -1", "keyword moments: scale is -1, and must be above zero"),
+        ("moments 6", "'6' was given where equal VALUE"),
+        ("moments equal", "the fix line ends where equal VALUE"),
+    ],
+)
+def test_bad_words(refused, words, says):
+    """Locks out moments that are no numbers above zero."""
+    system = mixture(side=2)
+    refused(f"{system.setup}\n{fix('seed 1 ' + words)}run 0\n", says, system.files)
