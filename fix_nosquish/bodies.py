@@ -104,9 +104,7 @@ class Bodies:
         communicator: the `Communicator` or `ALONE`.
     """
 
-    def __init__(
-        self, state, body, displace, here, planar, spheres, communicator=ALONE, chosen=0
-    ):
+    def __init__(self, state, body, displace, here, planar, spheres, communicator=ALONE, chosen=0):
         self.planar, self.spheres, self.chosen, self.start = planar, spheres, chosen, None
         self._communicator, self._box = communicator, None
         self._memory = Memory(migration.KINDS)

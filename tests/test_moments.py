@@ -78,15 +78,15 @@ def test_pressure(run_lammps, dimension):
 @pytest.mark.parametrize("chosen", CHOSEN)
 def test_ranks_and_restart(run_lammps, tmp_path, chosen):
     """Locks out moments that a body does not take to another rank, and velocities that a restart,
-    or a second run, reads as those of other moments."""
+    or a second run, reads as those of other moments. Without forces bodies come far."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     words = fix(f"{THERMOSTATS['langevin']} {CHOSEN[chosen]}", "2 2 2e-1")
-    start, end = f"{system.setup}\ntimestep 0.004\n", DUMP.format("end")
-    after = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    start, end = f"{system.setup}\n{FREE}timestep 0.01\n", DUMP.format("end")
+    after = f"{FREE}neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
     runs = (
-        (f"{start}{words}run 50\nwrite_restart middle\nrun 50\n{end}", 2),
-        *((f"{start}{words}run 100\n{end}", ranks) for ranks in (1, 4, 8)),
-        (f"read_restart middle\n{after}timestep 0.004\n{words}run 50\n{end}", 4),
+        (f"{start}{words}run 200\nwrite_restart middle\nrun 200\n{end}", 2),
+        *((f"{start}{words}run 400\n{end}", ranks) for ranks in (1, 4, 8)),
+        (f"read_restart middle\n{after}timestep 0.01\n{words}run 200\n{end}", 4),
     )
     assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
 
