@@ -109,22 +109,16 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     ).transpose(2, 0, 1)
     if given:
         inertia[given.bodies] = given.inertia
+
+    def weighted():
+        return total(*(w * c for w in weights(tag) for c in r.T)).reshape(2, 3, n)
+
     if plane:
         moment, axes = _principal_in_plane(inertia)
     else:
-        moment, axes, equal = _principal(inertia)
-        if communicator.any(equal.any()):
-            sums = total(*(w * c for w in weights(tag) for c in r.T)).reshape(2, 3, n)
-            _choose_axes(axes, equal, sums.transpose(2, 0, 1))
-        if membership.command.order == 123:
-            solid = moment[2] > 0
-            moment[:, solid] = moment[::-1, solid]
-            axes[solid] = axes[solid, :, ::-1]
-        axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
-
+        moment, axes = _frames(inertia, membership.command.order, communicator, weighted)
     chosen, slower = _chosen(lammps, membership.command, moment, plane)
-    state = np.zeros((ROWS + own_rows + len(slower), n))
-    state[ROWS + own_rows :] = slower
+    state = np.concatenate([np.zeros((ROWS + own_rows, n)), slower])
     state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = (
         body_mass,
         natoms,
@@ -289,6 +283,26 @@ def _principal(inertia):
         pair = equal[k] & ~both
         moment[k : k + 2, pair] = moment[k : k + 2, pair].mean(axis=0)
     return moment, axes, equal
+
+
+def _frames(inertia, order, communicator, weighted):
+    """Principal moments and axes as the integrator takes them; collective.
+
+    Args:
+        inertia: (n, 3, 3).  order: keyword order.
+        weighted: a function that gives two weighted sums of each body's atoms, (2, 3, n).
+    Returns:
+        moment (3, n); axes (n, 3, 3), in columns, right-handed.
+    """
+    moment, axes, equal = _principal(inertia)
+    if communicator.any(equal.any()):
+        _choose_axes(axes, equal, weighted().transpose(2, 0, 1))
+    if order == 123:
+        solid = moment[2] > 0
+        moment[:, solid] = moment[::-1, solid]
+        axes[solid] = axes[solid, :, ::-1]
+    axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
+    return moment, axes
 
 
 def _frames_along(axis):

@@ -44,9 +44,8 @@ def test_orientations(run_lammps, tmp_path):
     script = f"{system.setup}\n{FREE}{field}{words}timestep 0.01\nrun 1000\n{dump}run 5000\n"
     run_lammps(script, files=system.files)
     text = (tmp_path / "end").read_text()
-    atoms = np.array([
-        np.loadtxt(one.splitlines()) for one in re.findall(r"zu\n((?:[\d-].*\n)+?)(?=ITEM|\Z)", text)
-    ]).reshape(-1, 5, 5)  # fmt: skip
+    frames = re.findall(r"zu\n((?:[\d-].*\n)+?)(?=ITEM|\Z)", text)
+    atoms = np.array([np.loadtxt(frame.splitlines()) for frame in frames]).reshape(-1, 5, 5)
     apart = atoms[:, 0, 2:] - atoms[:, 1, 2:]
     length = np.linalg.norm(apart, axis=1)
     a = force * length[0] / 2.0
@@ -82,7 +81,7 @@ def test_ranks_and_restart(run_lammps, tmp_path, chosen):
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     words = fix(f"{THERMOSTATS['langevin']} {CHOSEN[chosen]}", "2 2 2e-1")
     start, end = f"{system.setup}\n{FREE}timestep 0.01\n", DUMP.format("end")
-    after = f"{FREE}neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    after = f"{FREE}neighbor 0.4 bin\nneigh_modify exclude molecule/intra all\n"
     runs = (
         (f"{start}{words}run 200\nwrite_restart middle\nrun 200\n{end}", 2),
         *((f"{start}{words}run 400\n{end}", ranks) for ranks in (1, 4, 8)),
