@@ -292,7 +292,7 @@ NVT = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 295 295 100
 def test_constant_temperature(run_water, words, ranks):
     """Locks out a thermostat that needs the plugin: LAMMPS's own fix has the same motion."""
     fix = NVT.format(words=words)
-    _, plugin = run_water(fix, launcher="native")
+    _, plugin = run_water(fix, launcher="lmp")
     _, own = run_water(fix, ranks=ranks)
     assert np.abs(plugin - own).max() < 1e-7
 
