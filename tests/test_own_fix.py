@@ -92,6 +92,7 @@ def debian(ranks):
         "env",
         "OMPI_ALLOW_RUN_AS_ROOT=1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1",
+        "OMPI_MCA_mpi_yield_when_idle=1",  # else ranks that wait take the cores, half of the time
         f"PYTHONPATH={':'.join(packages)}",
         *([str(LMP.parent / "mpirun"), "--oversubscribe", "-np", str(ranks)] if ranks > 1 else []),
         str(LMP),
