@@ -99,7 +99,7 @@ QUICK = {
         test_stability.py::test_verdicts
         test_stability.py::test_tiles
         test_sweep_choice.py::test_choice_is_that_of_a_search
-        test_overview.py::test_tables_sort[1]""",
+        test_overview.py::test_tables_sort""",
     "documentation": """
         test_docs.py::test_readme_has_the_committed_table
         test_docs.py::test_tutorial""",
