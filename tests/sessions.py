@@ -36,7 +36,7 @@ class Session:
         with socket.socket(socket.AF_UNIX) as server, open(self._screen, "ab") as screen:
             server.bind(address)
             server.listen(ranks)
-            server.settimeout(60)
+            server.settimeout(120)
             self._process = subprocess.Popen(
                 [*mpirun, sys.executable, __file__, address, self._screen],
                 cwd=self._folder.name,
@@ -67,23 +67,23 @@ class Session:
                 rank.settimeout(max(until - time.monotonic(), 0.1))
                 codes.append(int(rank.recv(1)))
         except TimeoutError:
-            self.end()
+            self.end(patience=0)
             raise subprocess.TimeoutExpired("in.test", timeout) from None
         except (OSError, ValueError):  # a rank has ended, and mpirun ends the others
-            codes.append(self._process.wait(10) or 1)
             self.end()
+            codes.append(self._process.returncode or 1)
         return max(codes, key=abs), Path(self._screen).read_text(errors="replace")
 
-    def end(self):
-        """End the processes: those that wait for a script, by themselves."""
+    def end(self, patience=30):
+        """End the processes: those that wait for a script end by themselves, in so many seconds."""
+        self.ended = True
         for rank in self._ranks:
             rank.close()
         try:
-            self._process.wait(0 if self.ended else 5)
+            self._process.wait(patience)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-        self.ended = True
 
 
 def serve(address, screen):
