@@ -106,7 +106,8 @@ QUICK = {
     "the suite itself": """
         test_suite.py::test_imports_what_is_installed[module]
         test_suite.py::test_differences
-        test_suite.py::test_quick_tests_are_there""",
+        test_suite.py::test_quick_tests_are_there
+        test_sessions.py::test_scripts_are_apart""",
 }
 NAMES = {name.strip() for names in QUICK.values() for name in names.strip().split("\n")}
 

@@ -210,8 +210,8 @@ def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
 
 
 def answer(process):
-    """What a process says, after at most a minute."""
-    output, _ = process.communicate(timeout=60)
+    """What a process says; it may compile first, which takes a minute on a slow machine."""
+    output, _ = process.communicate(timeout=200)
     assert process.returncode == 0, output
     return json.loads(output)
 
