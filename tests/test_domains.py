@@ -236,6 +236,7 @@ def test_partitions(run_lammps, tmp_path):
         files=system.files,
         ranks=4,
         options=("-partition", "2x2"),
+        launcher="lmp",
     )
     together = [(tmp_path / f"log.lammps.{k}").read_text() for k in (0, 1)]
     ends = [(tmp_path / f"end.{seed}").read_text() for seed in (4928, 1234)]
@@ -283,6 +284,7 @@ def test_error_in_one_world(run_lammps, tmp_path, layout, words, more, message):
         files=system.files,
         ranks=ranks,
         options=("-partition", layout),
+        launcher="lmp",
         check=False,
         timeout=60,
     )

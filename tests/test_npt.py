@@ -31,8 +31,8 @@ def test_volumes_of_a_gas(run_lammps, name, cell):
     """Locks out a pressure that counts rotation, a wrong strength of the noise or of the drift, and
     momenta that are not scaled: the volume of free bodies has the gamma distribution."""
     system = mixture(side=2)
-    words = fix(THERMOSTATS[name], cell) + thermo("vol", 200)
-    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 80000\n"
+    words = fix(THERMOSTATS[name], cell.replace("every 5", "every 2")) + thermo("vol", 80)
+    script = f"{system.setup}\n{FREE}timestep 0.01\n{words}run 32000\n"
     rows = run_lammps(script, files=system.files).thermo[20:]
     bodies = 8 if name == "langevin" else 7  # csvr keeps the total momentum, and counts it out
     shape = (bodies + 1, 0, 2.0 / 0.12)
@@ -42,9 +42,9 @@ def test_volumes_of_a_gas(run_lammps, name, cell):
 def test_areas_of_a_gas(run_lammps):
     """Locks out a volume in two dimensions, where the pressure is that of an area."""
     system = mixture("planar pair row single", side=3, dimension=2)
-    words = fix(THERMOSTATS["langevin"], "iso 35e-2 35e-2 2e-1 every 5 compressibility 3")
-    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}fix 2 all enforce2d\n"
-    rows = run_lammps(f"{script}{thermo('vol', 200)}run 80000\n", files=system.files).thermo[20:]
+    words = fix(THERMOSTATS["langevin"], "iso 35e-2 35e-2 2e-1 every 2 compressibility 3")
+    script = f"{system.setup}\n{FREE}timestep 0.01\n{words}fix 2 all enforce2d\n"
+    rows = run_lammps(f"{script}{thermo('vol', 80)}run 32000\n", files=system.files).thermo[20:]
     assert stats.kstest(rows["Volume"], "gamma", (9 + 1, 0, 2.0 / 0.35)).pvalue > 1e-3
 
 

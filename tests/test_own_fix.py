@@ -92,6 +92,7 @@ def debian(ranks):
         "env",
         "OMPI_ALLOW_RUN_AS_ROOT=1",
         "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1",
+        "OMPI_MCA_mpi_yield_when_idle=1",  # else ranks that wait take the cores, half of the time
         f"PYTHONPATH={':'.join(packages)}",
         *([str(LMP.parent / "mpirun"), "--oversubscribe", "-np", str(ranks)] if ranks > 1 else []),
         str(LMP),
@@ -292,7 +293,7 @@ NVT = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 295 295 100
 def test_constant_temperature(run_water, words, ranks):
     """Locks out a thermostat that needs the plugin: LAMMPS's own fix has the same motion."""
     fix = NVT.format(words=words)
-    _, plugin = run_water(fix, launcher="native")
+    _, plugin = run_water(fix, launcher="lmp")
     _, own = run_water(fix, ranks=ranks)
     assert np.abs(plugin - own).max() < 1e-7
 
