@@ -38,10 +38,10 @@ class Barostat(NamedTuple):
             not.
         cell_sums: (12,) to work with.
         forces_virial: (6,) the virial of LAMMPS's forces on all ranks (xx yy zz xy xz yz).
-        new_box: (9,) lowest and highest coordinates, tilts xy, xz, yz.
+        new_box: (12,) lowest and highest coordinates, tilts xy, xz, yz; of a flip, how many box
+            vectors are added: a to b, a to c, b to c.
         set_box: (2,) address of LAMMPS's function that takes these, and its first argument.
-        flip_box: (2,) the same of the one that takes how many box vectors are added: a to b, a to
-            c, b to c.
+        flip_box: (2,) the same of the one for a flip.
     """
 
     barostat: F1
@@ -129,12 +129,18 @@ def stretch_box(cell, box, shift):
             shift[i, k] *= factor
     if numbers[TILTED] > 0.0:
         shear_box(numbers, h, inverse, lo, shift)
+    tell_box(h, lo, new_box)
+    call(cell.set_box[0], cell.set_box[1], address(new_box))
+    return 0
+
+
+@inlined
+def tell_box(h, lo, new_box):
+    """Have the numbers of the box ready for LAMMPS."""
     for k in range(3):
         new_box[k], new_box[3 + k] = lo[k], lo[k] + h[k, k]
         h[k, k] = new_box[3 + k] - lo[k]  # as LAMMPS will have it
     new_box[6], new_box[7], new_box[8] = h[0, 1], h[0, 2], h[1, 2]
-    call(cell.set_box[0], cell.set_box[1], address(new_box))
-    return 0
 
 
 @inlined
@@ -159,15 +165,18 @@ def shear_box(numbers, h, inverse, lo, shift):
 def flip(state: F2, cell: Barostat, box: Box) -> I:
     """Where a tilt has become large, take other vectors of the same lattice for the box.
 
-    Nothing moves but the bodies' image flags, which count these vectors.
+    Nothing moves but the bodies' image flags, which count these vectors.  The box keeps its centre,
+    from which it stretches, so that a run backwards, which flips elsewhere, finds the same.
     """
-    h, inverse, new = box.h, box.inverse, cell.new_box
+    h, inverse, lo, new = box.h, box.inverse, box.lo, cell.new_box
     yz = -floor(h[1, 2] / h[1, 1] + 0.5) if abs(h[1, 2]) > FLIP * h[1, 1] else 0.0
     tilt = h[0, 2] + yz * h[0, 1]
     xz = -floor(tilt / h[0, 0] + 0.5) if abs(tilt) > FLIP * h[0, 0] else 0.0
     xy = -floor(h[0, 1] / h[0, 0] + 0.5) if abs(h[0, 1]) > FLIP * h[0, 0] else 0.0
     if xy == 0.0 and xz == 0.0 and yz == 0.0:
         return 0
+    lo[0] += 0.5 * (h[0, 2] - tilt - (xy + xz) * h[0, 0])
+    lo[1] -= 0.5 * yz * h[1, 1]
     h[0, 2] = tilt + xz * h[0, 0]
     h[1, 2] += yz * h[1, 1]
     h[0, 1] += xy * h[0, 0]
@@ -177,6 +186,7 @@ def flip(state: F2, cell: Barostat, box: Box) -> I:
     for b in range(state.shape[1]):
         state[IMAGE + 1, b] -= yz * state[IMAGE + 2, b]
         state[IMAGE, b] -= xy * state[IMAGE + 1, b] + xz * state[IMAGE + 2, b]
-    new[0], new[1], new[2] = xy, xz, yz
+    tell_box(h, lo, new)
+    new[9], new[10], new[11] = xy, xz, yz
     call(cell.flip_box[0], cell.flip_box[1], address(new))
     return 0

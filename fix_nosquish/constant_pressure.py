@@ -205,7 +205,7 @@ class ConstantPressure(NVT):
             "axes": Cell(L1, self.axes),
             "cell_sums": Cell(F1, np.zeros(12)),
             "forces_virial": Cell(F1, self.host.forces_virial),
-            "new_box": Cell(F1, np.zeros(9)),
+            "new_box": Cell(F1, np.zeros(12)),
             "set_box": Cell(L1, self.host.set_box),
             "flip_box": Cell(L1, self.host.flip_box),
         }

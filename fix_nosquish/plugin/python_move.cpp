@@ -252,7 +252,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.set_box = [](void *fix, const double *box) { return self(fix)->set_box(box); };
-  bridge.flip_box = [](void *fix, const double *counts) { return self(fix)->flip_box(counts); };
+  bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
   bridge.forces_virial = forces_virial;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
@@ -595,9 +595,9 @@ int64_t FixPythonMove::set_box(const double *numbers)
 // The box has other vectors of the same lattice: to b, c that many of a are added, and to c of b. Nothing moves in space, but
 // atoms belong to other ranks, far away. So they are brought there as LAMMPS brings them, in parts of the way.
 
-int64_t FixPythonMove::flip_box(const double *counts)
+int64_t FixPythonMove::flip_box(const double *numbers)
 {
-  const double xy = counts[0], xz = counts[1], yz = counts[2];
+  const double xy = numbers[9], xz = numbers[10], yz = numbers[11];
   domain->x2lamda(atom->nlocal);
   domain->pbc();
   comm->exchange();
@@ -609,28 +609,22 @@ int64_t FixPythonMove::flip_box(const double *counts)
     domain->image_flip((int) xy, (int) xz, 0);
     shift_lamda(0, xy, xz);
   }
-  domain->xz += yz * domain->xy;
-  domain->xz += xz * domain->xprd;
-  domain->yz += yz * domain->yprd;
-  domain->xy += xy * domain->xprd;
-  domain->set_global_box();
-  domain->set_local_box();
+  set_box(numbers);
   domain->lamda2x(atom->nlocal);
-  if (force->kspace) force->kspace->setup();
-  kept_box = box();
   return 0;
 }
 
-// Take from an axis of the atoms' coordinates in the box so many of y, and of z; no further at once than to the next rank.
+// Take from an axis of the atoms' coordinates in the box so many of y, and of z, about its centre; no further at once than to
+// the next rank.
 
 void FixPythonMove::shift_lamda(int axis, double y, double z)
 {
   double width = domain->subhi_lamda[axis] - domain->sublo_lamda[axis], least = 0.0;
   MPI_Allreduce(&width, &least, 1, MPI_DOUBLE, MPI_MIN, world);
-  const int parts = (int) std::ceil((std::fabs(y) + std::fabs(z)) / (0.9 * least));
+  const int parts = (int) std::ceil(0.5 * (std::fabs(y) + std::fabs(z)) / (0.9 * least));
   for (int part = 0; part < parts; part++) {
     double **x = atom->x;
-    for (int i = 0; i < atom->nlocal; i++) x[i][axis] -= (y * x[i][1] + z * x[i][2]) / parts;
+    for (int i = 0; i < atom->nlocal; i++) x[i][axis] -= (y * (x[i][1] - 0.5) + z * (x[i][2] - 0.5)) / parts;
     domain->pbc();
     comm->exchange();
   }
