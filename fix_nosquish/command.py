@@ -20,7 +20,8 @@ KEYWORDS = {
 }
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
-PRESSURES = "iso", "aniso", "x", "y", "z"
+TILTS = "xy", "xz", "yz"
+PRESSURES = "iso", "aniso", "tri", "x", "y", "z", *TILTS
 BAROSTATS = "crescale", "mtk"
 COUPLES = "none", "xyz", "xy", "yz", "xz"
 # keywords that only some integrators have
@@ -35,6 +36,7 @@ OWN_KEYWORDS = {
     "couple": f"one of {', '.join(COUPLES)}",
     "barostat": f"one of {', '.join(BAROSTATS)}",
     "every": "a whole number of at least 1",
+    "dilate": "the ID of a group, whose atoms, of those in no body, move with the box",
     "compressibility": _NUMBER,
 }
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
@@ -48,17 +50,15 @@ _ELSEWHERE = {
         "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
     ),
     "moments": "only the averages of fix_nosquish.NVT and NPT do not depend on the moments",
-    "tri": "the box of fix_nosquish.NPT and NPH keeps its tilts' ratios: use iso, aniso, x, y or z",
     "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
     **dict.fromkeys(("nreset", "drag"), "the box is integrated in one way"),
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
-        (*PRESSURES, "couple", "barostat", "every", "compressibility"),
+        (*PRESSURES, "couple", "barostat", "every", "compressibility", "dilate"),
         "this integrator keeps the volume, fix_nosquish.NPT and NPH change it",
     ),
     "pchain": "the chain of fix_nosquish.NPT's piston has the length tchain",
-    "dilate": "all atoms move with the box of fix_nosquish.NPT and NPH",
     "fixedpoint": "the box of fix_nosquish.NPT and NPH changes about its centre",
 }
 
@@ -91,9 +91,11 @@ class Command:
         separate: whether translation and rotation have a thermostat each.
         moments: ("equal", value), the principal moments that bodies get, or ("scale", factor) of
             those of their atoms, each a word for a number; None for those of the atoms.
-        pressure: dictionary from iso, aniso, x, y, z to (PSTART, PSTOP, PDAMP), words for numbers.
+        pressure: dictionary from some of `PRESSURES` to (PSTART, PSTOP, PDAMP), words for numbers.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
         every: steps between two changes of the box, None for a part of PDAMP.
+        dilate: ID of the group of which atoms that are in no body move with the box; None for none
+            such.
         compressibility: a word for a number, None for the default.
     """
 
@@ -119,11 +121,17 @@ class Command:
     couple: str = "none"
     barostat: str = BAROSTATS[0]
     every: int | None = None
+    dilate: str | None = None
     compressibility: str | None = None
 
-    def pressure_along(self, axis):
-        """The words (PSTART, PSTOP, PDAMP) for an axis, x, y or z; None if it does not change."""
-        given = (self.pressure.get(keyword) for keyword in (axis, "iso", "aniso"))
+    def pressure_of(self, part):
+        """The words (PSTART, PSTOP, PDAMP) for an axis or a tilt, x, y, z, xy, xz or yz; None if it
+        does not change."""
+        given = [self.pressure.get(part), self.pressure.get("tri")]
+        if part not in TILTS:
+            given += [self.pressure.get("iso"), self.pressure.get("aniso")]
+        elif given[1]:
+            given[1] = "0", "0", given[1][2]
         return next(filter(None, given), None)
 
     @classmethod
@@ -196,16 +204,25 @@ def _check_pressure(words, values, known):
     given = set(values.get("pressure", ()))
     if not given:
         raise words.wrong(
-            f"the pressure is missing: give iso, aniso, x, y or z {OWN_KEYWORDS['iso']}"
+            "the pressure is missing: give iso, aniso, tri, or some of x, y, z, xy, xz, yz "
+            + OWN_KEYWORDS["iso"]
         )
-    if len(given & {"iso", "aniso"}) > (len(given) == 1):
-        raise words.wrong("of the keywords iso, aniso and x, y, z only one kind can stand")
+    if len(given & {"iso", "aniso", "tri"}) > (not given & set("xyz")) or (
+        "tri" in given and given & set(TILTS)
+    ):
+        raise words.wrong(
+            "of the keywords iso, aniso, tri and x, y, z only one kind can stand; "
+            "tilts xy, xz, yz beside another kind than tri"
+        )
+    if {"xy", "yz"} <= given and "xz" not in given:
+        raise words.wrong("where tilts xy and yz change, xz follows them: give xz, too")
     if "iso" in given and "couple" in values:
         raise words.wrong("keyword couple is for aniso and x, y, z: iso couples all axes")
     asked, couple = values["pressure"], values.get("couple", "none")
     if len({damping for _, _, damping in asked.values()}) > 1:
         raise words.wrong("PDAMP is another one for another axis: give all axes the same")
-    if "aniso" not in given and couple != "none" and len({asked.get(k) for k in couple}) > 1:
+    several = given & {"aniso", "tri"}
+    if not several and couple != "none" and len({asked.get(k) for k in couple}) > 1:
         raise words.wrong(f"keyword couple {couple}: give each of these axes, and the same numbers")
     if "compressibility" in values and values.get("barostat") == "mtk":
         raise words.wrong("keyword compressibility is of no use to this barostat: leave it out")
@@ -306,7 +323,7 @@ _READ = {  # what the words behind a keyword give
     "reinit": lambda words, expected: words.choice(("no", "yes"), expected),
     "infile": _Words.take,
     "output": lambda words, expected: (words.whole(expected), words.take(expected)),
-    "points": _Words.take,
+    **dict.fromkeys(("points", "dilate"), _Words.take),
     "temp": lambda words, expected: words.numbers(3, expected),
     "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),
     **dict.fromkeys(

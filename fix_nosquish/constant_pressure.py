@@ -5,14 +5,27 @@ How the box follows the pressure is said by `crescale` and `mtk`.
 
 import numpy as np
 
-from . import cell
-from .cell import EVERY, MOST, NUMBERS, OUT_OF_BOUNDS, P_START, P_STOP, SPACE, UNIT
+from . import cell, others
+from .cell import (
+    EVERY,
+    MOST,
+    NUMBERS,
+    OUT_OF_BOUNDS,
+    P_START,
+    P_STOP,
+    SPACE,
+    TILTED,
+    UNIT,
+    WEIGHT,
+    XY,
+    flip,
+)  # fmt: skip
 from .command import PRESSURES
 from .compiled import F1, L1, Cell
 from .errors import RunError
 from .nvt import NVT
 
-AXES = "xyz"
+AXES, TILTS = "xyz", ("xy", "xz", "yz")
 # parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
 # a box that follows the fast fluctuations of a liquid's pressure in long jumps is too restless
 PARTS, FEWEST_PARTS = 50, 20
@@ -22,19 +35,21 @@ COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), 
 class ConstantPressure(NVT):
     """An integrator whose box changes every so many steps.
 
-    All atoms of the system are in its bodies, or points.
+    All atoms of the system are in its bodies, or points, or keyword dilate says of the others which
+    ones move with the box.
 
     Attributes:
         numbers: how many numbers its barostat has; see `cell`.
+        has_others: whether there are atoms that are in no body.
 
     Raises:
         RunError: for words that do not go together, for atoms that are left out, and where a face
             of the box is not periodic.
     """
 
-    keywords = (*PRESSURES, "couple", "every")
-    modules, numbers = (cell.__name__,), NUMBERS
-    respa, every = False, 1
+    keywords = (*PRESSURES, "couple", "every", "dilate")
+    modules, numbers = (cell.__name__, others.__name__), NUMBERS
+    respa, every, has_others = False, 1, False
 
     def own_parameters(self):
         self._refuse()
@@ -59,10 +74,11 @@ class ConstantPressure(NVT):
     def complaint(self, found):
         if found == OUT_OF_BOUNDS:
             return (
-                f"an axis of the box would change by more than a factor of {MOST:g} at once by "
-                f"step {self.lammps.step}: the pressure is far from the one asked for, or PDAMP "
-                "is too short. Bring the system near this pressure at constant volume or with a "
-                "longer PDAMP first, or give keyword every a smaller number"
+                f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
+                f"tilt by more than an edge, by step {self.lammps.step}: the pressure is far from "
+                "the one asked for, or PDAMP is too short. Bring the system near this pressure at "
+                "constant volume or with a longer PDAMP first, or give keyword every a smaller "
+                "number"
             )
         return super().complaint(found)
 
@@ -76,12 +92,15 @@ class ConstantPressure(NVT):
                 everywhere=True,
             )
         outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
-        if outside:
+        if outside and not self.command.dilate:
             raise RunError(
-                f"{outside} atoms are in no body, and would stay where they are when the box "
-                "changes: give their group to keyword points",
+                f"{outside} atoms are in no body: give their group to keyword points, so that this "
+                "fix moves them, too, or say by keyword dilate which of them the box takes along",
                 everywhere=True,
             )
+        self.has_others = outside > 0
+        if self.has_others:
+            self._refuse_changed_forces()
         flat = {"z", "xz", "yz"} & {*self.command.pressure, self.command.couple}
         if lammps.dimension == 2 and flat:
             raise RunError(
@@ -92,23 +111,69 @@ class ConstantPressure(NVT):
             raise RunError(
                 "keywords force and torque are for a box that does not change", everywhere=True
             )
-        for axis, group, periodic in zip(AXES, self.axes, lammps.box.periodic, strict=True):
-            if group >= 0 and not periodic:
+        if self.flips and not lammps.setting("triclinic"):
+            raise RunError(
+                "keywords tri, xy, xz, yz are for a triclinic box, and this one is orthogonal: use "
+                "aniso, or make it triclinic (change_box all triclinic) before the fix line",
+                everywhere=True,
+            )
+        for part, group in zip((*AXES, *TILTS), self.axes, strict=True):
+            fixed = [axis for axis in part if not lammps.box.periodic[AXES.index(axis)]]
+            if group >= 0 and fixed:
                 raise RunError(
-                    f"there is no pressure along {axis}, which is not periodic: name other axes",
+                    f"there is no pressure along {fixed[0]}, which is not periodic: name other "
+                    "axes" + (f", and no tilt {part}" if len(part) > 1 else ""),
                     everywhere=True,
                 )
 
+    def _refuse_changed_forces(self):
+        """Raise an error if forces on atoms that stay are not those of LAMMPS's virial."""
+        lammps, dilated = self.lammps, self.lammps.group_bit(self.command.dilate)
+        stays = (lammps.groups & dilated) == 0
+        stays[self.bodies.index] = False
+        for fix in self._fixes:
+            changes = fix.style.startswith(("setforce", "aveforce", "freeze"))
+            hit = stays & (lammps.groups & np.uint32(fix.groupbit & 0xFFFFFFFF) != 0)
+            if changes and self.communicator.any(hit.any()):
+                raise RunError(
+                    f"fix {fix.id} changes forces on atoms that stay where they are when the box "
+                    "changes, and the pressure needs these forces: leave that fix out (atoms that "
+                    "no fix integrates do not move), or have keyword dilate take the atoms along",
+                    everywhere=True,
+                )
+
+    def loops_of_others(self, cells):
+        """Loops for atoms that are in no body: what they say of the pressure, and what moves them
+        with the box; two lists, empty where there are none."""
+        if not self.has_others:
+            return [], []
+        bit = np.array([self.lammps.group_bit(self.command.dilate)], np.uint32).view(np.int32)[0]
+        return (
+            [others.virial_of_others.bind_to(cells, dilated=int(bit))],
+            [others.move_others.bind_to(cells, dilated=int(bit))],
+        )
+
     @property
     def axes(self):
-        """Which axes change together, (3,): see `cell.Barostat`."""
+        """Which axes change together, and which tilts, (6,): see `cell.Barostat`."""
         command = self.command
         coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
-        axes = [
-            group if command.pressure_along(axis) else -1
-            for axis, group in zip(AXES, coupled, strict=True)
-        ]
-        return np.array(axes if self.lammps.dimension == 3 else [*axes[:2], -1])
+        groups = zip((*AXES, *TILTS), (*coupled, 3, 4, 5), strict=True)
+        flat = "" if self.lammps.dimension == 3 else "z"
+        return np.array(
+            [
+                group if command.pressure_of(part) and not (flat and flat in part) else -1
+                for part, group in groups
+            ]
+        )
+
+    @property
+    def flips(self):
+        """Whether tilts change, so that other box vectors may be better."""
+        return bool((self.axes[XY:] >= 0).any())
+
+    def flip_loops(self, cells):
+        return [flip.bind_to(cells)]
 
     @property
     def damping(self):
@@ -121,19 +186,26 @@ class ConstantPressure(NVT):
     def own_numbers(self):
         """The numbers of the barostat, (n,): see `cell`."""
         lammps, numbers = self.lammps, np.zeros(self.numbers)
-        for k, axis in enumerate(AXES):
-            if words := self.command.pressure_along(axis):
+        for k, part in enumerate((*AXES, *TILTS)):
+            if words := self.command.pressure_of(part):
                 start, stop = (lammps.number(word) for word in words[:2])
                 numbers[[P_START + k, P_STOP + k]] = start / lammps.nktv2p, stop / lammps.nktv2p
         numbers[[UNIT, EVERY, SPACE]] = lammps.mvv2e, self.every, lammps.dimension == 3
+        # a change of an axis stretches a tilt along it, and narrows one that it is the second of
+        changing = [tilt for tilt, group in zip(TILTS, self.axes[XY:], strict=True) if group >= 0]
+        for k, axis in enumerate(AXES):
+            along, across = (sum(tilt[n] == axis for tilt in changing) for n in (0, 1))
+            numbers[WEIGHT + k] = 1.0 + along - across
+        numbers[TILTED] = self.flips
         return numbers
 
     def own_cells(self):
         return super().own_cells() | {
             "barostat": Cell(F1, self.own_numbers()),
             "axes": Cell(L1, self.axes),
-            "cell_sums": Cell(F1, np.zeros(6)),
+            "cell_sums": Cell(F1, np.zeros(12)),
             "forces_virial": Cell(F1, self.host.forces_virial),
-            "new_box": Cell(F1, np.zeros(9)),
+            "new_box": Cell(F1, np.zeros(12)),
             "set_box": Cell(L1, self.host.set_box),
+            "flip_box": Cell(L1, self.host.flip_box),
         }

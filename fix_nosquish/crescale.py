@@ -27,9 +27,15 @@ from .cell import (
     OPEN,
     OUT_OF_BOUNDS,
     RATE,
+    SHEAR,
     SPREAD,
     STRETCH,
+    TILT_MOTION,
+    TILT_SPREAD,
+    TILTED,
     UNIT,
+    WEIGHT,
+    XY,
     Barostat,
     pressure_now,
     stretch_box,
@@ -54,24 +60,25 @@ _PER_ATM = {
 
 @inlined
 def find_stretch(parameters, cell, box, part, dt):
-    """The factors of the axes for dt, by the kinetic energies and virials along them."""
+    """The factors of the axes, and the shear, for dt, by kinetic energies and virials."""
     kt, numbers = parameters[KT] * cell.barostat[UNIT], cell.barostat
     volume = volume_of(box, numbers)
     for k in range(3):
         numbers[STRETCH + k] = 1.0
     for group in range(3):
-        count, excess = 0, 0.0
+        count, excess, weight = 0, 0.0, 0.0
         for k in range(3):
             if cell.axes[k] == group:
                 count += 1
                 energy = cell.cell_sums[k] * numbers[UNIT]
                 energy += cell.forces_virial[k] - cell.cell_sums[3 + k]
                 excess += pressure_now(numbers, k, part) - energy / volume
+                weight += numbers[WEIGHT + k]
         if count > 0:
             w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
             noise, _ = normal_pair(w0, w1)
             root, strength = sqrt(volume), numbers[RATE] * count * dt / 6.0
-            root -= strength * root * (excess / count - 0.5 * kt / volume)
+            root -= strength * root * (excess / count - (weight / count - 0.5) * kt / volume)
             root += sqrt(strength * kt) * noise
             factor, volume = root * root / volume, root * root
             if count == 2:
@@ -81,19 +88,93 @@ def find_stretch(parameters, cell, box, part, dt):
             for k in range(3):
                 if cell.axes[k] == group:
                     numbers[STRETCH + k] = factor
+    if numbers[TILTED] > 0.0:
+        find_shear(parameters, cell, box, part, kt, numbers[RATE] * dt / 3.0)
+
+
+@inlined
+def find_shear(parameters, cell, box, part, kt, strength):
+    """The shear, by what the motion and the forces do along one axis with the other."""
+    numbers, volume = cell.barostat, volume_of(box, cell.barostat)
+    for k in range(3):
+        numbers[SHEAR + k] = 0.0
+        if cell.axes[XY + k] >= 0:
+            w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + XY + k)
+            noise, _ = normal_pair(w0, w1)
+            energy = cell.cell_sums[6 + k] * numbers[UNIT]
+            energy += cell.forces_virial[XY + k] - cell.cell_sums[9 + k]
+            excess = pressure_now(numbers, XY + k, part) - energy / volume
+            numbers[SHEAR + k] = sqrt(2.0 * strength * kt / volume) * noise - strength * excess
+
+
+@inlined
+def measure_axes(state, rank, numbers):
+    """Twice the kinetic energy of this rank's bodies along each axis."""
+    for k in range(3):
+        numbers[MOTION + k] = 0.0
+        for b in range(state.shape[1]):
+            if state[HOME, b] == rank:
+                numbers[MOTION + k] += state[MASS, b] * state[V + k, b] * state[V + k, b]
+
+
+@inlined
+def measure_tilts(state, rank, numbers):
+    """Twice the kinetic energy of this rank's bodies along two axes, xy, xz, yz."""
+    xy = xz = yz = 0.0
+    for b in range(state.shape[1]):
+        if state[HOME, b] == rank:
+            xy += state[MASS, b] * state[V, b] * state[V + 1, b]
+            xz += state[MASS, b] * state[V, b] * state[V + 2, b]
+            yz += state[MASS, b] * state[V + 1, b] * state[V + 2, b]
+    numbers[TILT_MOTION], numbers[TILT_MOTION + 1], numbers[TILT_MOTION + 2] = xy, xz, yz
+
+
+@inlined
+def shear(state, numbers):
+    """Shear the centres of mass about the box's centre."""
+    xy, xz, yz = numbers[SHEAR], numbers[SHEAR + 1], numbers[SHEAR + 2]
+    for b in range(state.shape[1]):
+        y, z = state[X + 1, b] - numbers[CENTRE + 1], state[X + 2, b] - numbers[CENTRE + 2]
+        state[X, b] += xy * y + xz * z
+        state[X + 1, b] += yz * z
+
+
+@inlined
+def slow_by_shear(state, numbers):
+    """Shear the velocities by the inverse."""
+    xy, xz, yz = numbers[SHEAR], numbers[SHEAR + 1], numbers[SHEAR + 2]
+    for b in range(state.shape[1]):
+        state[V, b] += (xy * yz - xz) * state[V + 2, b] - xy * state[V + 1, b]
+        state[V + 1, b] -= yz * state[V + 2, b]
 
 
 @inlined
 def note_work(mpi, parameters, cell):
     """Note half of the energy that the change of the box gives by way of the forces, this rank's
     part: with the forces before it, and with those behind."""
-    numbers, given = cell.barostat, 0.0
+    numbers, tilted = cell.barostat, cell.barostat[TILTED] > 0.0
+    x, y, z = (log(numbers[STRETCH]), log(numbers[STRETCH + 1]), log(numbers[STRETCH + 2]))
+    xy, xz, yz = numbers[SHEAR], numbers[SHEAR + 1], numbers[SHEAR + 2]
+    # the logarithm of shear times stretch, to the second order
+    tilts = (
+        xy + 0.5 * xy * (y - x), xz + 0.5 * xz * (z - x) - 0.5 * xy * yz, yz + 0.5 * yz * (z - y)
+    )  # fmt: skip
+    axes, given = (x, y, z), 0.0
     for k in range(3):
-        virial = -numbers[SPREAD + k]
+        given += axes[k] * numbers[SPREAD + k]
+        if tilted:
+            given += tilts[k] * numbers[TILT_SPREAD + k]
         if mpi.interface[RANK] == 0:
-            virial += cell.forces_virial[k]
-        given -= 0.5 * log(numbers[STRETCH + k]) * virial
-    parameters[HEAT] += given / numbers[UNIT]
+            given -= axes[k] * cell.forces_virial[k]
+            if tilted:
+                given -= tilts[k] * cell.forces_virial[XY + k]
+    parameters[HEAT] += 0.5 * given / numbers[UNIT]
+
+
+@inlined
+def note_motion(parameters, numbers, sign):
+    """Add this rank's kinetic energy to the noted one, with this sign."""
+    parameters[HEAT] += 0.5 * sign * (numbers[MOTION] + numbers[MOTION + 1] + numbers[MOTION + 2])
 
 
 @loop
@@ -115,17 +196,22 @@ def rescale_cell(
         as `stretch_box`.
     """
     state, numbers = layout.state, cell.barostat
-    for k in range(3):
-        numbers[MOTION + k] = 0.0
-        for b in range(state.shape[1]):
-            if state[HOME, b] == rank:
-                numbers[MOTION + k] += state[MASS, b] * state[V + k, b] * state[V + k, b]
-    add_up(mpi, DOUBLE, numbers[MOTION : MOTION + 6], cell.cell_sums)
+    measure_axes(state, rank, numbers)
+    count = 6
+    if numbers[TILTED] > 0.0:
+        measure_tilts(state, rank, numbers)
+        count = 12
+    add_up(mpi, DOUBLE, numbers[MOTION : MOTION + count], cell.cell_sums)
     part = prepare(parameters, step, begin_step, end_step)
     find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
     if stretch_box(cell, box, images.shift) < 0:
         return OUT_OF_BOUNDS
     note_work(mpi, parameters, cell)
+    if numbers[TILTED] > 0.0:
+        note_motion(parameters, numbers, -1.0)
+        slow_by_shear(state, numbers)
+        measure_axes(state, rank, numbers)
+        note_motion(parameters, numbers, 1.0)
     for k in range(3):
         slower = 1.0 / (numbers[STRETCH + k] * numbers[STRETCH + k])
         parameters[HEAT] += 0.5 * numbers[MOTION + k] * (slower - 1.0)
@@ -134,6 +220,8 @@ def rescale_cell(
         for b in range(state.shape[1]):
             state[X + k, b] = centre + factor * (state[X + k, b] - centre)
             state[V + k, b] /= factor
+    if numbers[TILTED] > 0.0:
+        shear(state, numbers)
     for k in range(layout.blocks.shape[0] - 1):
         take(layout, k, MASS, Q + 4, MASS)
         place(layout, k, atom_x)
@@ -149,8 +237,10 @@ class StochasticCell(ConstantPressure):
         return f"{super().method}, and stochastic cell rescaling"
 
     def cell_loops(self, cells):
-        forces = [cell.virial_about_centres.bind_to(cells), end_change.bind_to(cells)]
-        return forces, [rescale_cell.bind_to(cells)]
+        seen, moved = self.loops_of_others(cells)
+        behind = [*seen, end_change.bind_to(cells)]
+        pressure = [cell.virial_about_centres.bind_to(cells), *behind]
+        return pressure, [rescale_cell.bind_to(cells), *moved]
 
     def own_numbers(self):
         numbers, lammps = super().own_numbers(), self.lammps

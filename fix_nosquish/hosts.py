@@ -23,7 +23,8 @@ class Host(Protocol):
         next_output: the next step for which LAMMPS writes something; None if that is not known.
         span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
-        forces_virial, set_box: as `cell.Barostat` has them; None where LAMMPS does not give them.
+        forces_virial, set_box, flip_box: as `cell.Barostat` has them; None where LAMMPS does not
+            give them.
         creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
     """
 
@@ -42,6 +43,7 @@ class Host(Protocol):
     changes_box: int
     forces_virial: np.ndarray | None
     set_box: np.ndarray | None
+    flip_box: np.ndarray | None
     creates_velocities: bool
 
     def log(self, text):

@@ -81,8 +81,13 @@ class Integrator:
         own_parameters: a method that returns numbers for its operations, behind those of
             `operations`; it is asked when a run begins, and all are in `parameters` then.
         own_cells: a method that returns a dictionary of cells that its own loop takes.
+        loops_behind: a method that binds a list of loops that come behind the second pass over the
+            bodies.
         thermostat: whether it keeps a temperature, so that no other fix may.
         every: the box changes in the steps after the multiples of this; 0 for never.
+        flips: whether tilts of the box change, so that it may take other vectors of its lattice.
+        flip_loops: a method that binds the list of loops that do so, before atoms go to other
+            ranks.
         cell_loops: a method that binds two lists of loops to cells: what the forces say of the
             pressure, and what changes the box in the next step.
         own_warnings: lines for the log on what is probably not meant.
@@ -114,7 +119,7 @@ class Integrator:
 
     host = parameters = None
     unprepared = ""
-    every, modules = 0, ()
+    every, modules, flips = 0, (), False
     own_warnings = ()
     follows_atoms = True
     virial = virial_per_atom = None
@@ -131,6 +136,9 @@ class Integrator:
 
     def own_cells(self):
         return {}
+
+    def loops_behind(self, cells):
+        return []
 
     @property
     def carries(self):

@@ -1,7 +1,7 @@
 """NPT with keyword barostat mtk: a thermostat of the bodies and of the piston; see `mtk`."""
 
 from .block import Images
-from .cell import EVERY, RATE, UNIT
+from .cell import COMPONENTS, EVERY, RATE, UNIT
 from .compiled import F1, L1, F, I, inlined, loop
 from .langevin import Langevin, thermalise
 from .migration import Box
@@ -83,14 +83,14 @@ def move_chain_of_piston(mpi, parameters, step, cell, chain, dt):
     """The chain on the rates of strain, if the box changes in this step."""
     numbers, twice, degrees = cell.barostat, 0.0, 0.0
     if is_due(step, cell):
-        for group in range(3):
+        for group in range(COMPONENTS):
             twice += (
                 numbers[INERTIA + group] * cell.piston[group] * cell.piston[group] / numbers[UNIT]
             )
             degrees += 1.0 if numbers[INERTIA + group] > 0.0 else 0.0
         kt, rate = parameters[KT], numbers[RATE]
         factor = move_chain(chain, chain.size // 2, twice, degrees, kt, rate, dt * numbers[EVERY])
-        for group in range(3):
+        for group in range(COMPONENTS):
             before = cell.piston[group]
             cell.piston[group] = factor * before
             note_heat(mpi, parameters, numbers, group, before, cell.piston[group])

@@ -10,6 +10,7 @@
     follow       the bodies follow LAMMPS's atoms
     pressure     what the forces say of the pressure, every so many steps
     cell         the box changes, in the next step
+    flip         where tilts change, the box takes vectors of its lattice that are less tilted
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
@@ -80,7 +81,8 @@ class Passes:
         prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
         before, rest = prepares, []
         if integrator.go_on:
-            before, rest = [], [*prepares, integrator.go_on.bind_to(cells)]
+            second = integrator.go_on.bind_to(cells)
+            before, rest = [], [*prepares, second, *integrator.loops_behind(cells)]
 
         shared = [give.bind_to(cells, values=cells["wrench"])] if several else []
         added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
@@ -117,6 +119,8 @@ class Passes:
         if integrator.every:
             self.lists["pressure"], moves = integrator.cell_loops(cells)
             self.lists["cell"] = [*moves, *after] if moves else []
+        if integrator.flips:
+            self.lists["flip"] = integrator.flip_loops(cells)
         if integrator.middle:
             self.lists["virial"] = [*gather, *self.lists["virial"]]
 

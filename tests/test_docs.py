@@ -165,6 +165,7 @@ def test_examples_of_ensembles(run_lammps, page, least, waters):
         atom_style full
         read_data data.water
         include {inputs / "forcefield.water"}
+        change_box all triclinic
         group water molecule <= {waters}
         group rigid union water
         group flexible subtract all water

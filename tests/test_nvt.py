@@ -218,7 +218,7 @@ fix.bodies.p[:] *= -1
 if hasattr(fix, "chains"):
     fix.chains.reshape(fix.number_of_chains, 2, -1)[:, 1] *= -1
 if hasattr(fix, "piston"):
-    fix.piston[:3] *= -1
+    fix.piston[:6] *= -1
 fix.passes.level_dt.set(-fix.dt)
 fix.do("close")
 lmp.command("run 303")

@@ -40,6 +40,7 @@ struct Bridge {
   int32_t wants_virial_per_atom;    // it fills in virial_per_atom
   int32_t writes_restart_file;
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
+  int32_t flips;            // it changes tilts, and takes other box vectors where these are large
   int32_t couples;          // its scalar is an energy that went from the system
   int32_t restart_size;     // numbers that go to restart files
   double *restart_state;    // these
@@ -83,6 +84,7 @@ struct Bridge {
   const Pass *follow;
   const Pass *pressure;
   const Pass *cell;
+  const Pass *flip;
   double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
   int64_t *arrays;    // cells for LAMMPS's arrays
   const int64_t *index;    // cells of the bodies; null if there are none
@@ -99,6 +101,7 @@ struct Bridge {
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
+  int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);

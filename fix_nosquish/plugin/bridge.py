@@ -130,6 +130,7 @@ def _announce(bridge, instance):
     bridge.follows_atoms = bool(getattr(instance, "follows_atoms", False))
     bridge.carries = int(getattr(instance, "carries", 0))
     bridge.changes_box = int(getattr(instance, "every", 0))
+    bridge.flips = bool(getattr(instance, "flips", False))
     bridge.couples = bool(getattr(instance, "couples", False))
     state = getattr(instance, "restart_state", None)
     if state is not None:

@@ -18,6 +18,7 @@ LISTS = {
     "follow": "follow",
     "pressure": "pressure",
     "cell": "cell",
+    "flip": "flip",
 }
 
 
@@ -68,8 +69,10 @@ class Host:
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
         self.forces_virial = as_array(bridge.forces_virial, (6,))
-        place = cast(bridge.set_box, c_void_p).value
-        self.set_box = np.array([place, bridge.fix or 0])
+        self.set_box, self.flip_box = (
+            np.array([cast(function, c_void_p).value, bridge.fix or 0])
+            for function in (bridge.set_box, bridge.flip_box)
+        )
         self.span = tuple(as_array(step, (1,)) for step in (bridge.begin_step, bridge.end_step))
         self._keep, self._point = (
             bridge.keep,

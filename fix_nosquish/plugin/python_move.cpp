@@ -34,6 +34,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -144,6 +145,7 @@ class FixPythonMove : public Fix {
   void min_setup(int) override;
   void setup_post_neighbor() override { post_neighbor(); }
   void post_neighbor() override;
+  void pre_exchange() override;
   void initial_integrate(int) override;
   void final_integrate() override;
   void initial_integrate_respa(int, int, int) override;
@@ -189,6 +191,8 @@ class FixPythonMove : public Fix {
   std::vector<double> box() const;
   bool run(const Pass *);
   int64_t set_box(const double *);
+  int64_t flip_box(const double *);
+  void shift_lamda(int, double, double);
   void take_virial();
   bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
   bool pressure_is_due(bigint step) const { return cell_is_due(step) || cell_is_due(step - 1); }
@@ -245,6 +249,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.set_box = [](void *fix, const double *box) { return self(fix)->set_box(box); };
+  bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
   bridge.forces_virial = forces_virial;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
@@ -266,6 +271,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (bridge.changes_box) {
     box_change |= BOX_CHANGE_SIZE | (domain->triclinic ? BOX_CHANGE_SHAPE : 0);
     no_change_box = 1;
+    pre_exchange_migrate = bridge.flips;
     virial_id = std::string(id) + "_virial";
     modify->add_compute(virial_id + " all pressure NULL virial");
   }
@@ -312,7 +318,7 @@ FixPythonMove::~FixPythonMove()
 int FixPythonMove::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA |
-      (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
+      (bridge.flips ? PRE_EXCHANGE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
       (bridge.post_run ? POST_RUN : 0);
 }
 
@@ -345,6 +351,13 @@ void FixPythonMove::post_neighbor()
     if (run(bridge.follow)) return;    // if not, Python does it all again, and says why
   }
   call(bridge.post_neighbor);
+}
+
+// The lists are built anew: the time for other box vectors, if these are better.
+
+void FixPythonMove::pre_exchange()
+{
+  if (bridge.flip) run(bridge.flip);
 }
 
 void FixPythonMove::initial_integrate(int vflag)
@@ -574,6 +587,44 @@ int64_t FixPythonMove::set_box(const double *numbers)
   if (force->kspace) force->kspace->setup();
   kept_box = box();
   return 0;
+}
+
+// The box has other vectors of the same lattice: to b, c that many of a are added, and to c of b. Nothing moves in space, but
+// atoms belong to other ranks, far away. So they are brought there as LAMMPS brings them, in parts of the way.
+
+int64_t FixPythonMove::flip_box(const double *numbers)
+{
+  const double xy = numbers[9], xz = numbers[10], yz = numbers[11];
+  domain->x2lamda(atom->nlocal);
+  domain->pbc();
+  comm->exchange();
+  if (yz != 0.0) {
+    domain->image_flip(0, 0, (int) yz);
+    shift_lamda(1, 0.0, yz);
+  }
+  if (xy != 0.0 || xz != 0.0) {
+    domain->image_flip((int) xy, (int) xz, 0);
+    shift_lamda(0, xy, xz);
+  }
+  set_box(numbers);
+  domain->lamda2x(atom->nlocal);
+  return 0;
+}
+
+// Take from an axis of the atoms' coordinates in the box so many of y, and of z, about its centre; no further at once than to
+// the next rank.
+
+void FixPythonMove::shift_lamda(int axis, double y, double z)
+{
+  double width = domain->subhi_lamda[axis] - domain->sublo_lamda[axis], least = 0.0;
+  MPI_Allreduce(&width, &least, 1, MPI_DOUBLE, MPI_MIN, world);
+  const int parts = (int) std::ceil(0.5 * (std::fabs(y) + std::fabs(z)) / (0.9 * least));
+  for (int part = 0; part < parts; part++) {
+    double **x = atom->x;
+    for (int i = 0; i < atom->nlocal; i++) x[i][axis] -= (y * (x[i][1] - 0.5) + z * (x[i][2] - 0.5)) / parts;
+    domain->pbc();
+    comm->exchange();
+  }
 }
 
 // Have LAMMPS tally the virial in the first step from this one on that needs it.
