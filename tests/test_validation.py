@@ -483,7 +483,7 @@ def test_a_run_that_was_stopped_is_not_hung(tmp_path, monkeypatch):
     monkeypatch.setattr(
         run.time, "sleep", lambda seconds: sleep(seconds + 0.5)
     )  # as if stopped between two looks
-    assert not run._watch(process, tmp_path / "log", 1.0, print)
+    assert not run.watch(process, tmp_path / "log", 1.0, print)
 
 
 @pytest.mark.timeout(60)

@@ -6,6 +6,7 @@ A crash, a hang or a bad command ends that run only: its ``Result`` says why.
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -23,6 +24,7 @@ from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 
 WORKER = Path(__file__).with_name("worker.py")
+RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid it later
 THERMO = "thermo_style custom step time temp press pe ke etotal"
 LOOK = 0.2  # s between two looks at a running job
 GRACE = 5.0  # s that processes have to end after SIGTERM
@@ -147,11 +149,13 @@ def job(
     commands = [
         *scene.setup,
         *([f"comm_modify cutoff {reach}"] if reach else []),
-        "reset_timestep 0",
+        *([] if RESET in scene.setup else [RESET]),
         f"timestep {dt}",
         *(scene.others if integrator.kind != "free" else []),
         *integrator.commands(scene),
-        *thermo(),
+        *scene.then,
+        *thermo(*scene.columns),
+        *scene.output,
         f"thermo {every}",
         *more,
     ]
@@ -199,7 +203,7 @@ def run(
     interrupted = False
     with open(directory / "output.txt", "w") as output:
         process = subprocess.Popen(
-            [mpirun(), "-np", str(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
+            [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
@@ -207,7 +211,7 @@ def run(
             env={"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})},
         )
         try:
-            if _watch(process, directory / "log.lammps", job.silence, on_step):
+            if watch(process, directory / "log.lammps", job.silence, on_step):
                 (directory / "error.txt").write_text(
                     f"no sign of life for {job.silence:g} s, ended"
                 )
@@ -265,7 +269,7 @@ def collect(directory: Path | str) -> Result:
         or f"ended without a message: {_exit(output)}, see {directory / 'output.txt'}"
     )
     return Result(
-        error=None if text else _one_line(message),
+        error=None if text else one_line(message),
         thermo=lammps_log.thermo(log),
         timings=lammps_log.timings(log),
         positions=positions,
@@ -275,7 +279,12 @@ def collect(directory: Path | str) -> Result:
     )
 
 
-def _watch(process, log, silence, on_step):
+def watch(
+    process: subprocess.Popen,
+    log: Path,
+    silence: float,
+    on_step: Callable[[int], object] = lambda step: None,
+) -> bool:
     """Wait for the end; True if it was given up as hung.
 
     Looks are counted, not the clock's time: a run that was stopped together with this process is
@@ -313,6 +322,22 @@ def end(process: subprocess.Popen) -> None:
     process.wait()
 
 
+def launch_by(command: str | None) -> None:
+    """From now on start ranks by this command, as ``srun -n {ranks}``; None is mpirun."""
+    global _launch
+    _launch = command
+
+
+_launch: str | None = None
+
+
+def launcher(ranks: int) -> list[str]:
+    """The words that start so many ranks of the command behind them."""
+    if _launch is None:
+        return [mpirun(), "-np", str(ranks)]
+    return [word.replace("{ranks}", str(ranks)) for word in shlex.split(_launch)]
+
+
 def mpirun() -> str:
     """mpirun of this interpreter's environment, else the one on PATH."""
     beside = Path(sys.executable).parent / "mpirun"
@@ -332,6 +357,6 @@ def _read(path):
     return path.read_text(errors="replace") if path.exists() else ""
 
 
-def _one_line(message):
+def one_line(message: str) -> str:
     """A message without line breaks and without LAMMPS's row of ^^^^ under a word."""
     return " ".join(word for word in message.split() if set(word) != {"^"})

