@@ -185,8 +185,8 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float) -> dict:
     error = folder / "error.txt"
     if hung:
         error.write_text(
-            f"no sign of life for {max(silence, COMPILING):g} s while it was read: does it wait for someone at the "
-            "terminal? --silence S waits longer"
+            f"no sign of life for {max(silence, COMPILING):g} s while it was read: does it wait "
+            "for someone at the terminal? --silence S waits longer"
         )
     if error.exists() or not (folder / "read.json").exists():
         why = error.read_text() if error.exists() else f"ended, see {folder / 'output.txt'}"
