@@ -15,6 +15,7 @@ def on_lattice(shape, number, spacing, seed):
     edge of the box."""
     random = np.random.default_rng(seed)
     axis = (np.arange(number) + 0.5) * spacing
+    shape = shape - np.mean(shape, axis=0)
     places = np.stack(np.meshgrid(axis, axis, axis), axis=-1).reshape(-1, 1, 3)
     turned = [Rotation.random(random_state=random).apply(shape) for _ in places]
     return places + np.array(turned), number * spacing

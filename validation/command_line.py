@@ -147,6 +147,20 @@ def own(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--run", type=whole, default=1, metavar="N", dest="run_number", help=help)
 
 
+def targets(parser: argparse.ArgumentParser, text: str, **more: Any) -> None:
+    """The option --target, names with values."""
+
+    def target(word):
+        measure, found, value = word.partition("=")
+        if not found:
+            raise argparse.ArgumentTypeError(f"{word}: MEASURE=VALUE is expected")
+        return measure, positive(value)
+
+    parser.add_argument(
+        "--target", nargs="+", type=target, metavar="MEASURE=VALUE", help=text, **more
+    )
+
+
 def launch(parser: argparse.ArgumentParser) -> None:
     """The option --launch."""
     help = 'what starts each run\'s ranks, as "srun -n {ranks}" (default: mpirun)'

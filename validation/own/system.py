@@ -26,7 +26,6 @@ from validation.scenes import Scene, starts
 from validation.scenes.integrators import Integrator
 from validation.scenes.units import UNITS, Units
 
-COMPILING = 600.0  # s of silence that a first use of our fix may need
 READER = Path(__file__).with_name("reader.py")
 
 
@@ -179,13 +178,13 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float) -> dict:
             env={"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path},
         )
         try:
-            hung = run.watch(process, folder / "log.lammps", max(silence, COMPILING))
+            hung = run.watch(process, folder / "log.lammps", silence)
         finally:
             run.end(process)
     error = folder / "error.txt"
     if hung:
         error.write_text(
-            f"no sign of life for {max(silence, COMPILING):g} s while it was read: does it wait "
+            f"no sign of life for {silence:g} s while it was read: does it wait "
             "for someone at the terminal? --silence S waits longer"
         )
     if error.exists() or not (folder / "read.json").exists():

@@ -27,6 +27,7 @@ WORKER = Path(__file__).with_name("worker.py")
 RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid it later
 THERMO = "thermo_style custom step time temp press pe ke etotal"
 LOOK = 0.2  # s between two looks at a running job
+COMPILING, COMPILES = 600.0, "20 to 60 s"  # s that a first use may need, and the end of its words
 GRACE = 5.0  # s that processes have to end after SIGTERM
 
 
@@ -81,8 +82,8 @@ class Positions:
     Attributes:
         x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
         cell: its vectors as rows.  periodic: (3,) bool.
-        v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), and
-            rows of atoms counted from 0.
+        v, mass, bonds, angles, cells: of a job with ``motion`` only: velocities as ``x``, (atoms,),
+            rows of atoms counted from 0, and the cell of each frame.
     """
 
     x: np.ndarray
@@ -93,6 +94,7 @@ class Positions:
     mass: np.ndarray = field(default_factory=_nothing)
     bonds: np.ndarray = field(default_factory=_nothing)
     angles: np.ndarray = field(default_factory=_nothing)
+    cells: np.ndarray = field(default_factory=_nothing)
 
 
 @dataclass
@@ -290,7 +292,7 @@ def watch(
     Looks are counted, not the clock's time: a run that was stopped together with this process is
     not hung when both go on.
     """
-    size, quiet = 0, 0.0
+    size, quiet, waited = 0, 0.0, 0.0
     while process.poll() is None:
         time.sleep(LOOK)
         now = log.stat().st_size if log.exists() else 0
@@ -304,8 +306,15 @@ def watch(
         else:
             quiet += LOOK
             if quiet > silence:
-                return True
+                if waited > COMPILING or not _compiles(log):
+                    return True
+                waited, quiet = waited + quiet, 0.0
     return False
+
+
+def _compiles(log: Path) -> bool:
+    """Whether our fix compiles its loops, in the run with this log: it says so, then is quiet."""
+    return _read(log.with_name("output.txt")).rstrip().endswith(COMPILES)
 
 
 def end(process: subprocess.Popen) -> None:
