@@ -212,3 +212,55 @@ run 100
 """
     )
     return script
+
+
+def solute(folder):
+    """Rigid water and a flexible molecule of four atoms, two of whose bonds shake holds, as it
+    holds a protein's bonds of hydrogen."""
+    spce(folder, number=3)
+    text = (folder / "parts" / "spce.data").read_text()
+    edge = 3 * 3.104
+    lines = text.splitlines()
+    atoms, bonds = 81, 54
+    more = [
+        (3, 0.0, (0, 0, 0)),
+        (3, 0.0, (1.5, 0, 0)),
+        (2, 0.0, (-0.6, 0.9, 0)),
+        (2, 0.0, (2.1, 0.9, 0)),
+    ]
+    shift = np.array([0.7, 1.55, 1.55]) + edge / 2
+    added = []
+    for number, (kind, q, place) in enumerate(more, atoms + 1):
+        at = " ".join(str(value) for value in (np.array(place) + shift) % edge)
+        added.append(f"{number} 28 {kind} {q} {at}")
+    tied = [(2, 1, 2), (3, 1, 3), (3, 2, 4)]
+    strings = [
+        f"{bonds + n} {kind} {atoms + i} {atoms + j}" for n, (kind, i, j) in enumerate(tied, 1)
+    ]
+    lines[lines.index("81 atoms")] = "85 atoms"
+    lines[lines.index("2 atom types")] = "3 atom types"
+    lines[lines.index("54 bonds")] = "57 bonds"
+    lines[lines.index("1 bond types")] = "3 bond types"
+    lines.insert(lines.index("2 1.008") + 1, "3 12.0")
+    at = lines.index("Bonds") - 1
+    lines[at:at] = added
+    at = lines.index("Angles") - 1
+    lines[at:at] = strings
+    (folder / "parts" / "all.data").write_text("\n".join(lines) + "\n")
+    script = folder / "in.solute"
+    script.write_text(
+        """units real
+atom_style full
+read_data parts/all.data
+include parts/spce.ff
+pair_coeff 3 3 0.1 3.4
+bond_coeff 2 300 1.5
+bond_coeff 3 300 1.08
+velocity all create 300 3
+fix hold all shake 1e-6 200 0 b 1 3 a 1
+fix move all nvt temp 300 300 100
+timestep 1
+run 100
+"""
+    )
+    return script
