@@ -19,6 +19,8 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 
 from validation import command_line
 from validation.__main__ import main
+from validation.bodies import command as bodies
+from validation.bodies import parts
 from validation.check import measure as check
 from validation.own import finding, schemes, script, shapes, system, trial
 from validation.own.finding import Unclear
@@ -363,6 +365,67 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path):
     begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/*/*/done.json")}
     assert begin and main(["advise", str(path), *words, *targets]) == 0
     assert begin == {one: one.stat().st_mtime_ns for one in begin}
+
+
+def test_rigid_parts_are_found_by_their_chemistry(tmp_path):
+    """Locks out a part that is none, or one that is missed: toluene, methylammonium, cyclohexane
+    and water, held against what chemistry says of them."""
+    number, bonds, mass, x = 0, [], [], []
+
+    def atom(element, place, to=None):
+        nonlocal number
+        number += 1
+        mass.append(parts.ELEMENTS[element])
+        x.append(place)
+        if to:
+            bonds.append((1, to, number))
+        return number
+
+    corners = 1.39 * np.array([[np.cos(a), np.sin(a), 0] for a in np.arange(6) * np.pi / 3])
+    ring = [atom("C", place) for place in corners]
+    bonds += [(1, a, b) for a, b in zip(ring, ring[1:] + ring[:1])]
+    hydrogens = [atom("H", 1.8 * place, at) for place, at in zip(corners[1:], ring[1:])]
+    methyl = atom("C", 2.1 * corners[0], ring[0])
+    of_methyl = [atom("H", [3.3, y, z], methyl) for y, z in ((1, 0), (-0.5, 0.9), (-0.5, -0.9))]
+    carbon = atom("C", [10, 0, 0])
+    nitrogen = atom("N", [11.5, 0, 0], carbon)
+    for at in carbon, nitrogen:
+        for place in range(3):
+            atom("H", [10.5 + place, 1, 1], at)
+    chair = [atom("C", place + [0, 10, 0.25 * (-1) ** i]) for i, place in enumerate(corners)]
+    bonds += [(1, a, b) for a, b in zip(chair, chair[1:] + chair[:1])]
+    for at in chair:
+        atom("H", [0, 12, 1], at), atom("H", [0, 12, -1], at)
+    water = [atom("O", [0, 0, 9])]
+    water += [atom("H", [1, 0, 9], water[0]), atom("H", [0, 1, 9], water[0])]
+    atoms = {"mass": np.array(mass), "x": np.array(x, float), "bonds": np.array(bonds)}
+    body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3)
+    assert counts == {"water": 1, "CH3": 2, "NH3": 1, "rings": 1}
+    found = {frozenset(1 + np.flatnonzero(body == one)) for one in range(1, 6)}
+    assert {frozenset(ring + hydrogens), frozenset([methyl, *of_methyl]), frozenset(water)} < found
+    assert body.max() == 5 and not body[np.array(chair) - 1].any()
+    _, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3, ["CH3"])
+    assert counts == {"CH3": 2}
+
+
+def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
+    """Locks out a data file that LAMMPS or our fix does not read as it was meant, or bodies of one
+    kind that differ: flexible water, distorted, becomes bodies of one shape."""
+    path = scripts.spce(tmp_path, fix="fix move all nve", number=3)
+    text = path.read_text()
+    assert main(["bodies", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert "27 × water" in capsys.readouterr().out
+    (tmp_path / "spce.data").write_bytes((tmp_path / "out" / "spce.data").read_bytes())
+    lines = bodies._lines("property", "spce.data")
+    assert "group bodies variable is_in" in lines
+    text = text.replace("read_data parts/spce.data", "\n".join(lines[:4]))
+    text = text.replace("fix move all nve", "\n".join(lines[5:6]))
+    again = tmp_path / "in.again"
+    again.write_text(text)
+    own = take(again, tmp_path / "again")
+    assert own.bodies == 27 and own.found.bodies == "custom i_body"
+    (kind,) = shapes.kinds(own, shapes.bodies(own))
+    assert kind.number == 27 and kind.scatter < 1e-6
 
 
 def test_check_finds_what_does_not_fit(tmp_path):

@@ -174,9 +174,11 @@ class Reader:
             raise Failure(str(wrong)) from None
         words = ["if"]
         for number, branch in enumerate(branches):
-            heads = ["else"] if branch.condition is None else [branch.condition, "then"]
-            words += ["elif"] * (number > 0 and branch.condition is not None)
-            words += [*heads, f'"variable {BRANCH} string {number}"']
+            if branch.condition is None:
+                words.append("else")
+            else:
+                words += ["elif", branch.condition] if number else [branch.condition, "then"]
+            words.append(f'"variable {BRANCH} string {number}"')
         if self.lmp.has_id("variable", BRANCH):
             self.lmp.command(f"variable {BRANCH} delete")
         self.lmp.command(" ".join(words))

@@ -1,7 +1,7 @@
 """Integrators in the place of a script's own: all that keep the same temperature and pressure."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from decimal import Decimal, InvalidOperation
 
 from validation.own.finding import Found, State, style_of
@@ -177,13 +177,13 @@ def _constrained(found: Found) -> Iterator[Integrator]:
         yield Integrator(style, label, lines, kind="constraints", tolerance=tolerance)
 
 
-def summary(found: Found, said: dict, atoms: Sequence[int]) -> list[str]:
+def summary(found: Found, said: Mapping) -> list[str]:
     """What was found, in sentences."""
     bodies = int(found.body.max())
     told = " and ".join(f"fix {one} ({_called(line)})" for one, line in zip(found.ids, found.lines))
     lines = [
         f"At '{said['run']}' {told} moves {bodies:,} bodies of {int((found.body > 0).sum()):,} "
-        f"atoms: group {found.group}, body style {found.bodies}; {len(atoms):,} atoms in all.",
+        f"atoms: group {found.group}, body style {found.bodies}; {len(found.body):,} atoms in all.",
         f"Ensemble: {found.state.ensemble.upper()}"
         + (f" ({_words(found.state, plain=True).strip()})" if found.state.temp else "")
         + ". All else of the script stays.",

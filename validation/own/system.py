@@ -113,13 +113,7 @@ def take(
     Raises:
         SystemExit: with one message, what is wrong and the way out.
     """
-    if not Path(ask.script).is_file():
-        raise SystemExit(f"there is no script {ask.script}, and no scene of that name")
-    folder = (out / "script").resolve()
-    with store.Store(out, "validation.own.system").locked("script"):
-        said = _known(ask, folder, ranks) or _read(ask, folder, ranks, silence)
-    with np.load(folder / "atoms.npz") as file:
-        atoms = dict(file)
+    said, atoms, folder = read(ask, out, ranks, silence)
     name = Path(ask.script).name
     try:
         found = finding.find(said, atoms, ask.fix, ask.group, ask.bodies)
@@ -131,10 +125,38 @@ def take(
     scene = _scene(ask, folder, said, found)
     if found.kind in ("constraints", "plain"):
         scene = _at_rest(scene, those, folder, ranks, silence)
-    notes = (*schemes.summary(found, said, atoms["type"]), *more)
+    notes = (*schemes.summary(found, said), *more)
     for line in notes:
         tell(line)
     return Own(ask, scene, {one.name: one for one in those}, reference, found, said, atoms, notes)
+
+
+def read(
+    ask: Ask, out: Path, ranks: int, silence: float, everything: bool = False
+) -> tuple[dict, dict[str, np.ndarray], Path]:
+    """What ``reader`` says of a script, and its atoms; and the folder where it did that.
+
+    Args:
+        everything: stop at the first run whatever moves atoms there.
+    """
+    if not Path(ask.script).is_file():
+        raise SystemExit(f"there is no script {ask.script}, and no scene of that name")
+    folder = (out / "script").resolve()
+    with store.Store(out, "validation.own.system").locked("script"):
+        said = _known(ask, folder, ranks) or _read(ask, folder, ranks, silence, everything)
+    with np.load(folder / "atoms.npz") as file:
+        return said, dict(file), folder
+
+
+def without_fixes(said: Mapping, folder: Path) -> list[str]:
+    """The script's commands without fixes that act in runs, and the state of the atoms."""
+    kept = [
+        line
+        for line in said["commands"]
+        if texts(line)[0] not in (*DONE, "fix", "fix_modify", "unfix")
+        or texts(line)[3:4] in (["property/atom"], ["cmap"])
+    ]
+    return [*kept, _state(folder / "inputs" / "state.dump", said["step"])]
 
 
 def _known(ask: Ask, folder: Path, ranks: int) -> dict | None:
@@ -153,7 +175,7 @@ def _origin(ask, ranks, files) -> str:
     return store.digest(asdict(ask), ranks, code, machine.versions(), files, found)
 
 
-def _read(ask: Ask, folder: Path, ranks: int, silence: float) -> dict:
+def _read(ask: Ask, folder: Path, ranks: int, silence: float, everything: bool) -> dict:
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "inputs").mkdir(parents=True)
     plain = {
@@ -161,7 +183,7 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float) -> dict:
         "inputs": str(folder / "inputs"),
         "variables": ask.variables,
         "fix": ask.fix,
-        "any": bool(ask.group or ask.bodies),
+        "any": everything or bool(ask.group or ask.bodies),
         "at": ask.at,
     }
     (folder / "ask.json").write_text(json.dumps(plain))
