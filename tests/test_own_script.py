@@ -392,7 +392,7 @@ def test_rigid_parts_are_found_by_their_chemistry(tmp_path):
     for at in carbon, nitrogen:
         for place in range(3):
             atom("H", [10.5 + place, 1, 1], at)
-    chair = [atom("C", place + [0, 10, 0.25 * (-1) ** i]) for i, place in enumerate(corners)]
+    chair = [atom("C", place + np.array([0, 10, (-1) ** i / 4])) for i, place in enumerate(corners)]
     bonds += [(1, a, b) for a, b in zip(chair, chair[1:] + chair[:1])]
     for at in chair:
         atom("H", [0, 12, 1], at), atom("H", [0, 12, -1], at)

@@ -120,9 +120,9 @@ def scene_or_script(scenes: Collection[str]) -> Callable[[str], str]:
     """A type of argparse: the name of a scene, or the path of a LAMMPS input script."""
 
     def word(text):
-        if text not in scenes and not Path(text).is_file():
+        if text not in scenes and not ("." in text or "/" in text or Path(text).is_file()):
             raise argparse.ArgumentTypeError(
-                f"{text} is no input script here, and no scene: choose from {', '.join(scenes)}"
+                f"there is no scene {text}, and no input script: choose from {', '.join(scenes)}"
             )
         return text
 
