@@ -27,6 +27,11 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
 
 def _told(summary, points, choice, wanted, time) -> Iterator[str]:
     best = choice.best
+    if summary["late"]:
+        yield (
+            "The budget was over before all steps were tried: the machine is busier than when it "
+            "began. The same command goes on."
+        )
     if best is None:
         yield from _none(summary, points, choice, wanted, time)
         return

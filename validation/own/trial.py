@@ -7,6 +7,7 @@ step.  An integrator's longer steps are left out when one has failed.
 Several processes with the same command share the points, through locks in the folder.
 """
 
+import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,7 +23,6 @@ from validation.scenes.integrators import OURS, Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
 from validation.statistics.structure import Motion
-from validation.sweep.errors import without_noise
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
@@ -30,6 +30,7 @@ FRAMES, FEW, MANY = 200, 20, 20_000  # of a run, and of one with more than so ma
 SETTLES = 0.25  # of the frames are left out
 SAMPLES = 8  # of the energy between two frames, at most
 LEAST = 400  # steps of a run
+LATE = 1.5  # of the budget: then no further run begins
 BIN, REACH = 0.04, 0.95  # of g(r): of a body's room (edge), and of half the box
 NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
 TARGETS = {
@@ -206,6 +207,7 @@ def trial(
         "minutes": minutes,
         "targets": dict(wanted),
         "interrupted": False,
+        "late": False,
         "points": [],
     }
     alike = own.scene, minutes, ranks, [one.name for one in every]
@@ -215,9 +217,12 @@ def trial(
             make = partial(_plan, own, every, minutes, out, ranks, silence, meter)
             lengths = Lengths(**store.once("plan", origin, make))
         results: dict[Point, run.Result] = {}
-        names = {one.name: one for one in every}
+        names, begin = {one.name: one for one in every}, time.monotonic()
         for name in store.shared(names):
             one = names[name]
+            if time.monotonic() - begin > LATE * 60 * minutes:
+                summary["late"] = True
+                break
             if _skipped(one, every, results, own, out, lengths, ranks, silence):
                 continue
             job = _job(own, one, out, lengths, ranks, silence)
@@ -263,10 +268,10 @@ def _plan(own, every, minutes, out, ranks, silence, meter) -> dict:
         raise SystemExit(f"{own.scene.subject}: {one.integrator.label}: {step.error}")
     startup = 3.0 + 2e-5 * len(own.found.body)
     left = max(0.2 * 60 * minutes, 60 * minutes - startup * len(every))
-    time = left / (step * sum(1 / one.dt for one in every))
-    time = max(time, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
+    long = left / (step * sum(1 / one.dt for one in every))
+    long = max(long, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
     frames = FEW if len(own.found.body) > MANY else FRAMES
-    return {"time": time, "frames": frames, "step": step}
+    return {"time": long, "frames": frames, "step": step}
 
 
 def _job(own, one, out, lengths, ranks, silence) -> run.Job:
@@ -439,5 +444,5 @@ def _errors(own, mine, held, is_reference, lengths) -> dict[str, Estimate]:
         off = measures.difference(mine["density"], held["density"])
         found["density"] = off.times(1 / held["density"].value)
     if "rdf" in mine and mine["rdf"].shape == held["rdf"].shape:
-        found["rdf"] = without_noise(mine["rdf"] - held["rdf"])
+        found["rdf"] = measures.without_noise(mine["rdf"] - held["rdf"])
     return found

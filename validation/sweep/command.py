@@ -3,7 +3,7 @@
 from argparse import Namespace
 from collections.abc import Collection, Iterator
 
-from validation import command_line
+from validation import INPUTS, command_line
 from validation.own import words as trial
 from validation.scenes.integrators import SWEPT
 
@@ -67,7 +67,9 @@ class Names(Collection[str]):
 
 
 def scenes() -> Collection[str]:
-    """Names of what can be swept."""
+    """Names of what can be swept; none outside of a checkout."""
+    if not INPUTS.exists():
+        return ()
     from validation.sweep.plan import SCENES  # heavy: not for --help
 
     return SCENES

@@ -263,21 +263,6 @@ def _of_point(point, found, limits, swept):
     return errors, signed
 
 
-def without_noise(off: np.ndarray) -> Estimate:
-    """The rms of a mean difference, without what noise makes of it; ``off`` has independent
-    measurements of the difference as rows.  The error is by the jackknife over these."""
-    products = off @ off.T / off.shape[1]
-    n, own = len(products), np.diag(products)
-    pairs = products.sum() - own.sum()
-    square = pairs / (n * (n - 1))
-    without = (pairs - 2 * (products.sum(axis=1) - own)) / ((n - 1) * (n - 2))  # one of them
-    error = np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2))
-    margin = measures.margin(error, n - 1)
-    ends = [square, square - margin, max(square, 0.0) + margin]
-    value, least, most = np.sqrt(np.maximum(ends, 0.0))
-    return Estimate(value, max(value - least, most - value) / measures.margin(1.0, n - 1), n - 1)
-
-
 def _pair_distribution(point, found):
     """The rms difference from the mean of the symplectic schemes at steps up to `SMALL`, without
     what noise makes of it; None without these.
@@ -295,7 +280,7 @@ def _pair_distribution(point, found):
     means = [np.mean([g[one][start] for one in held], axis=0) for start in starts]
     off = np.array([g[point][start] - means[start] for start in starts])
     off = off.mean(axis=1) if len(starts) >= ENOUGH else off.reshape(-1, off.shape[-1])
-    return without_noise(off)
+    return measures.without_noise(off)
 
 
 def _convergence(point, found):
