@@ -81,6 +81,12 @@ def _none(summary, points, choice, wanted, time):
             f"{summary['dt'] / 2:g},{summary['dt'] / 4:g}. Or look at 'check' first: a start that "
             "is not in equilibrium drifts at any step."
         )
+    held = next((one for one in summary["points"] if one["is_reference"]), None)
+    if held and not held["failed"] and meets(held, wanted) is False:
+        yield (
+            f"Even with {held['dt']:g} {time} there is {_why_not(held, wanted)}: this is no error "
+            "of the step. Is the start in equilibrium? --run N takes a later run of the script."
+        )
     near = nearest(points, wanted)
     if near:
         one = near[0]
