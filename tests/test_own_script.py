@@ -22,7 +22,7 @@ from validation.__main__ import main
 from validation.bodies import command as bodies
 from validation.bodies import parts
 from validation.check import measure as check
-from validation.own import finding, schemes, script, shapes, system, trial
+from validation.own import finding, schemes, script, shapes, stress, system, trial
 from validation.own.finding import Unclear
 from validation.running import lammps_log, run
 from validation.scenes.integrators import Integrator
@@ -321,6 +321,32 @@ def test_targets_are_those_that_a_script_has(tmp_path):
     found = trial.targets(spce, {"energy": 0.1})
     assert found["energy"] == 0.1 and found["drift"] == trial.HEATED
     assert "density" not in found
+    path = scripts.rings(tmp_path)
+    assert "energy" not in trial.targets(take(path, tmp_path / "out3"), {})  # fix langevin stays
+    text = path.read_text().replace("timestep 4", "unfix heat\ntimestep 4")
+    path.write_text(text)
+    assert "energy" in trial.targets(take(path, tmp_path / "out3"), {})
+
+
+@pytest.mark.timeout(600)
+def test_what_breaks_on_a_script(tmp_path):
+    """Locks out a number of the stress that cannot fail: a step that is far too long does, and runs
+    of another length end elsewhere."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text().replace("fix heat all langevin 300 300 200 11\n", "")
+    path.write_text(text.replace("timestep 4", "timestep 10"))
+    out = tmp_path / "out"
+    words = ["--only", "nosquish", "--out", str(out)]
+    assert main(["stability", str(path), *words]) == 0
+    checks = json.loads((out / "summary.json").read_text())["checks"]
+    parts = {part: [one for one in checks if one["part"] == part] for part in stress.TITLES}
+    assert [one["verdict"] for one in parts["parts"] + parts["ranks"]] == ["holds"] * 2
+    assert parts["step"][-1]["verdict"] == "does not hold"
+    ends = [
+        run.collect(out / "runs" / "nosquish" / name).positions.x[-1]
+        for name in ("in-one", "in-two", "on-1-ranks")
+    ]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-3 < np.abs(ends[0] - ends[2]).max()
 
 
 # ---- the verbs

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.own import shapes
+from validation.own import finding, shapes
 from validation.own.system import Own
 from validation.running import machine, rounds, run
 from validation.running.store import Store
@@ -137,8 +137,8 @@ def _is_counted(own):
     not that of one barostat of ours, nor of a fix that stays."""
     if own.found.state.press:
         return False
-    lines = (line.split() for line in own.scene.setup + own.scene.then)
-    styles = [words[3] for words in lines if words[:1] == ["fix"] and len(words) > 3]
+    others = own.said["fixes"].items()
+    styles = [finding.style_of(line) for one, line in others if one not in own.found.ids]
     return not any(one == "langevin" or one.startswith("temp/") for one in styles)
 
 
@@ -193,7 +193,9 @@ def trial(
     """
     held = reference(own)
     every = [held, *(one for one in some if one != held)]
-    store = Store(out / "records", "validation.own.trial")
+    store = Store(
+        out / "records", "validation.own.system"
+    )  # of lengths, which no error follows from
     summary = machine.circumstances() | {
         "title": own.scene.title,
         "script": own.ask.script,
