@@ -1,6 +1,7 @@
 """What the verbs' command lines share: types of words, options, and how a verb ends."""
 
 import argparse
+import sys
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -107,7 +108,9 @@ def chosen_of(names: Mapping[str, T], wanted: Collection[str] | None) -> list[T]
     """
     unknown = [one for one in wanted or () if one not in names]
     if unknown:
-        raise SystemExit(f"there is no integrator {unknown[0]}: choose from {', '.join(names)}")
+        told = f"there is no integrator {unknown[0]}: choose from {', '.join(names)}"
+        print(told, file=sys.stderr)
+        raise SystemExit(2)  # as of words that the parser refuses
     return [one for name, one in names.items() if not wanted or name in wanted]
 
 
