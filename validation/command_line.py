@@ -100,6 +100,22 @@ def only(
     )
 
 
+# what a script's own integrators can be called
+OWN_NAMES = (
+    *("yours", "nosquish", "nosquish-csvr", "nosquish-nh", "rigid", "rigid/small"),
+    *(f"rigid/{one}{small}" for one in ("nve", "nvt", "npt", "nph") for small in ("", "/small")),
+    *("rigid/small+langevin", "shake", "rattle"),
+)
+
+
+def only_of(
+    parser: Any, known: Callable[[], Collection[str]], text: str = "integrators, by name"
+) -> None:
+    """The option --only, of scenes with ``known()`` integrators and of a script."""
+    kind = one_of("integrator", lambda: list(dict.fromkeys((*known(), *OWN_NAMES))))
+    parser.add_argument("--only", nargs="+", type=kind, metavar="NAME", help=text)
+
+
 def chosen_of(names: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
     """Those of a script's integrators that --only names; all if it names none.
 

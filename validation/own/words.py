@@ -8,8 +8,7 @@ from validation import command_line
 def options(parser: argparse.ArgumentParser, budget: float, out: str) -> None:
     """Options for the trial of a script."""
     group = parser.add_argument_group("for the trial of a script")
-    help = f"integrators, as the script's table names them; minutes (default {budget:g}); steps"
-    group.add_argument("--only", nargs="+", metavar="NAME", help=help.split(";")[0])
+    command_line.only_of(group, tuple, "integrators, as the script's table names them")
     text = f"minutes that all may take (default {budget:g})"
     group.add_argument("--budget", type=command_line.positive, metavar="MINUTES", help=text)
     text = "time steps in the script's units (default: its own, and up to 6 times that)"
