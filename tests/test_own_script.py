@@ -192,7 +192,11 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     """Locks out a stale reading, and one that is done again for nothing, which would begin all runs
     from another state."""
     path = scripts.rings(tmp_path)
+    (tmp_path / "notes").write_text("of no command")
     first = take(path, tmp_path / "out")
+    names = {one.name for one in first.scene.folder.iterdir()}
+    assert names == {"rings.data", "state.dump", "bodies.npy"}
+    (tmp_path / "notes").write_text("changed")
     dump = first.scene.folder / "state.dump"
     stamp = dump.stat().st_mtime_ns
     take(path, tmp_path / "out")

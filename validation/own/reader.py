@@ -222,7 +222,7 @@ class Reader:
     def _bring(self, names: list[str], reads: bool) -> None:
         """Have the files that a command names where LAMMPS works."""
         for name in names:
-            for path in self._files(name):
+            for path in self._files(name, reads):
                 self.files.add(str(path))
                 if WORLD.rank == 0:
                     place = self.inputs / path.relative_to(self.source)
@@ -234,10 +234,10 @@ class Reader:
                             shutil.copyfile(path, place)
         WORLD.Barrier()
 
-    def _files(self, name: str) -> list[Path]:
+    def _files(self, name: str, reads: bool) -> list[Path]:
         if not name or name.startswith("/") or "\0" in name or len(name) > 255:
             return []
-        if "*" in name or "%" in name:
+        if reads and ("*" in name or "%" in name):  # elsewhere * stands for types or groups
             pattern = glob.escape(str(self.source)) + "/" + name.replace("%", "*")
             return [Path(one) for one in sorted(glob.glob(pattern)) if Path(one).is_file()]
         path = self.source / name
