@@ -16,7 +16,8 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-sys.path.append(str(ROOT))  # for validation, which puts it behind what is installed
+# for validation: the checkout's, not one that is installed; it puts this behind what is installed
+sys.path.insert(0, str(ROOT))
 sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the pages of results
 pytest.register_assert_rewrite("endings")
 

@@ -64,9 +64,9 @@ def test_commands_are_found():
     """Locks out a search that passes because it finds nothing, and one that takes everything."""
     text = (
         "Use `python -m validation sweep water`; this: python -m validation sweep butter.\n"
-        "<td>python -m validation advise water</td>"
+        "<td>python -m validation advise milk</td>"
     )
-    assert commands(text) == ["advise water", "sweep butter", "sweep water"]
+    assert commands(text) == ["advise milk", "sweep butter", "sweep water"]
     assert [bool(refused(words)) for words in commands(text)] == [True, True, False]
 
 

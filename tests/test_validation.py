@@ -35,6 +35,7 @@ from validation.scaling import report as scaling_report
 from validation.scenes import Scene
 from validation.scenes.data_file import data_file
 from validation.scenes.integrators import Integrator, rigid
+from validation.scenes.units import UNITS
 from validation.statistics import measures
 
 
@@ -125,7 +126,8 @@ def test_deviation_about_the_line():
 @pytest.mark.parametrize("slope, said", [(0.02, ""), (-0.05, ", drifts")])
 def test_a_deviation_that_is_a_drift_says_so(slope, said):
     """Locks out a standard deviation that hides that the energy drifts."""
-    column = next(one for one in report.COLUMNS if one.key == "energy_sd")
+    summary = {"settings": {"reference": "rigid/nve"}}
+    column = next(one for one in report.columns(summary) if one.key == "energy_sd")
     row = {
         "energy_sd": {"value": 2.0, "error": 0.1},
         "drift": {"value": slope, "error": 0.02, "freedom": 12.0},
@@ -138,9 +140,9 @@ def test_figure_and_table_have_the_same_margins():
     estimate = {"value": 0.02, "error": 0.01, "freedom": 6.0}
     row = {"name": "rigid", "label": "rigid", "error": None, "energy_sd": estimate}
     row |= {"drift": estimate}
-    axis = Figure().add_subplot()
-    figures._panel(axis, row, (np.zeros(1), np.zeros(1), np.ones(1, bool)), 1.0)
-    column = next(one for one in report.COLUMNS if one.key == "drift")
+    axis, summary = Figure().add_subplot(), {"settings": {"reference": "rigid/nve"}}
+    figures._panel(axis, row, (np.zeros(1), np.zeros(1), np.ones(1, bool)), 1.0, UNITS["real"])
+    column = next(one for one in report.columns(summary) if one.key == "drift")
     assert f"drift {tables.cell(row, column)} per ps" in axis.get_title("right")
 
 
@@ -483,7 +485,7 @@ def test_a_run_that_was_stopped_is_not_hung(tmp_path, monkeypatch):
     monkeypatch.setattr(
         run.time, "sleep", lambda seconds: sleep(seconds + 0.5)
     )  # as if stopped between two looks
-    assert not run._watch(process, tmp_path / "log", 1.0, print)
+    assert not run.watch(process, tmp_path / "log", 1.0, print)
 
 
 @pytest.mark.timeout(60)

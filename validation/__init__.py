@@ -1,9 +1,10 @@
 """Comparisons of fix_nosquish with LAMMPS's own rigid and constraint fixes.
 
-Run from the checkout: ``python -m validation --help``.  Below are rooms that import no verb:
+Run ``python -m validation --help``.  Below are rooms that import no verb:
 
     scenes        what is simulated and by which fix: scenes, integrators, starts, data files
     running       LAMMPS in processes of its own, in turn or counted; the store of results
+    own           a user's script as a scene: reading, finding, integrators; trial of steps
     statistics    from logs, series and atoms to numbers with errors, and numbers beside bounds
     pages         tables, figures, HTML pages and the terminal, as all reports share them
 
@@ -21,6 +22,8 @@ long one is in ``section``) and ``command`` (its words, and its entry):
     theory        what the paper proves, each a number between bounds
     sweep         error against run time, every integrator with every step
     advise        the fastest point of a sweep that meets a target
+    check         before a long run of a user's script: bodies, step, fixes
+    bodies        rigid parts of molecules, into a data file
     stability     what breaks where, case by case; criteria has every bound
     breaks        what users report of LAMMPS's rigid fixes, beside ours
     report        all results on one page

@@ -1,4 +1,4 @@
-"""Command line: ``python -m validation VERB ...``, from the checkout."""
+"""Command line: ``python -m validation VERB ...``."""
 
 import argparse
 import signal

@@ -1,12 +1,14 @@
 """What the verbs' command lines share: types of words, options, and how a verb ends."""
 
 import argparse
-from collections.abc import Callable, Collection
+import sys
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 INTERRUPTED = 130  # exit status after Ctrl-C
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # it has no public name
+T = TypeVar("T")
 
 
 def verb(
@@ -96,6 +98,92 @@ def only(
     parser.add_argument(
         "--only", nargs="+", choices=names, metavar="NAME", default=default, help=text
     )
+
+
+# what a script's own integrators can be called
+OWN_NAMES = (
+    *("yours", "nosquish", "nosquish-csvr", "nosquish-nh", "rigid", "rigid/small"),
+    *(f"rigid/{one}{small}" for one in ("nve", "nvt", "npt", "nph") for small in ("", "/small")),
+    *("rigid/small+langevin", "shake", "rattle"),
+)
+
+
+def only_of(
+    parser: Any, known: Callable[[], Collection[str]], text: str = "integrators, by name"
+) -> None:
+    """The option --only, of scenes with ``known()`` integrators and of a script."""
+    kind = one_of("integrator", lambda: list(dict.fromkeys((*known(), *OWN_NAMES))))
+    parser.add_argument("--only", nargs="+", type=kind, metavar="NAME", help=text)
+
+
+def chosen_of(names: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
+    """Those of a script's integrators that --only names; all if it names none.
+
+    Raises:
+        SystemExit: one has no such name.
+    """
+    unknown = [one for one in wanted or () if one not in names]
+    if unknown:
+        told = f"there is no integrator {unknown[0]}: choose from {', '.join(names)}"
+        print(told, file=sys.stderr)
+        raise SystemExit(2)  # as of words that the parser refuses
+    return [one for name, one in names.items() if not wanted or name in wanted]
+
+
+def is_script(word: str, scenes: Collection[str]) -> bool:
+    """Whether a word of the command line is a script's path, and no scene's name."""
+    return word not in scenes
+
+
+def scene_or_script(scenes: Collection[str]) -> Callable[[str], str]:
+    """A type of argparse: the name of a scene, or the path of a LAMMPS input script."""
+
+    def word(text):
+        if text not in scenes and not ("." in text or "/" in text or Path(text).is_file()):
+            raise argparse.ArgumentTypeError(
+                f"there is no scene {text}, and no input script: choose from {', '.join(scenes)}"
+            )
+        return text
+
+    return word
+
+
+def own(parser: argparse.ArgumentParser) -> None:
+    """The options that say more of a script of one's own."""
+    group = parser.add_argument_group("for a script of your own")
+    help = "a variable of the script, as of LAMMPS's option of that name"
+    group.add_argument(
+        *("-var", "--var"), dest="variables", nargs="+", action="append", metavar="WORD", help=help
+    )
+    for option, metavar, help in (
+        ("--fix", "ID", "the fix whose place the others take, where several could be meant"),
+        ("--group", "GROUP", "the rigid atoms, where no fix tells them"),
+        ("--bodies", "WORDS", 'what is one body there: molecule, or "custom i_NAME"'),
+    ):
+        more: dict = {"action": "append"} if option == "--fix" else {}
+        group.add_argument(option, metavar=metavar, help=help, **more)
+    help = "compare at its N-th run with rigid bodies; those before are done (default 1)"
+    group.add_argument("--run", type=whole, default=1, metavar="N", dest="run_number", help=help)
+
+
+def targets(parser: argparse.ArgumentParser, text: str, **more: Any) -> None:
+    """The option --target, names with values."""
+
+    def target(word):
+        measure, found, value = word.partition("=")
+        if not found:
+            raise argparse.ArgumentTypeError(f"{word}: MEASURE=VALUE is expected")
+        return measure, positive(value)
+
+    parser.add_argument(
+        "--target", nargs="+", type=target, metavar="MEASURE=VALUE", help=text, **more
+    )
+
+
+def launch(parser: argparse.ArgumentParser) -> None:
+    """The option --launch."""
+    help = 'what starts each run\'s ranks, as "srun -n {ranks}" (default: mpirun)'
+    parser.add_argument("--launch", metavar="COMMAND", help=help)
 
 
 def silence(parser: argparse.ArgumentParser, default: float) -> None:

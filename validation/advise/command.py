@@ -1,11 +1,13 @@
 """``advise``: its words, and what they run."""
 
-import argparse
 from argparse import Namespace
 from pathlib import Path
 
 from validation import command_line
-from validation.sweep.command import scenes
+from validation.own import words as trial
+from validation.sweep.command import Names, scenes
+
+BUDGET = 5.0  # minutes, of a script
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -17,37 +19,35 @@ def add(verbs: command_line.Verbs) -> None:
         help="which integrator and time step reach a wished accuracy the fastest",
         description="Print, of the points that a sweep has measured, the fastest one whose errors "
         "are all below the targets, what it costs, what is as fast, the longest good step of every "
-        "integrator, and the lines for the input script.",
+        "integrator, and the lines for the input script. A script of yours is run first, with its "
+        "step and longer ones.",
         epilog="Exit status: 0 if some point meets the targets with its 95 % margins, 1 if none "
         "does, 2 if there is no sweep, no such scene or measure.",
     )
-    scene = command_line.one_of("scene", scenes)
-    parser.add_argument("scene", type=scene, metavar="SCENE", help="a scene of the sweep")
-    parser.add_argument(
-        "--target",
-        nargs="+",
-        type=_target,
-        required=True,
-        metavar="MEASURE=VALUE",
-        help="largest errors, in the measures' units, as in energy_sd=0.5 drift=0.01; "
-        "an unknown measure lists all",
+    scene = command_line.scene_or_script(Names())
+    help = "a scene of the sweep, or a LAMMPS input script of yours, which is tried now"
+    parser.add_argument("scene", type=scene, metavar="SCENE", help=help)
+    command_line.targets(
+        parser,
+        "largest errors, in the measures' units, as in energy_sd=0.5 drift=0.01; an unknown "
+        "measure lists all; of a script by default drift, temperature, energy, density and rdf as "
+        "far as it has them",
     )
     text = "folder of the sweep (default results/sweep, else the one that comes with this checkout)"
     parser.add_argument("--from", type=Path, dest="folder", metavar="DIR", help=text)
-
-
-def _target(word):
-    measure, found, value = word.partition("=")
-    if not found:
-        raise argparse.ArgumentTypeError(f"{word}: MEASURE=VALUE is expected")
-    return measure, command_line.positive(value)
+    command_line.own(parser)
+    trial.options(parser, BUDGET, "results/advise-SCRIPT")
 
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    if command_line.is_script(arguments.scene, scenes()):
+        return trial.run(arguments, BUDGET, many=False)
     from validation.advise.report import advise, load  # heavy: not for --help
     from validation.pages.console import console
 
+    if not arguments.target:
+        arguments.parser.error("of a scene, --target is needed")
     try:
         met = advise(console(), *load(arguments.folder), arguments.scene, dict(arguments.target))
     except LookupError as error:

@@ -26,8 +26,8 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
-    help = f"what to measure, of: {', '.join(PARTS)} (default: all)"
-    part = command_line.one_of("part", lambda: PARTS)
+    help = f"what to measure, of: {', '.join(PARTS)} (default: all), or a script of yours"
+    part = command_line.scene_or_script(PARTS)
     parser.add_argument("parts", nargs="*", type=part, metavar="PART", help=help)
     sizes = ",".join(map(str, SCENES["water"].sizes))
     for option, kind, metavar, help in (
@@ -37,8 +37,9 @@ def add(verbs: command_line.Verbs) -> None:
         ("--seconds", command_line.positive, "S", "of a timed segment (default 1; --short: 0.2)"),
     ):
         parser.add_argument(option, type=kind, metavar=metavar, help=help)
-    help = f"integrators, of: %(choices)s (default all; --short: {' '.join(SHORT)})"
-    command_line.only(parser, BENCHMARKED, help)
+    names = ", ".join(BENCHMARKED)
+    help = f"integrators, of: {names} (default all; --short: {' '.join(SHORT)})"
+    command_line.only_of(parser, lambda: BENCHMARKED, help)
     for option, help in (
         ("--short", "some minutes in all, for a first look"),
         ("--again", "measure anew what is there already"),
@@ -46,26 +47,50 @@ def add(verbs: command_line.Verbs) -> None:
         parser.add_argument(option, action="store_true", help=help)
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/bench", short=True)
+    command_line.own(parser)
+    command_line.launch(parser)
 
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.bench import figures, goals, measure, plan, report  # heavy: not for --help
+    from validation.own import system
     from validation.pages import console
+    from validation.running import run as run_by
 
+    run_by.launch_by(arguments.launch)
+    scripts = [one for one in arguments.parts if command_line.is_script(one, PARTS)]
+    if scripts and len(arguments.parts) > 1:
+        arguments.parser.error("a script of your own is measured alone")
     short = arguments.short
-    only = arguments.only or (SHORT if short else BENCHMARKED)
-    names = command_line.chosen(BENCHMARKED, only)
     rounds = arguments.rounds or (2 if short else 5)
     seconds = arguments.seconds or (0.2 if short else 1.0)
-    sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
-    parts, ranks = arguments.parts or PARTS, arguments.ranks or (1, 2)
-    points = plan.points(parts, ranks, sizes, names, rounds, seconds)
-    out = command_line.folder(arguments, short)
+    ranks = arguments.ranks or (1, 2)
+    if scripts:
+        arguments.scene = scripts[0]
+        ask = system.Ask.of(arguments)
+        arguments.usual += f"-{ask.name}"
+        out = command_line.folder(arguments, short)
+        own = system.take(ask, out, ranks[0], arguments.silence)
+        integrators = command_line.chosen_of(own.integrators, arguments.only)
+        names = tuple(one.name for one in integrators)
+        points = [plan.Point(ask.name, n, own.bodies, names, rounds, seconds) for n in ranks]
+    else:
+        known = {name: name for name in BENCHMARKED}
+        names = tuple(command_line.chosen_of(known, arguments.only or (SHORT if short else None)))
+        sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
+        points = plan.points(arguments.parts or PARTS, ranks, sizes, names, rounds, seconds)
+        out = command_line.folder(arguments, short)
     screen = console.console()
     with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
-        summary = measure.bench(points, out, arguments.again, meter, arguments.silence)
-    summary["goals"] = goals.judge(summary["points"], summary["starts"])
+        how = out, arguments.again, meter, arguments.silence
+        summary = (
+            measure.own(own.scene, integrators, points, *how)
+            if scripts
+            else measure.bench(points, *how)
+        )
+    judged = [] if scripts else goals.judge(summary["points"], summary["starts"])
+    summary["goals"] = judged
     report.write(summary, figures.draw(summary, out), out)
     report.show(screen, summary, out)
     rows = [

@@ -5,7 +5,7 @@ The summary also has what earlier calls have left in the folder, of the same pac
 """
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from validation.bench.plan import OPTIONAL, Optional, Point
 from validation.running import counting, lammps_log, machine, rounds, run, startup
 from validation.running.rounds import Timing
 from validation.running.store import Store
-from validation.scenes import INPUTS, SCENES, starts
+from validation.scenes import INPUTS, SCENES, Scene, starts
 from validation.scenes.integrators import BENCHMARKED, FREE, OURS, Integrator, nosquish
 from validation.statistics import measures
 
@@ -113,11 +113,64 @@ def _relate_to_memory(summary: dict) -> None:
                     row["bound_ratio"] = measures.spread(value / bound for value in values)
 
 
+def own(
+    scene: Scene,
+    integrators: Sequence[Integrator],
+    points: Iterable[Point],
+    out: Path,
+    again: bool,
+    meter: run.Meter,
+    silence: float,
+) -> dict:
+    """As `bench`, of a user's script.
+
+    Args:
+        scene, integrators: of ``own.system``.
+        points: with the script's name as ``part``.
+        out, again, silence: as of `bench`.
+    """
+    store = Store(out / "records", "validation.bench.measure")
+    summary = machine.circumstances() | {"interrupted": False}
+    summary |= {"points": [], "passes": [], "starts": [], "memory": []}
+    for point in points:
+        settings = point, scene, integrators, machine.describe()["cpu"]
+        origin = store.origin(*settings, files=[scene.folder])
+
+        def make(point=point):
+            begin = {"begin": machine.now(), "load": os.getloadavg()[0]}
+            rows, cut = _timed(scene, integrators, point, out, meter, silence)
+            rows[0] |= begin | {"end": machine.now(), "complete": not cut}
+            if cut:
+                raise Cut(rows[0])
+            return rows[0]
+
+        try:
+            summary["points"].append(store.once(point.name, origin, make, again))
+        except Cut as end:
+            summary["points"].append(end.record)
+            summary["interrupted"] = True
+            break
+    return summary
+
+
 def _scene(point: Point, out: Path, meter: run.Meter, silence: float) -> Measured:
-    """All integrators in turn; then, on several ranks, their messages."""
+    """Of one of the harness's own."""
     scene = starts.of_size(SCENES[point.part], point.bodies, out / "starts").on_mesh(MESH)
+    return _timed(
+        scene, [BENCHMARKED[name] for name in point.integrators], point, out, meter, silence
+    )
+
+
+def _timed(
+    scene: Scene,
+    integrators: Sequence[Integrator],
+    point: Point,
+    out: Path,
+    meter: run.Meter,
+    silence: float,
+) -> Measured:
+    """All integrators in turn; then, on several ranks, their messages."""
     folder, label = out / "runs" / point.name, f"{point.part} {point.bodies:,} on {point.ranks}"
-    integrators = [BENCHMARKED[name] for name in point.integrators]
     record: dict = {
         "scene": point.part,
         "title": scene.subject or scene.title,

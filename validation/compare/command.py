@@ -4,7 +4,7 @@ from argparse import Namespace
 
 from validation import command_line
 from validation.scenes import SCENES
-from validation.scenes.integrators import INTEGRATORS
+from validation.scenes.integrators import INTEGRATORS, REFERENCE
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -21,33 +21,52 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
-    scenes = [name for name, scene in SCENES.items() if scene.units == "real"]
-    parser.add_argument("scene", choices=scenes, help="what is simulated: %(choices)s")
+    kind = command_line.scene_or_script(_SCENES)
+    help = f"what is simulated: {', '.join(_SCENES)}, or a LAMMPS input script of yours"
+    parser.add_argument("scene", type=kind, metavar="SCENE", help=help)
     command_line.ranks(parser)
     command_line.number(parser, "--steps", 1500, "N", "length of each trajectory")
-    help, dt = "time step in fs (default: the scene's)", command_line.positive
-    parser.add_argument("--dt", type=dt, metavar="FS", help=help)
-    command_line.only(parser, INTEGRATORS, default=list(INTEGRATORS))
+    help = "time step, in fs or the script's units (default: the scene's)"
+    parser.add_argument("--dt", type=command_line.positive, metavar="DT", help=help)
+    help = f"integrators, of: {', '.join(INTEGRATORS)}; of a script as its table names them"
+    command_line.only_of(parser, lambda: INTEGRATORS, help)
     command_line.number(parser, "--rounds", 3, "N", "timed segments of each integrator")
     command_line.number(parser, "--segment", 200, "N", "steps of a timed segment")
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/compare-SCENE")
+    command_line.own(parser)
+    command_line.launch(parser)
+
+
+_SCENES = [name for name, scene in SCENES.items() if scene.units == "real"]
 
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.compare import measure, report  # heavy: not for --help
+    from validation.own import system
     from validation.pages import console
+    from validation.running import run as run_by
 
-    scene = SCENES[arguments.scene]
-    integrators = [
-        one for name, one in INTEGRATORS.items() if name in arguments.only and one.can_run(scene)
-    ]
-    arguments.usual = arguments.usual.replace("SCENE", scene.name)
-    out = command_line.folder(arguments)
+    run_by.launch_by(arguments.launch)
+    if command_line.is_script(arguments.scene, _SCENES):
+        ask = system.Ask.of(arguments)
+        arguments.usual = arguments.usual.replace("SCENE", ask.name)
+        out = command_line.folder(arguments)
+        own = system.take(ask, out, arguments.ranks, arguments.silence)
+        scene, known, reference = own.scene, own.integrators, own.reference
+        told: dict = {"ensemble": own.found.state.ensemble, "notes": own.notes}
+    else:
+        scene, reference, told = SCENES[arguments.scene], REFERENCE, {}
+        known = {name: one for name, one in INTEGRATORS.items() if one.can_run(scene)}
+        arguments.usual = arguments.usual.replace("SCENE", scene.name)
+        out = command_line.folder(arguments)
+    integrators = command_line.chosen_of(known, arguments.only)
     timing = arguments.rounds, arguments.segment, arguments.silence
     dt = arguments.dt or scene.dt
-    settings = measure.Settings(arguments.ranks, arguments.steps, dt, *timing)
+    settings = measure.Settings(
+        arguments.ranks, arguments.steps, dt, *timing, reference=reference, **told
+    )
     screen = console.console()
     total = len(integrators) * (settings.steps + settings.timing_rounds)
     with console.Meter(screen, total) as meter:

@@ -5,7 +5,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
+from validation.compare.measure import conserved
 from validation.pages.figures import OTHERS, OURS, PALE, Drawn, bars, draw_each, panels
+from validation.scenes.units import UNITS
 from validation.statistics.estimate import SURE, Estimate, rounded
 
 
@@ -25,32 +27,34 @@ def energy(summary: dict, series: dict) -> Drawn:
         return None
     settings = summary["settings"]
     begin = settings["discarded_fraction"] * settings["steps"]
-    curves = [_curve(series[row["name"]], begin) for row in rows]
+    units = UNITS[settings.get("units", "real")]
+    curves = [_curve(series[row["name"]], begin, units.many) for row in rows]
     reach = [np.abs(error).max() for _, error, _ in curves if len(error)]
     limit = 1.15 * min(max(reach), 2.5 * np.median(reach)) if reach else 1.0
     columns = min(2, len(rows))
     figure, axes = panels(len(rows), 2, 10 / columns, 1.45, 1.0, sharex=True, sharey=True)
     for axis, row, curve in zip(axes, rows, curves):
-        _panel(axis, row, curve, limit)
+        _panel(axis, row, curve, limit, units)
     axes[0].set_ylim(-limit, limit)
-    figure.supxlabel("time (ps)", fontsize=10)
-    figure.supylabel("total energy − its start (kcal/mol)", fontsize=10)
+    figure.supxlabel(f"time ({units.long})", fontsize=10)
+    figure.supylabel(f"energy that is kept − its start ({units.energy})", fontsize=10)
     return figure, (
-        f"Change of the total energy, {settings['dt_fs']:g} fs steps, all panels on the same "
-        "scale; zero is the mean of the first ten samples kept. The pale start is left out of all "
-        f"averages. ± is the half width of the {SURE} interval."
+        f"Change of the total energy, {settings['dt_fs']:g} {units.time} steps, all panels on the "
+        "same scale; zero is the mean of the first ten samples kept. The pale start is left out of "
+        f"all averages. ± is the half width of the {SURE} interval."
     )
 
 
-def _curve(table, begin):
+def _curve(table, begin, many):
     """Time, change of energy, and which samples are kept."""
-    finite = np.isfinite(table["TotEng"])
-    time, total = table["Time"][finite] / 1000, table["TotEng"][finite]
+    energy = conserved(table)
+    finite = np.isfinite(energy)
+    time, total = table["Time"][finite] / many, energy[finite]
     used = table["Step"][finite] >= begin
     return time, total - (total[used][:10].mean() if used.any() else total[:1].sum()), used
 
 
-def _panel(axis, row, curve, limit):
+def _panel(axis, row, curve, limit, units):
     time, error, used = curve
     axis.axhline(0, color=PALE, lw=1, zorder=0)
     axis.plot(time[~used], error[~used], color=PALE, lw=1)
@@ -58,7 +62,7 @@ def _panel(axis, row, curve, limit):
     axis.set_title(row["label"], loc="left", fontsize=10, fontweight="bold", pad=3)
     if row.get("energy_sd"):
         sd, slope = Estimate.of(row["energy_sd"]), Estimate.of(row["drift"])
-        note = f"sd {sd.value:.3g}, drift {rounded(slope.value, slope.margin)} per ps"
+        note = f"sd {sd.value:.3g}, drift {rounded(slope.value, slope.margin)} per {units.long}"
         axis.set_title(note, loc="right", fontsize=8.5, pad=3)
     notes = ["not completed"] * bool(row["error"])
     notes += ["leaves the frame"] * bool(len(error) and np.abs(error).max() > limit)

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from validation.running import machine, rounds, run
-from validation.scenes import FS_PER_PS, Scene
+from validation.scenes import Scene
 from validation.scenes.integrators import REFERENCE, Integrator
+from validation.scenes.units import UNITS
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate, plain
 
@@ -20,7 +21,8 @@ WARM_UP = 20  # steps before a timed segment
 
 @dataclass(frozen=True)
 class Settings:
-    """How to compare; ``silence`` in s, after which a run is given up."""
+    """How to compare; ``dt_fs`` is in the scene's units, ``silence`` in s, after which a run is
+    given up."""
 
     ranks: int
     steps: int
@@ -31,6 +33,8 @@ class Settings:
     sample_every_steps: int = 10
     discarded_fraction: float = 0.05  # of the run, that energies and averages leave out
     reference: str = REFERENCE
+    ensemble: str = "nve"
+    notes: tuple[str, ...] = ()  # what was found in a script
 
     @property
     def distance_after_steps(self) -> int:
@@ -52,6 +56,7 @@ class Row:
     drift: Estimate | None = None
     temperature: Estimate | None = None
     pressure: Estimate | None = None
+    density: Estimate | None = None
     rigidity: float | None = None
     distance: float | None = None
     modify: measures.Spread | None = None
@@ -99,23 +104,26 @@ def compare(
     timed, errors, stopped = rounds.in_turn(labels, turn, settings.timing_rounds, meter)
     summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
     summary |= {"interrupted": interrupted or stopped, "settings": asdict(settings)}
-    summary["settings"]["distance_after_steps"] = first
+    summary["settings"] |= {"distance_after_steps": first, "units": scene.units}
     rows = {one.name: Row(one.name, one.label, one.commands(scene)) for one in integrators}
     for name, result in done.items():
         summary["versions"].update(machine.worker_versions(result.versions))
-        _trajectory(rows[name], result, done.get(REFERENCE), settings)
-        _cost(rows[name], timed.get(name, []), timed.get(REFERENCE, []))
+        many = UNITS[scene.units].many
+        _trajectory(rows[name], result, done.get(settings.reference), settings, many)
+        _cost(rows[name], timed.get(name, []), timed.get(settings.reference, []))
         if name in errors and not rows[name].error:
             rows[name].error = f"while timed: {errors[name]}"
     summary["integrators"] = [plain(vars(row)) for row in rows.values()]
     return summary, {name: result.thermo for name, result in done.items() if result.thermo}
 
 
-def _trajectory(row: Row, result: run.Result, reference: run.Result | None, settings) -> None:
+def _trajectory(
+    row: Row, result: run.Result, reference: run.Result | None, settings: Settings, many: float
+) -> None:
     """Energy and averages over the part of the series that is kept; the atoms' places."""
     row.error = result.error
     if result.thermo:
-        _thermodynamics(row, result.thermo, settings.discarded_fraction * settings.steps)
+        _thermodynamics(row, result.thermo, settings.discarded_fraction * settings.steps, many)
         if not row.error and row.steps < settings.steps:
             row.error = "energy is not finite"
     if result.positions:
@@ -128,20 +136,28 @@ def _trajectory(row: Row, result: run.Result, reference: run.Result | None, sett
             row.distance = float(measures.largest_distance(own.x[1], there, *box))
 
 
-def _thermodynamics(row: Row, thermo: dict, begin: float) -> None:
-    finite = np.isfinite(thermo["TotEng"])
+def conserved(thermo: dict) -> np.ndarray:
+    """The energy that the integrator is to keep: with what thermostats and barostats have given,
+    where that was asked for."""
+    return thermo.get("Econserve", thermo["TotEng"])
+
+
+def _thermodynamics(row: Row, thermo: dict, begin: float, many: float) -> None:
+    finite = np.isfinite(conserved(thermo))
     until = len(finite) if finite.all() else int(np.argmin(finite))
     step = thermo["Step"][:until]
     row.steps = int(step[-1]) if until else 0
     kept = np.flatnonzero(step >= begin)
     if len(kept) < 8:  # too few for an error
         return
-    time, energy = thermo["Time"][kept], thermo["TotEng"][kept]
+    time, energy = thermo["Time"][kept], conserved(thermo)[kept]
     row.energy_sd = measures.standard_deviation(energy)
     row.energy_sd_line = measures.about_line(time, energy)
-    row.drift = measures.drift(time / FS_PER_PS, energy)
+    row.drift = measures.drift(time / many, energy)
     row.temperature = measures.mean(thermo["Temp"][kept])
     row.pressure = measures.mean(thermo["Press"][kept])
+    if "Density" in thermo:
+        row.density = measures.mean(thermo["Density"][kept])
 
 
 def _cost(row: Row, own: list[rounds.Timing], reference: list[rounds.Timing]) -> None:

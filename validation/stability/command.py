@@ -1,10 +1,10 @@
 """``stability``: its words, and what they run."""
 
 from argparse import Namespace
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from validation import command_line
+from validation import INPUTS, command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -22,8 +22,8 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, "
         "130 after Ctrl-C.",
     )
-    case, compared = command_line.one_of("case", _cases), command_line.one_of("integrator", _names)
-    text = "which (default: all); --list names them"
+    case = command_line.scene_or_script(_Cases())
+    text = "which (default: all); --list names them; or a LAMMPS input script of yours"
     parser.add_argument("cases", nargs="*", type=case, metavar="CASE", help=text)
     text = "name all cases, with their physics, and end"
     parser.add_argument("--list", action="store_true", help=text)
@@ -32,7 +32,7 @@ def add(verbs: command_line.Verbs) -> None:
     )
     command_line.short_or_full(parser, full)
     text = "integrators, as the table of --list names them (default: all that a case is run with)"
-    parser.add_argument("--only", nargs="+", type=compared, metavar="NAME", help=text)
+    command_line.only_of(parser, _names, text)
     text = (
         "at least N starts where a case has several (default: until the verdict is sure, or there "
         "are as many as the case may have)"
@@ -45,9 +45,26 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument("--take", type=Path, metavar="DIR", help=text)
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/stability", short=True)
+    command_line.own(parser)
+    command_line.launch(parser)
+
+
+class _Cases(Collection[str]):
+    """Names of cases, which are looked up when a word is there only."""
+
+    def __contains__(self, word: object) -> bool:
+        return word in _cases()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_cases())
+
+    def __len__(self) -> int:
+        return len(_cases())
 
 
 def _cases() -> Collection[str]:
+    if not INPUTS.exists():  # not in a checkout
+        return ()
     from validation.stability.cases import CASES  # heavy: not for --help
 
     return CASES
@@ -61,6 +78,11 @@ def _names() -> Collection[str]:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    scripts = [one for one in arguments.cases if command_line.is_script(one, _cases())]
+    if scripts:
+        if len(arguments.cases) > 1:
+            arguments.parser.error("a script of your own is tried alone")
+        return _script(arguments, scripts[0])
     from validation.pages import console
     from validation.stability import measure, report  # heavy: not for --help
     from validation.stability.cases import CASES
@@ -69,6 +91,7 @@ def run(arguments: Namespace) -> int:
     if arguments.list:
         report.list_cases(screen, CASES)
         return 0
+    command_line.chosen_of({name: name for name in _names()}, arguments.only)
     names, full = command_line.chosen(CASES, arguments.cases), arguments.full
     out = command_line.folder(arguments, not full)
     known = {key: getattr(arguments, key) for key in ("silence", "only", "starts", "take")}
@@ -79,3 +102,27 @@ def run(arguments: Namespace) -> int:
     report.write(summary, out)
     report.show(screen, summary, out)
     return command_line.status(summary["interrupted"], summary["summary"][0]["holds"] is False)
+
+
+def _script(arguments: Namespace, path: str) -> int:
+    """What breaks on a script of one's own; the exit status."""
+    from validation.own import stress, system  # heavy: not for --help
+    from validation.pages import console
+    from validation.running import run as run_by
+
+    run_by.launch_by(arguments.launch)
+    arguments.scene = path
+    ask = system.Ask.of(arguments)
+    arguments.usual = f"results/stability-{ask.name}"
+    out = command_line.folder(arguments)
+    own = system.take(ask, out, 1, arguments.silence)
+    some = command_line.chosen_of(own.integrators, arguments.only)
+    screen = console.console()
+    with console.Meter(screen, len(some) * (len(stress.LONGER) + 4), "runs") as meter:
+        summary = stress.stress(own, some, out, arguments.silence, meter)
+    stress.write(summary, out)
+    stress.show(screen, summary, out)
+    ours = {one.label for one in some if one.kind == "ours"}
+    lost = [one for one in summary["checks"] if one["verdict"] == "does not hold"]
+    bad = any(one["subject"] in ours and one["part"] != "step" for one in lost)
+    return command_line.status(summary["interrupted"], bad)

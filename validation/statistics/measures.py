@@ -212,6 +212,21 @@ def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
     return Estimate(exponent, *combined(*parts))
 
 
+def without_noise(off: np.ndarray) -> Estimate:
+    """The rms of a mean difference, without what noise makes of it; ``off`` has independent
+    measurements of the difference as rows.  The error is by the jackknife over these."""
+    products = off @ off.T / off.shape[1]
+    n, own = len(products), np.diag(products)
+    pairs = products.sum() - own.sum()
+    square = pairs / (n * (n - 1))
+    without = (pairs - 2 * (products.sum(axis=1) - own)) / ((n - 1) * (n - 2))  # one of them
+    error = np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2))
+    reach = margin(error, n - 1)
+    ends = [square, square - reach, max(square, 0.0) + reach]
+    value, least, most = np.sqrt(np.maximum(ends, 0.0))
+    return Estimate(value, max(value - least, most - value) / margin(1.0, n - 1), n - 1)
+
+
 def nearest_image(
     d: np.ndarray, cell: np.ndarray, periodic: Sequence[bool] | np.ndarray
 ) -> np.ndarray:

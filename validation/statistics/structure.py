@@ -46,6 +46,7 @@ class Motion:
         self.x, self.v, self.mass = positions.x, positions.v, positions.mass
         self.bodies, self._bonds, self._angles = positions.bodies, positions.bonds, positions.angles
         self.cell, self.periodic = positions.cell, positions.periodic
+        self.cells = positions.cells
         order = np.argsort(self.bodies, kind="stable")
         order = order[self.bodies[order] != 0]
         _, first, sizes = np.unique(self.bodies[order], return_index=True, return_counts=True)
@@ -151,9 +152,14 @@ def _turned(a, b):
     return Rotation.from_matrix(u @ v).magnitude() if len(a) else np.empty(0)
 
 
-def pair_distribution(motion: Motion, frames: Sequence[int] | slice) -> np.ndarray:
+def pair_distribution(
+    motion: Motion,
+    frames: Sequence[int] | slice,
+    reach: Sequence[float] = REACH,
+    width: float = BIN,
+) -> np.ndarray:
     """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the
-    frames; bins of ``BIN`` in ``REACH``."""
+    frames; bins of ``width`` in ``reach``."""
     most = [(group, np.argmax(motion.mass[group], axis=1)) for group in motion.groups]
     heaviest = np.concatenate([group[np.arange(len(group)), at] for group, at in most])
     top = mdtraj.Topology()
@@ -161,16 +167,15 @@ def pair_distribution(motion: Motion, frames: Sequence[int] | slice) -> np.ndarr
     for _ in heaviest:
         top.add_atom("O", mdtraj.element.oxygen, residue)
     path = mdtraj.Trajectory(motion.x[frames][:, heaviest] * NM_PER_ANGSTROM, top)
-    path.unitcell_vectors = np.tile(motion.cell * NM_PER_ANGSTROM, (path.n_frames, 1, 1))
-    pairs = top.select_pairs("all", "all")
-    reach = [end * NM_PER_ANGSTROM for end in REACH]
-    parts = np.array_split(np.arange(path.n_frames), BLOCKS)
-    return np.array(
-        [
-            mdtraj.compute_rdf(path[part], pairs, r_range=reach, bin_width=BIN * NM_PER_ANGSTROM)[1]
-            for part in parts
-        ]
+    cells = (
+        motion.cells[frames] if len(motion.cells) else np.tile(motion.cell, (path.n_frames, 1, 1))
     )
+    path.unitcell_vectors = cells * NM_PER_ANGSTROM
+    pairs = top.select_pairs("all", "all")
+    ends = [end * NM_PER_ANGSTROM for end in reach]
+    parts = np.array_split(np.arange(path.n_frames), BLOCKS)
+    how = {"r_range": ends, "bin_width": width * NM_PER_ANGSTROM}
+    return np.array([mdtraj.compute_rdf(path[part], pairs, **how)[1] for part in parts])
 
 
 def helicity(motion: Motion, frames: Sequence[int] | slice) -> np.ndarray:

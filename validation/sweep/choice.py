@@ -5,15 +5,20 @@ A point is one integrator with one time step, as ``measure`` tells it in plain d
 dictionary from measure to the largest error that is good enough, in the measure's unit.
 """
 
+from __future__ import annotations
+
 import math
 import statistics
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from validation.scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
-from validation.sweep.plan import Measured
+
+if TYPE_CHECKING:  # it reads inputs, which only a checkout has
+    from validation.sweep.plan import Measured
 
 # these say whether something is right, or not; they are no errors that a shorter step makes smaller
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"

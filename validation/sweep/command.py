@@ -1,10 +1,13 @@
 """``sweep``: its words, and what they run."""
 
 from argparse import Namespace
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 
-from validation import command_line
+from validation import INPUTS, command_line
+from validation.own import words as trial
 from validation.scenes.integrators import SWEPT
+
+SCRIPT_BUDGET = 30.0  # minutes, of a script
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -23,8 +26,8 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="A step that is too long fails; that is a result. Exit status: 0 if each integrator "
         "has a step that does not fail, 1 if one has none, 130 after Ctrl-C.",
     )
-    scene = command_line.one_of("scene", scenes)
-    text = "what to simulate (default: all; --short: the small ones)"
+    scene = command_line.scene_or_script(Names())
+    text = "what to simulate (default: all; --short: the small ones), or a script of yours"
     parser.add_argument("scenes", nargs="*", type=scene, metavar="SCENE", help=text)
     command_line.ranks(parser, 1, "what is larger than the dimer")
     text = (
@@ -34,19 +37,39 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument("--budget", type=command_line.positive, metavar="MINUTES", help=text)
     text = "fewer time steps, some minutes in all, for a first look"
     parser.add_argument("--short", action="store_true", help=text)
-    command_line.only(parser, SWEPT, "integrators, of: %(choices)s (default all)")
-    text = "time steps in fs (default: the scene's)"
+    text = f"integrators, of: {', '.join(SWEPT)} (default all)"
+    command_line.only_of(parser, lambda: SWEPT, text)
+    text = "time steps in fs, or the script's units (default: the scene's)"
     parser.add_argument("--steps", type=command_line.positives, metavar="FS,FS", help=text)
+    text = "of a script: largest errors that are good enough, as in energy=0.05 drift=0.01"
+    command_line.targets(parser, text)
     text = (
         "give a run up that wrote nothing for S seconds, as fixes do that hang when they blow up "
         "(default 120; --short: 30)"
     )
     parser.add_argument("--silence", type=command_line.positive, metavar="S", help=text)
     command_line.out(parser, "results/sweep", short=True)
+    command_line.own(parser)
+    command_line.launch(parser)
+
+
+class Names(Collection[str]):
+    """Names of what can be swept, which are looked up when a word is there only."""
+
+    def __contains__(self, word: object) -> bool:
+        return word in scenes()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(scenes())
+
+    def __len__(self) -> int:
+        return len(scenes())
 
 
 def scenes() -> Collection[str]:
-    """Names of what can be swept."""
+    """Names of what can be swept; none outside of a checkout."""
+    if not INPUTS.exists():
+        return ()
     from validation.sweep.plan import SCENES  # heavy: not for --help
 
     return SCENES
@@ -54,6 +77,12 @@ def scenes() -> Collection[str]:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    scripts = [one for one in arguments.scenes if command_line.is_script(one, scenes())]
+    if scripts:
+        if len(arguments.scenes) > 1:
+            arguments.parser.error("a script of your own is swept alone")
+        arguments.scene, arguments.usual = scripts[0], "results/sweep-SCRIPT"
+        return trial.run(arguments, SCRIPT_BUDGET, many=True)
     from validation.pages import console
     from validation.sweep import measure, plan, report  # heavy: not for --help
 
@@ -62,7 +91,8 @@ def run(arguments: Namespace) -> int:
     names = command_line.chosen(plan.SCENES, wanted)
     try:
         lengths = plan.lengths(names, short, arguments.budget)
-        points = plan.points(names, short, arguments.only, arguments.steps)
+        only = command_line.chosen_of({name: name for name in SWEPT}, arguments.only)
+        points = plan.points(names, short, arguments.only and only, arguments.steps)
     except ValueError as error:
         arguments.parser.error(str(error))
     out = command_line.folder(arguments, short)

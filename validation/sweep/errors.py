@@ -267,8 +267,8 @@ def _pair_distribution(point, found):
     """The rms difference from the mean of the symplectic schemes at steps up to `SMALL`, without
     what noise makes of it; None without these.
 
-    The mean product of the differences from two starts has no noise of its own. Its error is by the
-    jackknife over starts; of fewer than ``ENOUGH`` their blocks stand for starts.
+    The mean product of the differences from two starts has no noise of its own. Of fewer than
+    ``ENOUGH`` starts their blocks stand for starts.
     """
     held = [
         one for one in found if _is_good(one) and one.dt <= SMALL and one != point and found[one]
@@ -280,16 +280,7 @@ def _pair_distribution(point, found):
     means = [np.mean([g[one][start] for one in held], axis=0) for start in starts]
     off = np.array([g[point][start] - means[start] for start in starts])
     off = off.mean(axis=1) if len(starts) >= ENOUGH else off.reshape(-1, off.shape[-1])
-    products = off @ off.T / off.shape[1]
-    n, own = len(products), np.diag(products)
-    pairs = products.sum() - own.sum()
-    square = pairs / (n * (n - 1))
-    without = (pairs - 2 * (products.sum(axis=1) - own)) / ((n - 1) * (n - 2))  # one of them
-    error = np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2))
-    margin = measures.margin(error, n - 1)
-    ends = [square, square - margin, max(square, 0.0) + margin]
-    value, least, most = np.sqrt(np.maximum(ends, 0.0))
-    return Estimate(value, max(value - least, most - value) / measures.margin(1.0, n - 1), n - 1)
+    return measures.without_noise(off)
 
 
 def _convergence(point, found):

@@ -1,0 +1,510 @@
+"""A user's own input script: what is read of it, what is found, and that nothing of it changes.
+
+Held against LAMMPS itself, which runs the same script as it is, and against what is known of the
+scripts that `scripts` writes.
+"""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scripts
+from conftest import Silent
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation import command_line
+from validation.__main__ import main
+from validation.bodies import command as bodies
+from validation.bodies import parts
+from validation.check import measure as check
+from validation.own import finding, schemes, script, shapes, stress, system, trial
+from validation.own.finding import Unclear
+from validation.running import lammps_log, run
+from validation.scenes.integrators import Integrator
+from validation.statistics import structure
+
+KINDS = ("spce", "co2", "rings", "polymer", "clusters")
+BODIES = {"spce": 64, "co2": 125, "rings": 64, "polymer": 27, "clusters": 64}
+ENSEMBLE = {"spce": "nvt", "co2": "npt", "rings": "nve", "polymer": "nvt", "clusters": "nve"}
+
+
+def take(path, out, ranks=1, **ask):
+    """What the harness makes of a script."""
+    return system.take(system.Ask(str(path), **ask), out, ranks, 300.0, tell=lambda line: None)
+
+
+def refused(text, tmp_path, **ask):
+    """The one message that ends the reading of a script with these commands."""
+    path = tmp_path / "in.bad"
+    path.write_text(text)
+    with pytest.raises(SystemExit) as end:
+        take(path, tmp_path / "out", **ask)
+    message = str(end.value.code)
+    assert "\n" not in message and message.startswith("in.bad: ")
+    return message
+
+
+GAS = """units lj
+region box block 0 6 0 6 0 6
+create_box 1 box
+create_atoms 1 single 1 1 1
+create_atoms 1 single 2 1 1
+create_atoms 1 single 4 4 4
+create_atoms 1 single 4 4.8 4
+mass 1 1
+group a id 1 2
+group b id 3 4
+pair_style zero 2.0
+pair_coeff * *
+"""
+
+
+# ---- the language
+
+
+def test_lines_words_and_branches_are_lammpss():
+    """Locks out a continued line, a comment in quotes, triple quotes or an elif that LAMMPS reads
+    otherwise."""
+    text = 'print "a # b" # c\nfix 1 &\n  all nve # x\nprint """one\ntwo"""\n\n# nothing\n'
+    assert [script.texts(line) for line in script.lines(text)] == [
+        ["print", "a # b"],
+        ["fix", "1", "all", "nve"],
+        ["print", "one\ntwo"],
+    ]
+    found = script.words("fix p all print 10 \"$x 'y'\" file 'a b.txt'")
+    assert [word.text for word in found][5:] == ["$x 'y'", "file", "a b.txt"]
+    words = script.words('if "$a > 1" then "run 1" "run 2" elif "$a" "run 3" else "jump SELF x"')
+    assert script.branches(words) == [
+        ('"$a > 1"', ["run 1", "run 2"]),
+        ('"$a"', ["run 3"]),
+        (None, ["jump SELF x"]),
+    ]
+    line = "fix m all ave/time 1 5 5 c_t file out.txt mode scalar"
+    assert script.without_files(line) == "fix m all ave/time 1 5 5 c_t mode scalar"
+    assert script.without_files("fix 1 all rigid molecule infile file") != ""
+
+
+def test_the_commands_are_those_that_lammps_does(tmp_path):
+    """Locks out a loop, a jump, a condition or a variable of the command line that is followed
+    otherwise than LAMMPS does: both set the same variable."""
+    (tmp_path / "more.in").write_text('variable text string "${text}+m"\n')
+    path = tmp_path / "in.loop"
+    path.write_text(
+        GAS
+        + """variable text string s
+variable n index 2
+variable i loop $n
+label top
+variable j index a b
+label inner
+variable text string ${text}$i$j
+if "$i == 2 && ($j == a)" then "variable text string ${text}!" "include more.in" elif "$i == 1" &
+  "variable text string ${text}?" else "jump SELF out"
+next j
+jump SELF inner
+next i
+jump SELF top
+label out
+variable t equal 2*$(v_i)
+fix 1 all rigid/nve group 2 a b
+timestep $(v_t/1000)
+print "says ${text} $t"
+run 1
+"""
+    )
+    for more in [], ["-var", "n", "3"]:
+        command = ["lmp", "-in", str(path), "-log", str(tmp_path / "log"), *more]
+        subprocess.run([str(Path(sys.executable).with_name(command[0])), *command[1:]], check=True,
+                       cwd=tmp_path, stdout=subprocess.DEVNULL)  # fmt: skip
+        log = (tmp_path / "log").read_text()
+        told = next(line for line in log.splitlines() if line.startswith("says ")).split()[1:]
+        variables = (("n", "3"),) if more else ()
+        own = take(path, tmp_path / "out", variables=variables)
+        last = [one for one in own.scene.setup if one.startswith("variable text")][-1]
+        assert last.split()[-1] == told[0]
+        assert own.scene.dt == float(told[1]) / 1000
+
+
+# ---- scripts of five kinds
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.timeout(600)
+def test_a_script_is_found_and_begins_as_in_lammps(kind, ranks, tmp_path):
+    """Locks out a scene that is another system than the script's: the first step's energies are
+    those that LAMMPS prints for the script itself, and the user's files are as they were."""
+    path = getattr(scripts, kind)(tmp_path)
+    before = {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()}
+    out = tmp_path / "out"
+    own = take(path, out, ranks)
+    assert own.bodies == BODIES[kind]
+    assert own.found.state.ensemble == ENSEMBLE[kind]
+    assert own.reference in own.integrators
+    how = {"dt": own.scene.dt, "every": 1, "ranks": ranks}
+    yours = own.integrators[own.reference]
+    result = run.run(run.job(own.scene, yours, out / "yours", [2], **how))
+    assert result.error is None
+    after = {one: one.read_bytes() for one in tmp_path.rglob("*")
+             if one.is_file() and out not in one.parents}  # fmt: skip
+    assert before == after
+    log = (out / "script" / "log.lammps").read_text()
+    theirs = lammps_log.thermo(log.replace("thermo_style", ""))
+    energy = theirs["PotEng"][-1] if "PotEng" in theirs else theirs["E_pair"][-1]
+    atoms = len(own.found.body) if own.scene.units == "lj" else 1
+    if kind not in ("polymer", "clusters"):  # there thermo has other energies, too
+        assert result.thermo["PotEng"][0] == pytest.approx(energy * atoms, rel=1e-4)
+    assert result.positions.bodies.max() == own.bodies
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.timeout(900)
+def test_each_integrator_moves_each_kind(kind, tmp_path):
+    """Locks out a line that LAMMPS or our fix does not take: all integrators do some steps, from
+    the same temperature."""
+    path = getattr(scripts, kind)(tmp_path)
+    own = take(path, tmp_path / "out")
+    rows, interrupted = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert not interrupted
+    assert [row["error"] for row in rows] == [None] * len(rows)
+    kelvin = [row["temperature"] for row in rows]
+    assert np.ptp(kelvin) < 1e-3 * np.mean(kelvin)
+    kinds = {one.kind for one in own.integrators.values()}
+    assert kinds >= {"ours", "rigid"} and (kind != "spce" or "constraints" in kinds)
+
+
+def test_outputs_are_left_out_and_walls_stay(tmp_path):
+    """Locks out a file that the script would write, or a fix of the script's that is lost."""
+    own = take(scripts.clusters(tmp_path), tmp_path / "out")
+    lines = [*own.scene.setup, *own.scene.then]
+    assert any("wall/lj93" in line for line in lines) and "fix_modify wall energy yes" in lines
+    assert not any("means.txt" in line for line in lines)
+    assert any("means.txt" in line for line in own.said["left_out"])
+    assert not list(tmp_path.rglob("means.txt"))
+
+
+def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
+    """Locks out a stale reading, and one that is done again for nothing, which would begin all runs
+    from another state."""
+    path = scripts.rings(tmp_path)
+    (tmp_path / "notes").write_text("of no command")
+    first = take(path, tmp_path / "out")
+    names = {one.name for one in first.scene.folder.iterdir()}
+    assert names == {"rings.data", "state.dump", "bodies.npy"}
+    (tmp_path / "notes").write_text("changed")
+    dump = first.scene.folder / "state.dump"
+    stamp = dump.stat().st_mtime_ns
+    take(path, tmp_path / "out")
+    assert dump.stat().st_mtime_ns == stamp
+    data = tmp_path / "rings.data"
+    data.write_text(data.read_text().replace("13.019", "14.5"))
+    again = take(path, tmp_path / "out")
+    assert again.atoms["mass"][0] == 14.5
+
+
+# ---- what is found
+
+
+def test_numbers_of_a_fix_python_move_have_no_point():
+    """Locks out a temperature that our fix reads otherwise."""
+    for word in "298.15", "0.5", "1.0", "300", "1e-3", "2.50", "-1.25", "0.001":
+        plain = schemes.undotted(word)
+        assert "." not in plain and float(plain) == float(word)
+    assert schemes.undotted("v_T") == "v_T"
+
+
+def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
+    """Locks out a rigid part that is none: shake holds a bond of a flexible molecule beside rigid
+    water, as scripts of proteins do. Only the water becomes bodies; all begins with each line."""
+    path = scripts.solute(tmp_path)
+    own = take(path, tmp_path / "out")
+    assert own.bodies == 27
+    assert own.found.rest and own.found.holder
+    assert (own.found.body[-4:] == 0).all()
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows)
+
+
+def test_flexible_water_is_made_rigid_by_options(tmp_path):
+    """Locks out a script without rigid fix that --group and --bodies do not make rigid."""
+    path = scripts.spce(tmp_path, fix="group w type 1 2\nfix move all nve", number=3)
+    assert "no run of the script has a fix" in refused(
+        path.read_text().replace("parts/", f"{tmp_path}/parts/"), tmp_path
+    )
+    own = take(path, tmp_path / "own", group="w", bodies="molecule")
+    assert own.bodies == 27 and own.reference == "nosquish"
+
+
+# ---- scripts that cannot be taken
+
+
+def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
+    """Locks out a traceback, a guess, or a message that does not say what to do."""
+    two = GAS + "fix 1 a rigid/nve single\nfix 2 b rigid/nve single\nrun 1\n"
+    message = refused(two, tmp_path)
+    assert "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)" in message
+    assert "--fix ID" in message
+    path = tmp_path / "in.two"
+    path.write_text(two)
+    assert take(path, tmp_path / "two", fix=("2",)).found.group == "b"
+    message = refused(GAS + "fix 1 all nve\nrun 100000000\n", tmp_path)
+    assert "run 100000000: 1 (nve on all)" in message and "--bodies molecule" in message
+    assert "has no run" in refused(GAS, tmp_path)
+    message = refused(GAS + "jump /dev/nothing\n", tmp_path)
+    assert "there is no file /dev/nothing" in message
+    assert "has no label there" in refused(GAS + "jump SELF there\n", tmp_path)
+    message = refused("jump SELF\n", tmp_path)
+    assert "a loop of the script have no end" in message
+    wrong = GAS + "fix 1 all rigid/nve molecule\nrun 1\n"
+    assert "the script failed at 'fix 1 all rigid/nve molecule'" in refused(wrong, tmp_path)
+    late = GAS.replace("pair_coeff * *\n", "") + "fix 1 a rigid/nve single\nrun 1\n"
+    assert "coeffs are not set" in refused(late, tmp_path)
+    with pytest.raises(SystemExit, match="there is no script"):
+        take("nothing", tmp_path)
+
+
+def test_an_integrator_that_is_none_is_refused(capsys):
+    """Locks out a word behind --only that is passed over in silence."""
+    with pytest.raises(SystemExit, match="2"):
+        command_line.chosen_of({"a": 1, "b": 2}, ["x"])
+    assert "there is no integrator x: choose from a, b" in capsys.readouterr().err
+    assert command_line.chosen_of({"a": 1, "b": 2}, None) == [1, 2]
+
+
+# ---- numbers
+
+
+def test_shapes_of_known_bodies(tmp_path):
+    """Locks out a moment, a size or a number of degrees of freedom that is not the body's own."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    (kind,) = shapes.kinds(own, shapes.bodies(own))
+    assert (kind.number, kind.atoms, kind.shape, kind.freedom) == (125, 3, "linear", 5)
+    assert kind.size == pytest.approx(2.32, rel=1e-9)
+    assert kind.moments[0] == pytest.approx(2 * 15.999 * 1.16**2, rel=1e-9)
+    kt = 0.0019872067 * 250 / 2390.0573615334906
+    assert kind.angle == pytest.approx(2 * np.sqrt(kt / kind.moments[0]), rel=1e-6)
+
+
+def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
+    """Locks out degrees of freedom that are counted wrongly: bodies with velocities drawn for a
+    temperature have it, in translation and in rotation."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    random, kelvin, frames = np.random.default_rng(1), 250.0, 400
+    made = shapes.bodies(own)
+    (group,), (r,), (moments,), (axes,) = made.groups, made.apart, made.moments, made.axes
+    scale = own.said["boltzmann"] * kelvin / shapes.mvv2e(own)
+    mass = own.atoms["mass"]
+    centre = random.normal(size=(frames, len(group), 3)) * np.sqrt(scale / mass[group[0]].sum())
+    spin = random.normal(size=(frames, len(group), 3)) * np.sqrt(
+        np.where(moments > 1e-6 * moments[:, :1], scale / np.maximum(moments, 1e-12), 0.0)
+    )
+    omega = np.einsum("bik,fbk->fbi", axes, spin)
+    v = np.zeros((frames, len(mass), 3))
+    v[:, group] = centre[:, :, None] + np.cross(omega[:, :, None], r)
+    x = np.broadcast_to(own.atoms["x"], v.shape)
+    cell, periodic = np.array(own.said["cell"]), np.array([True] * 3)
+    positions = run.Positions(x, own.found.body, cell, periodic, v=v, mass=mass)
+    moving, turning = trial._temperatures(own, structure.Motion(positions), range(frames))
+    assert moving.mean() == pytest.approx(kelvin, rel=0.01)
+    assert turning.mean() == pytest.approx(kelvin, rel=0.01)
+
+
+def test_targets_are_those_that_a_script_has(tmp_path):
+    """Locks out a target that says nothing of a script, and one that is not known."""
+    co2 = take(scripts.co2(tmp_path), tmp_path / "out")
+    assert set(trial.targets(co2, {})) == {"temperature", "density", "rdf"}
+    with pytest.raises(LookupError, match="drift says nothing of this script"):
+        trial.targets(co2, {"drift": 1.0})
+    with pytest.raises(LookupError, match="there is no target speed"):
+        trial.targets(co2, {"speed": 1.0})
+    spce = take(scripts.spce(tmp_path), tmp_path / "out2")
+    found = trial.targets(spce, {"energy": 0.1})
+    assert found["energy"] == 0.1 and found["drift"] == trial.HEATED
+    assert "density" not in found
+    path = scripts.rings(tmp_path)
+    assert "energy" not in trial.targets(take(path, tmp_path / "out3"), {})  # fix langevin stays
+    text = path.read_text().replace("timestep 4", "unfix heat\ntimestep 4")
+    path.write_text(text)
+    assert "energy" in trial.targets(take(path, tmp_path / "out3"), {})
+
+
+@pytest.mark.timeout(600)
+def test_what_breaks_on_a_script(tmp_path):
+    """Locks out a number of the stress that cannot fail: a step that is far too long does, and runs
+    of another length end elsewhere."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text().replace("fix heat all langevin 300 300 200 11\n", "")
+    path.write_text(text.replace("timestep 4", "timestep 10"))
+    out = tmp_path / "out"
+    words = ["--only", "nosquish", "--out", str(out)]
+    assert main(["stability", str(path), *words]) == 0
+    checks = json.loads((out / "summary.json").read_text())["checks"]
+    parts = {part: [one for one in checks if one["part"] == part] for part in stress.TITLES}
+    assert [one["verdict"] for one in parts["parts"] + parts["ranks"]] == ["holds"] * 2
+    assert parts["step"][-1]["verdict"] == "does not hold"
+    ends = [
+        run.collect(out / "runs" / "nosquish" / name).positions.x[-1]
+        for name in ("in-one", "in-two", "on-1-ranks")
+    ]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-3 < np.abs(ends[0] - ends[2]).max()
+
+
+# ---- the verbs
+
+
+@pytest.mark.timeout(600)
+def test_compare_and_bench_of_a_script(tmp_path, capsys):
+    """Locks out a verb that ends with a script: both write their page and numbers."""
+    path = str(scripts.polymer(tmp_path))
+    out = tmp_path / "compare"
+    words = ["--ranks", "1", "--rounds", "1", "--segment", "20", "--only", "nosquish",
+             "rigid/nvt/small"]  # fmt: skip
+    assert main(["compare", path, "--steps", "200", "--out", str(out), *words]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert [row["name"] for row in summary["integrators"]] == ["rigid/nvt/small", "nosquish"]
+    assert all(row["distance"] is not None for row in summary["integrators"])
+    assert "ε" in (out / "report.html").read_text()
+    out = tmp_path / "bench"
+    words = ["--ranks", "1", "--rounds", "1", "--seconds", "0.02", *words[-3:]]
+    assert main(["bench", path, "--short", "--out", str(out), *words]) == 0
+    (point,) = json.loads((out / "summary.json").read_text())["points"]
+    assert point["bodies"] == 27 and all(row["modify"] for row in point["integrators"])
+
+
+@pytest.mark.timeout(900)
+def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path):
+    """Locks out advice for a step at which the run heats or its energy fluctuates above the target:
+    rings at constant energy, with a step that is safe and one that is far too long."""
+    path = scripts.rings(tmp_path)
+    path.write_text(path.read_text().replace("fix heat all langevin 300 300 200 11\n", ""))
+    out = tmp_path / "out"
+    words = ["--budget", "0.5", "--steps", "4,60", "--only", "nosquish", "--out", str(out)]
+    targets = ["--target", "energy=0.2", "drift=100", "temperature=1", "rdf=10"]
+    assert main(["advise", str(path), *words, *targets]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    good, bad = (one for one in summary["points"] if not one["is_reference"])
+    assert good["dt"] == 4 and good["errors"]["energy"]["value"] < 0.2
+    assert bad["failed"] or bad["errors"]["energy"]["value"] > 0.2
+    page = (out / "report.html").read_text()
+    assert "fix_nosquish.NVE with a step of 4 fs" in page and "timestep 4" in page
+    # again: nothing is run, and another process finds the same
+    begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/*/*/done.json")}
+    assert begin and main(["advise", str(path), *words, *targets]) == 0
+    assert begin == {one: one.stat().st_mtime_ns for one in begin}
+
+
+def test_rigid_parts_are_found_by_their_chemistry(tmp_path):
+    """Locks out a part that is none, or one that is missed: toluene, methylammonium, cyclohexane
+    and water, held against what chemistry says of them."""
+    number, bonds, mass, x = 0, [], [], []
+
+    def atom(element, place, to=None):
+        nonlocal number
+        number += 1
+        mass.append(parts.ELEMENTS[element])
+        x.append(place)
+        if to:
+            bonds.append((1, to, number))
+        return number
+
+    corners = 1.39 * np.array([[np.cos(a), np.sin(a), 0] for a in np.arange(6) * np.pi / 3])
+    ring = [atom("C", place) for place in corners]
+    bonds += [(1, a, b) for a, b in zip(ring, ring[1:] + ring[:1])]
+    hydrogens = [atom("H", 1.8 * place, at) for place, at in zip(corners[1:], ring[1:])]
+    methyl = atom("C", 2.1 * corners[0], ring[0])
+    of_methyl = [atom("H", [3.3, y, z], methyl) for y, z in ((1, 0), (-0.5, 0.9), (-0.5, -0.9))]
+    carbon = atom("C", [10, 0, 0])
+    nitrogen = atom("N", [11.5, 0, 0], carbon)
+    for at in carbon, nitrogen:
+        for place in range(3):
+            atom("H", [10.5 + place, 1, 1], at)
+    chair = [atom("C", place + np.array([0, 10, (-1) ** i / 4])) for i, place in enumerate(corners)]
+    bonds += [(1, a, b) for a, b in zip(chair, chair[1:] + chair[:1])]
+    for at in chair:
+        atom("H", [0, 12, 1], at), atom("H", [0, 12, -1], at)
+    water = [atom("O", [0, 0, 9])]
+    water += [atom("H", [1, 0, 9], water[0]), atom("H", [0, 1, 9], water[0])]
+    atoms = {"mass": np.array(mass), "x": np.array(x, float), "bonds": np.array(bonds)}
+    body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3)
+    assert counts == {"water": 1, "CH3": 2, "NH3": 1, "rings": 1}
+    found = {frozenset(1 + np.flatnonzero(body == one)) for one in range(1, 6)}
+    assert {frozenset(ring + hydrogens), frozenset([methyl, *of_methyl]), frozenset(water)} < found
+    assert body.max() == 5 and not body[np.array(chair) - 1].any()
+    _, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3, ["CH3"])
+    assert counts == {"CH3": 2}
+
+
+def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
+    """Locks out a data file that LAMMPS or our fix does not read as it was meant, or bodies of one
+    kind that differ: flexible water, distorted, becomes bodies of one shape."""
+    path = scripts.spce(tmp_path, fix="fix move all nve", number=3)
+    text = path.read_text()
+    assert main(["bodies", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert "27 × water" in capsys.readouterr().out
+    (tmp_path / "spce.data").write_bytes((tmp_path / "out" / "spce.data").read_bytes())
+    lines = bodies._lines("property", "spce.data")
+    assert "group bodies variable is_in" in lines
+    text = text.replace("read_data parts/spce.data", "\n".join(lines[:4]))
+    text = text.replace("fix move all nve", "\n".join(lines[5:6]))
+    again = tmp_path / "in.again"
+    again.write_text(text)
+    own = take(again, tmp_path / "again")
+    assert own.bodies == 27 and own.found.bodies == "custom i_body"
+    (kind,) = shapes.kinds(own, shapes.bodies(own))
+    assert kind.number == 27 and kind.scatter < 1e-6
+
+
+def test_check_finds_what_does_not_fit(tmp_path):
+    """Locks out a script whose atoms overlap, stand still, or are pushed by forces within bodies,
+    and that passes."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text()
+    path.write_text(
+        text.replace("special_bonds lj/coul 0 0 0\n", "")
+        .replace("fix bodies all rigid/nve/small molecule", "group some molecule 1:60\n"
+                 "fix bodies some rigid/nve/small molecule")
+        .replace("timestep 4", "timestep 400")
+    )  # fmt: skip
+    own = take(path, tmp_path / "out")
+    made = shapes.bodies(own)
+    found = {
+        (one.subject, one.what): one.holds
+        for one in (*check._bodies(own, made, shapes.kinds(own, made)), *check._script(own),
+                    *check._step(own, made, shapes.kinds(own, made)))
+    }  # fmt: skip
+    assert found[("atoms", "that no fix moves")] is False
+    assert found[("forces within bodies", "computed (1) or left out (0)")] is False
+    assert found[("thermostats", "of the bodies")] is True
+    turns = [holds for (_, what), holds in found.items() if what.startswith("rms angle")]
+    assert turns == [False]
+
+
+def test_ranks_are_started_by_the_launcher(monkeypatch):
+    """Locks out a cluster's launcher that is not used."""
+    monkeypatch.setattr(run, "_launch", None)
+    run.launch_by("srun -n {ranks} --exact")
+    assert run.launcher(4) == ["srun", "-n", "4", "--exact"]
+    run.launch_by(None)
+    assert run.launcher(4)[1:] == ["-np", "4"]
+
+
+def test_kinds_of_fixes():
+    """Locks out a fix that is taken for another kind."""
+    known = {
+        "fix 1 all rigid/nvt/small molecule temp 1 1 1": "rigid",
+        "fix 1 all rigid/small/omp molecule": "rigid",
+        'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 1"': "ours",
+        "fix 1 all python/move other.Class": None,
+        "fix 1 all shake 1e-4 20 0 b 1": "constraints",
+        "fix 1 all npt temp 1 1 1 iso 1 1 1": "plain",
+        "fix 1 all langevin 1 1 1 3": None,
+    }
+    assert {line: finding.kind_of(line) for line in known} == known
+    with pytest.raises(Unclear, match="angles of the box"):
+        finding.state_of(["temp", "1", "1", "1", "tri", "0", "0", "1"], "npt")
+    assert isinstance(Integrator("a", "a", ()), Integrator)

@@ -1,0 +1,105 @@
+"""``bodies``: its words, and what they run."""
+
+import json
+import subprocess
+import sys
+from argparse import Namespace
+from pathlib import Path
+
+from validation import command_line
+
+PARTS = "water", "CH3", "NH3", "rings"
+
+
+def add(verbs: command_line.Verbs) -> None:
+    """Add the verb to the command line."""
+    parser = command_line.verb(
+        verbs,
+        "bodies",
+        run,
+        help="find rigid parts in a script's molecules, and write a data file that has them",
+        description="Find water, CH3, NH3 and aromatic rings with their hydrogens by bonds and "
+        "masses, at the first run of a LAMMPS input script, and write a data file in which each is "
+        "a body: by an integer property of the atoms, or by molecule IDs. Each kind of part gets "
+        "its mean shape. No file of yours is written to.",
+        epilog="Exit status: 0 if there are parts, 1 if there are none.",
+    )
+    script = command_line.scene_or_script(())
+    parser.add_argument("scene", type=script, metavar="SCRIPT", help="a LAMMPS input script")
+    help = "what is rigid, of: %(choices)s (default all)"
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help=help)
+    help = "where bodies stand in the data file (default property: molecule IDs stay as they are)"
+    parser.add_argument("--as", choices=("property", "molecule"), default="property", dest="kind",
+                        help=help)  # fmt: skip
+    help = "keep each part's own shape, in place of the mean of its kind"
+    parser.add_argument("--shapes-stay", action="store_true", help=help)
+    command_line.silence(parser, 120.0)
+    command_line.out(parser, "results/bodies-SCRIPT")
+    command_line.own(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Run the verb; the exit status."""
+    import numpy as np  # heavy: not for --help
+
+    from validation.bodies import parts
+    from validation.own import system
+
+    ask = system.Ask.of(arguments)
+    arguments.usual = arguments.usual.replace("SCRIPT", ask.name)
+    out = command_line.folder(arguments).resolve()
+    said, atoms, folder = system.read(ask, out, 1, arguments.silence, everything=True)
+    if not len(atoms.get("bonds", ())):
+        raise SystemExit(f"{ask.name}: the atoms have no bonds, by which rigid parts are found")
+    if said["units"] not in ("real", "metal"):
+        raise SystemExit(f"{ask.name}: elements cannot be told by masses in units {said['units']}")
+    cell, periodic = np.array(said["cell"]), said["periodic"]
+    body, counts = parts.rigid(atoms, cell, periodic, arguments.parts)
+    print("Found: " + ", ".join(f"{number:,} × {name}" for name, number in counts.items()))
+    if not body.any():
+        print("No rigid part, so no data file is written.")
+        return 1
+    x, moved = atoms["x"], 0.0
+    if not arguments.shapes_stay:
+        x, moved = parts.alike(atoms, body, cell, periodic)
+    np.savez(out / "bodies.npz", x=x, body=body)
+    data = out / f"{ask.name}.data"
+    plain = {
+        "folder": str(folder / "inputs"),
+        "commands": system.without_fixes(said, folder),
+        "arrays": str(out / "bodies.npz"),
+        "kind": arguments.kind,
+        "data": str(data),
+        "log": str(out / "write.log"),
+    }
+    (out / "write.json").write_text(json.dumps(plain))
+    writer = Path(__file__).with_name("writer.py")
+    done = subprocess.run([sys.executable, str(writer), str(out / "write.json")],
+                          stdin=subprocess.DEVNULL, capture_output=True, text=True)  # fmt: skip
+    if done.returncode:
+        raise SystemExit(f"{ask.name}: no data file: {done.stderr.strip().splitlines()[-1]}")
+    if moved:
+        print(f"Each kind has its mean shape: for this an atom moved by {moved:.3g} Å at most.")
+    print(f"{data} has them. In the script, in the place of its read_data:")
+    print("\n".join(f"    {line}" for line in _lines(arguments.kind, data.name)))
+    return 0
+
+
+def _lines(kind: str, name: str) -> list[str]:
+    if kind == "molecule":
+        return [
+            f"read_data {name}",
+            "group bodies molecule > 0",
+            "group points subtract all bodies",
+            'fix 1 bodies python/move "fix_nosquish.NVE bodies molecule"',
+            "fix 2 points nve",
+        ]
+    return [
+        "fix body all property/atom i_body",
+        f"read_data {name} fix body NULL body",
+        "variable is_in atom i_body>0",
+        "group bodies variable is_in",
+        "group points subtract all bodies",
+        'fix 1 bodies python/move "fix_nosquish.NVE bodies custom i_body"',
+        "fix 2 points nve",
+    ]

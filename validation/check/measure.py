@@ -1,0 +1,175 @@
+"""Whether a script's bodies are what its author thinks, and its step is safe: numbers with bounds.
+
+From the state at the script's run, and from some steps with each integrator.
+"""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from validation.own import finding, shapes
+from validation.own.script import texts
+from validation.own.system import Own
+from validation.running import machine, run
+from validation.statistics.check import Check
+
+STEPS = 20  # with each integrator
+# rad: a body that turns further in a step is not followed any more
+TURN = 0.5
+# Verlet's scheme is unstable for frequency x step of 2; with 1 a spring's mean energy is a sixth
+# off (1 / (1 - (wh/2)^2) = 1.33 in its position), with 0.6 a tenth
+STIFF = 0.6
+ALIKE = 1e-3  # of the largest moment: rounding of a data file's digits is less
+TITLES = {"bodies": "The bodies", "step": "The step", "script": "The rest of the script"}
+
+
+def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> dict:
+    """All of it, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances."""
+    made = shapes.bodies(own)
+    kinds = shapes.kinds(own, made)
+    checks = [*_bodies(own, made, kinds), *_step(own, made, kinds), *_script(own)]
+    rows, interrupted = _starts(own, out, ranks, silence, meter)
+    return machine.circumstances() | {
+        "title": own.scene.title,
+        "notes": own.notes,
+        "units": own.scene.units,
+        "dt": own.scene.dt,
+        "temperature": shapes.temperature(own),
+        "kinds": [asdict(kind) for kind in kinds],
+        "checks": [one.plain() for one in checks],
+        "integrators": rows,
+        "interrupted": interrupted,
+    }
+
+
+def _bodies(own, made, kinds):
+    """Kinds, images, neighbours."""
+    units = own.units
+    for kind in kinds:
+        note = (
+            "bodies of these atoms differ in shape: each keeps the one that it has. If they are to "
+            "be alike, 'python -m validation bodies' writes a data file with mean shapes"
+        )
+        what = "largest difference of a moment from the kind's mean"
+        yield Check("bodies", kind.name, what, kind.scatter, high=ALIKE, note=note)
+    half = float(np.min(np.diag(np.array(own.said["cell"]))) / 2)
+    size = max(kind.size for kind in kinds)
+    note = "a body is nearly as wide as the box: its image flags decide where its atoms are"
+    yield Check(
+        "bodies", "the largest", "its size", size, high=half, unit=units.length, note=note,
+        source="half of the box",
+    )  # fmt: skip
+    note = "by its image flags a body is wider than by nearest images: is it cut by a face?"
+    yield Check(
+        "bodies", "image flags", "wider by them", made.gap, high=half, unit=units.length, note=note
+    )
+    near = shapes.nearest(own)
+    if near:
+        note = f"atoms {near[1]} and {near[2]}, of different bodies and not bonded, nearly overlap"
+        least = 0.4 * _usual_distance(own)
+        yield Check(
+            "bodies", "nearest atoms", f"{near[1]} and {near[2]}", near[0], low=least,
+            unit=units.length, note=note, source="0.4 of the mean distance of neighbours",
+        )  # fmt: skip
+
+
+def _usual_distance(own) -> float:
+    volume = abs(np.linalg.det(np.array(own.said["cell"])))
+    return float((volume / len(own.found.body)) ** (1 / 3))
+
+
+def _step(own, made, kinds):
+    turns = max(kinds, key=lambda kind: kind.angle)
+    note = f"a shorter step: {own.scene.dt * TURN / max(turns.angle, 1e-300):.3g} and below is safe"
+    what = "rms angle that a body turns in a step at the temperature, about its fastest axis"
+    yield Check("step", turns.name, what, turns.angle, high=TURN, unit="rad", note=note)
+    found = shapes.fastest(own, made)
+    for name, frequency in found.items():
+        note = (
+            f"by the forces of this start: {STIFF / frequency:.3g} {own.units.time} and below is "
+            "safe, if it is in equilibrium. A start whose atoms are not at rest shows more"
+        )
+        what = "frequency of the stiffest motion × step"
+        yield Check("step", name, what, frequency * own.scene.dt, high=STIFF, note=note)
+
+
+def _script(own):
+    """Exclusions, groups, other fixes."""
+    movers = shapes.moved(own)
+    count = np.sum([*movers.values()], axis=0)
+    idle, twice = int(np.sum(count == 0)), int(np.sum(count > 1))
+    note = "these atoms stand still, unless a fix that is not known here moves them"
+    yield Check("script", "atoms", "that no fix moves", idle, high=0, note=note)
+    note = f"two of these fixes move the same atoms: {', '.join(movers)}"
+    yield Check("script", "atoms", "that two fixes move", twice, high=0, note=note)
+    lines = [texts(line) for line in own.said["commands"]]
+    excludes = any(line[:2] == ["neigh_modify", "exclude"] or "exclude" in line for line in lines)
+    special = [line for line in lines if line[0] == "special_bonds"]
+    zeros = bool(special) and all(one in ("lj/coul", "lj", "coul", "0", "0.0") or
+                                  _is_zero(one) for one in special[-1][1:4])  # fmt: skip
+    large = int(np.bincount(own.found.body)[1:].max())
+    bonds = len(own.atoms.get("bonds", ()))
+    covered = excludes or large == 1 or (zeros and bonds and large <= 4)
+    note = (
+        "forces between atoms of one body cost time and do nothing: neigh_modify exclude "
+        "molecule/intra GROUP, or special_bonds lj/coul 0 0 0 where bonds tell them"
+    )
+    yield Check(
+        "script", "forces within bodies", "computed (1) or left out (0)", int(not covered), high=0,
+        note=note,
+    )  # fmt: skip
+    heats = [
+        one
+        for one, line in own.said["fixes"].items()
+        if one not in own.found.ids
+        and finding.style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
+        and (shapes_mask(own, line) & (own.found.body > 0)).any()
+    ]
+    number = len(heats) + bool(own.found.state.temp)
+    note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
+    yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
+
+
+def shapes_mask(own, line):
+    """The atoms of a fix's group."""
+    group = texts(line)[2]
+    return own.atoms["mask"] & (1 << own.said["groups"].index(group)) != 0
+
+
+def _is_zero(word):
+    try:
+        return float(word) == 0
+    except ValueError:
+        return False
+
+
+def _starts(own, out, ranks, silence, meter):
+    """A row for each integrator: what it makes of the start, and of some steps."""
+    rows = []
+    for one in own.integrators.values():
+        directory = out / "runs" / run.folder_name(one.name)
+        how: dict = {"dt": own.scene.dt, "ranks": ranks, "silence": silence, "keeps": "nothing"}
+        origin = machine.origin(own.scene, one)
+        meter.begin(one.label, STEPS)
+        job = run.job(own.scene, one, directory, [STEPS], every=1, origin=origin, **how)
+        result = run.once(job)
+        meter.end(result.error)
+        row: dict = {"name": one.name, "label": one.label, "error": result.error}
+        thermo = result.thermo
+        if thermo and not result.error:
+            energy = thermo.get("Econserve", thermo["TotEng"])
+            freedom = (
+                2 * thermo["KinEng"][0] / max(own.said["boltzmann"] * thermo["Temp"][0], 1e-300)
+            )
+            row |= {
+                "temperature": float(thermo["Temp"][0]),
+                "freedom": round(float(freedom)),
+                "pressure": float(thermo["Press"][0]),
+                "potential": float(thermo["PotEng"][0]),
+                "change": float(np.ptp(energy)),
+            }
+        rows.append(row)
+        if result.interrupted:
+            return rows, True
+    return rows, False

@@ -1,0 +1,463 @@
+"""Which fix of a script moves its rigid atoms, and which are they.  From what ``reader`` has left.
+
+What cannot be told is not guessed: an `Unclear` says which option tells it.
+"""
+
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from validation.own.script import texts
+
+OURS = re.compile(r"fix_nosquish\.(NVE|NVT|NPT|NPH|MatubayasiNakahara|Gear)$")
+CONSTRAINTS = "shake", "rattle"
+PLAIN = "nve", "nvt", "npt", "nph"  # fixes that move points, whose place ours can take
+AXES = "iso", "aniso", "x", "y", "z"
+# of a fix's keywords how many words follow
+FOLLOW = dict.fromkeys((*AXES, "temp", "tri", "xy", "xz", "yz", "tparam", "fixedpoint"), 3)
+FOLLOW |= {"force": 4, "torque": 4, "langevin": 4, "output": 2}
+KEPT = "force", "torque", "reinit"  # keywords that all rigid fixes have, but the ones for small
+FULL_TURN = 3  # atoms of the largest cluster that shake holds as a rigid body
+
+
+class Unclear(SystemExit):
+    """What was found is not enough; the message says which option tells more."""
+
+
+@dataclass(frozen=True)
+class State:
+    """Temperature and pressure, in the script's own words.
+
+    Attributes:
+        temp: start, stop, damping; None at constant energy.
+        press: axis words with start, stop, damping each.
+        couple: the word behind ``couple``; None for none.
+    """
+
+    temp: tuple[str, ...] | None = None
+    press: tuple[tuple[str, ...], ...] = ()
+    couple: str | None = None
+
+    @property
+    def ensemble(self) -> str:
+        """As the names of fixes have it."""
+        heat, box = bool(self.temp), bool(self.press)
+        return {(0, 0): "nve", (1, 0): "nvt", (1, 1): "npt", (0, 1): "nph"}[heat, box]
+
+
+@dataclass(frozen=True)
+class Found:
+    """The fixes that move a script's rigid atoms.
+
+    Attributes:
+        ids: of the fixes, in the script's order; all are replaced.
+        lines: their commands.
+        style: of the one that keeps the atoms rigid (or moves them), without ``/omp`` and the like.
+        kind: ``ours``, ``rigid``, ``constraints`` or ``plain`` (nothing is rigid there).
+        group: of the bodies' atoms, and ``bodies``, the body style with its words.
+        state: temperature and pressure that these fixes keep.
+        body: (atoms,) number of each atom's body from 1, 0 for none.
+        rest: whether the fixes also move other atoms, ``mover`` is the command that does, and
+            ``holder`` the one that holds some of these.
+        constraints: the words of shake that hold the same bodies; None if there are none.
+        why: why not.
+        keywords: that go into other fixes, too.
+        dropped: keywords that do not.
+        setup: commands that make the group, if the script has none.
+    """
+
+    ids: tuple[str, ...]
+    lines: tuple[str, ...]
+    style: str
+    kind: str
+    group: str
+    bodies: str
+    state: State
+    body: np.ndarray
+    rest: bool = False
+    mover: str = ""
+    holder: str = ""
+    constraints: str | None = None
+    why: str = ""
+    keywords: str = ""
+    dropped: tuple[str, ...] = ()
+    setup: tuple[str, ...] = field(default=())
+
+
+def style_of(line: str) -> str:
+    """Of a fix, without suffixes of accelerated variants."""
+    return re.sub(r"/(omp|intel|kk|gpu|opt)$", "", texts(line)[3])
+
+
+def kind_of(line: str) -> str | None:
+    """What a fix is to the atoms; None if it is none that ours can take the place of."""
+    style, words = style_of(line), texts(line)
+    if style == "python/move":
+        name = words[4].split()[0] if len(words) > 4 and words[4].strip() else ""
+        return "ours" if OURS.match(name) else None
+    if style == "rigid" or style.startswith("rigid/"):
+        return "rigid"
+    if style in CONSTRAINTS:
+        return "constraints"
+    return "plain" if style in PLAIN else None
+
+
+def holders(fixes: Mapping[str, str], wanted: Collection[str] = ()) -> list[str]:
+    """IDs of the fixes that keep atoms rigid; of those that are wanted, if any are."""
+    if wanted:
+        return list(wanted) if set(wanted) <= fixes.keys() else []
+    return [one for one, line in fixes.items() if kind_of(line) not in (None, "plain")]
+
+
+def told(fixes: Mapping[str, str]) -> str:
+    """The fixes in words."""
+    said = (f"{one} ({style_of(line)} on {texts(line)[2]})" for one, line in fixes.items())
+    return ", ".join(said) or "no fix"
+
+
+def nothing(seen: Sequence[str]) -> str:
+    """What to say where no run has a fix that keeps atoms rigid."""
+    if not seen:
+        return (
+            "the script has no run, so there is nothing to compare: give the script that runs, "
+            "not one that it includes"
+        )
+    some = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
+    return (
+        f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {some}. "
+        "If some molecules are to be rigid, say which: --group GROUP --bodies molecule (and --fix "
+        "ID, if several fixes move that group). Where atoms have no molecule IDs, "
+        "'python -m validation bodies SCRIPT' finds rigid parts and writes them into a data file"
+    )
+
+
+def find(
+    said: Mapping,
+    atoms: Mapping[str, np.ndarray],
+    wanted: Sequence[str] = (),
+    group: str | None = None,
+    bodies: str | None = None,
+) -> Found:
+    """What moves the rigid atoms.
+
+    Args:
+        said, atoms: of ``reader``: read.json and atoms.npz.
+        wanted: --fix.  group: --group.  bodies: --bodies.
+
+    Raises:
+        Unclear: it cannot be told, or is none that another integrator can take the place of.
+    """
+    fixes: dict[str, str] = said["fixes"]
+    known = holders(fixes, wanted)
+    if not known:
+        known = _movers(said, atoms, fixes, _mask(said, atoms, group or "all"))
+    kinds = {one: kind_of(fixes[one]) for one in known}
+    strange = [one for one, kind in kinds.items() if kind is None]
+    if strange:
+        raise Unclear(
+            f"fix {strange[0]} ({style_of(fixes[strange[0]])}) is none whose place another "
+            "integrator can take: name one of these styles by --fix: fix_nosquish's, rigid*, "
+            f"shake, rattle, {', '.join(PLAIN)}"
+        )
+    held = [one for one in known if kinds[one] != "plain"] or known
+    if len(held) > 1:
+        raise Unclear(
+            f"{len(held)} fixes could be meant: {told({one: fixes[one] for one in held})}. Say "
+            f"whose place the others take: --fix ID, with one of {', '.join(held)}. The others "
+            "stay as they are"
+        )
+    line, kind = fixes[held[0]], kinds[held[0]]
+    if kind in ("ours", "rigid") and not (group or bodies):
+        return _of_rigid(said, atoms, held[0], line, kind)
+    return _of_points(said, atoms, fixes, held[0], str(kind), known, group, bodies)
+
+
+def _mask(said, atoms, group: str) -> np.ndarray:
+    """Which atoms are in a group."""
+    if group not in said["groups"]:
+        names = ", ".join(said["groups"])
+        raise Unclear(f"the script has no group {group} at its run; it has {names}")
+    return atoms["mask"] & (1 << said["groups"].index(group)) != 0
+
+
+def _movers(said, atoms, fixes, mask) -> list[str]:
+    """IDs of fixes that move some of these atoms as points."""
+    own = [one for one, line in fixes.items() if kind_of(line) == "plain"]
+    return [one for one in own if (_mask(said, atoms, texts(fixes[one])[2]) & mask).any()]
+
+
+def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Keywords with the words that follow them."""
+    position = 0
+    while position < len(words):
+        count = 1 + FOLLOW.get(words[position], 1)
+        yield tuple(words[position : position + count])
+        position += count
+
+
+def state_of(words: Sequence[str], style: str) -> tuple[State, list[str], list[str]]:
+    """A fix's temperature and pressure; keywords for other fixes, too; and those that are not."""
+    temp: tuple[str, ...] | None = None
+    press, couple, kept, dropped = [], None, [], []
+    for part in _split(words):
+        if part[0] == "temp":
+            temp = part[1:]
+        elif part[0] == "langevin":
+            temp = part[1:4]
+        elif part[0] in AXES:
+            press.append(part)
+        elif part[0] == "couple":
+            couple = part[1] if part[1] != "none" else None
+        elif part[0] in KEPT:
+            kept.append(" ".join(part))
+        elif part[0] in ("tri", "xy", "xz", "yz"):
+            raise Unclear(
+                f"fix {style} changes the angles of the box ({part[0]}): no rigid fix does that, "
+                "so there is nothing to compare it with"
+            )
+        elif part[0] not in ("seed", "thermostat", "barostat"):
+            dropped.append(" ".join(part))
+    return State(temp, tuple(press), couple), kept, dropped
+
+
+def body_words(words: Sequence[str]) -> int:
+    """How many words a body style takes."""
+    if words[:1] == ["custom"]:
+        return 2
+    return 2 + int(words[1]) if words[:1] == ["group"] else 1
+
+
+def _of_rigid(said, atoms, one, line, kind) -> Found:
+    words = texts(line)
+    group, style = words[2], style_of(line)
+    rest = words[4].split() if kind == "ours" else words
+    rest = rest[2:] if kind == "ours" else rest[4:]
+    count = body_words(rest)
+    bodies = " ".join(rest[:count])
+    state, kept, dropped = state_of(rest[count:], style)
+    body = numbers(said, atoms, group, rest[:count])
+    constraints, why = _held_by_shake(atoms, body)
+    return Found(
+        (one,),
+        (line,),
+        words[4].split()[0] if kind == "ours" else style,
+        kind,
+        group,
+        bodies,
+        state,
+        body,
+        constraints=constraints,
+        why=why,
+        keywords="".join(" " + word for word in kept),
+        dropped=tuple(dropped),
+    )
+
+
+def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
+    """The body of each atom, from 1; 0 for none."""
+    mask = _mask(said, atoms, group)
+    if bodies[0] == "single":
+        return mask.astype(int)
+    if bodies[0] == "group":
+        found = np.zeros(len(mask), int)
+        for number, name in enumerate(bodies[2:], 1):
+            found[_mask(said, atoms, name) & mask] = number
+        return found
+    name = "molecule" if bodies[0] == "molecule" else bodies[1]
+    if name not in atoms:
+        raise Unclear(
+            f"atoms have no {name}, which body style '{' '.join(bodies)}' needs: "
+            "'python -m validation bodies SCRIPT' finds rigid parts and writes them into a data "
+            "file"
+        )
+    value = np.asarray(atoms[name])
+    mask = mask & (value > 0 if name == "molecule" else np.ones(len(value), bool))
+    found = np.zeros(len(value), int)
+    _, found[mask] = np.unique(value[mask], return_inverse=True)
+    found[mask] += 1
+    return found
+
+
+def _held_by_shake(atoms, body) -> tuple[str | None, str]:
+    """The words of shake that hold the bodies; or None, and why."""
+    sizes = np.bincount(body)[1:]
+    if len(sizes) == 0 or sizes.max() > FULL_TURN:
+        return None, f"bodies of {sizes.max(initial=0)} atoms: shake holds up to 3 rigid"
+    if sizes.min() < 2 or "bonds" not in atoms:
+        return None, "without bonds in each body"
+    bonds = np.asarray(atoms["bonds"])
+    inside = (body[bonds[:, 1] - 1] > 0) & (body[bonds[:, 1] - 1] == body[bonds[:, 2] - 1])
+    number = np.bincount(body[bonds[inside, 1] - 1], minlength=len(sizes) + 1)[1:]
+    types = set(bonds[inside, 0])
+    if (number < sizes - 1).any() or types & set(bonds[~inside, 0]):
+        return None, "bodies have too few bonds, or bonds of types that others have, too"
+    words = "b " + " ".join(map(str, sorted(types)))
+    if sizes.max() == FULL_TURN:
+        angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
+        ends = body[angles[:, 1:] - 1]
+        within = (ends[:, 0] > 0) & (ends == ends[:, :1]).all(axis=1)
+        kinds = set(angles[within, 0])
+        counted = np.bincount(ends[within, 0], minlength=len(sizes) + 1)[1:]
+        if (counted[sizes == FULL_TURN] < 1).any() or kinds & set(angles[~within, 0]):
+            return None, "bodies of three atoms have no angle, or one of a type that others have"
+        words += " a " + " ".join(map(str, sorted(kinds)))
+    return words, ""
+
+
+def clusters(bonds: np.ndarray, atoms: int) -> np.ndarray:
+    """The connected part, from 0, of each atom, of bonds as rows (type, atom, atom)."""
+    i, j = bonds[:, 1] - 1, bonds[:, 2] - 1
+    graph = coo_array((np.ones(len(bonds)), (i, j)), shape=(atoms, atoms))
+    return connected_components(graph, directed=False)[1]
+
+
+def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
+    """Of atoms that are held by shake, or not at all."""
+    line, body = fixes[one], None
+    holder = line if kind == "constraints" else ""
+    if holder and not (group or bodies):
+        body = rigid_clusters(said, atoms, holder)
+        style = "molecule"
+    elif kind in ("ours", "rigid"):
+        raise Unclear("--group and --bodies are for scripts whose fixes do not say what is rigid")
+    else:
+        if not bodies:
+            raise Unclear("say what is one body, too: --bodies molecule (or custom i_NAME)")
+        style = bodies
+        body = numbers(said, atoms, group or texts(line)[2], bodies.split())
+    name, setup = _group_of(said, atoms, body, group)
+    if bodies is None and not _same(atoms, name, said, body):
+        raise Unclear(
+            "what shake holds rigid has no molecule IDs of its own: 'python -m validation bodies "
+            "SCRIPT' writes a data file that has them, or tell by --group and --bodies"
+        )
+    moving = [own for own in known if kind_of(fixes[own]) == "plain"]
+    movers = moving or _movers(said, atoms, fixes, body > 0)
+    if len(movers) != 1:
+        raise Unclear(
+            f"{len(movers) or 'no'} fixes of the styles {', '.join(PLAIN)} move the rigid atoms: "
+            f"{told({own: fixes[own] for own in movers})}. Name one by --fix, beside {one}"
+        )
+    mover = fixes[movers[0]]
+    words = texts(mover)
+    state, _, dropped = state_of(words[4:], words[3])
+    moved = _mask(said, atoms, words[2])
+    if not moved[body > 0].all():
+        raise Unclear(f"fix {movers[0]} moves a part of the rigid atoms only")
+    ids = [own for own in fixes if own == movers[0] or fixes[own] == holder]
+    held, why = ((holder and shake_words(holder)) or None), ""
+    if not held:
+        held, why = _held_by_shake(atoms, body)
+    free = holder and _held(atoms, _mask(said, atoms, texts(holder)[2]), holder)[body == 0].any()
+    return Found(
+        tuple(ids),
+        tuple(fixes[own] for own in ids),
+        style_of(line),
+        kind,
+        name,
+        style,
+        state,
+        body,
+        rest=bool(moved[body == 0].any()),
+        mover=mover,
+        holder=holder if free else "",
+        constraints=held,
+        why=why,
+        dropped=tuple(dropped),
+        setup=tuple(setup),
+    )
+
+
+def shake_words(line: str) -> str:
+    """What a fix shake holds: its words from b, a, t, m on."""
+    words = texts(line)[7:]
+    until = next((i for i, word in enumerate(words) if word in ("mol", "kbond")), len(words))
+    return " ".join(words[:until])
+
+
+def _held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
+    """Which bonds, and which angles, a fix shake holds."""
+    lists: dict[str, set[float]] = {"b": set(), "a": set(), "t": set(), "m": set()}
+    kind = ""
+    for word in shake_words(line).split():
+        if word in lists:
+            kind = word
+        elif kind:
+            low, _, high = word.partition("*")
+            lists[kind] |= {float(word)} if low == word else set(range(int(low), int(high) + 1))
+    bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
+    i, j = bonds[:, 1] - 1, bonds[:, 2] - 1
+    types, mass = np.asarray(atoms["type"]), np.asarray(atoms["mass"])
+    light = np.zeros(len(mass), bool)
+    for one in lists["m"]:
+        light |= np.abs(mass - one) <= 0.1  # LAMMPS's MASSDELTA
+    by_atom = light | np.isin(types, list(lists["t"]))
+    held = np.isin(bonds[:, 0], list(lists["b"])) | by_atom[i] | by_atom[j]
+    held &= mask[i] & mask[j]
+    angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
+    return held, np.isin(angles[:, 0], list(lists["a"]))
+
+
+def _held(atoms, mask, line) -> np.ndarray:
+    """Which atoms are in a bond that a fix shake holds."""
+    held, _ = _held_bonds(atoms, mask, line)
+    found = np.zeros(len(atoms["type"]), bool)
+    if len(held):
+        found[np.asarray(atoms["bonds"])[held, 1:].ravel() - 1] = True
+    return found
+
+
+def rigid_clusters(said, atoms, line: str) -> np.ndarray:
+    """The bodies that a fix shake makes: whole molecules of two atoms, or of three whose angle is
+    held; numbers from 1, 0 for other atoms."""
+    mask = _mask(said, atoms, texts(line)[2])
+    held, bent = _held_bonds(atoms, mask, line)
+    bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
+    number = len(atoms["type"])
+    part = clusters(bonds, number)
+    sizes = np.bincount(part)
+    kept = np.bincount(part[bonds[:, 1] - 1], held, minlength=len(sizes))
+    every = np.bincount(part[bonds[:, 1] - 1], minlength=len(sizes))
+    angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
+    stiff = np.bincount(part[angles[:, 2] - 1], bent, minlength=len(sizes)) > 0
+    rigid = (every == kept) & (every == sizes - 1) & ((sizes == 2) | ((sizes == 3) & stiff))
+    chosen = rigid[part]
+    if not chosen.any():
+        raise Unclear(
+            "shake holds no molecule that is rigid as a whole here: none of two atoms, and none of "
+            "three with its angle. What it holds are parts of flexible molecules, and no rigid fix "
+            "does that"
+        )
+    found = np.zeros(number, int)
+    _, found[chosen] = np.unique(part[chosen], return_inverse=True)
+    found[chosen] += 1
+    return found
+
+
+def _same(atoms, group, said, body) -> bool:
+    """Whether molecule IDs tell the same bodies."""
+    if "molecule" not in atoms:
+        return False
+    inside = body > 0
+    pairs = np.unique(np.stack([np.asarray(atoms["molecule"])[inside], body[inside]]), axis=1)
+    return pairs.shape[1] == body.max() == len(np.unique(pairs[0])) and pairs[0].min() > 0
+
+
+def _group_of(said, atoms, body, group) -> tuple[str, list[str]]:
+    """A group of the bodies' atoms, and the commands that make it."""
+    inside = body > 0
+    for name in [group] if group else said["groups"]:
+        if (_mask(said, atoms, name) == inside).all():
+            return name, []
+    types = np.asarray(atoms["type"])
+    own = np.unique(types[inside])
+    if not np.isin(types[~inside], own).any():
+        words = "type " + " ".join(map(str, own))
+    else:
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
+        words = "id " + " ".join(f"{a + 1}:{b}" for a, b in edges.reshape(-1, 2))
+    return "own_bodies", [f"group own_bodies {words}"]

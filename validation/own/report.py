@@ -1,0 +1,199 @@
+"""From a trial of a script's integrators and steps to an answer, files and the terminal."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+
+from validation.own.figures import draw
+from validation.own.trial import TARGETS
+from validation.pages import report
+from validation.pages.said import Table
+from validation.pages.tables import ranks_of
+from validation.scenes.units import UNITS
+from validation.statistics.estimate import SURE, Estimate
+from validation.sweep.choice import Choice, choose, each, meets, nearest
+
+EACH = "Each integrator's fastest step"
+
+
+def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
+    """The fastest point within the targets, what is to be said of it, and lines for the script."""
+    wanted, time = summary["targets"], UNITS[summary["units"]].time
+    points = [one for one in summary["points"] if not one["is_reference"]]
+    choice = choose(points, wanted)
+    return choice, list(_told(summary, points, choice, wanted, time)), _lines(choice)
+
+
+def _told(summary, points, choice, wanted, time) -> Iterator[str]:
+    best = choice.best
+    if summary["late"]:
+        yield (
+            "The budget was over before all steps were tried: the machine is busier than when it "
+            "began. The same command goes on."
+        )
+    if best is None:
+        yield from _none(summary, points, choice, wanted, time)
+        return
+    sure = f"Sure by {SURE}" if meets(best, wanted) else "Not sure by itself"
+    yield (
+        f"{best['label']} with a step of {best['dt']:g} {time}: {_cost(best)} s per "
+        f"{summary['ns']}, on {ranks_of(summary['ranks'])}. {sure}: {_within(best, wanted)}."
+    )
+    longer = [
+        one for one in points if one["integrator"] == best["integrator"] and one["dt"] > best["dt"]
+    ]
+    unknown = [one for one in longer if meets(one, wanted) is None]
+    if not longer:
+        yield (
+            "This was the longest step that was tried: a longer one may be fine, too. Try it: "
+            f"--steps {1.5 * best['dt']:g},{2 * best['dt']:g}"
+        )
+    elif unknown:
+        some = ", ".join(f"{one['dt']:g}" for one in unknown)
+        yield (
+            f"Whether {some} {time} would do cannot be told from runs so short: a larger --budget "
+            "tells."
+        )
+    else:
+        bad = min(longer, key=lambda one: one["dt"])
+        yield f"With {bad['dt']:g} {time}: {_why_not(bad, wanted)}."
+    if choice.ties:
+        some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.ties[:4])
+        yield f"As fast, within the spread of the timings: {some}."
+
+
+def _none(summary, points, choice, wanted, time):
+    if not points:
+        yield "No run is complete, so nothing is known yet."
+        return
+    if choice.perhaps:
+        some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.perhaps[:4])
+        yield (
+            f"Not sure: no step is within the targets by {SURE}, but these may be: {some}. Their "
+            f"error bars reach across a target. Four times the budget halves these: --budget "
+            f"{4 * summary['minutes']:g}. Or give a target that short runs can tell, --target "
+            "NAME=VALUE."
+        )
+    else:
+        yield (
+            "No step that was tried is within the targets. Try shorter ones: --steps "
+            f"{summary['dt'] / 2:g},{summary['dt'] / 4:g}. Or look at 'check' first: a start that "
+            "is not in equilibrium drifts at any step."
+        )
+    held = next((one for one in summary["points"] if one["is_reference"]), None)
+    if held and not held["failed"] and meets(held, wanted) is False:
+        yield (
+            f"Even with {held['dt']:g} {time} there is {_why_not(held, wanted)}: this is no error "
+            "of the step. Is the start in equilibrium? --run N takes a later run of the script."
+        )
+    near = nearest(points, wanted)
+    if near:
+        one = near[0]
+        yield f"The nearest: {one['label']}, {one['dt']:g} {time}: {_within(one, wanted)}."
+
+
+def _within(point, wanted) -> str:
+    told = []
+    for name, most in wanted.items():
+        found = point["errors"].get(name)
+        told.append(f"{name} {Estimate.of(found).text() if found else '–'} (at most {most:g})")
+    return ", ".join(told)
+
+
+def _why_not(point, wanted) -> str:
+    if point["failed"]:
+        return f"it fails ({point['failed']})"
+    return "too much of " + ", ".join(
+        f"{name}: {Estimate.of(point['errors'][name]).text()}"
+        for name, most in wanted.items()
+        if point["errors"].get(name)
+        and point["errors"][name]["value"] - Estimate.of(point["errors"][name]).margin > most
+    )
+
+
+def _cost(point) -> str:
+    cost = point["cost"]
+    return f"{cost['min']:.3g} ({cost['median']:.3g})" if cost else "–"
+
+
+def _lines(choice) -> list[str]:
+    best = choice.best
+    return [*best["lines"], f"timestep {best['dt']:g}"] if best else []
+
+
+def tables(summary: dict) -> list[Table]:
+    """Each integrator's longest good step, and all points."""
+    wanted, units = summary["targets"], UNITS[summary["units"]]
+    points = [one for one in summary["points"] if not one["is_reference"]]
+    columns = [*(f"{name}, ≤ {most:g}" for name, most in wanted.items()), ""]
+    heads = ("integrator", f"step, {units.time}", f"s per {summary['ns']}", *columns)
+    longest = []
+    for name, own in each(points, wanted).items():
+        mine = [one for one in points if one["integrator"] == name]
+        near = nearest(mine, wanted)
+        one = own.best or (near[0] if near else mine[0])
+        longest.append(_row(one, wanted))
+    every = [_row(one, wanted) for one in summary["points"]]
+    return [
+        Table.of(f"{EACH} within the targets, else the nearest", heads, longest),
+        Table.of("All that was run; the first is what means are held against", heads, every),
+    ]
+
+
+def _row(point, wanted):
+    verdict = {True: "met", False: "not met", None: "cannot tell"}[meets(point, wanted)]
+    errors = (point["errors"].get(name) for name in wanted)
+    texts = [Estimate.of(one).text() if one else "–" for one in errors]
+    if point["failed"]:
+        verdict = f"fails at {point['failed']}"
+    elif point["is_reference"]:
+        verdict = "reference"
+    return [point["label"], f"{point['dt']:g}", _cost(point), *texts, verdict]
+
+
+def write(summary: dict, out: Path) -> None:
+    """Write all files into a folder."""
+    _, told, lines = answer(summary)
+    wanted = summary["targets"]
+    rows = [
+        {
+            "integrator": one["label"],
+            "step": one["dt"],
+            "cost": one["cost"] and one["cost"]["min"],
+            **{
+                name + part: (getattr(Estimate.of(found), key) if found else None)
+                for name in wanted
+                for found in [one["errors"].get(name)]
+                for part, key in (("", "value"), (" margin", "margin"))
+            },
+            "failed": one["failed"],
+        }
+        for one in summary["points"]
+    ]
+    about = [(name, *TARGETS[name], most) for name, most in wanted.items()]
+    about = [tuple(_ns(text, summary) for text in one) for one in about]
+    values: dict = {"told": told, "lines": lines, "shown": tables(summary), "about": about}
+    figures = draw(summary, out)
+    files = {"table": report.frame(rows)}
+    report.write(summary, out, files, "own.html", figures, **values)
+
+
+def _ns(text, summary):
+    return text.replace("{ns}", summary["ns"]) if isinstance(text, str) else text
+
+
+def show(console: Console, summary: dict, out: Path) -> bool:
+    """Print the answer; whether there is one."""
+    first = tables(summary)[0]
+    cells = [[cell.text for cell in row] for row in first.rows]
+    report.table(console, first.title, first.columns, cells, ("integrator", ""))
+    choice, told, lines = answer(summary)
+    for line in told:
+        console.print(line, markup=False, soft_wrap=True)
+    if lines:
+        console.print("In your script, in the place of your own lines:")
+        for line in lines:
+            console.print(f"    {line}", markup=False, soft_wrap=True)
+    report.end(console, summary, out)
+    return choice.best is not None

@@ -1,0 +1,200 @@
+"""Integrators in the place of a script's own: all that keep the same temperature and pressure."""
+
+import re
+from collections.abc import Iterator, Mapping
+from decimal import Decimal, InvalidOperation
+
+from validation.own.finding import Found, State, style_of
+from validation.own.script import texts, words
+from validation.scenes.integrators import OURS, Integrator
+
+SEED = 4928
+TOLERANCE = "1e-4"
+REST = "own_rest"  # group of the atoms that the script's fixes move, and that are in no body
+YOURS = "yours"
+
+
+def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]:
+    """All integrators for the script's bodies, in LAMMPS units of this name.
+
+    Returns:
+        them, the script's own first unless nothing was rigid there; the name of the one that the
+        others are compared with; and what is to be said of those that are left out.
+    """
+    made = [*_ours(found, units), *_rigid(found), *_constrained(found)]
+    notes = []
+    if not found.constraints:
+        notes.append(f"No shake: {found.why or 'it does not hold these bodies'}.")
+    if found.kind == "plain":  # the script's own moves other bodies: it has none
+        return made, OURS, notes
+    yours = _yours(found)
+    same = next((one for one in made if _done(one, found) == _done(yours, found)), None)
+    if same is None:
+        return [yours, *made], YOURS, notes
+    return [same, *(one for one in made if one is not same)], same.name, notes
+
+
+def _done(one, found):
+    """What an integrator's commands are to LAMMPS; words in quotes may stand with more spaces."""
+    lines = (line.format(group=found.group, bodies=found.bodies) for line in one.lines)
+    return [[word.split() for word in texts(line)] for line in lines]
+
+
+def _literal(line: str) -> str:
+    return line.replace("{", "{{").replace("}", "}}")
+
+
+def _yours(found: Found) -> Integrator:
+    styles = " + ".join(dict.fromkeys(_called(line) for line in found.lines))
+    label = f"yours: {styles}"
+    whole = found.kind == "rigid" and "small" in found.style
+    return Integrator(YOURS, label, tuple(map(_literal, found.lines)), whole, found.kind)
+
+
+def _called(line):
+    return texts(line)[4].split()[0] if style_of(line) == "python/move" else style_of(line)
+
+
+def undotted(word: str) -> str:
+    """A number as the words of fix python/move take it: without a point."""
+    if "." not in word:
+        return word
+    try:
+        _, digits, exponent = Decimal(word).normalize().as_tuple()
+    except InvalidOperation:
+        return word
+    sign = "-" if word.startswith("-") else ""
+    return f"{sign}{''.join(map(str, digits))}" + (f"e{exponent}" if exponent else "")
+
+
+def _words(state, plain=False) -> str:
+    """Temperature and pressure as a fix has them."""
+    told = ["temp", *state.temp] if state.temp else []
+    for axis in state.press:
+        told += axis
+    told += ["couple", state.couple] if state.couple else []
+    return "".join(" " + (one if plain else undotted(one)) for one in told)
+
+
+def _rest(found: Found) -> list[str]:
+    """Commands for the atoms that are in no body."""
+    if not found.rest:
+        return []
+    own = texts(found.mover)
+    state = found.state
+    style = "nvt" if state.temp else "nve"
+    heat = _words(type(state)(state.temp), plain=True)
+    lines = [f"group {REST} subtract {own[2]} {{group}}"]
+    if state.press:
+        lines.append(f"fix {REST} {REST} {style}{heat}")
+    else:  # its own words
+        head = [f"fix {REST} {REST}", *(one.quoted for one in words(found.mover)[3:])]
+        lines.append(_literal(" ".join(head)))
+    if found.holder:
+        head = [f"fix own_held {REST}", *(one.quoted for one in words(found.holder)[3:])]
+        lines.append(_literal(" ".join(head)))
+    return lines
+
+
+def _id(found):
+    return texts(found.mover)[1] if found.mover else found.ids[0]
+
+
+def _ours(found: Found, units: str) -> Iterator[Integrator]:
+    state, rest, points = found.state, _rest(found), ""
+    if state.press and found.rest:
+        rest, points = rest[:1], f" points {REST}"
+        if found.holder:  # atoms that shake holds are no free points
+            return
+    name = state.ensemble.upper()
+    for number, (kind, more) in enumerate(_kinds(state, units)):
+        said = _words(state) + more + found.keywords + points
+        own = f'"fix_nosquish.{name} {{group}} {{bodies}}{said}"'
+        lines = (*rest, f"fix {_id(found)} {{group}} python/move {own}")
+        title = f"{OURS}-{kind.split()[0]}" if number else OURS
+        yield Integrator(title, f"fix_nosquish.{name} {kind}".strip(), lines)
+
+
+def _kinds(state: State, units: str) -> list[tuple[str, str]]:
+    """Our thermostats with a barostat that fits, as labels and keywords; the usual one first."""
+    if not state.temp:
+        return [("", "")]
+    made = []
+    for thermostat in ("langevin", "csvr", "nh"):
+        # in reduced units nobody knows a compressibility
+        reduced = units in ("lj", "micro", "nano")
+        barostat = "mtk" if thermostat == "nh" or reduced else "crescale"
+        seed = f" seed {SEED}" * (thermostat != "nh")
+        said = f" thermostat {thermostat}{seed}" + f" barostat {barostat}" * bool(state.press)
+        made.append((f"{thermostat} {barostat}" if state.press else thermostat, said))
+    return made
+
+
+def _rigid(found: Found) -> Iterator[Integrator]:
+    state, rest = found.state, _rest(found)
+    if state.press and found.rest and found.holder:
+        return
+    small = found.bodies.split()[0] in ("molecule", "custom")
+    more = _words(state, plain=True)
+    for style in (f"rigid/{state.ensemble}", f"rigid/{state.ensemble}/small"):
+        yield from _of_style(found, style, style, style, more, rest, small)
+    if state.ensemble == "nve":
+        for style in ("rigid", "rigid/small"):
+            yield from _of_style(found, style, style, style, "", rest, small)
+    if state.ensemble == "nvt":
+        heat = f" langevin {' '.join(state.temp or ())} {SEED}"
+        name, label = "rigid/small+langevin", "rigid/small langevin"
+        yield from _of_style(found, name, label, "rigid/small", heat, rest, small)
+
+
+def _of_style(found, name, label, style, more, rest, small) -> Iterator[Integrator]:
+    is_small = style.endswith("small")
+    if is_small and not small:
+        return
+    keywords = "" if is_small else re.sub(r" reinit \w+", "", found.keywords)
+    line = f"fix {_id(found)} {{group}} {style} {{bodies}}{more}{keywords}"
+    yield Integrator(name, label, (*rest, line), is_small, "rigid")
+
+
+def _constrained(found: Found) -> Iterator[Integrator]:
+    """Points that shake or rattle holds."""
+    if not found.constraints:
+        return
+    state = found.state
+    group = texts(found.mover)[2] if found.mover else found.group
+    of = texts(found.holder)[2] if found.holder else found.group
+    move = f"fix {_id(found)} {_literal(group)} {state.ensemble}" + _words(state, plain=True)
+    held = f"fix own_held {of} {{style}} {TOLERANCE} 100 0 {found.constraints}"
+    for style in ("shake", "rattle"):
+        if style == "rattle" and state.press:
+            continue  # LAMMPS wants it last, and a changing box first
+        hold = held.format(style=style)
+        # rattle corrects the velocities that the other has set; a box that changes wants shake
+        # before it
+        lines = (hold, move) if state.press else (move, hold)
+        label = f"{style} {TOLERANCE} + {state.ensemble}"
+        tolerance = float(TOLERANCE)
+        yield Integrator(style, label, lines, kind="constraints", tolerance=tolerance)
+
+
+def summary(found: Found, said: Mapping) -> list[str]:
+    """What was found, in sentences."""
+    bodies = int(found.body.max())
+    told = " and ".join(f"fix {one} ({_called(line)})" for one, line in zip(found.ids, found.lines))
+    lines = [
+        f"At '{said['run']}' {told} moves {bodies:,} bodies of {int((found.body > 0).sum()):,} "
+        f"atoms: group {found.group}, body style {found.bodies}; {len(found.body):,} atoms in all.",
+        f"Ensemble: {found.state.ensemble.upper()}"
+        + (f" ({_words(found.state, plain=True).strip()})" if found.state.temp else "")
+        + ". All else of the script stays.",
+    ]
+    if found.rest:
+        lines.append("The other atoms that these fixes move keep their integrator.")
+    if found.dropped:
+        lines.append(f"Keywords of it that others do not have: {', '.join(found.dropped)}.")
+    if said["skipped"]:
+        lines.append(f"{said['skipped']} runs before it were done as they are.")
+    if said["left_out"]:
+        some = "; ".join(said["left_out"][:6]) + " ..." * (len(said["left_out"]) > 6)
+        lines.append(f"Left out, for they write files: {some}.")
+    return lines

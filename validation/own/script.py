@@ -1,0 +1,133 @@
+"""LAMMPS's input language as text: lines, words, and what a command does to files.  No LAMMPS."""
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+# a run begins, or something that LAMMPS does step by step
+RUNS = frozenset(
+    (
+        *("run", "minimize", "rerun", "temper", "temper/grem", "temper/npt", "neb", "neb/spin"),
+        *("prd", "tad", "hyper"),
+    )
+)
+# they only tell, or write: they are neither done nor kept
+TOLD = frozenset(
+    (
+        *("print", "echo", "log", "info", "timer", "restart", "dump", "dump_modify", "undump"),
+        *("write_data", "write_dump", "write_restart", "write_coeff", "group2ndx"),
+        *("pair_write", "bond_write", "angle_write", "dihedral_write"),
+    )
+)
+# their effect is in the state of the atoms, which runs begin with, or the harness says it anew
+DONE = frozenset(
+    (
+        *("run", "minimize", "rerun", "velocity", "displace_atoms", "shell"),
+        *("thermo", "thermo_style", "thermo_modify", "timestep", "reset_timestep"),
+    )
+)
+# they only read the files that they name, so a link is enough
+READS = frozenset(("read_data", "read_restart", "read_dump", "molecule", "include", "jump"))
+
+
+class Word(NamedTuple):
+    """A word without its quotes, and with them."""
+
+    text: str
+    quoted: str
+
+
+_WORD = re.compile(
+    r'"""(?P<triple>.*?)"""|"(?P<double>[^"]*)"|\'(?P<single>[^\']*)\'|(?P<plain>[^\s]+)', re.S
+)
+
+
+def words(line: str) -> list[Word]:
+    """The words of a command."""
+    found = []
+    for match in _WORD.finditer(line):
+        text = next(one for one in match.groups() if one is not None)
+        found.append(Word(text, match.group(0)))
+    return found
+
+
+def texts(line: str) -> list[str]:
+    """The words of a command, without quotes."""
+    return [word.text for word in words(line)]
+
+
+def lines(text: str) -> Iterator[str]:
+    """Whole commands of a file: continued lines together, without comments and empty lines."""
+    kept = ""
+    for line in text.splitlines():
+        kept += line
+        bare = kept.rstrip()
+        if kept.count('"""') % 2:
+            kept += "\n"
+            continue
+        if bare.endswith("&"):
+            kept = bare[:-1] + " "
+            continue
+        command, kept = without_comment(kept).strip(), ""
+        if command:
+            yield command
+    if command := without_comment(kept).strip():
+        yield command
+
+
+def without_comment(line: str) -> str:
+    """A command without what stands behind a # that is in no quotes."""
+    for match in re.finditer(r'""".*?"""|"[^"]*"|\'[^\']*\'|#', line, re.S):
+        if match.group(0) == "#":
+            return line[: match.start()]
+    return line
+
+
+class Branch(NamedTuple):
+    """A condition of the command ``if``, as text with quotes (None: of ``else``), and commands."""
+
+    condition: str | None
+    commands: list[str]
+
+
+def branches(found: Sequence[Word]) -> list[Branch]:
+    """What the words of an ``if`` say.
+
+    Raises:
+        ValueError: they are no ``if``.
+    """
+    if len(found) < 4 or found[2].text != "then":
+        raise ValueError("if: expected a condition, 'then' and commands")
+    result = [Branch(found[1].quoted, [])]
+    position = 3
+    while position < len(found):
+        word = found[position]
+        if word.quoted == "elif" and position + 1 < len(found):
+            position += 1
+            result.append(Branch(found[position].quoted, []))
+        elif word.quoted == "else":
+            result.append(Branch(None, []))
+        else:
+            result[-1].commands.append(word.text)
+        position += 1
+    return result
+
+
+def without_files(command: str) -> str:
+    """A fix or compute that writes no file: the words ``file NAME`` and ``append NAME`` are left
+    out."""
+    found = words(command)
+    if len(found) < 4 or found[0].text != "fix":
+        return command
+    style = found[3].text
+    if not style.startswith("ave/") and style not in ("print", "vector"):
+        return command
+    kept, skip = [], False
+    for word in found:
+        if skip:
+            skip = False
+        elif word.quoted in ("file", "append"):
+            skip = True
+        else:
+            kept.append(word.quoted)
+    return " ".join(kept)

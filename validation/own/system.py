@@ -1,0 +1,298 @@
+"""A scene from a user's script, and the integrators that can move it.
+
+`take` has LAMMPS read the script (see ``reader``), finds what moves the rigid atoms (``finding``)
+and makes of the script's commands a `Scene`, as the harness's own ones are.  All that LAMMPS does
+happens in the output folder: no file of the user's is written to.
+"""
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from argparse import Namespace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from validation.own import finding, schemes
+from validation.own.finding import Found, Unclear
+from validation.own.script import DONE, texts
+from validation.running import machine, run, store
+from validation.scenes import Scene, starts
+from validation.scenes.integrators import Integrator
+from validation.scenes.units import UNITS, Units
+
+READER = Path(__file__).with_name("reader.py")
+
+
+@dataclass(frozen=True)
+class Ask:
+    """What the command line says of a script.
+
+    Attributes:
+        script: its path.
+        variables: of the option -var: a name and its values, each.
+        fix: IDs of the fixes whose place is taken; empty finds them.
+        group, bodies: the rigid atoms, where no fix tells them.
+        at: the how many-th run with rigid bodies it is, from 1.
+    """
+
+    script: str
+    variables: tuple[tuple[str, ...], ...] = ()
+    fix: tuple[str, ...] = ()
+    group: str | None = None
+    bodies: str | None = None
+    at: int = 1
+
+    @classmethod
+    def of(cls, arguments: Namespace) -> "Ask":
+        """From the options that `command_line.own` adds."""
+        return cls(
+            str(Path(arguments.scene).resolve()),
+            tuple(map(tuple, arguments.variables or ())),
+            tuple(arguments.fix or ()),
+            arguments.group,
+            arguments.bodies,
+            arguments.run_number,
+        )
+
+    @property
+    def name(self) -> str:
+        """For folders: my.in and in.my both are "my"."""
+        stem = re.sub(r"^in\.|\.(in|lmp|inp|lammps|txt)$", "", Path(self.script).name)
+        return re.sub(r"[^\w.+-]", "-", stem) or "script"
+
+
+@dataclass(frozen=True)
+class Own:
+    """A user's script as a scene.
+
+    Attributes:
+        integrators: that can move it, by name; the script's own first.
+        reference: the name of the one that others are compared with.
+        found: what moves the bodies in the script.
+        said, atoms: what ``reader`` has left.
+        notes: what the user is to be told, in sentences.
+    """
+
+    ask: Ask
+    scene: Scene
+    integrators: dict[str, Integrator]
+    reference: str
+    found: Found
+    said: Mapping
+    atoms: Mapping[str, np.ndarray]
+    notes: tuple[str, ...]
+
+    @property
+    def units(self) -> Units:
+        """Of the script."""
+        return UNITS[self.scene.units]
+
+    @property
+    def bodies(self) -> int:
+        """Their number."""
+        return int(self.found.body.max())
+
+
+def take(
+    ask: Ask, out: Path, ranks: int, silence: float, tell: Callable[[str], object] = print
+) -> Own:
+    """Read a script, or take over what was read of the same script and files.
+
+    Args:
+        out: folder for all that LAMMPS does with the script.
+        ranks: that read it: as many as it is to run on.
+        silence: s without a sign of life after which the reading is given up.
+        tell: is given each sentence of what was found.
+
+    Raises:
+        SystemExit: with one message, what is wrong and the way out.
+    """
+    said, atoms, folder = read(ask, out, ranks, silence)
+    name = Path(ask.script).name
+    try:
+        found = finding.find(said, atoms, ask.fix, ask.group, ask.bodies)
+    except Unclear as unclear:
+        raise SystemExit(f"{name}: {unclear}") from None
+    those, reference, more = schemes.schemes(found, said["units"])
+    if not any(one.kind == "ours" for one in those):
+        more.append("None of ours: atoms that shake holds cannot share a box with our barostat.")
+    scene = _scene(ask, folder, said, found)
+    if found.kind in ("constraints", "plain"):
+        scene = _at_rest(scene, those, folder, ranks, silence)
+    notes = (*schemes.summary(found, said), *more)
+    for line in notes:
+        tell(line)
+    return Own(ask, scene, {one.name: one for one in those}, reference, found, said, atoms, notes)
+
+
+def read(
+    ask: Ask, out: Path, ranks: int, silence: float, everything: bool = False
+) -> tuple[dict, dict[str, np.ndarray], Path]:
+    """What ``reader`` says of a script, and its atoms; and the folder where it did that.
+
+    Args:
+        everything: stop at the first run whatever moves atoms there.
+    """
+    if not Path(ask.script).is_file():
+        raise SystemExit(f"there is no script {ask.script}, and no scene of that name")
+    folder = (out / "script").resolve()
+    with store.Store(out, "validation.own.system").locked("script"):
+        said = _known(ask, folder, ranks) or _read(ask, folder, ranks, silence, everything)
+    with np.load(folder / "atoms.npz") as file:
+        return said, dict(file), folder
+
+
+def without_fixes(said: Mapping, folder: Path) -> list[str]:
+    """The script's commands without fixes that act in runs, and the state of the atoms."""
+    kept = [
+        line
+        for line in said["commands"]
+        if texts(line)[0] not in (*DONE, "fix", "fix_modify", "unfix")
+        or texts(line)[3:4] in (["property/atom"], ["cmap"])
+    ]
+    return [*kept, _state(folder / "inputs" / "state.dump", said["step"])]
+
+
+def _known(ask: Ask, folder: Path, ranks: int) -> dict | None:
+    """What was read before, if nothing has changed since."""
+    try:
+        kept = json.loads((folder / "known.json").read_text())
+        same = kept["origin"] == _origin(ask, ranks, kept["files"])
+        return json.loads((folder / "read.json").read_text()) if same else None
+    except (OSError, ValueError, KeyError):
+        return None
+
+
+def _origin(ask, ranks, files) -> str:
+    code = store.code_of("validation.own.system")
+    found = [machine.contents(Path(file)) for file in files]
+    return store.digest(asdict(ask), ranks, code, machine.versions(), files, found)
+
+
+def _read(ask: Ask, folder: Path, ranks: int, silence: float, everything: bool) -> dict:
+    shutil.rmtree(folder, ignore_errors=True)
+    (folder / "inputs").mkdir(parents=True)
+    plain = {
+        "script": ask.script,
+        "inputs": str(folder / "inputs"),
+        "variables": ask.variables,
+        "fix": ask.fix,
+        "any": everything or bool(ask.group or ask.bodies),
+        "at": ask.at,
+    }
+    (folder / "ask.json").write_text(json.dumps(plain))
+    beside = str(Path(ask.script).parent)  # modules of its own
+    path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
+    words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
+    with open(folder / "output.txt", "w") as output:
+        process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            env={"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path},
+        )
+        try:
+            hung = run.watch(process, folder / "log.lammps", silence)
+        finally:
+            run.end(process)
+    error = folder / "error.txt"
+    if hung:
+        error.write_text(
+            f"no sign of life for {silence:g} s while it was read: does it wait "
+            "for someone at the terminal? --silence S waits longer"
+        )
+    if error.exists() or not (folder / "read.json").exists():
+        why = error.read_text() if error.exists() else f"ended, see {folder / 'output.txt'}"
+        raise SystemExit(f"{Path(ask.script).name}: {run.one_line(why)}")
+    said = json.loads((folder / "read.json").read_text())
+    files = [ask.script, *said["files"]]
+    kept = {"files": files, "origin": _origin(ask, ranks, files)}
+    (folder / "known.json").write_text(json.dumps(kept))
+    return said
+
+
+def _scene(ask: Ask, folder: Path, said: Mapping, found: Found) -> Scene:
+    """The script's commands, with a gap where the found fixes were."""
+    commands = [*said["commands"]]
+    first = len(commands)
+    for one in found.ids:
+        at = max(i for i, line in enumerate(commands) if texts(line)[:2] == ["fix", one])
+        commands[at:] = [
+            line
+            for i, line in enumerate(commands[at:])
+            if i and texts(line)[:2] != ["fix_modify", one]
+        ]
+        first = min(first, at)
+    if found.kind == "plain" or ask.group:
+        first = len(commands)
+    before, then = (
+        [line for line in part if texts(line)[0] not in DONE]
+        for part in (commands[:first], commands[first:])
+    )
+    restart = next((i for i, line in enumerate(before) if line.startswith("read_restart")), None)
+    before.insert(1 + (len(before) if restart is None else restart), run.RESET)
+    if restart is None:  # steps begin at 0, or the script resets them
+        before.remove(run.RESET)
+        before.insert(_box(before), run.RESET)
+    lost = [line for line in said["commands"] if line.startswith("thermo_modify")]
+    output = [
+        f"thermo_modify lost {words[words.index('lost') + 1]}"
+        for words in map(texts, lost[-1:])
+        if "lost" in words
+    ]
+    inputs = folder / "inputs"
+    np.save(inputs / "bodies.npy", found.body.astype(np.int32))
+    number, atoms = int(found.body.max()), len(found.body)
+    return Scene(
+        name=ask.name,
+        title=f"{Path(ask.script).name}: {number:,} bodies, {atoms:,} atoms",
+        folder=inputs,
+        setup=(*before, *found.setup, _state(inputs / "state.dump", said["step"])),
+        group=found.group,
+        bodies=found.bodies,
+        constraints=found.constraints,
+        body_property=str(inputs / "bodies.npy"),
+        units=said["units"],
+        dt=said["dt"],
+        unit=number,
+        sizes=(number,),
+        subject=Path(ask.script).name,
+        then=tuple(then),
+        columns=("econserve", "density"),
+        output=tuple(output),
+    )
+
+
+def _box(commands) -> int:
+    """Behind the command that makes the box."""
+    makes = "read_data", "create_box", "read_restart"
+    return 1 + max(i for i, line in enumerate(commands) if texts(line)[0] in makes)
+
+
+def _state(dump: Path, step: int) -> str:
+    """The command that gives the atoms of a scene what a dump has, and the box."""
+    return starts.read(dump, step).replace("box no", "box yes")
+
+
+def _at_rest(scene, those, folder, ranks, silence) -> Scene:
+    """The scene with velocities of rigid bodies: what all integrators make of the script's."""
+    ours = next((one for one in those if one.kind in ("ours", "rigid")), None)
+    if ours is None:
+        return scene
+    state = scene.folder / "bodies.dump"
+    if not state.exists():
+        how: dict = {"dt": scene.dt, "every": 0, "ranks": ranks, "silence": silence}
+        more = starts.to_dump(state, 1)
+        result = run.run(run.job(scene, ours, folder / "bodies", [0], more=more, **how))
+        if result.error:
+            state.unlink(missing_ok=True)
+            raise SystemExit(f"{scene.subject}: {ours.label} cannot begin: {result.error}")
+    return replace(scene, setup=(*scene.setup[:-1], _state(state, 0)))

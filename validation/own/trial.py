@@ -1,0 +1,450 @@
+"""A script's integrators with its step and longer ones: what is wrong where, and what it costs.
+
+A point is an integrator with a time step.  All begin with the same state and last the same time;
+of each the first part is left out.  Means are held against those of ours with half of the script's
+step.  An integrator's longer steps are left out when one has failed.
+
+Several processes with the same command share the points, through locks in the folder.
+"""
+
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from validation.own import finding, shapes
+from validation.own.system import Own
+from validation.running import machine, rounds, run
+from validation.running.store import Store
+from validation.scenes.integrators import OURS, Integrator
+from validation.statistics import measures, structure
+from validation.statistics.estimate import Estimate
+from validation.statistics.structure import Motion
+
+FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
+FINER = 0.5  # the reference's step, of the script's
+FRAMES, FEW, MANY = 200, 20, 20_000  # of a run, and of one with more than so many atoms
+SETTLES = 0.25  # of the frames are left out
+SAMPLES = 8  # of the energy between two frames, at most
+LEAST = 400  # steps of a run
+LATE = 1.5  # of the budget: then no further run begins
+BIN, REACH = 0.04, 0.95  # of g(r): of a body's room (edge), and of half the box
+NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
+TARGETS = {
+    "drift": (
+        0.01,
+        "kT per {ns} and degree of freedom",
+        "drift of the energy that is to be kept",
+        "in 1 {ns} the temperature changes by some per cent at most",
+    ),
+    "temperature": (
+        0.01,
+        "of T",
+        "translation against rotation, or against the thermostat",
+        "3 K at 300 K: what thermometers of force fields tell apart",
+    ),
+    "energy": (
+        0.2,
+        "of the kinetic energy's",
+        "fluctuation of the energy that is to be kept",
+        "a fifth, the old rule for a step that is short enough",
+    ),
+    "potential": (
+        0.05,
+        "kT per body",
+        "mean potential energy",
+        "0.03 kcal/mol at 300 K: less than most force fields' own error in a heat of vaporization",
+    ),
+    "density": (0.005, "of it", "mean density", "half a per cent, as force fields are fitted to"),
+    "rdf": (
+        0.03,
+        "",
+        "rms of g(r) of the bodies' heaviest atoms",
+        "less than the width of a line in a figure of g(r)",
+    ),
+}
+COUNTED = "what its thermostat or barostat does to the energy is not counted"
+HEATED = 0.1  # the default drift with a thermostat, which takes out 1,000 times as much
+
+
+@dataclass(frozen=True)
+class Point:
+    """An integrator with a time step, in the script's units."""
+
+    integrator: Integrator
+    dt: float
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return f"{run.folder_name(self.integrator.name)}/{self.dt:g}"
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """How long runs are: ``time`` of each in the script's units, of so many ``frames``."""
+
+    time: float
+    frames: int
+    step: float  # s of a step, as it was measured once
+
+    def runs(self, dt: float) -> list[int]:
+        """Steps between frames."""
+        return [max(1, round(self.time / dt / self.frames))] * self.frames
+
+
+def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
+    """Largest errors that are good enough, by name; those that the script has no use for are left
+    out of the default ones.
+
+    Raises:
+        LookupError: there is no such target; the message lists all.
+    """
+    state = own.found.state
+    for name in wanted:
+        if name not in TARGETS:
+            known = "; ".join(f"{key}: {what}" for key, (_, _, what, _) in TARGETS.items())
+            raise LookupError(f"there is no target {name}. There are {known}")
+    found = {name: default for name, (default, *_) in TARGETS.items()}
+    if state.temp:
+        found["drift"] = HEATED
+    if not _is_counted(own):
+        del found["drift"], found["energy"]
+    if not state.press:
+        del found["density"]
+    if not _has_rdf(own):
+        del found["rdf"]
+    if "potential" not in wanted:  # it takes long runs to tell
+        del found["potential"]
+    missing = [name for name in wanted if name not in found]
+    if missing:
+        raise LookupError(
+            f"{missing[0]} says nothing of this script: "
+            + {
+                **dict.fromkeys(("drift", "energy"), COUNTED),
+                "density": "its box does not change",
+                "rdf": "its box is not periodic, or has less than ten bodies",
+            }[missing[0]]
+        )
+    return {name: wanted.get(name, most) for name, most in found.items()}
+
+
+def _is_counted(own):
+    """Whether what a thermostat or barostat gives and takes is in econserve, for all integrators:
+    not that of one barostat of ours, nor of a fix that stays."""
+    if own.found.state.press:
+        return False
+    others = own.said["fixes"].items()
+    styles = [finding.style_of(line) for one, line in others if one not in own.found.ids]
+    return not any(one == "langevin" or one.startswith("temp/") for one in styles)
+
+
+def _has_rdf(own):
+    return all(own.said["periodic"]) and own.bodies >= 10
+
+
+def points(
+    own: Own, only: Sequence[str] | None, steps: Sequence[float] | None, many: bool
+) -> list[Point]:
+    """What is run, in this order; ``many`` for all integrators, else the usual ones."""
+    known = own.integrators
+    if not only:
+        usual = [OURS, own.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small"]
+        only = [one for one in known if many or one in usual][: None if many else 3]
+    left = [one for one in only if known[one].lines[-1].count(" langevin ") and "rigid" in one]
+    dts = sorted(steps or (factor * own.scene.dt for factor in FACTORS))
+    those = [one for one in only if one not in left or own.found.state.temp is None]
+    return [Point(known[name], dt) for dt in dts for name in those]
+
+
+def reference(own: Own) -> Point:
+    """What means are held against."""
+    ours = next((one for one in own.integrators.values() if one.kind == "ours"), None)
+    return Point(ours or own.integrators[own.reference], FINER * own.scene.dt)
+
+
+def total(some: Collection[Point]) -> int:
+    """Runs that a meter counts."""
+    return len(some) + 2
+
+
+def trial(
+    own: Own,
+    some: Sequence[Point],
+    minutes: float,
+    out: Path,
+    ranks: int,
+    silence: float,
+    meter: run.Meter,
+    wanted: Mapping[str, float],
+) -> dict:
+    """Run what is not there yet, and measure.
+
+    Args:
+        some: of `points`.
+        minutes: that all may take, by the time of a step now.
+        wanted: of `targets`.
+
+    Returns:
+        plain data; after a Ctrl-C of what is complete, with ``interrupted``.
+    """
+    held = reference(own)
+    every = [held, *(one for one in some if one != held)]
+    store = Store(
+        out / "records", "validation.own.system"
+    )  # of lengths, which no error follows from
+    summary = machine.circumstances() | {
+        "title": own.scene.title,
+        "script": own.ask.script,
+        "notes": own.notes,
+        "units": own.scene.units,
+        "ns": name_of_ns(own),
+        "ranks": ranks,
+        "dt": own.scene.dt,
+        "bodies": own.bodies,
+        "reference": held.dt,
+        "minutes": minutes,
+        "targets": dict(wanted),
+        "interrupted": False,
+        "late": False,
+        "points": [],
+    }
+    alike = own.scene, minutes, ranks, [one.name for one in every]
+    origin = store.origin(*alike, files=[own.scene.folder])
+    try:
+        with store.locked("plan"):
+            make = partial(_plan, own, every, minutes, out, ranks, silence, meter)
+            lengths = Lengths(**store.once("plan", origin, make))
+        results: dict[Point, run.Result] = {}
+        names, begin = {one.name: one for one in every}, time.monotonic()
+        for name in store.shared(names):
+            one = names[name]
+            if time.monotonic() - begin > LATE * 60 * minutes:
+                summary["late"] = True
+                break
+            if _skipped(one, every, results, own, out, lengths, ranks, silence):
+                continue
+            job = _job(own, one, out, lengths, ranks, silence)
+            meter.begin(f"{one.integrator.label}, {one.dt:g} {own.units.time}", 1)
+            results[one] = run.once(job, failures=True)
+            meter.end(results[one].error)
+            if results[one].interrupted:
+                raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        summary["interrupted"] = True
+        if "lengths" not in locals():
+            return summary
+    summary["time"] = lengths.time
+    found = {}
+    for one in every:
+        job = _job(own, one, out, lengths, ranks, silence)
+        if run.is_there(job, failures=True):
+            found[one] = run.collect(job.directory)
+    summary["points"] = _rows(own, every, found, held, lengths, wanted)
+    return summary
+
+
+def name_of_ns(own: Own) -> str:
+    """What costs and drifts are told of."""
+    return "ns" if own.scene.units in NS else f"1,000 {own.units.time}"
+
+
+def _plan(own, every, minutes, out, ranks, silence, meter) -> dict:
+    """How long runs are, from the time of a step now."""
+    one = every[0]
+    meter.begin("a step's time", 1)
+
+    def make(runs):
+        how: dict = {"dt": one.dt, "every": 0, "ranks": ranks, "silence": silence}
+        folder = out / "runs" / "calibration"
+        return run.job(own.scene, one.integrator, folder, runs, keeps="nothing", **how)
+
+    step = rounds.calibrate(make)
+    meter.end(None if isinstance(step, float) else step.error)
+    if not isinstance(step, float):
+        if step.interrupted:
+            raise KeyboardInterrupt
+        raise SystemExit(f"{own.scene.subject}: {one.integrator.label}: {step.error}")
+    startup = 3.0 + 2e-5 * len(own.found.body)
+    left = max(0.2 * 60 * minutes, 60 * minutes - startup * len(every))
+    long = left / (step * sum(1 / one.dt for one in every))
+    long = max(long, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
+    frames = FEW if len(own.found.body) > MANY else FRAMES
+    return {"time": long, "frames": frames, "step": step}
+
+
+def _job(own, one, out, lengths, ranks, silence) -> run.Job:
+    runs = lengths.runs(one.dt)
+    origin = machine.origin(own.scene, one.integrator)
+    how: dict = {"ranks": ranks, "silence": silence, "keeps": "motion", "origin": origin}
+    every = max(1, runs[0] // SAMPLES)
+    directory = out / "runs" / one.name
+    return run.job(own.scene, one.integrator, directory, runs, dt=one.dt, every=every, **how)
+
+
+def _skipped(one, every, results, own, out, lengths, ranks, silence) -> bool:
+    """Whether a shorter step of the same integrator has failed, here or in another process."""
+    for other in every:
+        if other.integrator is one.integrator and other.dt < one.dt:
+            result = results.get(other)
+            if result is None:
+                job = _job(own, other, out, lengths, ranks, silence)
+                result = run.collect(job.directory) if run.is_there(job, failures=True) else None
+            if result is not None and failure(own, result):
+                return True
+    return False
+
+
+def failure(own: Own, result: run.Result) -> str | None:
+    """None, or in a line why a run is none."""
+    if result.error:
+        return result.error
+    kelvin, at = result.thermo["Temp"], shapes.temperature(own)
+    bad = ~np.isfinite(result.thermo["TotEng"]) | (kelvin > 2 * max(at, kelvin[0]))
+    if not bad.any():
+        return None
+    step = result.thermo["Step"][bad][0]
+    return f"it heats: the temperature is {kelvin[bad][0]:.4g} at step {step:.0f}"
+
+
+def _rows(own, every, found, held, lengths, wanted) -> list[dict]:
+    """A row for each point, as ``sweep.choice`` takes them."""
+    numbers = {one: _numbers(own, one, result) for one, result in found.items()
+               if not failure(own, result)}  # fmt: skip
+    rows = []
+    for one in every:
+        integrator, result = one.integrator, found.get(one)
+        fails = [
+            f"{other.dt:g}: {failure(own, found[other])}"
+            for other in every
+            if other.integrator is integrator and other.dt <= one.dt and other in found
+            and failure(own, found[other])
+        ]  # fmt: skip
+        if result is None and not fails:
+            continue
+        row: dict = {
+            "integrator": integrator.name,
+            "label": integrator.label,
+            "ours": integrator.kind == "ours",
+            "lines": integrator.commands(own.scene),
+            "dt": one.dt,
+            "starts": 1,
+            "failed": fails[0] if fails else None,
+            "is_reference": one == held,
+            "cost": None,
+            "errors": {},
+            "signed": {},
+        }
+        if not fails and result is not None:
+            spent = [timing.seconds / timing.steps for timing in result.timings]
+            per = NS.get(own.scene.units, 1e3) / one.dt
+            parts = np.array_split(np.array(spent) * per, 5)
+            row["cost"] = measures.spread(float(part.mean()) for part in parts if len(part))
+            signed = _errors(own, numbers[one], numbers.get(held), one == held, lengths)
+            row["signed"] = {name: error.plain() for name, error in signed.items()}
+            row["errors"] = {
+                name: Estimate(abs(error.value), error.error, error.freedom).plain()
+                for name, error in signed.items()
+                if name in wanted
+            }
+        rows.append(row)
+    return rows
+
+
+def _numbers(own, one, result) -> dict:
+    """Means and series of a run's kept part."""
+    assert result.positions
+    frames = len(result.positions.x) - 1
+    first = round(SETTLES * frames)
+    kept = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
+    thermo = {name: values[kept] for name, values in result.thermo.items()}
+    motion = Motion(result.positions)
+    moving, turning = _temperatures(own, motion, range(1 + first, 1 + frames))
+    found = {
+        "time": thermo["Step"] * one.dt,
+        "conserved": thermo.get("Econserve", thermo["TotEng"]),
+        "potential": measures.mean(thermo["PotEng"] / own.bodies),
+        "kinetic": float(np.std(thermo["KinEng"])),
+        "apart": measures.mean(moving - turning) if turning is not None else None,
+        "moving": measures.mean(moving),
+        "turning": measures.mean(turning) if turning is not None else None,
+        "freedom": 2 * thermo["KinEng"].mean() / (own.said["boltzmann"] * thermo["Temp"].mean()),
+    }
+    if "Density" in thermo:
+        found["density"] = measures.mean(thermo["Density"])
+    if _has_rdf(own):
+        cell = np.array(own.said["cell"])
+        room = (abs(np.linalg.det(cell)) / own.bodies) ** (1 / 3)
+        half = REACH * np.min(np.abs(np.diag(cell))) / 2
+        ends = 0.3 * room, min(half, 2.2 * room)
+        found["rdf"] = structure.pair_distribution(
+            motion, slice(1 + first, 1 + frames), ends, BIN * room
+        )
+    return found
+
+
+def _temperatures(own, motion, frames) -> tuple[np.ndarray, np.ndarray | None]:
+    """Temperatures of the bodies' centres and of their turning, (frames,)."""
+    flat = own.said["dimension"] == 2
+    mass, v = motion.mass, motion.v[list(frames)]
+    v = v - np.average(v, axis=1, weights=mass)[:, None]
+    axes = 2 if flat else 3
+    moving, turning, inside = np.zeros(len(v)), np.zeros(len(v)), 0.0
+    for group in motion.groups:
+        own_mass = mass[group]
+        whole = own_mass.sum(axis=1)
+        centre = np.einsum("bn,fbnk->fbk", own_mass, v[:, group]) / whole[:, None]
+        translation = np.einsum("b,fbk->f", whole, centre**2)
+        moving += translation
+        turning += np.einsum("bn,fbnk->f", own_mass, v[:, group] ** 2) - translation
+        inside += whole.sum()
+    freedom = axes * motion.count - axes * inside / mass.sum()
+    rest = sum(
+        kind.number * (kind.freedom - axes) for kind in shapes.kinds(own, shapes.bodies(own))
+    )
+    scale = shapes.mvv2e(own) / own.said["boltzmann"]
+    return moving * scale / freedom, turning * scale / rest if rest else None
+
+
+def _errors(own, mine, held, is_reference, lengths) -> dict[str, Estimate]:
+    """By the names of `TARGETS`; of the reference only what needs no other."""
+    kelvin, energy = shapes.temperature(own), shapes.thermal(own)
+    per = NS.get(own.scene.units, 1e3)
+    drift = measures.drift(mine["time"], mine["conserved"])
+    found = {"drift": drift.times(per / (energy * mine["freedom"]))}
+    # of successive samples: what a thermostat's noise adds up to does not count
+    square = measures.mean(np.diff(mine["conserved"]) ** 2 / 2)
+    sd = np.sqrt(max(square.value, 1e-300))
+    fluctuation = Estimate(sd, square.error / (2 * sd), square.freedom)
+    found["energy"] = fluctuation.times(1 / max(mine["kinetic"], 1e-300))
+    kinds = [] if mine["apart"] is None else [mine["apart"].times(1 / kelvin)]
+    if own.found.state.temp:
+        for one in (mine["moving"], mine["turning"]):
+            if one is not None:
+                off = Estimate(one.value - kelvin, one.error, one.freedom)
+                kinds.append(off.times(1 / kelvin))
+    if kinds:
+        found["temperature"] = max(kinds, key=lambda one: abs(one.value) + one.margin)
+    if held is None:
+        return found
+    if is_reference:  # its distance from itself is what its own mean is not known by
+        for name in ("potential", "density"):
+            if name in mine:
+                scale = energy if name == "potential" else mine[name].value
+                found[name] = mine[name]._replace(value=0.0).times(1 / scale)
+        if "rdf" in mine:
+            half = mine["rdf"] - mine["rdf"].mean(axis=0)
+            noise = float(np.sqrt((half**2).mean() / len(half)))
+            found["rdf"] = Estimate(0.0, noise, len(half) - 1)
+        return found
+    off = measures.difference(mine["potential"], held["potential"])
+    found["potential"] = off.times(1 / energy)
+    if "density" in mine:
+        off = measures.difference(mine["density"], held["density"])
+        found["density"] = off.times(1 / held["density"].value)
+    if "rdf" in mine and mine["rdf"].shape == held["rdf"].shape:
+        found["rdf"] = measures.without_noise(mine["rdf"] - held["rdf"])
+    return found

@@ -1,0 +1,53 @@
+"""What ``sweep`` and ``advise`` have in common for a script of one's own."""
+
+import argparse
+
+from validation import command_line
+
+
+def options(parser: argparse.ArgumentParser, budget: float, out: str) -> None:
+    """Options for the trial of a script."""
+    group = parser.add_argument_group("for the trial of a script")
+    command_line.only_of(group, tuple, "integrators, as the script's table names them")
+    text = f"minutes that all may take (default {budget:g})"
+    group.add_argument("--budget", type=command_line.positive, metavar="MINUTES", help=text)
+    text = "time steps in the script's units (default: its own, and up to 6 times that)"
+    group.add_argument("--steps", type=command_line.positives, metavar="DT,DT", help=text)
+    command_line.ranks(parser, 1)
+    command_line.silence(parser, 120.0)
+    command_line.out(parser, out)
+    command_line.launch(parser)
+
+
+def run(arguments: argparse.Namespace, budget: float, many: bool) -> int:
+    """Try a script's integrators and steps; the exit status.
+
+    Args:
+        budget: minutes, by default.
+        many: whether all integrators are tried by default.
+    """
+    from validation.own import report, system, trial  # heavy: not for --help
+    from validation.pages import console
+    from validation.running import run as run_by
+
+    run_by.launch_by(arguments.launch)
+    ask = system.Ask.of(arguments)
+    arguments.usual = arguments.usual.replace("SCRIPT", ask.name)
+    out = command_line.folder(arguments)
+    silence = arguments.silence or 120.0
+    own = system.take(ask, out, arguments.ranks, silence)
+    only = arguments.only and [
+        one.name for one in command_line.chosen_of(own.integrators, arguments.only)
+    ]
+    try:
+        wanted = trial.targets(own, dict(arguments.target or ()))
+    except LookupError as error:
+        arguments.parser.exit(2, f"{error.args[0]}\n")
+    points = trial.points(own, only, arguments.steps, many)
+    screen = console.console()
+    how = arguments.budget or budget, out, arguments.ranks, silence
+    with console.Meter(screen, trial.total(points), "runs") as meter:
+        summary = trial.trial(own, points, *how, meter, wanted)
+    report.write(summary, out)
+    answered = report.show(screen, summary, out)
+    return command_line.status(summary["interrupted"], not answered)
