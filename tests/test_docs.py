@@ -164,8 +164,8 @@ def test_examples_of_ensembles(run_lammps, page, least, waters):
     setup = f"""units real
         atom_style full
         read_data data.water
-        include {inputs / "forcefield.water"}
         change_box all triclinic
+        include {inputs / "forcefield.water"}
         group water molecule <= {waters}
         group rigid union water
         group flexible subtract all water
