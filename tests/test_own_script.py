@@ -472,16 +472,16 @@ def test_check_finds_what_does_not_fit(tmp_path):
     )  # fmt: skip
     own = take(path, tmp_path / "out")
     made = shapes.bodies(own)
-    found = {
-        (one.subject, one.what): one.holds
-        for one in (*check._bodies(own, made, shapes.kinds(own, made)), *check._script(own),
-                    *check._step(own, made, shapes.kinds(own, made)))
-    }  # fmt: skip
+    checks = (*check._bodies(own, made, shapes.kinds(own, made)), *check._script(own),
+              *check._step(own, made, shapes.kinds(own, made)))  # fmt: skip
+    found = {(one.subject, one.what): one.holds for one in checks}
     assert found[("atoms", "that no fix moves")] is False
     assert found[("forces within bodies", "computed (1) or left out (0)")] is False
     assert found[("thermostats", "of the bodies")] is True
     turns = [holds for (_, what), holds in found.items() if what.startswith("rms angle")]
     assert turns == [False]
+    for one in map(check._told, checks):  # what is wrong is said where it is so
+        assert bool(one.note) == (one.part == "step" or not one.holds), one
 
 
 def test_ranks_are_started_by_the_launcher(monkeypatch):
