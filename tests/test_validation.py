@@ -335,7 +335,8 @@ def test_distance_counts_in_a_direction_that_is_not_periodic():
 
 
 def test_rigidity_error_of_a_displaced_atom():
-    """Locks out missed pairs, pairs across bodies, and a body that merely crossed a face."""
+    """Locks out missed pairs, pairs across bodies, and a body that merely crossed a face, also one
+    of a box that has another size at the end."""
     bodies = np.array([5, 2, 5, 2, 5, 0, 0])  # two bodies, two atoms in none
     start = np.random.default_rng(5).uniform(4, 6, size=(7, 3))
     pairs = measures.body_pairs(bodies)
@@ -345,6 +346,10 @@ def test_rigidity_error_of_a_displaced_atom():
     end[2] -= [10.0, 0.0, 0.0]
     end[5:] += 1.0  # atoms in no body may move
     assert measures.rigidity_error(start, end, pairs, CUBE, ALL) < 1e-12
+    wider = end.copy()
+    wider[2] -= [1.0, 0.0, 0.0]
+    assert measures.rigidity_error(start, wider, pairs, CUBE, ALL, 1.1 * CUBE) < 1e-12
+    assert measures.rigidity_error(start, wider, pairs, CUBE, ALL) > 0.1
     along = (start[3] - start[1]) / np.linalg.norm(start[3] - start[1])
     end[3] += 2e-6 * along
     error = measures.rigidity_error(start, end, pairs, CUBE, ALL)

@@ -81,9 +81,9 @@ class Positions:
 
     Attributes:
         x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
-        cell: its vectors as rows.  periodic: (3,) bool.
-        v, mass, bonds, angles, cells: of a job with ``motion`` only: velocities as ``x``, (atoms,),
-            rows of atoms counted from 0, and the cell of each frame.
+        cell: its vectors as rows, at the end; cells: of each frame.  periodic: (3,) bool.
+        v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), rows
+            of atoms counted from 0.
     """
 
     x: np.ndarray

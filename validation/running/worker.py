@@ -98,14 +98,16 @@ def work(job: dict, out: Path) -> None:
             values.append(gather(lmp, name, 1, 3))
         cells.append(geometry(lmp)[0])
     bodies = bodies_of(lmp, job["body_property"]) if job["body_property"] else None
-    more: dict = topology(lmp) | {"cells": cells} if kept and job["motion"] else {}
+    more: dict = topology(lmp) if kept and job["motion"] else {}
     cell, periodic = geometry(lmp)
     version = lmp.version()
     lmp.close()
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     if world.rank == 0:
         if bodies is not None:
-            arrays: dict = kept | more | {"bodies": bodies, "cell": cell, "periodic": periodic}
+            arrays: dict = kept | more | {
+                "bodies": bodies, "cell": cell, "cells": cells, "periodic": periodic
+            }  # fmt: skip
             np.savez(out / "positions.npz", **arrays)
         done = {
             "lammps": version,

@@ -274,14 +274,20 @@ def rigidity_error(
     pairs: np.ndarray,
     cell: np.ndarray,
     periodic: Sequence[bool] | np.ndarray,
+    last_cell: np.ndarray | None = None,
 ) -> float:
-    """Largest change of a distance within a body: max |d_ij(end) - d_ij(start)|."""
+    """Largest change of a distance within a body: max |d_ij(end) - d_ij(start)|.
 
-    def distances(x):
+    Args:
+        cell: its vectors as rows.  last_cell: the same at the end, where it is another one.
+    """
+
+    def distances(x, cell):
         apart = x[pairs[:, 0]] - x[pairs[:, 1]]
         return np.linalg.norm(nearest_image(apart, cell, periodic), axis=1)
 
-    return np.abs(distances(end) - distances(start)).max(initial=0.0)
+    last = cell if last_cell is None else last_cell
+    return np.abs(distances(end, last) - distances(start, cell)).max(initial=0.0)
 
 
 class Spread(TypedDict):
