@@ -377,9 +377,10 @@ def test_compare_and_bench_of_a_script(tmp_path, capsys):
 
 
 @pytest.mark.timeout(900)
-def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path):
+def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monkeypatch):
     """Locks out advice for a step at which the run heats or its energy fluctuates above the target:
     rings at constant energy, with a step that is safe and one that is far too long."""
+    monkeypatch.setattr(trial, "LATE", 100)  # a busy machine takes longer than was planned
     path = scripts.rings(tmp_path)
     path.write_text(path.read_text().replace("fix heat all langevin 300 300 200 11\n", ""))
     out = tmp_path / "out"
