@@ -158,12 +158,7 @@ def _chosen(lammps, command, moment, plane):
     if command.moments is None:
         return moment, moment[:0]
     how, value = command.moments[0], lammps.number(command.moments[1])
-    if not value > 0:
-        raise RunError(
-            f"keyword moments: {how} is {value:g}, and must be above zero "
-            f'(in "fix_nosquish.{command.text}")',
-            everywhere=True,
-        )
+    command.refuse_unless_positive(f"keyword moments: {how}", value)
     turns = moment > 0
     if plane:
         turns[:2] = False  # a moment about these axes only says that the body is no point

@@ -82,6 +82,18 @@ def virial_about_centres(layout: Layout, atom_f: F2, barostat: F1):
 
 
 @inlined
+def is_due(step, cell):
+    """Whether the box changes in this step."""
+    return (step[0] - 1) % int(cell.barostat[EVERY]) == 0
+
+
+@inlined
+def three_of(numbers, k):
+    """Three numbers from this one on."""
+    return numbers[k], numbers[k + 1], numbers[k + 2]
+
+
+@inlined
 def volume_of(box, numbers):
     """The volume of the box, in two dimensions its area."""
     return box.h[0, 0] * box.h[1, 1] * (box.h[2, 2] if numbers[SPACE] > 0.0 else 1.0)
@@ -91,14 +103,6 @@ def volume_of(box, numbers):
 def pressure_now(numbers, k, part):
     """The pressure that is asked for along an axis, or by which a tilt is driven."""
     return numbers[P_START + k] + part * (numbers[P_STOP + k] - numbers[P_START + k])
-
-
-@inlined
-def add_shear(numbers, at, xy, xz, yz):
-    """Have a shear, 1 and these above the diagonal, act after the one that is in numbers."""
-    numbers[at + 1] += xz + xy * numbers[at + 2]
-    numbers[at] += xy
-    numbers[at + 2] += yz
 
 
 @inlined
@@ -131,7 +135,7 @@ def stretch_box(cell, box, shift):
         shear_box(numbers, h, inverse, lo, shift)
     tell_box(h, lo, new_box)
     call(cell.set_box[0], cell.set_box[1], address(new_box))
-    cell.barostat[OPEN] = 1.0
+    numbers[OPEN] = 1.0
     return 0
 
 
@@ -147,7 +151,7 @@ def tell_box(h, lo, new_box):
 @inlined
 def shear_box(numbers, h, inverse, lo, shift):
     """Shear the box about its centre."""
-    xy, xz, yz = numbers[SHEAR], numbers[SHEAR + 1], numbers[SHEAR + 2]
+    xy, xz, yz = three_of(numbers, SHEAR)
     y, z = lo[1] - numbers[CENTRE + 1], lo[2] - numbers[CENTRE + 2]
     lo[0] += xy * y + xz * z
     lo[1] += yz * z

@@ -134,6 +134,14 @@ class Command:
             given[1] = "0", "0", given[1][2]
         return next(filter(None, given), None)
 
+    def refuse_unless_positive(self, name, value):
+        """Raise an error for a number, of this name on the fix line, that is not above zero."""
+        if not value > 0:
+            raise RunError(
+                f'{name} is {value:g}, and must be above zero (in "fix_nosquish.{self.text}")',
+                everywhere=True,
+            )
+
     @classmethod
     def parse(cls, text, own=()):
         """Read the words after the class.

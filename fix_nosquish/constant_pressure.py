@@ -20,12 +20,12 @@ from .cell import (
     XY,
     flip,
 )  # fmt: skip
-from .command import PRESSURES
+from .command import PRESSURES, TILTS
 from .compiled import F1, L1, Cell
 from .errors import RunError
 from .nvt import NVT
 
-AXES, TILTS = "xyz", ("xy", "xz", "yz")
+AXES = "xyz"
 # parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
 # a box that follows the fast fluctuations of a liquid's pressure in long jumps is too restless
 PARTS, FEWEST_PARTS = 50, 20
@@ -180,7 +180,7 @@ class ConstantPressure(NVT):
         """PDAMP, which is one for all axes."""
         words = next(iter(self.command.pressure.values()))
         damping = self.lammps.number(words[2])
-        self._refuse_unless_positive("PDAMP", damping)
+        self.command.refuse_unless_positive("PDAMP", damping)
         return damping
 
     def own_numbers(self):

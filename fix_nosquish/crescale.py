@@ -39,6 +39,7 @@ from .cell import (
     Barostat,
     pressure_now,
     stretch_box,
+    three_of,
     volume_of,
 )  # fmt: skip
 from .compiled import F1, F2, L1, F, I, inlined, loop
@@ -132,7 +133,7 @@ def measure_tilts(state, rank, numbers):
 @inlined
 def shear(state, numbers):
     """Shear the centres of mass about the box's centre."""
-    xy, xz, yz = numbers[SHEAR], numbers[SHEAR + 1], numbers[SHEAR + 2]
+    xy, xz, yz = three_of(numbers, SHEAR)
     for b in range(state.shape[1]):
         y, z = state[X + 1, b] - numbers[CENTRE + 1], state[X + 2, b] - numbers[CENTRE + 2]
         state[X, b] += xy * y + xz * z
@@ -142,7 +143,7 @@ def shear(state, numbers):
 @inlined
 def slow_by_shear(state, numbers):
     """Shear the velocities by the inverse."""
-    xy, xz, yz = numbers[SHEAR], numbers[SHEAR + 1], numbers[SHEAR + 2]
+    xy, xz, yz = three_of(numbers, SHEAR)
     for b in range(state.shape[1]):
         state[V, b] += (xy * yz - xz) * state[V + 2, b] - xy * state[V + 1, b]
         state[V + 1, b] -= yz * state[V + 2, b]
@@ -154,7 +155,7 @@ def note_work(mpi, parameters, cell):
     part: with the forces before it, and with those behind."""
     numbers, tilted = cell.barostat, cell.barostat[TILTED] > 0.0
     x, y, z = (log(numbers[STRETCH]), log(numbers[STRETCH + 1]), log(numbers[STRETCH + 2]))
-    xy, xz, yz = numbers[SHEAR], numbers[SHEAR + 1], numbers[SHEAR + 2]
+    xy, xz, yz = three_of(numbers, SHEAR)
     # the logarithm of shear times stretch, to the second order
     tilts = (
         xy + 0.5 * xy * (y - x), xz + 0.5 * xz * (z - x) - 0.5 * xy * yz, yz + 0.5 * yz * (z - y)

@@ -52,9 +52,10 @@ from .cell import (
     YY,
     YZ,
     Barostat,
-    add_shear,
+    is_due,
     pressure_now,
     stretch_box,
+    three_of,
     volume_of,
 )  # fmt: skip
 from .compiled import F1, L1, Cell, F, inlined, loop
@@ -134,12 +135,6 @@ def shear(block, parameters):
         block[V + 1, b] += yz * block[V + 2, b]
 
 
-@inlined
-def three_of(numbers, k):
-    """Three numbers from this one on."""
-    return numbers[k], numbers[k + 1], numbers[k + 2]
-
-
 DILATION = Operation(dilate, prepared=True, measures=measure_along)
 
 
@@ -151,12 +146,6 @@ def push(cell, box, part, dt):
         if cell.axes[k] >= 0:
             force = numbers[VIRIAL + k] - pressure_now(numbers, k, part) * volume
             cell.piston[cell.axes[k]] += dt * force / numbers[INERTIA + cell.axes[k]]
-
-
-@inlined
-def is_due(step, cell):
-    """Whether the box changes in this step."""
-    return (step[0] - 1) % int(cell.barostat[EVERY]) == 0
 
 
 @inlined
@@ -231,6 +220,14 @@ def tilt(parameters, cell, box, part, dt):
     along[XY] = of_xy + xy * yy + xz * of_yz + yz * (of_xz + xy * of_yz + xz * zz)
     along[XZ] = of_xz + xy * of_yz + xz * zz
     along[YZ] = of_yz + yz * zz
+
+
+@inlined
+def add_shear(numbers, at, xy, xz, yz):
+    """Have a shear, 1 and these above the diagonal, act after the one that is in numbers."""
+    numbers[at + 1] += xz + xy * numbers[at + 2]
+    numbers[at] += xy
+    numbers[at + 2] += yz
 
 
 @inlined

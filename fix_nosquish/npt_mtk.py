@@ -1,7 +1,7 @@
 """NPT with keyword barostat mtk: a thermostat of the bodies and of the piston; see `mtk`."""
 
 from .block import Images
-from .cell import COMPONENTS, EVERY, RATE, UNIT
+from .cell import COMPONENTS, EVERY, RATE, UNIT, is_due
 from .compiled import F1, L1, F, I, inlined, loop
 from .langevin import Langevin, thermalise
 from .migration import Box
@@ -13,7 +13,6 @@ from .mtk import (
     Piston,
     begin_move,
     end_move,
-    is_due,
     measure_along,
     note_heat,
     thermalise_piston,

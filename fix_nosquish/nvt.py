@@ -135,7 +135,7 @@ class NVT(Integrator):
         """The temperature at the begin and at the end of the run, and the rate of damping."""
         start, stop, damping = (self.lammps.number(word) for word in self.command.temp)
         for name, value in ("TSTART", start), ("TSTOP", stop), ("TDAMP", damping):
-            self._refuse_unless_positive(f"keyword temp: {name}", value)
+            self.command.refuse_unless_positive(f"keyword temp: {name}", value)
         return start, stop, 1.0 / damping
 
     def own_parameters(self):
@@ -164,15 +164,6 @@ class NVT(Integrator):
             rate, unit * start, unit * stop, unit * start, -1.0, 0.0,
             command.seed or 0, key, 0.0,
         )  # fmt: skip
-
-    def _refuse_unless_positive(self, name, value):
-        """Raise an error for a number of the fix line that is not above zero."""
-        if not value > 0:
-            raise RunError(
-                f"{name} is {value:g}, and must be above zero "
-                f'(in "fix_nosquish.{self.command.text}")',
-                everywhere=True,
-            )
 
     def own_cells(self):
         begin, end = self.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))

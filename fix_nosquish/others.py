@@ -1,7 +1,17 @@
 """Atoms that are in no body, beside bodies whose box changes: some move with it, others stay."""
 
 from .block import at
-from .cell import CENTRE, EVERY, SHEAR, SPREAD, STRETCH, TILT_SPREAD, UNIT, Barostat
+from .cell import (
+    CENTRE,
+    SHEAR,
+    SPREAD,
+    STRETCH,
+    TILT_SPREAD,
+    UNIT,
+    Barostat,
+    is_due,
+    three_of,
+)  # fmt: skip
 from .compiled import F1, F2, I1, L1, I, inlined, loop
 from .migration import Box
 
@@ -52,8 +62,8 @@ def move_others(
     """In a step in which the box changes, stretch and shear with it the atoms that move, and their
     velocities by the inverse."""
     numbers = cell.barostat
-    if (step[0] - 1) % int(numbers[EVERY]) == 0:
-        xy, xz, yz = numbers[SHEAR], numbers[SHEAR + 1], numbers[SHEAR + 2]
+    if is_due(step, cell):
+        xy, xz, yz = three_of(numbers, SHEAR)
         for i in range(groups.size):
             if origins[i] == IN_NO_BODY and groups[i] & dilated:
                 for k in range(3):
