@@ -11,6 +11,7 @@ _FILE = "a file: v_NAME of a string-style variable, or a name without a point"
 KEYWORDS = {
     "mrot": "the number of inner rotor steps, a whole number of at least 1",
     "order": "321 (the axis of the smallest moment turns outermost) or 123 (of the largest)",
+    "rotor": "exact (the free rotation as it is) or split (into rotations about one axis each)",
     "force": "M xflag yflag zflag (bodies n, m*n or *, and three times on or off)",
     "torque": "M xflag yflag zflag (bodies n, m*n or *, and three times on or off)",
     "reinit": "yes or no",
@@ -18,6 +19,7 @@ KEYWORDS = {
     "output": "N, a whole number of at least 1, and " + _FILE,
     "points": "the ID of a group, whose atoms are in no body",
 }
+ROTORS = "exact", "split"
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
 TILTS = "xy", "xz", "yz"
@@ -79,6 +81,7 @@ class Command:
         mrot: inner rotor steps per time step (m_rot of eq. 2.53).
         order: 321 or 123, the order of the axes in a rotor step, outermost first, with
             I_1 >= I_2 >= I_3.
+        rotor: exact or split, as asked for by this keyword or by mrot or order; None for neither.
         force, torque: what each of these keywords says, in their order: (first body, last body,
             (x, y, z)); bodies count from 1, 0 stands for the open end of a range, x y z are True
             for on.
@@ -105,6 +108,7 @@ class Command:
     arguments: tuple = ()
     mrot: int = 1
     order: int = 321
+    rotor: str | None = None
     force: tuple = ()
     torque: tuple = ()
     reinit: bool = True
@@ -197,6 +201,12 @@ class Command:
                 values.setdefault("pressure", {})[keyword] = words.numbers(3, expected)
             else:
                 values[keyword] = _READ[keyword](words, expected)
+        split = [keyword for keyword in ("mrot", "order") if keyword in values]
+        if split and values.setdefault("rotor", "split") == "exact":
+            raise words.wrong(
+                f"keyword {split[0]} says how the rotation is split, and rotor exact splits none: "
+                "leave one of them out"
+            )
         if "infile" in values:
             # as in fix rigid: the file is the start, not the state of later runs
             values["reinit"] = False
@@ -328,6 +338,7 @@ class _Words:
 _READ = {  # what the words behind a keyword give
     "mrot": _Words.whole,
     "order": lambda words, expected: (321, 123)[words.choice(("321", "123"), expected)],
+    "rotor": lambda words, expected: words.one_of(ROTORS, expected),
     "reinit": lambda words, expected: words.choice(("no", "yes"), expected),
     "infile": _Words.take,
     "output": lambda words, expected: (words.whole(expected), words.take(expected)),

@@ -30,7 +30,7 @@ from .hosts import driven_by_plugin, hook
 from .kinds import compare
 from .lammps import Lammps, pointer
 from .membership import Membership
-from .operations import FTM2V, MROT, PARAMETERS
+from .operations import EXACT, FTM2V, MROT, PARAMETERS
 from .own_fix import OwnFix
 from .switches import Switches
 
@@ -71,6 +71,7 @@ class Integrator:
         starts: what sets its own rows when the forces of the start are known, or None: a function
             as in an operation.
         method: what the log calls it.  splits: whether it has use for the keywords mrot and order.
+            Keyword rotor exact is for those with an operation that says so.
         respa: whether it can have the forces of the levels of run_style respa.
         keywords: those of its own, besides what `command.KEYWORDS` has for all.
         middle: whether the velocities that atoms have at the end of a step are those of its middle,
@@ -95,6 +96,7 @@ class Integrator:
 
     Attributes:
         bodies: the `Bodies`, from the first use of the fix on.
+        exact: whether their free rotation is exact, not split.
         host: what calls this object: see `hosts.Host`.
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix; None with LAMMPS's own fix python/move.
@@ -123,7 +125,7 @@ class Integrator:
     own_warnings = ()
     follows_atoms = True
     virial = virial_per_atom = None
-    rigid_flag = False
+    rigid_flag = exact = False
     _all, _numbers = weakref.WeakSet(), count_from_zero()
 
     def __init_subclass__(cls):
@@ -170,12 +172,7 @@ class Integrator:
             *self.modules,
         )
         self.command = Command.parse(words, self.keywords)
-        if not self.splits and (self.command.mrot, self.command.order) != (1, 321):
-            raise RunError(
-                "keywords mrot and order are for integrators that split the rotation, which "
-                f'{type(self).__name__} does not (in "fix_nosquish.{words}")',
-                everywhere=True,
-            )
+        self._refuse_other_rotor(self.command.rotor)
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
         self.restart_file = self.infile is not None
@@ -189,6 +186,37 @@ class Integrator:
         else:
             self.array_rows = count(self.lammps, self.communicator, self.membership)
             self.rigid_flag = self.lammps.finite()[0] is not None
+
+    def _refuse_other_rotor(self, rotor):
+        """Raise an error if the words ask for a rotation that this class does not have."""
+        problem = None
+        if rotor == "split" and not self.splits:
+            problem = (
+                "keywords mrot and order, and rotor split, are for integrators that split the "
+                "rotation, which {} does not"
+            )
+        elif rotor == "exact" and not self._can_be_exact:
+            problem = "keyword rotor exact is for the rotation of fix_nosquish.NVE, not that of {}"
+        if problem:
+            raise RunError(
+                f'{problem.format(type(self).__name__)} (in "fix_nosquish.{self.command.text}")',
+                everywhere=True,
+            )
+
+    @property
+    def _can_be_exact(self):
+        return any(operation.exact for operation in self.operations.values())
+
+    def _choose_rotor(self):
+        """Whether the rotation is exact; collective.
+
+        By default that of symmetric tops is, whose axes may be chosen in more than one way.
+        """
+        if self.command.rotor or not self._can_be_exact or self.bodies.planar:
+            return self.command.rotor == "exact"
+        moment = self.bodies.moment[:, : self.bodies.rotors]
+        equal = (moment[0] == moment[1]) | (moment[1] == moment[2])
+        return not self.communicator.any(not equal.all())
 
     @classmethod
     def of_fix(cls, lmp, fix_id):
@@ -280,7 +308,7 @@ class Integrator:
             self.lammps, self.communicator, self.membership, self.infile, self.rows, former
         )
         self._lost = self._started = False
-        bodies = self.bodies
+        bodies, self.exact = self.bodies, self._choose_rotor()
         if kept := self.notes.pop("kept"):
             self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
             self.host.log(kept.text)
@@ -301,7 +329,8 @@ class Integrator:
 
     def _bind(self):
         own = [0.0] * PARAMETERS
-        own[FTM2V], own[MROT] = self.lammps.ftm2v, self.command.mrot
+        own[FTM2V] = self.lammps.ftm2v
+        own[MROT] = EXACT if self.exact else self.command.mrot
         self.mask = self._switches.mask(self.bodies)
         self.parameters = np.array([*own, *self.own_parameters()])
         self.passes = passes.Passes(

@@ -2,7 +2,8 @@
 
 An operation is a function (block, kind, dt, parameters): it moves all lanes of a block (see
 `block`) of bodies of this kind by dt.  Units are those of the LAMMPS run.  parameters[FTM2V] makes
-a force a mass times an acceleration, parameters[MROT] is the number of inner steps of a rotation.
+a force a mass times an acceleration, parameters[MROT] is the number of inner steps of a rotation,
+or EXACT.
 """
 
 from .block import (
@@ -24,9 +25,11 @@ from .block import (
     write,
 )
 from .compiled import inlined
+from .exact_rotor import rotate_exactly
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
 FTM2V, MROT, PARAMETERS = 0, 1, 2
+EXACT = 0  # steps of a rotation that is not split
 FAST = OWN  # rows of the bodies that turn much: q, p, how many inner steps
 
 
@@ -127,6 +130,15 @@ def rotation_by(rotor):
 
 
 no_squish = rotation_by(free_rotor)  # (2.53), in mrot inner steps
+
+
+@inlined
+def rotate_rotors(block, dt, mrot):
+    """The free rotation of a block of rotors, in mrot inner steps or EXACT."""
+    if mrot == EXACT:
+        rotate_exactly(block, dt)
+    else:
+        no_squish(block, dt, mrot)
 
 
 @inlined

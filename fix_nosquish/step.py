@@ -208,12 +208,14 @@ class Operation(NamedTuple):
             step.  Such a letter stands once, between those that move.
         measures: None, or a function as `does`, of what `prepares` must know of all bodies.  Then
             the step is two passes over the bodies, and `prepares` is between them.
+        exact: whether it rotates bodies exactly where parameters[MROT] is EXACT; see `operations`.
     """
 
     does: object
     moves: bool = False
     prepared: bool = False
     measures: object = None
+    exact: bool = False
 
 
 class Stages(NamedTuple):

@@ -114,6 +114,7 @@ def summary(nve, virial):
     else:
         kinds = (solid, "three-dimensional"), (planar, "planar"), (linear, "linear")
         how = f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""
+        how = " (exact)" if nve.exact else how
         turning = (
             (solid + planar, f"rotation of rotors{how}", "no rotors"),
             (linear, "rotation of linear bodies", "no linear bodies"),

@@ -102,6 +102,15 @@ CASES = {
     "value not a number": Case("all molecule mrot two", ("'two'", "whole number of at least 1")),
     "value of zero": Case("all molecule mrot 0", ("'0'", "whole number of at least 1")),
     "keyword given twice": Case("all molecule mrot 2 mrot 3", ("mrot", "twice")),
+    "inner steps of an exact rotation": Case(
+        "all molecule rotor exact mrot 2", ("keyword mrot", "rotor exact splits none", "leave one")
+    ),
+    "order of an exact rotation": Case(
+        "all molecule order 321 rotor exact", ("keyword order", "rotor exact splits none")
+    ),
+    "rotation of neither kind": Case(
+        "all molecule rotor good", ("'good'", "exact", "or split (into rotations")
+    ),
     "number of groups missing": Case("all group all", ("'all'", "number of groups")),
     "fewer groups than announced": Case("all group 2 all", ("ID of group 2 of 2",)),
     "body group that is not defined": Case("all group 1 nowhere", ("group 'nowhere'", "define it")),
