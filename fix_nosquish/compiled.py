@@ -477,9 +477,8 @@ def _processor():
     return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features}"
 
 
-@cache
 def target():
-    """LLVM's idea of this processor."""
+    """LLVM's idea of this processor; an engine that is made with one owns it."""
     from llvmlite import binding as llvm
 
     llvm.initialize_native_target()

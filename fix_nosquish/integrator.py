@@ -214,6 +214,8 @@ class Integrator:
         """
         if self.command.rotor or not self._can_be_exact or self.bodies.planar:
             return self.command.rotor == "exact"
+        if not self.splits:
+            return True
         moment = self.bodies.moment[:, : self.bodies.rotors]
         equal = (moment[0] == moment[1]) | (moment[1] == moment[2])
         return not self.communicator.any(not equal.all())

@@ -127,7 +127,7 @@ class RescalingNPT(Mtk, NPT, Rescaling):
     operations = NVE.operations | {
         "D": DILATION._replace(measures=measure_all), "O": Operation(scale),
     }  # fmt: skip
-    splitting, number_of_chains = SPLITTING, 3
+    splitting, splits, number_of_chains = SPLITTING, True, 3
 
     @property
     def prepares(self):

@@ -1,7 +1,8 @@
 """Thermostats that scale the velocities of all bodies: stochastic velocity rescaling, and chains.
 
 Both know the kinetic energy of all bodies in the middle of the step, which is one sum over the
-ranks, and find one factor for all velocities and angular momenta, or one for each.
+ranks, and find one factor for all velocities and angular momenta, or one for each.  Free motion
+keeps this energy, if it is exact: so it is known before, and A O A is one motion.
 """
 
 from math import exp, log, sqrt
@@ -30,7 +31,6 @@ from .nvt import (
     COMMON,
     HEAT,
     KT,
-    MIDDLE,
     NVT,
     OF_THERMOSTATS,
     RATE,
@@ -46,6 +46,8 @@ DEGREES, TWICE, FACTOR = COMMON, COMMON + 2, COMMON + 4
 MOVES, TURNS, WORK = BLOCK_ROWS, BLOCK_ROWS + 1, 2  # rows of a block: twice a body's energies
 _W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
 SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # parts of a step of the chain
+LEAST = 1e-100
+free_motion = NVE.operations["A"].does
 
 
 @inlined
@@ -70,16 +72,41 @@ def measure(block, kind, dt, parameters):
 
 
 @inlined
-def scale(block, kind, dt, parameters):
-    """Multiply velocities and angular momenta by their factors."""
-    moves, turns = parameters[FACTOR] - 1.0, parameters[FACTOR + 1] - 1.0
+def scale_by(block, kind, moves, turns):
+    """Multiply velocities and angular momenta by these factors."""
     for k in range(3):
         for b in range(LANES):
-            block[V + k, b] *= 1.0 + block[FREE + k, b] * moves
+            block[V + k, b] *= 1.0 + block[FREE + k, b] * (moves - 1.0)
     if kind != POINT:
         for k in range(4):
             for b in range(LANES):
-                block[P + k, b] *= 1.0 + block[FREE + 3, b] * turns
+                block[P + k, b] *= 1.0 + block[FREE + 3, b] * (turns - 1.0)
+
+
+@inlined
+def scale(block, kind, dt, parameters):
+    """Multiply velocities and angular momenta by their factors."""
+    scale_by(block, kind, parameters[FACTOR], parameters[FACTOR + 1])
+
+
+@inlined
+def move_and_scale(block, kind, dt, parameters):
+    """Free motion for half of the time, `scale`, and free motion for the other half.
+
+    Free motion with f times the momenta is that with the momenta in f times the time.  So both
+    halves are one, with the mean of the momenta before and behind.
+    """
+    moves, turns = mean_with_one(parameters[FACTOR]), mean_with_one(parameters[FACTOR + 1])
+    scale_by(block, kind, moves, turns)
+    free_motion(block, kind, dt, parameters)
+    scale_by(block, kind, parameters[FACTOR] / moves, parameters[FACTOR + 1] / turns)
+
+
+@inlined
+def mean_with_one(factor):
+    """The mean of this and 1; not zero, so that it can be divided by."""
+    mean = 0.5 * (1.0 + factor)
+    return mean if mean != 0.0 else LEAST
 
 
 @inlined
@@ -236,8 +263,10 @@ def nose_hoover(
 class Rescaling(NVT):
     """`NVT` with keyword thermostat csvr or nh."""
 
-    operations = NVE.operations | {"O": Operation(scale, prepared=True, measures=measure)}
-    splitting, work = MIDDLE, WORK
+    operations = NVE.operations | {
+        "A": Operation(move_and_scale, moves=True, prepared=True, measures=measure, exact=True),
+    }  # fmt: skip
+    splitting, work, splits = "B A B", WORK, False
     unprepared = (
         "the bodies are at rest, so there is no velocity to scale: give them velocities first "
         "(velocity ... create), or use thermostat langevin"

@@ -205,7 +205,7 @@ class Operation(NamedTuple):
         does: a function (block, kind, dt, parameters), inlined; see `operations`.
         moves: whether it changes positions or orientations, so that forces are new after it.
         prepared: whether the integrator's loop `prepares` sets parameters for it before, once a
-            step.  Such a letter stands once, between those that move.
+            step.  Such a letter stands once, from the first on that moves to the last.
         measures: None, or a function as `does`, of what `prepares` must know of all bodies.  Then
             the step is two passes over the bodies, and `prepares` is between them.
         exact: whether it rotates bodies exactly where parameters[MROT] is EXACT; see `operations`.
@@ -243,8 +243,8 @@ def stages(splitting, operations):
         operations: dictionary from letters to `Operation`.
     Raises:
         ValueError: for a letter without an operation; for an operation of the letter F; if nothing
-            moves; and for a letter that is prepared and stands twice, or not between those that
-            move.
+            moves; and for a letter that is prepared and stands twice, before those that move, or
+            behind them.
     """
     letters = splitting.split()
     if FORCES in operations:
@@ -263,10 +263,10 @@ def stages(splitting, operations):
     cut = letters.index(FORCES) if FORCES in letters else movers[-1] + 1
     first = min(movers[0], cut)
     prepared = [k for k, one in enumerate(letters) if one != FORCES and operations[one].prepared]
-    if len(prepared) > 1 or not all(first < k < cut for k in prepared):
+    if len(prepared) > 1 or not all(first <= k < cut for k in prepared):
         raise ValueError(
             f"splitting {splitting!r}: "
-            "a letter that is prepared stands once, between those that move"
+            "a letter that is prepared stands once, and from the first on that moves to the last"
         )
 
     def chain(begin, end, last=None):

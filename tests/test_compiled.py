@@ -349,6 +349,28 @@ def test_a_loop_that_needs_python_is_refused(written, loops, name):
 # ---------------------------------------------------------------- where the machine code is kept
 
 
+ANEW = """
+import gc
+import numpy as np
+import loops
+from fix_nosquish import compiled
+
+def total():
+    compiled.MODULES["loops"].load()
+    gc.collect()
+    return int(loops.total(np.arange(10), 1))
+
+print([total(), total(), total()])
+"""
+
+
+def test_code_that_is_loaded_anew(written):
+    """Locks out a crash where a module is imported again, as in two LAMMPS of one process: LLVM
+    frees the processor's description with the code that was loaded for it, and other code needs
+    one."""
+    assert answer(start(written, ANEW)) == [46, 46, 46]
+
+
 def test_later_processes_do_without_numba(written):
     """Locks out: a start that imports numba though there is a file."""
     assert len(files(written)) == 1

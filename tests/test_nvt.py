@@ -239,6 +239,35 @@ def test_chains_are_reversible(run_lammps, tmp_path, name):
     assert np.abs(start - end).max() < 1e-9
 
 
+HALVES = """
+from fix_nosquish import of_fix_line
+from fix_nosquish.nve import NVE
+from fix_nosquish.rescaling import Rescaling, measure, scale
+from fix_nosquish.step import Operation
+
+class Halves(Rescaling):
+    operations = NVE.operations | {"O": Operation(scale, prepared=True, measures=measure)}
+    splitting, splits = "B A O A B", True
+
+__getattr__ = of_fix_line(Halves)
+"""
+
+
+@pytest.mark.parametrize("name", ["csvr", "nh", "separate", "off"])
+def test_both_halves_are_one_motion(run_lammps, tmp_path, name):
+    """Locks out a motion that is not the two around the thermostat: of points, linear bodies,
+    rotors and such as are held, it is what the splitting says, done letter by letter."""
+    system = mixture(side=2, spacing=2.9)
+    words = THERMOSTATS.get(name, THERMOSTATS["csvr"] + " force 2 off on on torque 3 off off off")
+    lines = fix(words + " rotor exact", "2 2 5e-2")
+    ends = []
+    for line in lines, lines.replace("fix_nosquish.NVT", "halves.Halves"):
+        script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{line}run 60\n{DUMP.format('end')}"
+        run_lammps(script, files=system.files | {"halves.py": HALVES})
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:])
+    assert np.abs(ends[0] - ends[1]).max() < 1e-9
+
+
 # ------------------------------------------------------------------ velocities that atoms have
 
 

@@ -7,7 +7,9 @@ from fix_nosquish.operations import kick
 from fix_nosquish.step import Operation, stages
 
 PAUSE = Operation(kick, prepared=True, measures=kick)
-KNOWN = NVE.operations | {"O": Operation(kick, prepared=True), "M": PAUSE}
+KNOWN = NVE.operations | {
+    "O": Operation(kick, prepared=True), "M": PAUSE, "D": PAUSE._replace(moves=True),
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
@@ -16,9 +18,9 @@ KNOWN = NVE.operations | {"O": Operation(kick, prepared=True), "M": PAUSE}
         ("B A X B", {}, "there is no operation X, only A, B"),
         ("B A F B", {"F": Operation(kick)}, "the letter F stands for the forces"),
         ("B B", {}, "none of its operations moves the bodies"),
-        ("B A O A O A B", {}, "stands once, between those that move"),
-        ("O B A B", {}, "stands once, between those that move"),
-        ("B A B O", {}, "stands once, between those that move"),
+        ("B A O A O A B", {}, "stands once, and from the first on that moves"),
+        ("O B A B", {}, "stands once, and from the first on that moves"),
+        ("B A B O", {}, "stands once, and from the first on that moves"),
     ],
 )
 def test_refused(splitting, more, says):
@@ -35,6 +37,7 @@ def test_refused(splitting, more, says):
         ("B A F A B", 1, True, False),
         ("B A O A B", 1, False, True),
         ("B A M A B", 2, False, True),
+        ("B D B", 2, False, True),
     ],
 )
 def test_passes(splitting, passes, tail_moves, prepared):
