@@ -27,7 +27,7 @@ def add(verbs: command_line.Verbs) -> None:
         "130 after Ctrl-C.",
     )
     help = f"what to measure, of: {', '.join(PARTS)} (default: all), or a script of yours"
-    part = command_line.scene_or_script(PARTS)
+    part = command_line.scene_or_script(lambda: PARTS)
     parser.add_argument("parts", nargs="*", type=part, metavar="PART", help=help)
     sizes = ",".join(map(str, SCENES["water"].sizes))
     for option, kind, metavar, help in (

@@ -24,7 +24,7 @@ def add(verbs: command_line.Verbs) -> None:
         "its mean shape. No file of yours is written to.",
         epilog="Exit status: 0 if there are parts, 1 if there are none.",
     )
-    script = command_line.scene_or_script(())
+    script = command_line.scene_or_script(tuple)
     parser.add_argument("scene", type=script, metavar="SCRIPT", help="a LAMMPS input script")
     help = "what is rigid, of: %(choices)s (default all)"
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help=help)

@@ -18,7 +18,7 @@ def add(verbs: command_line.Verbs) -> None:
         "of the start. No file of yours is written to.",
         epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C.",
     )
-    script = command_line.scene_or_script(())
+    script = command_line.scene_or_script(tuple)
     parser.add_argument("scene", type=script, metavar="SCRIPT", help="a LAMMPS input script")
     command_line.ranks(parser, 1)
     command_line.silence(parser, 60.0)

@@ -21,7 +21,7 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
-    kind = command_line.scene_or_script(_SCENES)
+    kind = command_line.scene_or_script(lambda: _SCENES)
     help = f"what is simulated: {', '.join(_SCENES)}, or a LAMMPS input script of yours"
     parser.add_argument("scene", type=kind, metavar="SCENE", help=help)
     command_line.ranks(parser)
