@@ -152,6 +152,12 @@ def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str
     return word
 
 
+def script(parser: argparse.ArgumentParser) -> None:
+    """The argument that is a script of one's own, of verbs that have no scenes."""
+    kind = scene_or_script(tuple)
+    parser.add_argument("scene", type=kind, metavar="SCRIPT", help="a LAMMPS input script")
+
+
 def own(parser: argparse.ArgumentParser) -> None:
     """The options that say more of a script of one's own."""
     group = parser.add_argument_group("for a script of your own")

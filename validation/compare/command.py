@@ -50,9 +50,7 @@ def run(arguments: Namespace) -> int:
 
     run_by.launch_by(arguments.launch)
     if command_line.is_script(arguments.scene, _SCENES):
-        ask = system.Ask.of(arguments)
-        arguments.usual = arguments.usual.replace("SCENE", ask.name)
-        out = command_line.folder(arguments)
+        ask, out = system.begin(arguments, arguments.scene)
         own = system.take(ask, out, arguments.ranks, arguments.silence)
         scene, known, reference = own.scene, own.integrators, own.reference
         told: dict = {"ensemble": own.found.state.ensemble, "notes": own.notes}

@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from validation import command_line
 from validation.own import finding, schemes
 from validation.own.finding import Found, Unclear
 from validation.own.script import DONE, texts
@@ -49,10 +50,10 @@ class Ask:
     at: int = 1
 
     @classmethod
-    def of(cls, arguments: Namespace) -> "Ask":
-        """From the options that `command_line.own` adds."""
+    def of(cls, arguments: Namespace, script: str) -> "Ask":
+        """Of a script, with the options that `command_line.own` adds."""
         return cls(
-            str(Path(arguments.scene).resolve()),
+            str(Path(script).resolve()),
             tuple(map(tuple, arguments.variables or ())),
             tuple(arguments.fix or ()),
             arguments.group,
@@ -97,6 +98,17 @@ class Own:
     def bodies(self) -> int:
         """Their number."""
         return int(self.found.body.max())
+
+
+def begin(arguments: Namespace, script: str, short: bool = False) -> tuple[Ask, Path]:
+    """What a verb's command line says of a script, and the output folder, which is made.
+
+    Args:
+        short: see `command_line.folder`.
+    """
+    ask = Ask.of(arguments, script)
+    arguments.usual = f"results/{arguments.verb}-{ask.name}"
+    return ask, command_line.folder(arguments, short)
 
 
 def take(

@@ -98,10 +98,7 @@ def _script(arguments: Namespace, path: str) -> int:
     from validation.running import run as run_by
 
     run_by.launch_by(arguments.launch)
-    arguments.scene = path
-    ask = system.Ask.of(arguments)
-    arguments.usual = f"results/stability-{ask.name}"
-    out = command_line.folder(arguments)
+    ask, out = system.begin(arguments, path)
     own = system.take(ask, out, 1, arguments.silence)
     some = command_line.chosen_of(own.integrators, arguments.only)
     screen = console.console()

@@ -68,8 +68,7 @@ def run(arguments: Namespace) -> int:
     if scripts:
         if len(arguments.scenes) > 1:
             arguments.parser.error("a script of your own is swept alone")
-        arguments.scene, arguments.usual = scripts[0], "results/sweep-SCRIPT"
-        return trial.run(arguments, SCRIPT_BUDGET, many=True)
+        return trial.run(arguments, scripts[0], SCRIPT_BUDGET, many=True)
     from validation.pages import console
     from validation.sweep import measure, plan, report  # heavy: not for --help
 
