@@ -309,7 +309,9 @@ def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
     x = np.broadcast_to(own.atoms["x"], v.shape)
     cell, periodic = np.array(own.said["cell"]), np.array([True] * 3)
     positions = run.Positions(x, own.found.body, cell, periodic, v=v, mass=mass)
-    moving, turning = trial._temperatures(own, structure.Motion(positions), range(frames))
+    rest = shapes.freedom_of_turning(own)
+    assert rest == 2 * own.bodies  # of linear ones
+    moving, turning = trial._temperatures(own, structure.Motion(positions), range(frames), rest)
     assert moving.mean() == pytest.approx(kelvin, rel=0.01)
     assert turning.mean() == pytest.approx(kelvin, rel=0.01)
 

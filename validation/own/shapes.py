@@ -138,6 +138,12 @@ def _shape(moments, flat) -> tuple[str, int]:
     return "three-dimensional", 6
 
 
+def freedom_of_turning(own: Own) -> int:
+    """Degrees of freedom of all bodies' turning."""
+    axes = own.said["dimension"]
+    return sum(kind.number * (kind.freedom - axes) for kind in kinds(own, bodies(own)))
+
+
 def mvv2e(own: Own) -> float:
     """Energy over mass times the square of velocity, in the script's units."""
     return MVV2E.get(own.scene.units, 1.0)

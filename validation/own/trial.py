@@ -312,17 +312,19 @@ def failure(own: Own, result: run.Result) -> str | None:
 
 def _rows(own, every, found, held, lengths, wanted) -> list[dict]:
     """A row for each point, as ``sweep.choice`` takes them."""
-    numbers = {one: _numbers(own, one, result) for one, result in found.items()
-               if not failure(own, result)}  # fmt: skip
+    failed = {one: failure(own, result) for one, result in found.items()}
+    rest = shapes.freedom_of_turning(own)
+    numbers = {
+        one: _numbers(own, one, result, rest) for one, result in found.items() if not failed[one]
+    }
     rows = []
     for one in every:
         integrator, result = one.integrator, found.get(one)
         fails = [
-            f"{other.dt:g}: {failure(own, found[other])}"
+            f"{other.dt:g}: {failed[other]}"
             for other in every
-            if other.integrator is integrator and other.dt <= one.dt and other in found
-            and failure(own, found[other])
-        ]  # fmt: skip
+            if other.integrator is integrator and other.dt <= one.dt and failed.get(other)
+        ]
         if result is None and not fails:
             continue
         row: dict = {
@@ -354,15 +356,15 @@ def _rows(own, every, found, held, lengths, wanted) -> list[dict]:
     return rows
 
 
-def _numbers(own, one, result) -> dict:
-    """Means and series of a run's kept part."""
+def _numbers(own, one, result, rest) -> dict:
+    """Means and series of a run's kept part; ``rest`` as for `_temperatures`."""
     assert result.positions
     frames = len(result.positions.x) - 1
     first = round(SETTLES * frames)
     kept = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
     thermo = {name: values[kept] for name, values in result.thermo.items()}
     motion = Motion(result.positions)
-    moving, turning = _temperatures(own, motion, range(1 + first, 1 + frames))
+    moving, turning = _temperatures(own, motion, range(1 + first, 1 + frames), rest)
     found = {
         "time": thermo["Step"] * one.dt,
         "conserved": thermo.get("Econserve", thermo["TotEng"]),
@@ -386,12 +388,12 @@ def _numbers(own, one, result) -> dict:
     return found
 
 
-def _temperatures(own, motion, frames) -> tuple[np.ndarray, np.ndarray | None]:
-    """Temperatures of the bodies' centres and of their turning, (frames,)."""
-    flat = own.said["dimension"] == 2
+def _temperatures(own, motion, frames, rest) -> tuple[np.ndarray, np.ndarray | None]:
+    """Temperatures of the bodies' centres and of their turning, (frames,); ``rest``: degrees of
+    freedom of all bodies' turning."""
     mass, v = motion.mass, motion.v[list(frames)]
     v = v - np.average(v, axis=1, weights=mass)[:, None]
-    axes = 2 if flat else 3
+    axes = own.said["dimension"]
     moving, turning, inside = np.zeros(len(v)), np.zeros(len(v)), 0.0
     for group in motion.groups:
         own_mass = mass[group]
@@ -402,9 +404,6 @@ def _temperatures(own, motion, frames) -> tuple[np.ndarray, np.ndarray | None]:
         turning += np.einsum("bn,fbnk->f", own_mass, v[:, group] ** 2) - translation
         inside += whole.sum()
     freedom = axes * motion.count - axes * inside / mass.sum()
-    rest = sum(
-        kind.number * (kind.freedom - axes) for kind in shapes.kinds(own, shapes.bodies(own))
-    )
     scale = shapes.mvv2e(own) / own.said["boltzmann"]
     return moving * scale / freedom, turning * scale / rest if rest else None
 
