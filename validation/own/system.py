@@ -99,6 +99,11 @@ class Own:
         """Their number."""
         return int(self.found.body.max())
 
+    @property
+    def room(self) -> float:
+        """Of a body at the start: the edge of a cube of its part of the box."""
+        return float((abs(np.linalg.det(np.array(self.said["cell"]))) / self.bodies) ** (1 / 3))
+
 
 def begin(arguments: Namespace, script: str, short: bool = False) -> tuple[Ask, Path]:
     """What a verb's command line says of a script, and the output folder, which is made.

@@ -31,7 +31,7 @@ SETTLES = 0.25  # of the frames are left out
 SAMPLES = 8  # of the energy between two frames, at most
 LEAST = 400  # steps of a run
 LATE = 1.5  # of the budget: then no further run begins
-BIN, REACH = 0.04, 0.95  # of g(r): of a body's room (edge), and of half the box
+BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
 NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
 TARGETS = {
     "drift": (
@@ -378,12 +378,10 @@ def _numbers(own, one, result, rest) -> dict:
     if "Density" in thermo:
         found["density"] = measures.mean(thermo["Density"])
     if _has_rdf(own):
-        cell = np.array(own.said["cell"])
-        room = (abs(np.linalg.det(cell)) / own.bodies) ** (1 / 3)
-        half = REACH * np.min(np.abs(np.diag(cell))) / 2
-        ends = 0.3 * room, min(half, 2.2 * room)
+        half = REACH * np.min(np.abs(np.diag(own.said["cell"]))) / 2
+        ends = 0.3 * own.room, min(half, 2.2 * own.room)
         found["rdf"] = structure.pair_distribution(
-            motion, slice(1 + first, 1 + frames), ends, BIN * room
+            motion, slice(1 + first, 1 + frames), ends, BIN * own.room
         )
     return found
 
