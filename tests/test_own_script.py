@@ -307,8 +307,8 @@ def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
     v = np.zeros((frames, len(mass), 3))
     v[:, group] = centre[:, :, None] + np.cross(omega[:, :, None], r)
     x = np.broadcast_to(own.atoms["x"], v.shape)
-    cell, periodic = np.array(own.said["cell"]), np.array([True] * 3)
-    positions = run.Positions(x, own.found.body, cell, periodic, v=v, mass=mass)
+    cells, periodic = np.array([own.said["cell"]] * frames), np.array([True] * 3)
+    positions = run.Positions(x, own.found.body, cells, periodic, v=v, mass=mass)
     rest = shapes.freedom_of_turning(own)
     assert rest == 2 * own.bodies  # of linear ones
     moving, turning = trial._temperatures(own, structure.Motion(positions), range(frames), rest)

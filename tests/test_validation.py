@@ -504,6 +504,19 @@ def test_a_crash_is_a_result(scene, tmp_path, monkeypatch):
     assert "signal 9" in result.error or "exit code 9" in result.error
 
 
+def test_positions_that_0_1_0_has_left(tmp_path):
+    """Locks out a results folder that cannot be gone on with: its runs have the box of their end,
+    and not that of each frame."""
+    x, cell = np.zeros((3, 4, 3)), np.diag([5.0, 6.0, 7.0])
+    plain = {"bodies": np.ones(4, int), "periodic": np.ones(3, bool)}
+    np.savez(tmp_path / "positions.npz", x=x, cell=cell, **plain)
+    found = run.collect(tmp_path).positions
+    assert found.cells.shape == (3, 3, 3) and (found.cells == cell).all()
+    cells = np.array([cell, 1.1 * cell, 1.2 * cell])
+    np.savez(tmp_path / "positions.npz", x=x, cells=cells, **plain)
+    assert (run.collect(tmp_path).positions.cell == cells[-1]).all()
+
+
 def test_help_is_instant():
     """Locks out heavy imports before the command line is read."""
     code = (

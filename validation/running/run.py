@@ -81,20 +81,24 @@ class Positions:
 
     Attributes:
         x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
-        cell: its vectors as rows, at the end; cells: of each frame.  periodic: (3,) bool.
+        cells: (frames, 3, 3), of each frame the cell's vectors as rows.  periodic: (3,) bool.
         v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), rows
             of atoms counted from 0.
     """
 
     x: np.ndarray
     bodies: np.ndarray
-    cell: np.ndarray
+    cells: np.ndarray
     periodic: np.ndarray
     v: np.ndarray = field(default_factory=_nothing)
     mass: np.ndarray = field(default_factory=_nothing)
     bonds: np.ndarray = field(default_factory=_nothing)
     angles: np.ndarray = field(default_factory=_nothing)
-    cells: np.ndarray = field(default_factory=_nothing)
+
+    @property
+    def cell(self) -> np.ndarray:
+        """Of the last frame."""
+        return self.cells[-1]
 
 
 @dataclass
@@ -261,7 +265,11 @@ def collect(directory: Path | str) -> Result:
     positions = None
     if (directory / "positions.npz").exists():
         with np.load(directory / "positions.npz") as file:
-            positions = Positions(**file)
+            arrays = dict(file)
+        if "cell" in arrays:  # of 0.1.0, whose boxes did not change
+            cell = arrays.pop("cell")
+            arrays.setdefault("cells", np.repeat(cell[None], len(arrays["x"]), axis=0))
+        positions = Positions(**arrays)
     text = _read(directory / "done.json")
     done = json.loads(text) if text else {}
     message = (
