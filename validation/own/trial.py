@@ -133,13 +133,11 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
 
 
 def _is_counted(own):
-    """Whether what a thermostat or barostat gives and takes is in econserve, for all integrators:
-    not that of one barostat of ours, nor of a fix that stays."""
-    if own.found.state.press:
-        return False
+    """Whether what thermostats and barostats give and take is in econserve: not that of a fix that
+    stays, as fix langevin without tally and fix press/berendsen do."""
     others = own.said["fixes"].items()
     styles = [finding.style_of(line) for one, line in others if one not in own.found.ids]
-    return not any(one == "langevin" or one.startswith("temp/") for one in styles)
+    return not any(one == "langevin" or one.startswith(("temp/", "press/")) for one in styles)
 
 
 def _has_rdf(own):
