@@ -207,19 +207,12 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float, everything: bool) 
     beside = str(Path(ask.script).parent)  # modules of its own
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
-    with open(folder / "output.txt", "w") as output:
-        process = subprocess.Popen(
-            words,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-            env={"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path},
-        )
-        try:
-            hung = run.watch(process, folder / "log.lammps", silence)
-        finally:
-            run.end(process)
+    how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
+    with (
+        open(folder / "output.txt", "w") as output,
+        run.started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process,
+    ):
+        hung = run.watch(process, folder / "log.lammps", silence)
     error = folder / "error.txt"
     if hung:
         error.write_text(
