@@ -24,7 +24,7 @@ from validation.bodies import parts
 from validation.check import measure as check
 from validation.own import finding, schemes, script, shapes, stress, system, trial
 from validation.own.finding import Unclear
-from validation.running import lammps_log, run
+from validation.running import lammps_log, run, startup
 from validation.scenes.integrators import Integrator
 from validation.statistics import structure
 
@@ -128,6 +128,18 @@ run 1
         last = [one for one in own.scene.setup if one.startswith("variable text")][-1]
         assert last.split()[-1] == told[0]
         assert own.scene.dt == float(told[1]) / 1000
+
+
+def test_scripts_are_read_with_the_package_that_is_installed():
+    """Locks out the checkout's fix_nosquish in its place, which is not what users' runs have, and
+    compiles its loops anew."""
+    code = (
+        f"import runpy; runpy.run_path({str(system.READER)!r}, run_name='reader')\n"
+        "import fix_nosquish; print(fix_nosquish.__file__)"
+    )
+    how = {"capture_output": True, "text": True, "timeout": 100, "check": True, "cwd": "/"}
+    done = subprocess.run([sys.executable, "-c", code], **how)
+    assert Path(done.stdout.split()[-1]).resolve().parent == startup.package().resolve()
 
 
 # ---- scripts of five kinds
