@@ -302,12 +302,50 @@ def test_rows():
 
 def test_the_scatter_of_starts_tells_their_errors():
     """Locks out errors of the series where starts are further apart than these say: -9, -9.1 and
-    -9.2 have a mean with the error 0.1/√3, and Student's t of two degrees of freedom."""
+    -9.2 have a mean with the error 0.1/√3, and Student's t of two degrees of freedom. And a margin
+    of 12.7 errors of two starts that are as near as their own errors say."""
     starts = [numbers(potential=Estimate(-9.0 - 0.1 * i, 1e-6)) for i in range(3)]
     one = measure.pooled(starts)["potential"]
     assert one.value == pytest.approx(-9.1) and one.error == pytest.approx(0.1 / np.sqrt(3))
     assert one.margin == pytest.approx(4.302653 * one.error, rel=1e-6)
     assert measure.pooled(starts[:1])["potential"] == starts[0]["potential"]
+    near = [numbers(potential=Estimate(-9.0 - 0.1 * i, 0.1, 20.0)) for i in range(2)]
+    one = measure.pooled(near)["potential"]
+    assert one == pytest.approx((-9.05, 0.1 / np.sqrt(2), 40.0))
+    known = [numbers(potential=Estimate(-9.0 - 0.1 * i, 0.1)) for i in range(2)]
+    assert measure.pooled(known)["potential"].margin == pytest.approx(1.96 * 0.1 / np.sqrt(2), 1e-3)
+    exact = [numbers(potential=Estimate(-9.0 - 0.1 * i, 0.0)) for i in range(2)]
+    assert measure.pooled(exact)["potential"].margin == pytest.approx(12.706 * 0.05, 1e-3)
+
+
+@pytest.mark.timeout(300)
+def test_margins_of_several_starts_cover():
+    """Locks out a margin that covers too seldom or too often, and one that is of no use with two
+    starts: of AR(1) noise with correlation times of 0.2 to 5 ps, as long as a run of 300 ps and
+    sampled as one is.
+
+    The scatter alone covers 95 %, with margins that are 4.5, 1.9 and 1.2 times those of an error
+    that is known.
+    """
+    samples, series = round(300e3 / plan.SAMPLED), 720
+    rng, covered = np.random.default_rng(11), {2: [], 3: [], 8: []}
+    for time in 0.2, 1.0, 5.0:  # ps
+        phi = np.exp(-plan.SAMPLED / 1e3 / time)
+        white = np.sqrt(1 - phi**2) * rng.normal(size=(series, samples))
+        white[:, 0] /= np.sqrt(1 - phi**2)
+        found = [measures.mean(signal.lfilter([1], [1, -phi], one)) for one in white]
+        exact = np.sqrt((1 + phi) / (1 - phi) / samples)
+        for number in covered:
+            # each with others beside it, so that there are as many groups of them as series
+            turns = np.array([rng.permutation(series) for _ in range(number)])
+            rows = turns.reshape(-1, number)
+            some = [measures.of_starts([found[one] for one in row]) for row in rows]
+            covered[number].append(np.mean([abs(one.value) < one.margin for one in some]))
+            usual = np.median([one.margin for one in some])
+            assert usual < 1.2 * 1.96 * exact / np.sqrt(number)
+    for number, those in covered.items():
+        assert all(0.93 < one < 0.98 for one in those), (number, those)
+        assert 0.93 < np.mean(those) < 0.97, (number, those)
 
 
 def judged(dt=6.0, scheme="langevin-5", time=100.0, **row):
@@ -441,6 +479,27 @@ def test_the_verb_runs(tmp_path, monkeypatch):
     again = json.loads((tmp_path / "summary.json").read_text())
     assert again["interrupted"] and len(again["rows"]) == len(points)
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")} == done
+
+
+@pytest.mark.timeout(200)
+def test_runs_of_another_length_stay(tmp_path):
+    """Locks out a command with longer runs that throws the shorter ones away: both lengths stay
+    in the folder, and the first command finds its own again."""
+
+    def do(time):
+        words = ["--ps", time, "--dt", "4", "--only", "rigid/nvt/small", "--out", str(tmp_path)]
+        assert __main__.main(["ensembles", *words]) == 0
+        summary = json.loads((tmp_path / "summary.json").read_text())
+        assert summary["settings"]["time"] == float(time)
+        assert [row["error"] for row in summary["rows"]] == [None, None]
+        return {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")}, summary
+
+    short, first = do("0.05")
+    both, second = do("0.07")
+    assert len(short) == 3 and len(both) == 6 and short.items() < both.items()
+    assert (tmp_path / "runs" / "0.05-ps" / "start-1" / "start" / "done.json").exists()
+    again, third = do("0.05")
+    assert again == both and third["rows"] == first["rows"] != second["rows"]
 
 
 def test_what_settles_is_left_out(tmp_path, monkeypatch):

@@ -24,7 +24,7 @@ from validation.bodies import parts
 from validation.check import measure as check
 from validation.own import finding, schemes, script, shapes, stress, system, trial
 from validation.own.finding import Unclear
-from validation.running import lammps_log, run
+from validation.running import lammps_log, run, startup
 from validation.scenes.integrators import Integrator
 from validation.statistics import structure
 
@@ -128,6 +128,18 @@ run 1
         last = [one for one in own.scene.setup if one.startswith("variable text")][-1]
         assert last.split()[-1] == told[0]
         assert own.scene.dt == float(told[1]) / 1000
+
+
+def test_scripts_are_read_with_the_package_that_is_installed():
+    """Locks out the checkout's fix_nosquish in its place, which is not what users' runs have, and
+    compiles its loops anew."""
+    code = (
+        f"import runpy; runpy.run_path({str(system.READER)!r}, run_name='reader')\n"
+        "import fix_nosquish; print(fix_nosquish.__file__)"
+    )
+    how = {"capture_output": True, "text": True, "timeout": 100, "check": True, "cwd": "/"}
+    done = subprocess.run([sys.executable, "-c", code], **how)
+    assert Path(done.stdout.split()[-1]).resolve().parent == startup.package().resolve()
 
 
 # ---- scripts of five kinds
@@ -307,19 +319,21 @@ def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
     v = np.zeros((frames, len(mass), 3))
     v[:, group] = centre[:, :, None] + np.cross(omega[:, :, None], r)
     x = np.broadcast_to(own.atoms["x"], v.shape)
-    cell, periodic = np.array(own.said["cell"]), np.array([True] * 3)
-    positions = run.Positions(x, own.found.body, cell, periodic, v=v, mass=mass)
-    moving, turning = trial._temperatures(own, structure.Motion(positions), range(frames))
+    cells, periodic = np.array([own.said["cell"]] * frames), np.array([True] * 3)
+    positions = run.Positions(x, own.found.body, cells, periodic, v=v, mass=mass)
+    rest = shapes.freedom_of_turning(own)
+    assert rest == 2 * own.bodies  # of linear ones
+    moving, turning = trial._temperatures(own, structure.Motion(positions), range(frames), rest)
     assert moving.mean() == pytest.approx(kelvin, rel=0.01)
     assert turning.mean() == pytest.approx(kelvin, rel=0.01)
 
 
 def test_targets_are_those_that_a_script_has(tmp_path):
-    """Locks out a target that says nothing of a script, and one that is not known."""
+    """Locks out a target that says nothing of a script, one that is not known, and a barostat
+    whose work counts as unknown: econserve has it, with each of ours."""
     co2 = take(scripts.co2(tmp_path), tmp_path / "out")
-    assert set(trial.targets(co2, {})) == {"temperature", "density", "rdf"}
-    with pytest.raises(LookupError, match="drift says nothing of this script"):
-        trial.targets(co2, {"drift": 1.0})
+    assert set(trial.targets(co2, {})) == {"drift", "energy", "temperature", "density", "rdf"}
+    assert trial.targets(co2, {"drift": 1.0})["drift"] == 1.0
     with pytest.raises(LookupError, match="there is no target speed"):
         trial.targets(co2, {"speed": 1.0})
     spce = take(scripts.spce(tmp_path), tmp_path / "out2")
@@ -327,10 +341,16 @@ def test_targets_are_those_that_a_script_has(tmp_path):
     assert found["energy"] == 0.1 and found["drift"] == trial.HEATED
     assert "density" not in found
     path = scripts.rings(tmp_path)
-    assert "energy" not in trial.targets(take(path, tmp_path / "out3"), {})  # fix langevin stays
+    rings = take(path, tmp_path / "out3")
+    assert "energy" not in trial.targets(rings, {})  # fix langevin stays
+    with pytest.raises(LookupError, match="drift says nothing of this script"):
+        trial.targets(rings, {"drift": 1.0})
     text = path.read_text().replace("timestep 4", "unfix heat\ntimestep 4")
     path.write_text(text)
     assert "energy" in trial.targets(take(path, tmp_path / "out3"), {})
+    press = "unfix heat\nfix press all press/berendsen iso 1 1 1000\ntimestep 4"
+    path.write_text(text.replace("unfix heat\ntimestep 4", press))
+    assert "energy" not in trial.targets(take(path, tmp_path / "out3"), {})  # as this one does
 
 
 @pytest.mark.timeout(600)

@@ -80,7 +80,7 @@ def motion(x, bodies, mass, v=None, bonds=(), angles=()):
         run.Positions(
             x,
             bodies,
-            CELL,
+            np.repeat(CELL[None], len(x), axis=0),
             np.ones(3, bool),
             np.zeros_like(x) if v is None else np.asarray(v),
             mass,

@@ -3,9 +3,12 @@
 Statistical tests pass within five standard errors and use fixed random seeds.
 """
 
+import contextlib
 import csv
 import io
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
@@ -14,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Silent
-from scipy import signal
+from scipy.signal import lfilter
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -83,7 +86,7 @@ def noise_of(rng, series, n, time, step):
     phi = np.exp(-1 / time) if time else 0.0
     white = rng.normal(size=(series, n))
     white[:, 0] /= np.sqrt(1 - phi**2)
-    x = signal.lfilter([np.sqrt(1 - phi**2)], [1, -phi], white)
+    x = lfilter([np.sqrt(1 - phi**2)], [1, -phi], white)
     walk = np.cumsum(rng.normal(size=(series, n)), axis=1) * np.sqrt((1 + phi) / (1 - phi)) * 64 / n
     return walk if step is None else x + np.sqrt(step) * walk
 
@@ -467,6 +470,103 @@ def test_comparison_from_end_to_end(scene, tmp_path):
     assert 'src="http' not in page and "href=" not in page, "the report is one file"
 
 
+def running(word):
+    """IDs of the processes whose command has a word."""
+    found = []
+    for one in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if word.encode() in one.read_bytes() and int(one.parent.name) != os.getpid():
+                found.append(int(one.parent.name))
+    return found
+
+
+@pytest.fixture
+def unfinished(tmp_path, monkeypatch):
+    """A job whose ranks sleep, and what ends its processes in the end; SIGTERM is a Ctrl-C."""
+    worker = tmp_path / "worker.py"
+    worker.write_text("import time\ntime.sleep(100)\n")
+    monkeypatch.setattr(run, "WORKER", worker)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    yield run.Job(str(tmp_path / "run"), ".", [], [], None, ranks=2)
+    signal.signal(signal.SIGTERM, before)
+    for one in running(str(worker)):
+        os.kill(one, signal.SIGKILL)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("moment", ["begin", "end", "behind"])
+def test_a_signal_at_a_bad_moment_leaves_no_process(unfinished, monkeypatch, moment):
+    """Locks out ranks that go on for ever: a signal came while their mpirun was being started, or
+    a second one while they were being ended. And one that is lost, as it came when a run's
+    processes had just ended: the verb would go on with the next run."""
+    popen, kill = subprocess.Popen, os.killpg
+
+    def stop():
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    def begins(*words, **more):
+        process = popen(*words, **more)
+        if moment == "begin":
+            stop()
+        return process
+
+    def ends(*one):
+        stop()
+        kill(*one)
+
+    def watch(*_):
+        time.sleep(1)  # until there are ranks
+        if moment == "end":
+            stop()
+        return False
+
+    monkeypatch.setattr(subprocess, "Popen", begins)
+    monkeypatch.setattr(os, "killpg", ends)
+    monkeypatch.setattr(run, "watch", watch)
+    try:
+        result = run.run(unfinished)
+    except KeyboardInterrupt:  # it would end pytest
+        pytest.fail("the signal has passed through")
+    assert result.interrupted and result.error == run.INTERRUPTED
+    until = time.monotonic() + 10
+    while running(str(run.WORKER)):
+        assert time.monotonic() < until, "processes are left"
+        time.sleep(0.1)
+    assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
+
+
+@pytest.mark.timeout(120)
+@pytest.mark.parametrize("sign", [signal.SIGTERM, signal.SIGHUP])
+def test_a_verb_in_the_background_ends_all_by_a_signal(tmp_path, sign):
+    """Locks out a worker that goes on when the verb was ended: it runs in the background of a shell
+    script, so Ctrl-C is ignored, and the signal comes three times."""
+    words = ["long", "--steps", "100000000", "--only", "nosquish", "--out", str(tmp_path)]
+    command = [sys.executable, "-m", "validation", *words]
+    quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    verb = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+        **quiet,
+    )
+    try:
+        until = time.monotonic() + 60
+        while not any(tmp_path.rglob("log.lammps")):
+            assert time.monotonic() < until and verb.poll() is None
+            time.sleep(0.1)
+        for _ in range(3):
+            verb.send_signal(sign)
+            time.sleep(0.02)
+        assert verb.wait(40) == 130
+        assert not running(str(tmp_path))
+    finally:
+        for one in {verb.pid, *running(str(tmp_path))}:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(one, signal.SIGKILL)
+        verb.wait()
+
+
 @pytest.mark.timeout(60)
 def test_a_hung_run_is_given_up_with_all_its_ranks(scene, tmp_path):
     """Locks out a comparison that waits for ever, and ranks that live on."""
@@ -502,6 +602,19 @@ def test_a_crash_is_a_result(scene, tmp_path, monkeypatch):
     job = run.job(scene, rigid("rigid"), tmp_path / "crash", [10], dt=1.0, every=10)
     result = run.run(job)
     assert "signal 9" in result.error or "exit code 9" in result.error
+
+
+def test_positions_that_0_1_0_has_left(tmp_path):
+    """Locks out a results folder that cannot be gone on with: its runs have the box of their end,
+    and not that of each frame."""
+    x, cell = np.zeros((3, 4, 3)), np.diag([5.0, 6.0, 7.0])
+    plain = {"bodies": np.ones(4, int), "periodic": np.ones(3, bool)}
+    np.savez(tmp_path / "positions.npz", x=x, cell=cell, **plain)
+    found = run.collect(tmp_path).positions
+    assert found.cells.shape == (3, 3, 3) and (found.cells == cell).all()
+    cells = np.array([cell, 1.1 * cell, 1.2 * cell])
+    np.savez(tmp_path / "positions.npz", x=x, cells=cells, **plain)
+    assert (run.collect(tmp_path).positions.cell == cells[-1]).all()
 
 
 def test_help_is_instant():

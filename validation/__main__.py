@@ -6,13 +6,22 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
+from validation.command_line import INTERRUPTED
+
 
 def main(words: list[str] | None = None) -> int:
     """Parse the command line and run its verb; the exit status."""
     arguments = parser().parse_args(words)
-    # SIGTERM ends the verb's children as Ctrl-C does
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    return arguments.function(arguments)
+    # they do as Ctrl-C does, which a shell has what it starts in the background ignore; nohup has
+    # it ignore the terminal's end, too
+    for one in signal.SIGTERM, signal.SIGHUP:
+        if signal.getsignal(one) is not signal.SIG_IGN:
+            signal.signal(one, signal.default_int_handler)
+    try:
+        return arguments.function(arguments)
+    except KeyboardInterrupt:  # between two runs, or while a script is read
+        print("Interrupted.", file=sys.stderr)
+        return INTERRUPTED
 
 
 def parser() -> argparse.ArgumentParser:

@@ -135,10 +135,14 @@ def is_script(word: str, scenes: Collection[str]) -> bool:
     return word not in scenes
 
 
-def scene_or_script(scenes: Collection[str]) -> Callable[[str], str]:
-    """A type of argparse: the name of a scene, or the path of a LAMMPS input script."""
+def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str]:
+    """A type of argparse: the name of a scene, or the path of a LAMMPS input script.
+
+    ``known()``, the scenes' names, is called when a word is there only.
+    """
 
     def word(text):
+        scenes = known()
         if text not in scenes and not ("." in text or "/" in text or Path(text).is_file()):
             raise argparse.ArgumentTypeError(
                 f"there is no scene {text}, and no input script: choose from {', '.join(scenes)}"
@@ -146,6 +150,12 @@ def scene_or_script(scenes: Collection[str]) -> Callable[[str], str]:
         return text
 
     return word
+
+
+def script(parser: argparse.ArgumentParser) -> None:
+    """The argument that is a script of one's own, of verbs that have no scenes."""
+    kind = scene_or_script(tuple)
+    parser.add_argument("scene", type=kind, metavar="SCRIPT", help="a LAMMPS input script")
 
 
 def own(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from validation import command_line
 from validation.own import words as trial
-from validation.sweep.command import Names, scenes
+from validation.sweep.command import scenes
 
 BUDGET = 5.0  # minutes, of a script
 
@@ -24,7 +24,7 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if some point meets the targets with its 95 % margins, 1 if none "
         "does, 2 if there is no sweep, no such scene or measure.",
     )
-    scene = command_line.scene_or_script(Names())
+    scene = command_line.scene_or_script(scenes)
     help = "a scene of the sweep, or a LAMMPS input script of yours, which is tried now"
     parser.add_argument("scene", type=scene, metavar="SCENE", help=help)
     command_line.targets(
@@ -42,7 +42,7 @@ def add(verbs: command_line.Verbs) -> None:
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     if command_line.is_script(arguments.scene, scenes()):
-        return trial.run(arguments, BUDGET, many=False)
+        return trial.run(arguments, arguments.scene, BUDGET, many=False)
     from validation.advise.report import advise, load  # heavy: not for --help
     from validation.pages.console import console
 

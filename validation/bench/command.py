@@ -27,7 +27,7 @@ def add(verbs: command_line.Verbs) -> None:
         "130 after Ctrl-C.",
     )
     help = f"what to measure, of: {', '.join(PARTS)} (default: all), or a script of yours"
-    part = command_line.scene_or_script(PARTS)
+    part = command_line.scene_or_script(lambda: PARTS)
     parser.add_argument("parts", nargs="*", type=part, metavar="PART", help=help)
     sizes = ",".join(map(str, SCENES["water"].sizes))
     for option, kind, metavar, help in (
@@ -67,10 +67,7 @@ def run(arguments: Namespace) -> int:
     seconds = arguments.seconds or (0.2 if short else 1.0)
     ranks = arguments.ranks or (1, 2)
     if scripts:
-        arguments.scene = scripts[0]
-        ask = system.Ask.of(arguments)
-        arguments.usual += f"-{ask.name}"
-        out = command_line.folder(arguments, short)
+        ask, out = system.begin(arguments, scripts[0], short)
         own = system.take(ask, out, ranks[0], arguments.silence)
         integrators = command_line.chosen_of(own.integrators, arguments.only)
         names = tuple(one.name for one in integrators)

@@ -24,8 +24,7 @@ def add(verbs: command_line.Verbs) -> None:
         "its mean shape. No file of yours is written to.",
         epilog="Exit status: 0 if there are parts, 1 if there are none.",
     )
-    script = command_line.scene_or_script(())
-    parser.add_argument("scene", type=script, metavar="SCRIPT", help="a LAMMPS input script")
+    command_line.script(parser)
     help = "what is rigid, of: %(choices)s (default all)"
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help=help)
     help = "where bodies stand in the data file (default property: molecule IDs stay as they are)"
@@ -45,9 +44,8 @@ def run(arguments: Namespace) -> int:
     from validation.bodies import parts
     from validation.own import system
 
-    ask = system.Ask.of(arguments)
-    arguments.usual = arguments.usual.replace("SCRIPT", ask.name)
-    out = command_line.folder(arguments).resolve()
+    ask, out = system.begin(arguments, arguments.scene)
+    out = out.resolve()
     said, atoms, folder = system.read(ask, out, 1, arguments.silence, everything=True)
     if not len(atoms.get("bonds", ())):
         raise SystemExit(f"{ask.name}: the atoms have no bonds, by which rigid parts are found")

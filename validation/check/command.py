@@ -18,8 +18,7 @@ def add(verbs: command_line.Verbs) -> None:
         "of the start. No file of yours is written to.",
         epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C.",
     )
-    script = command_line.scene_or_script(())
-    parser.add_argument("scene", type=script, metavar="SCRIPT", help="a LAMMPS input script")
+    command_line.script(parser)
     command_line.ranks(parser, 1)
     command_line.silence(parser, 60.0)
     command_line.out(parser, "results/check-SCRIPT")
@@ -35,9 +34,7 @@ def run(arguments: Namespace) -> int:
     from validation.running import run as run_by
 
     run_by.launch_by(arguments.launch)
-    ask = system.Ask.of(arguments)
-    arguments.usual = arguments.usual.replace("SCRIPT", ask.name)
-    out = command_line.folder(arguments)
+    ask, out = system.begin(arguments, arguments.scene)
     own = system.take(ask, out, arguments.ranks, arguments.silence)
     screen = console.console()
     with console.Meter(screen, len(own.integrators) * measure.STEPS) as meter:

@@ -110,10 +110,11 @@ def _script(own):
     note = f"two of these fixes move the same atoms: {', '.join(movers)}"
     yield Check("script", "atoms", "that two fixes move", twice, high=0, note=note)
     lines = [texts(line) for line in own.said["commands"]]
-    excludes = any(line[:2] == ["neigh_modify", "exclude"] or "exclude" in line for line in lines)
+    excludes = any("exclude" in line for line in lines)
     special = [line for line in lines if line[0] == "special_bonds"]
-    zeros = bool(special) and all(one in ("lj/coul", "lj", "coul", "0", "0.0") or
-                                  _is_zero(one) for one in special[-1][1:4])  # fmt: skip
+    zeros = bool(special) and all(
+        one in ("lj/coul", "lj", "coul") or _is_zero(one) for one in special[-1][1:4]
+    )
     large = int(np.bincount(own.found.body)[1:].max())
     bonds = len(own.atoms.get("bonds", ()))
     covered = excludes or large == 1 or (zeros and bonds and large <= 4)
@@ -130,17 +131,11 @@ def _script(own):
         for one, line in own.said["fixes"].items()
         if one not in own.found.ids
         and finding.style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
-        and (shapes_mask(own, line) & (own.found.body > 0)).any()
+        and (shapes.acted_on(own, line) & (own.found.body > 0)).any()
     ]
     number = len(heats) + bool(own.found.state.temp)
     note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
     yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
-
-
-def shapes_mask(own, line):
-    """The atoms of a fix's group."""
-    group = texts(line)[2]
-    return own.atoms["mask"] & (1 << own.said["groups"].index(group)) != 0
 
 
 def _is_zero(word):

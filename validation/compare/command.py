@@ -21,7 +21,7 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
-    kind = command_line.scene_or_script(_SCENES)
+    kind = command_line.scene_or_script(lambda: _SCENES)
     help = f"what is simulated: {', '.join(_SCENES)}, or a LAMMPS input script of yours"
     parser.add_argument("scene", type=kind, metavar="SCENE", help=help)
     command_line.ranks(parser)
@@ -50,9 +50,7 @@ def run(arguments: Namespace) -> int:
 
     run_by.launch_by(arguments.launch)
     if command_line.is_script(arguments.scene, _SCENES):
-        ask = system.Ask.of(arguments)
-        arguments.usual = arguments.usual.replace("SCENE", ask.name)
-        out = command_line.folder(arguments)
+        ask, out = system.begin(arguments, arguments.scene)
         own = system.take(ask, out, arguments.ranks, arguments.silence)
         scene, known, reference = own.scene, own.integrators, own.reference
         told: dict = {"ensemble": own.found.state.ensemble, "notes": own.notes}

@@ -130,10 +130,8 @@ def _trajectory(
         own = result.positions
         box = own.cell, own.periodic
         pairs = measures.body_pairs(own.bodies)
-        cells = own.cells if len(own.cells) else own.cell[None]
-        row.rigidity = float(
-            measures.rigidity_error(own.x[0], own.x[-1], pairs, cells[0], own.periodic, cells[-1])
-        )
+        ends = own.cells[0], own.periodic, own.cells[-1]
+        row.rigidity = float(measures.rigidity_error(own.x[0], own.x[-1], pairs, *ends))
         if reference and reference.positions:
             there = reference.positions.x[1]
             row.distance = float(measures.largest_distance(own.x[1], there, *box))

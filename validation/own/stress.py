@@ -6,7 +6,6 @@ Each is a number with a bound for each integrator, as ``check`` has them.
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 
 from validation.own import shapes
@@ -21,7 +20,7 @@ from validation.statistics.check import Check
 LONGER = 2.0, 4.0, 8.0  # times the script's step
 STEPS = 400  # of a run with a longer step
 PART = 20  # steps of each half of a run in two parts; and of one on other ranks
-# of a body's room (edge): rounding grows by some powers of ten in so few steps, and no further
+# of a body's room: rounding grows by some powers of ten in so few steps, and no further
 NEAR = 1e-6
 # of the temperature: a step that heats by more in so few steps is none to use
 HEATS = 0.2
@@ -76,12 +75,9 @@ class _Runner:
         """Largest distance of the ends, over a body's room; None if one has none."""
         if first.error or second.error or not (first.positions and second.positions):
             return None
-        own = self.own
-        cell = np.array(own.said["cell"])
-        room = (abs(np.linalg.det(cell)) / own.bodies) ** (1 / 3)
         here, there = first.positions, second.positions
         box = here.cell, here.periodic
-        return float(measures.largest_distance(here.x[-1], there.x[-1], *box)) / room
+        return float(measures.largest_distance(here.x[-1], there.x[-1], *box)) / self.own.room
 
 
 def _steps(runner) -> Iterator[Check]:

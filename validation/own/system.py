@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+from validation import command_line
 from validation.own import finding, schemes
 from validation.own.finding import Found, Unclear
 from validation.own.script import DONE, texts
@@ -49,10 +50,10 @@ class Ask:
     at: int = 1
 
     @classmethod
-    def of(cls, arguments: Namespace) -> "Ask":
-        """From the options that `command_line.own` adds."""
+    def of(cls, arguments: Namespace, script: str) -> "Ask":
+        """Of a script, with the options that `command_line.own` adds."""
         return cls(
-            str(Path(arguments.scene).resolve()),
+            str(Path(script).resolve()),
             tuple(map(tuple, arguments.variables or ())),
             tuple(arguments.fix or ()),
             arguments.group,
@@ -97,6 +98,22 @@ class Own:
     def bodies(self) -> int:
         """Their number."""
         return int(self.found.body.max())
+
+    @property
+    def room(self) -> float:
+        """Of a body at the start: the edge of a cube of its part of the box."""
+        return float((abs(np.linalg.det(np.array(self.said["cell"]))) / self.bodies) ** (1 / 3))
+
+
+def begin(arguments: Namespace, script: str, short: bool = False) -> tuple[Ask, Path]:
+    """What a verb's command line says of a script, and the output folder, which is made.
+
+    Args:
+        short: see `command_line.folder`.
+    """
+    ask = Ask.of(arguments, script)
+    arguments.usual = f"results/{arguments.verb}-{ask.name}"
+    return ask, command_line.folder(arguments, short)
 
 
 def take(
@@ -190,19 +207,12 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float, everything: bool) 
     beside = str(Path(ask.script).parent)  # modules of its own
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
-    with open(folder / "output.txt", "w") as output:
-        process = subprocess.Popen(
-            words,
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-            env={"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path},
-        )
-        try:
-            hung = run.watch(process, folder / "log.lammps", silence)
-        finally:
-            run.end(process)
+    how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
+    with (
+        open(folder / "output.txt", "w") as output,
+        run.started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process,
+    ):
+        hung = run.watch(process, folder / "log.lammps", silence)
     error = folder / "error.txt"
     if hung:
         error.write_text(

@@ -31,7 +31,7 @@ SETTLES = 0.25  # of the frames are left out
 SAMPLES = 8  # of the energy between two frames, at most
 LEAST = 400  # steps of a run
 LATE = 1.5  # of the budget: then no further run begins
-BIN, REACH = 0.04, 0.95  # of g(r): of a body's room (edge), and of half the box
+BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
 NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
 TARGETS = {
     "drift": (
@@ -133,13 +133,11 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
 
 
 def _is_counted(own):
-    """Whether what a thermostat or barostat gives and takes is in econserve, for all integrators:
-    not that of one barostat of ours, nor of a fix that stays."""
-    if own.found.state.press:
-        return False
+    """Whether what thermostats and barostats give and take is in econserve: not that of a fix that
+    stays, as fix langevin without tally and fix press/berendsen do."""
     others = own.said["fixes"].items()
     styles = [finding.style_of(line) for one, line in others if one not in own.found.ids]
-    return not any(one == "langevin" or one.startswith("temp/") for one in styles)
+    return not any(one == "langevin" or one.startswith(("temp/", "press/")) for one in styles)
 
 
 def _has_rdf(own):
@@ -312,17 +310,19 @@ def failure(own: Own, result: run.Result) -> str | None:
 
 def _rows(own, every, found, held, lengths, wanted) -> list[dict]:
     """A row for each point, as ``sweep.choice`` takes them."""
-    numbers = {one: _numbers(own, one, result) for one, result in found.items()
-               if not failure(own, result)}  # fmt: skip
+    failed = {one: failure(own, result) for one, result in found.items()}
+    rest = shapes.freedom_of_turning(own)
+    numbers = {
+        one: _numbers(own, one, result, rest) for one, result in found.items() if not failed[one]
+    }
     rows = []
     for one in every:
         integrator, result = one.integrator, found.get(one)
         fails = [
-            f"{other.dt:g}: {failure(own, found[other])}"
+            f"{other.dt:g}: {failed[other]}"
             for other in every
-            if other.integrator is integrator and other.dt <= one.dt and other in found
-            and failure(own, found[other])
-        ]  # fmt: skip
+            if other.integrator is integrator and other.dt <= one.dt and failed.get(other)
+        ]
         if result is None and not fails:
             continue
         row: dict = {
@@ -354,15 +354,15 @@ def _rows(own, every, found, held, lengths, wanted) -> list[dict]:
     return rows
 
 
-def _numbers(own, one, result) -> dict:
-    """Means and series of a run's kept part."""
+def _numbers(own, one, result, rest) -> dict:
+    """Means and series of a run's kept part; ``rest`` as for `_temperatures`."""
     assert result.positions
     frames = len(result.positions.x) - 1
     first = round(SETTLES * frames)
     kept = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
     thermo = {name: values[kept] for name, values in result.thermo.items()}
     motion = Motion(result.positions)
-    moving, turning = _temperatures(own, motion, range(1 + first, 1 + frames))
+    moving, turning = _temperatures(own, motion, range(1 + first, 1 + frames), rest)
     found = {
         "time": thermo["Step"] * one.dt,
         "conserved": thermo.get("Econserve", thermo["TotEng"]),
@@ -376,22 +376,20 @@ def _numbers(own, one, result) -> dict:
     if "Density" in thermo:
         found["density"] = measures.mean(thermo["Density"])
     if _has_rdf(own):
-        cell = np.array(own.said["cell"])
-        room = (abs(np.linalg.det(cell)) / own.bodies) ** (1 / 3)
-        half = REACH * np.min(np.abs(np.diag(cell))) / 2
-        ends = 0.3 * room, min(half, 2.2 * room)
+        half = REACH * np.min(np.abs(np.diag(own.said["cell"]))) / 2
+        ends = 0.3 * own.room, min(half, 2.2 * own.room)
         found["rdf"] = structure.pair_distribution(
-            motion, slice(1 + first, 1 + frames), ends, BIN * room
+            motion, slice(1 + first, 1 + frames), ends, BIN * own.room
         )
     return found
 
 
-def _temperatures(own, motion, frames) -> tuple[np.ndarray, np.ndarray | None]:
-    """Temperatures of the bodies' centres and of their turning, (frames,)."""
-    flat = own.said["dimension"] == 2
+def _temperatures(own, motion, frames, rest) -> tuple[np.ndarray, np.ndarray | None]:
+    """Temperatures of the bodies' centres and of their turning, (frames,); ``rest``: degrees of
+    freedom of all bodies' turning."""
     mass, v = motion.mass, motion.v[list(frames)]
     v = v - np.average(v, axis=1, weights=mass)[:, None]
-    axes = 2 if flat else 3
+    axes = own.said["dimension"]
     moving, turning, inside = np.zeros(len(v)), np.zeros(len(v)), 0.0
     for group in motion.groups:
         own_mass = mass[group]
@@ -402,9 +400,6 @@ def _temperatures(own, motion, frames) -> tuple[np.ndarray, np.ndarray | None]:
         turning += np.einsum("bn,fbnk->f", own_mass, v[:, group] ** 2) - translation
         inside += whole.sum()
     freedom = axes * motion.count - axes * inside / mass.sum()
-    rest = sum(
-        kind.number * (kind.freedom - axes) for kind in shapes.kinds(own, shapes.bodies(own))
-    )
     scale = shapes.mvv2e(own) / own.said["boltzmann"]
     return moving * scale / freedom, turning * scale / rest if rest else None
 

@@ -19,10 +19,11 @@ def options(parser: argparse.ArgumentParser, budget: float, out: str) -> None:
     command_line.launch(parser)
 
 
-def run(arguments: argparse.Namespace, budget: float, many: bool) -> int:
+def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -> int:
     """Try a script's integrators and steps; the exit status.
 
     Args:
+        script: its path.
         budget: minutes, by default.
         many: whether all integrators are tried by default.
     """
@@ -31,9 +32,7 @@ def run(arguments: argparse.Namespace, budget: float, many: bool) -> int:
     from validation.running import run as run_by
 
     run_by.launch_by(arguments.launch)
-    ask = system.Ask.of(arguments)
-    arguments.usual = arguments.usual.replace("SCRIPT", ask.name)
-    out = command_line.folder(arguments)
+    ask, out = system.begin(arguments, script)
     silence = arguments.silence or 120.0
     own = system.take(ask, out, arguments.ranks, silence)
     only = arguments.only and [

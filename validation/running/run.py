@@ -3,6 +3,7 @@
 A crash, a hang or a bad command ends that run only: its ``Result`` says why.
 """
 
+import contextlib
 import json
 import os
 import re
@@ -12,7 +13,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal, Protocol
@@ -81,20 +82,24 @@ class Positions:
 
     Attributes:
         x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
-        cell: its vectors as rows, at the end; cells: of each frame.  periodic: (3,) bool.
+        cells: (frames, 3, 3), of each frame the cell's vectors as rows.  periodic: (3,) bool.
         v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), rows
             of atoms counted from 0.
     """
 
     x: np.ndarray
     bodies: np.ndarray
-    cell: np.ndarray
+    cells: np.ndarray
     periodic: np.ndarray
     v: np.ndarray = field(default_factory=_nothing)
     mass: np.ndarray = field(default_factory=_nothing)
     bonds: np.ndarray = field(default_factory=_nothing)
     angles: np.ndarray = field(default_factory=_nothing)
-    cells: np.ndarray = field(default_factory=_nothing)
+
+    @property
+    def cell(self) -> np.ndarray:
+        """Of the last frame."""
+        return self.cells[-1]
 
 
 @dataclass
@@ -109,7 +114,7 @@ class Result:
         versions: what the worker says of itself, or {}.
         memory: peak memory of each rank in KiB.
         seconds: wall time of each command, of each `run 0` and of each run (see ``worker``).
-        interrupted: whether a Ctrl-C ended it.
+        interrupted: whether a Ctrl-C came.
     """
 
     error: str | None
@@ -203,26 +208,19 @@ def run(
     path = directory / "job.json"
     path.write_text(json.dumps(asdict(job), indent=1))
     interrupted = False
+    words = [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())]
+    how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
     with open(directory / "output.txt", "w") as output:
-        process = subprocess.Popen(
-            [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())],
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-            env={"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})},
-        )
         try:
-            if watch(process, directory / "log.lammps", job.silence, on_step):
-                (directory / "error.txt").write_text(
-                    f"no sign of life for {job.silence:g} s, ended"
-                )
+            with started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process:
+                if watch(process, directory / "log.lammps", job.silence, on_step):
+                    (directory / "error.txt").write_text(
+                        f"no sign of life for {job.silence:g} s, ended"
+                    )
         except KeyboardInterrupt:
             interrupted = True
-        finally:
-            end(process)
     result = collect(directory)
-    if result.error and interrupted:
+    if interrupted:  # if it was complete all the same, the next command finds it
         result.error, result.interrupted = INTERRUPTED, True
     return result
 
@@ -261,7 +259,11 @@ def collect(directory: Path | str) -> Result:
     positions = None
     if (directory / "positions.npz").exists():
         with np.load(directory / "positions.npz") as file:
-            positions = Positions(**file)
+            arrays = dict(file)
+        if "cell" in arrays:  # of 0.1.0, whose boxes did not change
+            cell = arrays.pop("cell")
+            arrays.setdefault("cells", np.repeat(cell[None], len(arrays["x"]), axis=0))
+        positions = Positions(**arrays)
     text = _read(directory / "done.json")
     done = json.loads(text) if text else {}
     message = (
@@ -315,6 +317,58 @@ def watch(
 def _compiles(log: Path) -> bool:
     """Whether our fix compiles its loops, in the run with this log: it says so, then is quiet."""
     return _read(log.with_name("output.txt")).rstrip().endswith(COMPILES)
+
+
+@contextlib.contextmanager
+def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
+    """A process in a group of its own, which is ended with the block, however that ends.
+
+    Ctrl-C, and the signals that count as one (see ``validation.__main__``), raise KeyboardInterrupt
+    in the block, or behind it, and once: while the process begins they wait for it, and more of
+    them do not keep it from being ended.
+
+    Args:
+        more: keywords of Popen.
+    """
+    stop = _Stop()
+    taken = [one for one in signal.valid_signals()
+             if signal.getsignal(one) is signal.default_int_handler]  # fmt: skip
+    for one in taken:
+        signal.signal(one, stop)
+    try:
+        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True, **more)
+        try:
+            try:
+                stop.open()
+                yield process
+            finally:
+                stop.raises = False
+        finally:
+            end(process)
+    finally:
+        for one in taken:
+            signal.signal(one, signal.default_int_handler)
+    if stop.waits:
+        raise KeyboardInterrupt
+
+
+class _Stop:
+    """A signal's handler that raises KeyboardInterrupt once, while it is open; else it waits."""
+
+    def __init__(self) -> None:
+        self.raises = self.waits = False
+
+    def __call__(self, *_) -> None:
+        if self.raises:
+            self.raises = False
+            raise KeyboardInterrupt
+        self.waits = True
+
+    def open(self) -> None:
+        """From now on raise; what waits does at once."""
+        self.raises = True
+        if self.waits:
+            self()
 
 
 def end(process: subprocess.Popen) -> None:

@@ -9,10 +9,10 @@ trajectory), ``body_property`` and ``motion``.  Left beside job.json:
 
     log.lammps      LAMMPS's log
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
-                    order of atom ID; body of each atom; cell vectors (rows); periodicity; only if
-                    there is a ``body_property``; with ``motion`` also ``v``, velocities as the
-                    positions, ``cells`` of each frame, ``mass`` of each atom, ``bonds`` and
-                    ``angles`` as rows of atoms counted from 0
+                    order of atom ID; body of each atom; cell vectors (rows) of each frame;
+                    periodicity; only if there is a ``body_property``; with ``motion`` also ``v``,
+                    velocities as the positions, ``mass`` of each atom, ``bonds`` and ``angles``
+                    as rows of atoms counted from 0
     done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
                     each of ``commands``, of ``setups``, of ``runs``;
                     written last, so its presence means success
@@ -89,7 +89,8 @@ def work(job: dict, out: Path) -> None:
     seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
     names = ("x", "v") if job["motion"] else ("x",)
     kept = {name: [gather(lmp, name, 1, 3)] for name in names if job["body_property"]}
-    cells = [geometry(lmp)[0]]
+    cell, periodic = geometry(lmp)
+    cells = [cell]
     seconds["runs"] = []
     for index, steps in enumerate(job["runs"]):
         last = index == len(job["runs"]) - 1
@@ -99,15 +100,13 @@ def work(job: dict, out: Path) -> None:
         cells.append(geometry(lmp)[0])
     bodies = bodies_of(lmp, job["body_property"]) if job["body_property"] else None
     more: dict = topology(lmp) if kept and job["motion"] else {}
-    cell, periodic = geometry(lmp)
     version = lmp.version()
     lmp.close()
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     if world.rank == 0:
         if bodies is not None:
-            arrays: dict = kept | more | {
-                "bodies": bodies, "cell": cell, "cells": cells, "periodic": periodic
-            }  # fmt: skip
+            arrays: dict = kept | more
+            arrays |= {"bodies": bodies, "cells": cells, "periodic": periodic}
             np.savez(out / "positions.npz", **arrays)
         done = {
             "lammps": version,

@@ -1,7 +1,7 @@
 """``stability``: its words, and what they run."""
 
 from argparse import Namespace
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from pathlib import Path
 
 from validation import INPUTS, command_line
@@ -22,7 +22,7 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, "
         "130 after Ctrl-C.",
     )
-    case = command_line.scene_or_script(_Cases())
+    case = command_line.scene_or_script(_cases)
     text = "which (default: all); --list names them; or a LAMMPS input script of yours"
     parser.add_argument("cases", nargs="*", type=case, metavar="CASE", help=text)
     text = "name all cases, with their physics, and end"
@@ -47,19 +47,6 @@ def add(verbs: command_line.Verbs) -> None:
     command_line.out(parser, "results/stability", short=True)
     command_line.own(parser)
     command_line.launch(parser)
-
-
-class _Cases(Collection[str]):
-    """Names of cases, which are looked up when a word is there only."""
-
-    def __contains__(self, word: object) -> bool:
-        return word in _cases()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(_cases())
-
-    def __len__(self) -> int:
-        return len(_cases())
 
 
 def _cases() -> Collection[str]:
@@ -111,10 +98,7 @@ def _script(arguments: Namespace, path: str) -> int:
     from validation.running import run as run_by
 
     run_by.launch_by(arguments.launch)
-    arguments.scene = path
-    ask = system.Ask.of(arguments)
-    arguments.usual = f"results/stability-{ask.name}"
-    out = command_line.folder(arguments)
+    ask, out = system.begin(arguments, path)
     own = system.take(ask, out, 1, arguments.silence)
     some = command_line.chosen_of(own.integrators, arguments.only)
     screen = console.console()

@@ -14,6 +14,7 @@ from validation.statistics.estimate import CONFIDENCE, Estimate, combined, margi
 STRETCHES, GAP = 7, 0.04  # of a series for its drift, and the part of it between two of them
 WIDER = 1.14  # than the standard error of seven slopes: so ± one error covers 70 %, ± two 94 %
 FEW_BLOCKS = 12  # for the error of its mean
+SURELY = 1e6  # degrees of freedom of an error that is known
 
 
 def statistical_inefficiency(x: np.ndarray) -> float:
@@ -40,6 +41,29 @@ def of_few(values: Sequence[float]) -> Estimate:
     if number < 2:
         return Estimate(values[0])
     return Estimate(float(np.mean(values)), np.std(values, ddof=1) / np.sqrt(number), number - 1)
+
+
+def of_starts(starts: Sequence[Estimate]) -> Estimate:
+    """The mean of independent estimates of one number, as the starts of a run give them.
+
+    Its error is made of theirs, with the degrees of freedom of Welch and Satterthwaite: of two or
+    three starts the scatter alone tells next to nothing.  Only where starts are further apart than
+    their errors allow (F test, in one of twenty cases by chance) their scatter tells the error.
+    A difference of starts that is as large as their errors is seen in few cases only.
+    """
+    if len(starts) == 1:
+        return starts[0]
+    apart = of_few([one.value for one in starts])
+    squares = np.array([one.error for one in starts]) ** 2
+    total = squares.sum()
+    if not total > 0:
+        return apart
+    parts = [square**2 / one.freedom for square, one in zip(squares, starts) if one.freedom]
+    freedom = total**2 / sum(parts) if sum(parts) > 0 else SURELY
+    ratio = apart.error**2 / (total / len(starts) ** 2)
+    if special.fdtrc(len(starts) - 1, freedom, ratio) < 1 - CONFIDENCE:
+        return apart
+    return Estimate(apart.value, float(np.sqrt(total)) / len(starts), float(freedom))
 
 
 def mean(x: np.ndarray) -> Estimate:

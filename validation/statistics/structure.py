@@ -167,10 +167,7 @@ def pair_distribution(
     for _ in heaviest:
         top.add_atom("O", mdtraj.element.oxygen, residue)
     path = mdtraj.Trajectory(motion.x[frames][:, heaviest] * NM_PER_ANGSTROM, top)
-    cells = (
-        motion.cells[frames] if len(motion.cells) else np.tile(motion.cell, (path.n_frames, 1, 1))
-    )
-    path.unitcell_vectors = cells * NM_PER_ANGSTROM
+    path.unitcell_vectors = motion.cells[frames] * NM_PER_ANGSTROM
     pairs = top.select_pairs("all", "all")
     ends = [end * NM_PER_ANGSTROM for end in reach]
     parts = np.array_split(np.arange(path.n_frames), BLOCKS)

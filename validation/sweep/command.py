@@ -1,7 +1,7 @@
 """``sweep``: its words, and what they run."""
 
 from argparse import Namespace
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 
 from validation import INPUTS, command_line
 from validation.own import words as trial
@@ -26,7 +26,7 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="A step that is too long fails; that is a result. Exit status: 0 if each integrator "
         "has a step that does not fail, 1 if one has none, 130 after Ctrl-C.",
     )
-    scene = command_line.scene_or_script(Names())
+    scene = command_line.scene_or_script(scenes)
     text = "what to simulate (default: all; --short: the small ones), or a script of yours"
     parser.add_argument("scenes", nargs="*", type=scene, metavar="SCENE", help=text)
     command_line.ranks(parser, 1, "what is larger than the dimer")
@@ -53,19 +53,6 @@ def add(verbs: command_line.Verbs) -> None:
     command_line.launch(parser)
 
 
-class Names(Collection[str]):
-    """Names of what can be swept, which are looked up when a word is there only."""
-
-    def __contains__(self, word: object) -> bool:
-        return word in scenes()
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(scenes())
-
-    def __len__(self) -> int:
-        return len(scenes())
-
-
 def scenes() -> Collection[str]:
     """Names of what can be swept; none outside of a checkout."""
     if not INPUTS.exists():
@@ -81,8 +68,7 @@ def run(arguments: Namespace) -> int:
     if scripts:
         if len(arguments.scenes) > 1:
             arguments.parser.error("a script of your own is swept alone")
-        arguments.scene, arguments.usual = scripts[0], "results/sweep-SCRIPT"
-        return trial.run(arguments, SCRIPT_BUDGET, many=True)
+        return trial.run(arguments, scripts[0], SCRIPT_BUDGET, many=True)
     from validation.pages import console
     from validation.sweep import measure, plan, report  # heavy: not for --help
 
