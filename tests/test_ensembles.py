@@ -61,7 +61,7 @@ def test_what_runs():
     assert plan.points(["langevin-5"], [1.0, 4.0]) == [REFERENCE, Point("langevin-5", 4.0)]
     full = Lengths(300.0)
     assert full.runs(6.0) == [1667, 50000] and Lengths(2.0).runs(4.0) == [50, 500]
-    for dt in (1.0, *plan.STEPS):
+    for dt in plan.KNOWN_STEPS:
         assert full.every(dt) * dt == plan.SAMPLED
     assert Lengths(0.05).every(8.0) == 1
     assert plan.total([Point("csvr", 4.0)], Lengths(20.0, 2)) == 2 * (10000 + 500 + 5000)
@@ -362,6 +362,9 @@ def judged(dt=6.0, scheme="langevin-5", time=100.0, **row):
         ("bias", "potential", "langevin-5", 6.0, 0.0179, 0.0181),
         ("bias", "potential", "langevin-5", 8.0, -0.0249, -0.0251),
         ("bias", "potential", "langevin-20", 8.0, 0.0099, 0.0101),
+        ("bias", "potential", "langevin-20-equal", 12.0, 0.0059, 0.0061),
+        ("pressure_bias", "pressure", "langevin-20-equal", 12.0, 24.9, 25.1),
+        ("temperature", "temperature", "langevin-20-equal", 12.0, 295.03, 295.01),
         ("temperature", "temperature", "nh", 8.0, 300.97, 300.99),
         ("temperature", "temperature", "csvr", 2.0, 295.03, 295.01),
         ("apart", "equipartition", "langevin-5", 4.0, -1.49, -1.51),

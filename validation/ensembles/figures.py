@@ -11,6 +11,7 @@ from validation.statistics.estimate import SURE, Estimate
 STYLES = {  # of schemes: colour, marker
     "langevin-5": (OURS, "o"),
     "langevin-20": ("#2fa37c", "D"),
+    "langevin-20-equal": ("#5ab4d6", "d"),
     "csvr": ("#8a8f2a", "s"),
     "nh": ("#c3b84c", "X"),
     "rigid/nvt/small": (OTHERS, "s"),

@@ -136,7 +136,7 @@ def ensembles(
             _do(found, label, _job(scene, folder, name, point, start, lengths, silence), meter)
     except KeyboardInterrupt:
         found.interrupted = True
-    every = plan.ordered([*points, *plan.points(dt=(1.0, *plan.STEPS))])
+    every = plan.ordered([*points, *plan.points(dt=plan.KNOWN_STEPS)])
     for name, point, start in plan.names(every, lengths):
         if point in found.errors:
             continue

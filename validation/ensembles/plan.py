@@ -23,8 +23,10 @@ PRESSURE_DAMPING = 500.0  # fs
 STEPS = 2.0, 4.0, 6.0, 8.0  # fs
 STATES_STEPS = 2.0, 6.0  # of states that are compared with the first
 LIMIT_STEPS = 1.0, 2.0  # of LAMMPS's barostats, which have to agree in the limit only
+MOMENT, EQUAL_STEPS = 6, (4.0, 8.0, 12.0)  # amu Angstrom^2 about each axis; its points
+KNOWN_STEPS = 1.0, *STEPS, EQUAL_STEPS[-1]  # of which an output folder may have points
 SHORT_STEPS = 4.0, 8.0
-SAMPLED = 24.0  # fs between samples: all of `STEPS` divide it
+SAMPLED = 24.0  # fs between samples: all of `KNOWN_STEPS` divide it
 FULL_TIME, SHORT_TIME = 300.0, 2.0  # ps of a point
 SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
 BEGIN, BEGIN_STEP = 20.0, 2.0  # ps and fs of a run that makes a start
@@ -91,9 +93,12 @@ def _state(
     return f"{words} iso {pressure:g} {pressure:g} {PRESSURE_DAMPING:g}"
 
 
-def _nvt(name: str, label: str, words: str, damping: float = DAMPING, held: int = 0) -> Scheme:
+def _nvt(
+    name: str, label: str, words: str, damping: float = DAMPING, held: int = 0, **more
+) -> Scheme:
     """This package's thermostat, in the middle of the step."""
-    return Scheme(nosquish(name, label, f"{_state(damping)} thermostat {words}", "NVT"), held)
+    one = nosquish(name, label, f"{_state(damping)} thermostat {words}", "NVT")
+    return Scheme(one, held, **more)
 
 
 def _npt(name: str, label: str, words: str, held: int = 0) -> Iterator[Scheme]:
@@ -131,6 +136,10 @@ SCHEMES = {
     for scheme in (
         _nvt("langevin-5", "NVT langevin 5/ps", f"langevin seed {SEED}"),
         _nvt("langevin-20", "NVT langevin 20/ps", f"langevin seed {SEED}", STRONG),
+        _nvt(
+            "langevin-20-equal", f"NVT langevin 20/ps, moments of {MOMENT} amu Å²",
+            f"langevin seed {SEED} moments equal {MOMENT}", STRONG, steps=EQUAL_STEPS,
+        ),
         _nvt("csvr", "NVT csvr", f"csvr seed {SEED}", held=3),
         _nvt("nh", "NVT nh", "nh", held=3),
         _rigid("rigid/nvt/small"),
@@ -143,7 +152,7 @@ SCHEMES = {
         _constrained_npt(),
         _rigid("rigid/npt/small", PRESSURE, steps=LIMIT_STEPS),
     )
-}
+}  # fmt: skip
 STARTER = SCHEMES["langevin-20"]  # makes the starts
 
 
