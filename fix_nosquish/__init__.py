@@ -27,6 +27,7 @@ INTEGRATORS = {
     "NVT": "nvt",
     "NPT": "npt",
     "NPH": "nph",
+    "HMC": "hmc",
     "MatubayasiNakahara": "matubayasi_nakahara",
     "Gear": "gear",
 }  # class: its module, which is imported when a fix line names the class

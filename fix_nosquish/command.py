@@ -26,9 +26,12 @@ TILTS = "xy", "xz", "yz"
 PRESSURES = "iso", "aniso", "tri", "x", "y", "z", *TILTS
 BAROSTATS = "crescale", "mtk"
 COUPLES = "none", "xyz", "xy", "yz", "xz"
-# keywords that only some integrators have
+# keywords that only some integrators have; where one has other values, they stand behind it
 OWN_KEYWORDS = {
     "temp": f"TSTART, TSTOP and TDAMP, each {_NUMBER}",
+    "temp T": f"T, {_NUMBER}",
+    "steps": "a whole number of at least 1",
+    "mix": f"{_NUMBER}, above 0 and at most 1",
     "thermostat": f"one of {', '.join(THERMOSTATS)}",
     "seed": "a whole number from 1 to 2147483647",
     "tchain": "the length of the chain, a whole number of at least 1",
@@ -51,7 +54,8 @@ _ELSEWHERE = {
         ("temp", "tchain", "thermostat", "seed", "separate"),
         "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
     ),
-    "moments": "only the averages of fix_nosquish.NVT and NPT do not depend on the moments",
+    **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix_nosquish.HMC does"),
+    "moments": "only the averages of fix_nosquish.NVT, NPT and HMC do not depend on the moments",
     "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
     **dict.fromkeys(("nreset", "drag"), "the box is integrated in one way"),
@@ -89,7 +93,8 @@ class Command:
         infile: the file with the bodies' properties, None for none.
         output: (N, file) for the table of bodies every N steps, None for none.
         points: ID of the group whose atoms move as points, each by itself; None for none.
-        temp: (TSTART, TSTOP, TDAMP), words for numbers, None for none.
+        temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, None for none.
+        steps: those of a trajectory, None for none.  mix: a word for a number.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
         moments: ("equal", value), the principal moments that bodies get, or ("scale", factor) of
@@ -116,6 +121,8 @@ class Command:
     output: tuple | None = None
     points: str | None = None
     temp: tuple | None = None
+    steps: int | None = None
+    mix: str = "1"
     thermostat: str = THERMOSTATS[0]
     seed: int | None = None
     tchain: int = 3
@@ -178,7 +185,8 @@ class Command:
         elif style not in ("single", "molecule"):
             raise words.wrong(f"unknown body style '{style}': expected {STYLES}")
         values = {"force": (), "torque": ()}
-        known = KEYWORDS | {keyword: OWN_KEYWORDS[keyword] for keyword in own}
+        entries = {entry.split()[0]: entry for entry in (*KEYWORDS, *own)}
+        known = {keyword: (KEYWORDS | OWN_KEYWORDS)[entry] for keyword, entry in entries.items()}
         while words.left:
             keyword = words.take("a keyword")
             expected = known.get(keyword)
@@ -200,7 +208,7 @@ class Command:
             elif keyword in PRESSURES:
                 values.setdefault("pressure", {})[keyword] = words.numbers(3, expected)
             else:
-                values[keyword] = _READ[keyword](words, expected)
+                values[keyword] = _READ[entries[keyword]](words, expected)
         split = [keyword for keyword in ("mrot", "order") if keyword in values]
         if split and values.setdefault("rotor", "split") == "exact":
             raise words.wrong(
@@ -211,6 +219,7 @@ class Command:
             # as in fix rigid: the file is the start, not the state of later runs
             values["reinit"] = False
         _check_thermostat(words, values, known)
+        _check_trajectories(words, values, known)
         _check_pressure(words, values, known)
         return cls(text, group, style, arguments, **values)
 
@@ -248,7 +257,7 @@ def _check_pressure(words, values, known):
 
 def _check_thermostat(words, values, known):
     """Raise an error if the words of a thermostat do not go together."""
-    if "temp" not in known:
+    if "thermostat" not in known:
         return
     if "temp" not in values:
         raise words.wrong(f"keyword temp is missing: give it {OWN_KEYWORDS['temp']}")
@@ -269,6 +278,14 @@ def _check_thermostat(words, values, known):
             "keyword separate is for thermostats csvr and nh: "
             "langevin acts on each motion by itself"
         )
+
+
+def _check_trajectories(words, values, known):
+    """Raise an error if words that trajectories need are missing."""
+    if "steps" in known:
+        for keyword in "temp", "steps", "seed":
+            if keyword not in values:
+                raise words.wrong(f"keyword {keyword} is missing: give it {known[keyword]}")
 
 
 class _Words:
@@ -344,9 +361,10 @@ _READ = {  # what the words behind a keyword give
     "output": lambda words, expected: (words.whole(expected), words.take(expected)),
     **dict.fromkeys(("points", "dilate"), _Words.take),
     "temp": lambda words, expected: words.numbers(3, expected),
+    "temp T": lambda words, expected: words.numbers(1, expected),
     "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),
     **dict.fromkeys(
-        ("seed", "tchain", "every"), lambda words, expected: words.whole(expected, 2**31)
+        ("seed", "tchain", "every", "steps"), lambda words, expected: words.whole(expected, 2**31)
     ),
     "separate": lambda words, expected: words.choice(("no", "yes"), expected),
     "moments": lambda words, expected: (
@@ -355,5 +373,5 @@ _READ = {  # what the words behind a keyword give
     ),
     "couple": lambda words, expected: words.one_of(COUPLES, expected),
     "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
-    "compressibility": _Words.number,
+    **dict.fromkeys(("compressibility", "mix"), _Words.number),
 }

@@ -21,6 +21,13 @@ class Host(Protocol):
         has_virial: whether LAMMPS asks for the virial, where that is known early.
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
         next_output: the next step for which LAMMPS writes something; None if that is not known.
+        begins, ends: the steps in which Python begins the next trajectory, and ends it, if there
+            are any; None where LAMMPS does not give the potential energy of such a step.
+        energy: that of all atoms there, the same on all ranks.
+        renews: whether LAMMPS is to move the bodies' atoms by what is in place of their velocities
+            when the method that ends the step returns, to compute the forces there, and to call the
+            method `renewed`.
+        last_step: the last step of the run.
         span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
         forces_virial, set_box, flip_box: as `cell.Barostat` has them; None where LAMMPS does not
@@ -39,6 +46,11 @@ class Host(Protocol):
     has_virial: bool
     ghost_velocity: bool
     next_output: int | None
+    begins: int | None
+    ends: int | None
+    energy: float
+    renews: int
+    last_step: int
     span: tuple | None
     changes_box: int
     forces_virial: np.ndarray | None

@@ -39,7 +39,7 @@ _BLIND = "nve", "rigid", "shake", "rattle"
 # fixes that keep a temperature
 _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
 # fixes that act at the end of a step and change no velocity
-_READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
+READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 
 
 class Phase(IntEnum):
@@ -67,6 +67,8 @@ class Integrator:
         splitting, operations: what a step is; see `step.stages`.
         rows: how many numbers of its own each body has; they go where the body goes, and begin as
             0. In a block they are the rows from BLOCK_ROWS on.
+        kept: how many more numbers go where the body goes, behind its rows in the state, which
+            operations do not see.
         work: how many more rows of a block its operations need to work with.
         starts: what sets its own rows when the forces of the start are known, or None: a function
             as in an operation.
@@ -84,6 +86,10 @@ class Integrator:
         own_cells: a method that returns a dictionary of cells that its own loop takes.
         loops_behind: a method that binds a list of loops that come behind the second pass over the
             bodies.
+        own_lists: a method that binds lists of loops of its own, by name.
+        tests: whether it tests trajectories: then it has methods begin_trajectory, and
+            end_trajectory, which says whether the state stays; if not, `renewed` is called when the
+            forces are known where it goes back to.
         thermostat: whether it keeps a temperature, so that no other fix may.
         every: the box changes in the steps after the multiples of this; 0 for never.
         flips: whether tilts of the box change, so that it may take other vectors of its lattice.
@@ -110,7 +116,7 @@ class Integrator:
             between the halves of a step, and every how many steps at its end.
     """
 
-    splitting, operations, rows, work = "", {}, 0, 0
+    splitting, operations, rows, kept, work = "", {}, 0, 0, 0
     starts: Callable | None = None
     prepares: compiled.Loop | None = None
     method, splits, respa, middle, thermostat, keywords = "", False, True, False, False, ()
@@ -121,7 +127,7 @@ class Integrator:
 
     host = parameters = None
     unprepared = ""
-    every, modules, flips = 0, (), False
+    every, modules, flips, tests = 0, (), False, False
     own_warnings = ()
     follows_atoms = True
     virial = virial_per_atom = None
@@ -142,10 +148,13 @@ class Integrator:
     def loops_behind(self, cells):
         return []
 
+    def own_lists(self, cells):
+        return {}
+
     @property
     def carries(self):
         """How many numbers go with an atom to another rank."""
-        return migration.OF_BODY + ROWS + self.rows + 3 * bool(self.command.moments)
+        return migration.OF_BODY + ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
 
     def __init__(self, ptr, words):
         self.lammps = Lammps(ptr)
@@ -293,7 +302,7 @@ class Integrator:
         unknown = fixes is None
         self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
         ending = [fix for fix in fixes if fix.end_of_step]
-        self.late = [fix for fix in ending if not fix.style.startswith(_READERS)]
+        self.late = [fix for fix in ending if not fix.style.startswith(READERS)]
         between = any(fix.between for fix in fixes)
         self.half_step_velocities = self.host.ghost_velocity or between
         each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
@@ -307,8 +316,9 @@ class Integrator:
         self.bodies = self.passes = None  # there may be no room for both
         self._lost = former is not None
         self.bodies, self.notes = build(
-            self.lammps, self.communicator, self.membership, self.infile, self.rows, former
-        )
+            self.lammps, self.communicator, self.membership, self.infile, self.rows + self.kept,
+            former,
+        )  # fmt: skip
         self._lost = self._started = False
         bodies, self.exact = self.bodies, self._choose_rotor()
         if kept := self.notes.pop("kept"):
@@ -455,6 +465,8 @@ class Integrator:
     def initial_integrate(self, vflag):
         """The first half of a step."""
         self._begin_step(vflag)
+        if self.lammps.step == self.host.begins:
+            self.begin_trajectory()
         self.do("whole" if self.phase == Phase.WAITING else "begin")
         if self._cell_is_due(self.lammps.step - 1):
             self.do("cell")
@@ -483,6 +495,11 @@ class Integrator:
         self.do("end")
         self.phase = self.ended
         self.reports.forget()
+        if self.lammps.step != self.host.ends or self.end_trajectory():
+            self._show()
+
+    def _show(self):
+        """Tell LAMMPS and the user what they ask of the end of a step."""
         step = self.lammps.step
         if step == self.host.next_output or any(step % n == 0 for n in self.velocities_every):
             self.set_velocities()

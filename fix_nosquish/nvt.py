@@ -54,6 +54,12 @@ def prepare(parameters, step, begin_step, end_step):
     return part
 
 
+def key_of(command):
+    """The key of a fix's random numbers: bodies of two fixes may have the same IDs."""
+    whose = " ".join((command.group, command.style, *command.arguments))
+    return command.seed or 0, crc32(whose.encode()) & 0xFFFFFFFE
+
+
 @inlined
 def words_of_all(parameters, number):
     """Four random words for the system: the draw of this number in this step."""
@@ -157,12 +163,8 @@ class NVT(Integrator):
             self._energy = self.energy()
         self.restart_state[:2] = self.kind, np.nan  # of no more use
         unit = self.lammps.boltz / self.lammps.mvv2e
-        # bodies of two fixes may have the same IDs
-        whose = " ".join((command.group, command.style, *command.arguments))
-        key = crc32(whose.encode()) & 0xFFFFFFFE
         return (
-            rate, unit * start, unit * stop, unit * start, -1.0, 0.0,
-            command.seed or 0, key, 0.0,
+            rate, unit * start, unit * stop, unit * start, -1.0, 0.0, *key_of(command), 0.0,
         )  # fmt: skip
 
     def own_cells(self):

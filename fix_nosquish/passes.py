@@ -121,6 +121,7 @@ class Passes:
             self.lists["cell"] = [*moves, *after] if moves else []
         if integrator.flips:
             self.lists["flip"] = integrator.flip_loops(cells)
+        self.lists |= integrator.own_lists(cells)
         if integrator.middle:
             self.lists["virial"] = [*gather, *self.lists["virial"]]
 

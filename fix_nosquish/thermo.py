@@ -126,6 +126,7 @@ def summary(nve, virial):
         (single, "", "no single atoms"),
         (bodies.spheres, "torque and spin of spheres", ""),
         (nve.thermostat, "thermostat", ""),
+        (nve.tests, f"momenta anew, and a test, every {command.steps} steps", ""),
         (nve.every, f"box, in one of {nve.every} steps", ""),
         (nve.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),

@@ -33,7 +33,8 @@ QUICK = {
     "temperature and pressure": """
         test_nve.py::test_temperature_of_a_mixture[3-1]
         test_nve.py::test_pressure_at_step_0[3-1]
-        test_nve.py::test_pressure_does_not_depend_on_place[0.3-2]""",
+        test_nve.py::test_pressure_does_not_depend_on_place[0.3-2]
+        test_hmc.py::test_rejected[box-2]""",
     "boxes and domains": """
         test_domains.py::test_boxes[tilted-2]
         test_domains.py::test_body_of_many_atoms[2]""",

@@ -137,7 +137,10 @@ def test_each_keyword_is_on_its_page(run_lammps):
     script = files((DOCS / "tutorial.md").read_text())
     setup = script["in.build"].replace("write_data      data.co2 nocoeff", "")
     known = []
-    pages = ("NVE", "fix.md", 6), ("NVT", "fix-nvt.md", 4), ("NPT", "fix-npt.md", 7)
+    pages = (
+        ("NVE", "fix.md", 6), ("NVT", "fix-nvt.md", 4), ("NPT", "fix-npt.md", 7),
+        ("HMC", "fix-hmc.md", 1),
+    )  # fmt: skip
     for name, page, least in pages:
         line = f'fix 1 all python/move "fix_nosquish.{name} all molecule nonsense 1"\n'
         run = run_lammps(setup + line, files={"co2.txt": script["co2.txt"]}, check=False)
@@ -153,10 +156,15 @@ def test_each_keyword_is_on_its_page(run_lammps):
 
 
 @pytest.mark.parametrize(
-    ("page", "least", "waters"),
-    [("fix-nvt.md", 4, 500), ("fix-npt.md", 3, 1000), ("fix-nph.md", 1, 1000)],
+    ("page", "least", "waters", "steps"),
+    [
+        ("fix-nvt.md", 4, 500, 1),
+        ("fix-npt.md", 3, 1000, 1),
+        ("fix-nph.md", 1, 1000, 1),
+        ("fix-hmc.md", 2, 500, 10),
+    ],
 )
-def test_examples_of_ensembles(run_lammps, page, least, waters):
+def test_examples_of_ensembles(run_lammps, page, least, waters, steps):
     """Locks out an example that the fix refuses."""
     examples = (DOCS / page).read_text().split("## Examples")[1].split("```")[1]
     lines = [line for line in examples.splitlines() if "python/move" in line]
@@ -173,7 +181,7 @@ def test_examples_of_ensembles(run_lammps, page, least, waters):
     """
     given = {"data.water": (inputs / "data.water").read_text()}
     assert len(lines) > least
-    script = setup + "".join(f"{line}\nrun 1\nunfix 1\n" for line in lines)
+    script = setup + "".join(f"{line}\nrun {steps}\nunfix 1\n" for line in lines)
     assert run_lammps(script, files=given).log.count("Loop time") == len(lines)
 
 
@@ -192,6 +200,7 @@ def source():
         ("fix-nvt.md", "## Restrictions", 8),
         ("fix-npt.md", "## Restrictions", 4),
         ("fix-nph.md", "## Restrictions", 1),
+        ("fix-hmc.md", "## Restrictions", 8),
     ],
 )
 def test_quoted_messages_are_those_of_the_package(source, page, heading, least):

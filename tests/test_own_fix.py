@@ -305,3 +305,17 @@ def test_ramp_needs_the_end_of_the_run(run_lammps):
     done = run_lammps(script, files={"data.ice": ice()}, launcher=debian(1), check=False)
     assert done.code
     assert "a LAMMPS's own fix python/move does not tell where a run ends" in done.screen
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_no_hybrid_monte_carlo(run_lammps, ranks):
+    """Locks out trajectories that are tested without an energy, or hang on one rank."""
+    fix = 'fix 1 water python/move "fix_nosquish.HMC water molecule temp 295 steps 10 seed 71"'
+    script = SCRIPT.format(
+        fix=fix, runs="run 10", forcefield=ROOT / "inputs/water/forcefield.water"
+    )
+    how = {"launcher": debian(ranks), "check": False, "timeout": SECONDS}
+    done = run_lammps(script, files={"data.ice": ice()}, **how)
+    assert done.code
+    said = [line for line in done.screen.splitlines() if "gives no potential energy in" in line]
+    assert len([line for line in said if line.startswith("ERROR")]) == 1, done.screen

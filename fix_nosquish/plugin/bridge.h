@@ -22,6 +22,10 @@ struct FixFacts {
   int32_t nevery;
   int32_t final_integrate;
   int32_t box_change;
+  int32_t called;         // in steps, at all
+  int32_t constrains;     // it takes degrees of freedom, and moves no atoms
+  int32_t has_energy;     // of its forces
+  int32_t energy_in_pe;   // as fix_modify energy says
 };
 
 // A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an
@@ -41,6 +45,7 @@ struct Bridge {
   int32_t writes_restart_file;
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
   int32_t flips;            // it changes tilts, and takes other box vectors where these are large
+  int32_t tests;            // it tests trajectories by the potential energy at their ends
   int32_t couples;          // its scalar is an energy that went from the system
   int32_t restart_size;     // numbers that go to restart files
   double *restart_state;    // these
@@ -65,11 +70,17 @@ struct Bridge {
   const int64_t *next_output;    // the step of the next output
   const int64_t *begin_step;     // the first step of the run, and the last one
   const int64_t *end_step;
+  const int64_t *last_step;      // of the run, whatever its keywords start and stop say
   // where in a run the bodies are; set by Python, and by the fix when it does passes by itself
   int32_t phase;
   int32_t velocities_set;    // the atoms' velocities are those of the step's end
   int32_t vflag;             // what virial LAMMPS asks for in this step
   int64_t changes;           // how many times the fix has changed the bodies by itself
+  // trajectories that are tested: set by Python, but for the energy; steps are -1 if there are none
+  int64_t begins;    // the step that begins the next one: Python begins it
+  int64_t ends;      // the step that ends it: Python ends it
+  int32_t renews;    // atoms have gone back: their displacements are their velocities, and forces must be new
+  double energy;     // the potential energy where Python begins and ends one, the same on all ranks
   // set by Python: what goes without it
   int32_t may_wait;            // the end of a step may wait for the next step
   int32_t ended;               // the phase at the end of a step that is looked at
@@ -109,6 +120,7 @@ struct Bridge {
   int (*post_neighbor)();
   int (*initial_integrate)(int vflag);
   int (*final_integrate)();
+  int (*renewed)();    // the forces are those where atoms have gone back to
   int (*initial_integrate_respa)(int vflag, int ilevel, int iloop);
   int (*final_integrate_respa)(int ilevel, int iloop);
   int (*reset_dt)();

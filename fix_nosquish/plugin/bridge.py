@@ -34,12 +34,13 @@ HOOKS = {
         *REQUIRED,
         *("init", "setup", "min_setup", "post_neighbor", "reset_dt", "end_of_step", "post_run"),
         *("initial_integrate_respa", "final_integrate_respa", "dof"),
-        *("write_restart_file", "write_restart"),
+        *("write_restart_file", "write_restart", "renewed"),
         *("compute_scalar", "compute_vector", "compute_array"),
     )
 }
 NUMBERS = {"dof": int, "compute_scalar": float, "compute_vector": float, "compute_array": float}
-WITH_VIRIAL = "setup", "final_integrate", "end_of_step"  # in which virial_per_atom can be filled in
+# in which virial_per_atom can be filled in
+WITH_VIRIAL = "setup", "final_integrate", "renewed", "end_of_step"
 
 new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
 
@@ -131,6 +132,7 @@ def _announce(bridge, instance):
     bridge.carries = int(getattr(instance, "carries", 0))
     bridge.changes_box = int(getattr(instance, "every", 0))
     bridge.flips = bool(getattr(instance, "flips", False))
+    bridge.tests = bool(getattr(instance, "tests", False))
     bridge.couples = bool(getattr(instance, "couples", False))
     state = getattr(instance, "restart_state", None)
     if state is not None:

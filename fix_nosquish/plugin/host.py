@@ -34,6 +34,10 @@ class OtherFix(NamedTuple):
     nevery: int
     final_integrate: bool  # it is called where final_integrate is
     box_change: bool  # it changes the box
+    called: bool  # it is called in steps, at all
+    constrains: bool  # it takes degrees of freedom, and moves no atoms by itself
+    has_energy: bool  # it knows the energy of its forces
+    energy_in_pe: bool  # which fix_modify energy adds to the potential energy
 
 
 def _shared(name, kind):
@@ -61,6 +65,8 @@ class Host:
     phase, velocities_set = _shared("phase", int), _shared("velocities_set", bool)
     vflag, changes = _shared("vflag", int), _shared("changes", int)
     changes_box = _shared("changes_box", int)
+    begins, ends = _shared("begins", int), _shared("ends", int)
+    renews, energy = _shared("renews", int), _shared("energy", float)
     ghost_velocity, creates_velocities = _asked("ghost_velocity"), _asked("creates_velocities")
 
     def __init__(self, bridge: Bridge):
@@ -68,6 +74,7 @@ class Host:
         self.group = bridge.group.decode()
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
+        self._last_step = bridge.last_step.contents
         self.forces_virial = as_array(bridge.forces_virial, (6,))
         self.set_box, self.flip_box = (
             np.array([cast(function, c_void_p).value, bridge.fix or 0])
@@ -96,6 +103,10 @@ class Host:
     @property
     def next_output(self):
         return self._next_output.value
+
+    @property
+    def last_step(self):
+        return self._last_step.value
 
     def removed_freedom(self, fix_id, group):
         return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())

@@ -27,6 +27,7 @@
 #include "library.h"
 #include "memory.h"
 #include "modify.h"
+#include "neighbor.h"
 #include "output.h"
 #include "pair.h"
 #include "universe.h"
@@ -180,6 +181,7 @@ class FixPythonMove : public Fix {
   std::vector<double> arrived;
   double forces_virial[6] = {};
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
+  std::string energy_id;    // of a compute pe, for which they tally their energy
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   int describe(int, FixFacts *) const;
@@ -197,6 +199,10 @@ class FixPythonMove : public Fix {
   bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
   bool pressure_is_due(bigint step) const { return cell_is_due(step) || cell_is_due(step - 1); }
   void ask_for_pressure(bigint step);
+  double potential();
+  void ask_for_energy(bigint step) { modify->get_compute_by_id(energy_id)->addstep(step); }
+  void go_back();
+  void renew_forces();
   std::string problem(const std::string &text) const
   {
     return "Fix " + std::string(id) + " python/move: " + text;
@@ -255,6 +261,8 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
   bridge.end_step = &update->endstep;
+  bridge.last_step = &update->laststep;
+  bridge.begins = bridge.ends = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
@@ -274,6 +282,10 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     pre_exchange_migrate = bridge.flips;
     virial_id = std::string(id) + "_virial";
     modify->add_compute(virial_id + " all pressure NULL virial");
+  }
+  if (bridge.tests) {
+    energy_id = std::string(id) + "_energy";
+    modify->add_compute(energy_id + " all pe");
   }
   rigid_flag = bridge.rigid;
 
@@ -308,7 +320,8 @@ FixPythonMove::~FixPythonMove()
 {
   if (bridge.follows_atoms && modify->get_fix_by_id(id)) atom->delete_callback(id, Atom::GROW);
   memory->destroy(origin);
-  if (!virial_id.empty() && modify->get_compute_by_id(virial_id)) modify->delete_compute(virial_id);
+  for (const auto &own : {virial_id, energy_id})
+    if (!own.empty() && modify->get_compute_by_id(own)) modify->delete_compute(own);
   if (bridge.release) bridge.release(&bridge);
   int finalized;
   MPI_Finalized(&finalized);
@@ -330,6 +343,10 @@ void FixPythonMove::init()
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
   call(bridge.init);
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
+  if (bridge.tests) {
+    ask_for_energy(update->ntimestep);
+    ask_for_energy(bridge.ends);
+  }
 }
 
 void FixPythonMove::setup(int vflag)
@@ -366,8 +383,9 @@ void FixPythonMove::initial_integrate(int vflag)
   flush_log();
   v_init(vflag);
   bridge.vflag = vflag;
-  const bool waits = bridge.phase == WAITING;
-  const Pass *passes = waits ? bridge.whole : bridge.phase == SET ? bridge.begin : nullptr;
+  const bool waits = bridge.phase == WAITING, for_python = update->ntimestep == bridge.begins;
+  if (for_python) bridge.energy = potential();
+  const Pass *passes = for_python ? nullptr : waits ? bridge.whole : bridge.phase == SET ? bridge.begin : nullptr;
   const bool changed = bridge.late && bridge.velocities_set;    // perhaps: Python finds out
   if (passes && !changed && run(passes)) {
     bridge.phase = HALF;
@@ -385,7 +403,7 @@ void FixPythonMove::final_integrate()
 {
   const bigint step = update->ntimestep;
   auto falls_on = [step](int every) { return every && step % every == 0; };
-  const bool for_python = falls_on(bridge.python_every);
+  const bool tested = step == bridge.ends, for_python = tested || falls_on(bridge.python_every);
   take_virial();
   const bool looked_at = step == output->next || falls_on(bridge.velocities_every);
   if (bridge.may_wait && !bridge.vflag && !looked_at && !for_python) {
@@ -404,7 +422,17 @@ void FixPythonMove::final_integrate()
       bridge.natoms = -1;
     }
   } else {
+    if (tested) bridge.energy = potential();
     call_with_virial(bridge.final_integrate);
+    if (tested) {
+      if (bridge.renews) {
+        bridge.renews = 0;
+        go_back();
+        renew_forces();
+        call_with_virial(bridge.renewed);
+      }
+      ask_for_energy(bridge.ends);
+    }
     return;
   }
   if (pressure_is_due(step)) run(bridge.pressure);
@@ -517,7 +545,9 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
     *facts = {other->id, other->style, other->groupbit, other->time_integrate,
               (modify->fmask[n] & between) != 0, (modify->fmask[n] & END_OF_STEP) != 0, other->nevery,
               (modify->fmask[n] & FINAL_INTEGRATE) != 0,
-              (other->box_change & ~BOX_CHANGE_DOMAIN) != 0};    // ranks' parts of the box are not the box
+              (other->box_change & ~BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
+              modify->fmask[n] != 0, other->dof_flag && !other->time_integrate, other->energy_global_flag,
+              other->energy_global_flag && other->thermo_energy};
   return 1;
 }
 
@@ -663,6 +693,76 @@ void FixPythonMove::take_virial()
   if (force->pair && force->pair->tail_flag)
     for (int k = 0; k < domain->dimension; k++) forces_virial[k] += force->pair->ptail / volume;
   ask_for_pressure(update->ntimestep + 1);
+}
+
+// The potential energy of the last forces, for which LAMMPS has tallied it. If a step has begun since, compute pe must not know.
+
+double FixPythonMove::potential()
+{
+  const bigint step = update->ntimestep;
+  update->ntimestep = update->eflag_global;
+  const double energy = modify->get_compute_by_id(energy_id)->compute_scalar();
+  update->ntimestep = step;
+  return energy;
+}
+
+// Atoms of bodies move by what is in place of their velocities. LAMMPS takes atoms no further at once than to the next rank, so
+// they go there in parts of the way.
+
+void FixPythonMove::go_back()
+{
+  double width[3], least = 0.0, furthest = 0.0, all_furthest = 0.0;
+  for (int k = 0; k < 3; k++)
+    width[k] = domain->triclinic ? domain->prd[k] * (domain->subhi_lamda[k] - domain->sublo_lamda[k])
+                                 : domain->subhi[k] - domain->sublo[k];
+  const double own_least = *std::min_element(width, width + domain->dimension);
+  MPI_Allreduce(&own_least, &least, 1, MPI_DOUBLE, MPI_MIN, world);
+  auto moves = [this](int i) { return origin[i] != -1; };
+  for (int i = 0; i < atom->nlocal; i++)
+    for (int k = 0; k < 3 && moves(i); k++) furthest = std::max(furthest, std::fabs(atom->v[i][k]));
+  MPI_Allreduce(&furthest, &all_furthest, 1, MPI_DOUBLE, MPI_MAX, world);
+  const int parts = std::max(1, (int) std::ceil(all_furthest / (0.5 * least)));
+  for (int part = 0; part < parts; part++) {
+    for (int i = 0; i < atom->nlocal; i++)
+      for (int k = 0; k < 3 && moves(i); k++) atom->x[i][k] += atom->v[i][k] / parts;
+    if (domain->triclinic) domain->x2lamda(atom->nlocal);
+    domain->pbc();
+    if (domain->box_change) {    // as shrink-wrapped faces do
+      domain->reset_box();
+      comm->setup();
+      if (neighbor->style) neighbor->setup_bins();
+    }
+    comm->exchange();
+    if (domain->triclinic && part < parts - 1) domain->lamda2x(atom->nlocal);
+  }
+}
+
+// What LAMMPS does in a step between the atoms' exchange and final_integrate, with new lists of neighbors.
+
+void FixPythonMove::renew_forces()
+{
+  comm->borders();
+  if (domain->triclinic) domain->lamda2x(atom->nlocal + atom->nghost);
+  if (modify->n_pre_neighbor) modify->pre_neighbor();
+  neighbor->build(1);
+  if (modify->n_post_neighbor) modify->post_neighbor();
+
+  const int vflag = bridge.vflag, eflag = 1 + 2 * (update->eflag_atom == update->ntimestep);    // of all, and of each atom
+  const auto numbers = 3 * (size_t) (atom->nlocal + atom->nghost);
+  for (double **array : {atom->f, atom->torque_flag ? atom->torque : nullptr})
+    if (array && numbers) std::fill_n(array[0], numbers, 0.0);
+  if (modify->n_pre_force) modify->pre_force(vflag);
+  if (force->pair && force->pair->compute_flag) force->pair->compute(eflag, vflag);
+  if (atom->molecular != Atom::ATOMIC) {
+    if (force->bond) force->bond->compute(eflag, vflag);
+    if (force->angle) force->angle->compute(eflag, vflag);
+    if (force->dihedral) force->dihedral->compute(eflag, vflag);
+    if (force->improper) force->improper->compute(eflag, vflag);
+  }
+  if (force->kspace && force->kspace->compute_flag) force->kspace->compute(eflag, vflag);
+  if (modify->n_pre_reverse) modify->pre_reverse(eflag, vflag);
+  if (force->newton) comm->reverse_comm();
+  if (modify->n_post_force_any) modify->post_force(vflag);
 }
 
 // Do passes; returns whether all went well.

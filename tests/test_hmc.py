@@ -1,0 +1,336 @@
+"""HMC: what a rejected trajectory leaves, what is sampled, ranks, restart, what it refuses."""
+
+import re
+from math import erfc, sqrt
+
+import numpy as np
+import pytest
+from scipy import stats
+from systems import mixture
+from test_nvt import DUMP, FREE, POINTS, SMOOTH, ends_alike, gas, motion, thermo
+from test_nvt import fix as nvt_fix
+
+# integrators whose tests of trajectories say what is asked here
+MINE = """
+from fix_nosquish import of_fix_line
+from fix_nosquish.hmc import HMC
+
+class Rejects(HMC):
+    def end_trajectory(self):
+        self._before = -1e300
+        return super().end_trajectory()
+
+class Turns(HMC):
+    def end_trajectory(self):
+        self.bodies.v[:] *= -1
+        self.bodies.p[:] *= -1
+        self._before = 1e300
+        return super().end_trajectory()
+
+__getattr__ = of_fix_line(Rejects, Turns)
+"""
+COLUMNS = "id mol mass xu yu zu fx fy fz vx vy vz ix iy iz"
+
+
+def dump(every, columns=COLUMNS):
+    """The lines for frames every so many steps, in the file `frames`."""
+    line = f"dump 1 all custom {every} frames {columns}\n"
+    return line + "dump_modify 1 sort id format float %.17g\n"
+
+
+def frames(path):
+    """The atoms of each frame, (frames, atoms, columns)."""
+    parts = re.split(r"ITEM: TIMESTEP\n", (path / "frames").read_text())[1:]
+    return np.array([np.loadtxt(part.splitlines(), skiprows=8) for part in parts])
+
+
+def fix(words, name="fix_nosquish.HMC", group="all"):
+    """The lines of the fix, with variables that its words may name."""
+    variables = "variable half equal 0.5\nvariable none equal 1e-300\n"
+    return f'{variables}fix 1 all python/move "{name} {group} molecule {words}"\n'
+
+
+def of_trajectories(every):
+    """Lines for the outputs of the test of each trajectory."""
+    return thermo("f_1[5] f_1[6] f_1[7]", every)
+
+
+# ------------------------------------------------------------------ a trajectory
+
+
+def test_reversible(run_lammps, tmp_path):
+    """Locks out a trajectory that does not come back when its momenta are reversed: what makes the
+    test of the energy right at any step."""
+    system = mixture(side=2, spacing=2.9)
+    words = fix("temp 2 steps 150 seed 7 mix v_none", "mine.Turns")
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 0\n{DUMP.format('start')}"
+    script += f"run 150\n{DUMP.format('middle')}run 150\n{DUMP.format('end')}"
+    run_lammps(script, files=system.files | {"mine.py": MINE})
+    start, middle, end = (
+        np.loadtxt(tmp_path / name, skiprows=9)[:, 3:] for name in ("start", "middle", "end")
+    )
+    assert np.abs(start - end).max() < 1e-9
+    assert np.abs(start - middle)[:, :3].max() > 0.3
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4, 8])
+@pytest.mark.parametrize("case", ["box", "tilt", "points", "plane"])
+def test_rejected(run_lammps, tmp_path, case, ranks):
+    """Locks out anything that a rejected trajectory leaves behind: places, image flags, forces,
+    energy and pressure are those of before, wherever atoms have come meanwhile, and on whatever
+    rank; momenta are reversed. Bodies come further than a rank's part of the box."""
+    if case == "plane":
+        system = mixture("planar pair row single", side=4, spacing=2.9, dimension=2)
+    else:
+        system = mixture(side=3, spacing=2.9, tilt=0.3 if case == "tilt" else 0.0)
+    words = "temp 400 steps 800 seed 7 mix v_none"
+    before, group, flat = "", "all", ""
+    if case == "points":
+        before, group, words = POINTS, "stiff", f"{words} points loose"
+    if case == "plane":
+        flat = "fix 2 all enforce2d\n"
+    words = fix(words, "mine.Rejects", group) + flat + thermo("press f_1[1] f_1[7]", 400)
+    away_from_faces = f"displace_atoms all move 0.1 0.1 {0.0 if flat else 0.1}\n"
+    script = f"{system.setup}\n{away_from_faces}{SMOOTH}{before}velocity all create 400 9\n"
+    script += "fix push all addforce 0.3 0 0\nfix_modify push energy yes\n"
+    script += f"timestep 0.001\n{words}{dump(400)}run 800\n"
+    done = run_lammps(script, files=system.files | {"mine.py": MINE}, ranks=ranks)
+    start, away, end = frames(tmp_path)
+    of_start, of_away, of_end = done.thermo
+    box = np.diag(system.h)[: 2 if case == "plane" else 3].min()
+    assert np.abs(away - start)[:, 3:6].max() > box / 2
+    assert np.abs(away - start)[:, 12:].max() >= 1
+    assert of_end["f_1[7]"] == 0
+    for columns, exact in (slice(3, 6), 1e-12), (slice(6, 9), 1e-10):
+        scale = np.abs(start[:, columns]).max()
+        np.testing.assert_allclose(end[:, columns], start[:, columns], atol=exact * scale, rtol=0)
+    np.testing.assert_allclose(end[:, 9:12], -start[:, 9:12], atol=1e-9, rtol=0)
+    np.testing.assert_array_equal(end[:, 12:], start[:, 12:])
+    for column, exact in ("PotEng", 1e-12), ("Press", 1e-10), ("f_1[1]", 1e-10):
+        assert of_end[column] == pytest.approx(of_start[column], rel=exact), column
+        assert of_end[column] != pytest.approx(of_away[column], rel=1e-3), column
+
+
+@pytest.mark.parametrize("steps", [1, 10])
+def test_looking_changes_nothing(run_lammps, tmp_path, steps):
+    """Locks out a trajectory that goes on otherwise where something looks at it, and an energy that
+    LAMMPS tallies only if something else asks for it."""
+    system, ends = mixture(side=3, spacing=2.9), []
+    words = fix(f"temp 2 steps {steps} seed 7 mix v_half")
+    for every in (100, 1):
+        script = f"{system.setup}\n{SMOOTH}timestep 0.04\n{words}{of_trajectories(every)}"
+        done = run_lammps(f"{script}run 100\n{DUMP.format('end')}", files=system.files)
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_array_equal(*ends)
+    rows = done.thermo
+    assert 0 < rows["f_1[5]"][-1] < 1
+    tested = rows[steps::steps]
+    np.testing.assert_allclose(
+        tested["f_1[5]"], tested["f_1[7]"].cumsum() / np.arange(1, len(tested) + 1), rtol=1e-12
+    )
+
+
+# ------------------------------------------------------------------ distributions
+
+
+def test_momenta(run_lammps, tmp_path):
+    """Locks out momenta of a wrong strength for a mass, a moment, a kind of body, and some that
+    are not drawn: without forces they stay as they are drawn."""
+    system = gas()
+    words = fix("temp 2 steps 5 seed 771")
+    script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 5\n"
+    run_lammps(script + DUMP.format("end"), files=system.files)
+    mass, momentum, _, along = motion(tmp_path / "end")
+    for numbers in (*(momentum / np.sqrt(2.0 * mass)[:, None]).T, along / sqrt(2.0)):
+        assert stats.kstest(numbers, "norm").pvalue > 1e-3
+    assert len(along) > 2 * len(mass)
+
+
+def test_mix(run_lammps, tmp_path):
+    """Locks out another share of noise than the one asked for: a trajectory keeps the root of
+    1 - mix of the momenta that free bodies have."""
+    system = gas()
+    words = "variable most equal 0.75\n" + fix("temp 2 steps 5 seed 771 mix v_most")
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
+    run_lammps(script + DUMP.format("second"), files=system.files)
+    (mass, one, *_), (_, two, *_) = motion(tmp_path / "first"), motion(tmp_path / "second")
+    kept = (one * two / mass[:, None]).sum() / (one**2 / mass[:, None]).sum()
+    assert abs(kept - 0.5) < 4 * sqrt(0.75 / one.size), kept
+
+
+DIPOLES = 6.0  # the force on each of two atoms of a body
+FIELD = f"""group up id 1:100000:5
+group down id 2:100000:5
+fix up up addforce 0 0 {DIPOLES}
+fix down down addforce 0 0 -{DIPOLES}
+fix_modify up energy yes
+fix_modify down energy yes
+"""
+
+
+@pytest.mark.parametrize(("mix", "seed"), [("1", 7), ("v_half", 8)])
+def test_orientations(run_lammps, tmp_path, mix, seed):
+    """Locks out a test that lets errors of the step pass, momenta that are not reversed, and a
+    state that is not wholly that of before: in a field that pulls two atoms apart, directions have
+    Langevin's distribution at a step at which a third of the trajectories is rejected."""
+    system = mixture("solid", side=3, temperature=2.0)
+    words = fix(f"temp 2 steps 5 seed {seed} mix {mix}") + of_trajectories(4000)
+    script = f"{system.setup}\n{FREE}{FIELD}{words}timestep 0.6\nrun 100\n"
+    script += f"{dump(20, 'id mol zu xu yu')}run 4000\n"
+    rows = run_lammps(script, files=system.files).thermo
+    atoms = frames(tmp_path)[1:, :, 2:].reshape(-1, 27, 5, 3)
+    apart = atoms[:, :, 0] - atoms[:, :, 1]
+    length = np.linalg.norm(apart, axis=2)
+    a = DIPOLES * length[0, 0] / 2.0
+    up = (apart[:, :, 0] / length).ravel()
+
+    def below(z):
+        return (np.exp(a * z) - np.exp(-a)) / (np.exp(a) - np.exp(-a))
+
+    assert stats.kstest(up, below).pvalue > 1e-3
+    assert 0.5 < rows["f_1[5]"][-1] < 0.8
+
+
+def test_acceptance(run_lammps):
+    """Locks out a change of the energy that is not that of the trajectory: its exponential is 1 in
+    the mean (Creutz, Phys. Rev. D 38, 1228, 1988), and from its mean follows how many trajectories
+    are accepted (Gupta et al., Phys. Lett. B 242, 437, 1990)."""
+    system = mixture("solid", side=4, spacing=2.4)
+    words = fix("temp 1 steps 10 seed 7") + of_trajectories(10)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.03\n{words}run 9000\n"
+    rows = run_lammps(script, files=system.files).thermo[101:]
+    change, accepted = rows["f_1[6]"], rows["f_1[7]"]
+    weight, n = np.exp(-change), len(change)
+    goal = erfc(sqrt(change.mean()) / 2)
+    assert abs(weight.mean() - 1) < 4 * weight.std() / sqrt(n)
+    assert abs(accepted.mean() - np.minimum(weight, 1).mean()) < 4 * sqrt(0.25 / n)
+    assert accepted.mean() == pytest.approx(goal, abs=0.05)
+
+
+# ------------------------------------------------------------------ ranks, restart
+
+
+@pytest.mark.parametrize("kinds", ["bodies", "points"])
+def test_ranks(run_lammps, tmp_path, kinds):
+    """Locks out noise or a decision that depends on the rank, and bodies that go back elsewhere."""
+    system = mixture(side=3, spacing=2.9, tilt=0.3)
+    words = "temp 2 steps 10 seed 13 mix v_half"
+    words = (
+        POINTS + fix(f"{words} points loose", group="stiff") if kinds == "points" else fix(words)
+    )
+    script = f"{system.setup}\n{SMOOTH}timestep 0.025\n{words}{of_trajectories(10)}run 120\n"
+    runs = [(script + DUMP.format("end"), ranks) for ranks in (1, 2, 4, 8)]
+    found = []
+
+    def run(*given, **how):
+        found.append(run_lammps(*given, **how).thermo)
+
+    assert ends_alike(run, tmp_path, runs, system.files, system.h) < 1e-10
+    assert 0 < found[0]["f_1[5]"][-1] < 1
+    for one in found[1:]:
+        np.testing.assert_array_equal(one["f_1[7]"], found[0]["f_1[7]"])
+
+
+def test_continued(run_lammps, tmp_path):
+    """Locks out a run that goes on otherwise than one that did not stop: after a second run
+    command, and from a restart file on another number of ranks, with what was counted."""
+    system = mixture(side=3, spacing=2.9)
+    words = fix("temp 2 steps 10 seed 7 mix v_half") + of_trajectories(10)
+    start, end = f"{system.setup}\n{SMOOTH}timestep 0.025\n", DUMP.format("end")
+    after = f"{SMOOTH}neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes "
+    after += "exclude molecule/intra all\n"
+    runs = (
+        (f"{start}{words}run 60\nwrite_restart middle\nrun 30\nrun 30 pre no\n{end}", 2),
+        (f"{start}{words}run 120\n{end}", 1),
+        (f"read_restart middle\n{after}timestep 0.025\n{words}run 60\n{end}", 4),
+    )
+    accepted = []
+
+    def run(*given, **how):
+        accepted.append(run_lammps(*given, **how).thermo["f_1[5]"][-1])
+
+    assert ends_alike(run, tmp_path, runs, system.files, system.h) < 1e-10
+    assert 0 < accepted[0] < 1
+    np.testing.assert_allclose(accepted, accepted[0], rtol=1e-12)
+
+
+def test_restart_of_a_thermostat(run_lammps):
+    """Locks out counts that are what a thermostat has left, and the other way round."""
+    system = mixture(side=2, spacing=2.9)
+    lines = fix("temp 2 steps 5 seed 7"), nvt_fix("seed 7 thermostat csvr", "2 2 2e-1")
+    for first, second, says in (
+        (*lines, "has the state of another thermostat"),
+        (*lines[::-1], "has no state of hybrid Monte Carlo"),
+    ):
+        script = f"{system.setup}\ntimestep 0.004\n{first}run 10\nwrite_restart middle\nclear\n"
+        script += f"read_restart middle\n{second}run 10\n"
+        assert says in run_lammps(script, files=system.files).log
+
+
+# ------------------------------------------------------------------ what is refused
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("temp 2 steps 10", "keyword seed is missing: give it a whole number"),
+        ("temp 2 seed 5", "keyword steps is missing: give it a whole number"),
+        ("steps 10 seed 5", "keyword temp is missing: give it T, a number"),
+        ("temp 0 steps 10 seed 5", "keyword temp: T is 0, and must be above zero"),
+        ("temp 2 2 1 steps 10 seed 5", "unknown keyword '2'"),
+        ("temp 2 steps 0 seed 5", "'0' was given where a whole number of at least 1"),
+        ("temp 2 steps 10 seed 5 mix 0", "keyword mix is 0, and must be above 0 and at most 1"),
+        ("temp 2 steps 10 seed 5 mix 2", "keyword mix is 2, and must be above 0 and at most 1"),
+        ("temp 2 steps 10 seed 5 thermostat nh", "unknown keyword 'thermostat'"),
+        ("temp 2 steps 10 seed 5 force 1 off on on", "keywords force and torque are of no use"),
+        ("temp 2 steps 7 seed 5", "the run ends in step 10, within a trajectory"),
+    ],
+)
+def test_bad_words(refused, words, says):
+    """Locks out words that are taken and mean nothing, or something else, and a run whose last
+    steps are not tested."""
+    system = mixture(side=2)
+    refused(f"{system.setup}\n{fix(words)}run 10\n", says, system.files)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("other", "says"),
+    [
+        ("fix 2 all langevin 2 2 1 5", "fix 2 (style langevin) may change positions, momenta"),
+        ("fix 2 rest nve", "fix 2 (style nve) may change"),
+        ("fix 2 all momentum 10 linear 1 1 1", "fix 2 (style momentum) may change"),
+        ("fix 2 all deform 10 x scale 1.1", "fix 2 (style deform) may change"),
+        ("fix 2 all addforce 0 0 1", "test: fix_modify 2 energy yes, or use fix_nosquish.NVT"),
+        ("fix 2 rest viscous 1", "fix 2 (style viscous) may change"),
+        (
+            'fix 2 rest python/move "fix_nosquish.NVE rest molecule"',
+            'fix 2 ("NVE rest molecule") moves bodies beside hybrid Monte Carlo',
+        ),
+        ("comm_modify vel yes", "needs forces that do not depend on velocities"),
+        ("run_style respa 2 2", "the integrator HMC takes one force a step"),
+    ],
+)
+def test_refused(refused, other, says, ranks):
+    """Locks out what changes momenta, positions or energy behind the test's back."""
+    system = mixture(side=2)
+    groups = "group stiff molecule 1 2 3\ngroup rest subtract all stiff\n"
+    words = fix("temp 2 steps 10 seed 5", group="stiff")
+    refused(f"{system.setup}\n{groups}{other}\n{words}run 10\n", says, system.files, ranks=ranks)
+
+
+def test_others_that_are_harmless(run_lammps):
+    """Locks out the refusal of fixes that only read, or whose energy is tested."""
+    system = mixture(side=2)
+    others = FIELD + "fix 2 all ave/time 5 2 10 c_thermo_pe\nfix 3 all store/state 10 x y z\n"
+    others += "fix 4 all balance 20 1.1 shift xyz 5 1.1\n"
+    words = fix("temp 2 steps 10 seed 5") + of_trajectories(10)
+    rows = run_lammps(f"{system.setup}\n{others}{words}run 40\n", files=system.files, ranks=2)
+    assert rows.thermo["f_1[5]"][-1] > 0
+
+
+def test_nve_tests_no_trajectory(refused):
+    """Locks out keywords of HMC that NVE takes and ignores."""
+    system = mixture(side=2)
+    line = 'fix 1 all python/move "fix_nosquish.NVE all molecule steps 10"\n'
+    refused(f"{system.setup}\n{line}run 0\n", "fix_nosquish.HMC does", system.files)
