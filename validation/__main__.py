@@ -24,6 +24,15 @@ def main(words: list[str] | None = None) -> int:
         return INTERRUPTED
 
 
+def process() -> None:
+    """Be a process: run the command line's verb, and end with its status."""
+    status = main()
+    # the status is known: a further signal, while Python ends, would end it with another one
+    for one in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
+        signal.signal(one, signal.SIG_IGN)
+    sys.exit(status)
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line's parser: what it accepts can be run, so far as that is known before."""
     parser = argparse.ArgumentParser(
@@ -37,4 +46,4 @@ def parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    process()
