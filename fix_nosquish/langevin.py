@@ -30,7 +30,7 @@ from .block import (
 from .compiled import F1, L1, inlined, loop
 from .frames import angular_momentum, rotation_matrix, to_body
 from .nve import NVE
-from .nvt import BODY, DRAW, HEAT, KEY_0, KEY_1, KT, MIDDLE, NVT, RATE, STEP, prepare
+from .nvt import BODY, DRAW, HEAT, KEY_0, KEY_1, KT, NVT, RATE, STEP, prepare
 from .philox import normal_pair, words
 from .rotor import s_times
 from .step import Operation
@@ -97,5 +97,5 @@ class Langevin(NVT):
     """`NVT` with keyword thermostat langevin."""
 
     operations = NVE.operations | {"O": Operation(thermalise, prepared=True)}
-    splitting, work, prepares, keeps_momentum = MIDDLE, WORK, set_temperature, False
+    splitting, work, prepares, keeps_momentum = "B A O A B", WORK, set_temperature, False
     method = "NO_SQUISH with Langevin's thermostat in the middle of the step"

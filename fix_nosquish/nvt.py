@@ -27,7 +27,6 @@ from .philox import words
 # the run, and now, as energies in mass times velocity squared; the step, and which of its draws the
 # next one is; key of the random numbers; the energy that this rank has given to the bodies
 RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, HEAT, COMMON = range(PARAMETERS, PARAMETERS + 10)
-MIDDLE = "B A O A B"  # the step
 BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
 # the system's draws: of translation and of rotation, or both; of the barostat
 OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
