@@ -371,6 +371,48 @@ def model():
     return markdown(["cut in", "fix", *(f"µs a step on {size:,} ranks" for size in sizes)], body)
 
 
+# ---- ensembles
+
+
+def _ensembles(volume_or_pressure, *columns):
+    """A row for each scheme and step, with columns of the committed table, (name, unit) each."""
+    table, body = rows(f"ensembles-{volume_or_pressure}"), []
+    schemes = list(dict.fromkeys(row["scheme"] for row in table))
+    for row in sorted(table, key=lambda one: (schemes.index(one["scheme"]), _step(one))):
+        numbers = (
+            (row[f"{name} ({unit})"], row.get(f"{name} margin ({unit})")) for name, unit in columns
+        )
+        told = (margin(*one) if one[0] else NOTHING for one in numbers)
+        body.append([row["scheme"], f"{_step(row):g}", *told])
+    return markdown(["scheme", "step, fs", *(f"{name}, {unit}" for name, unit in columns)], body)
+
+
+def _step(row):
+    return float(row["step (fs)"])
+
+
+_TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
+
+
+def ensembles_volume():
+    """Means at constant volume."""
+    biases = ("bias of U/N", "kcal/mol"), ("bias of P", "atm")
+    return _ensembles("volume", *biases, *_TEMPERATURES)
+
+
+def ensembles_pressure():
+    """Means at constant pressure."""
+    volumes = ("density", "g/cm³"), ("bias of ρ", "%"), ("κ of V's sd", "1e-5/atm")
+    two_states = ("κ of two P", "1e-5/atm"), ("two states", "sd")
+    return _ensembles("pressure", *volumes, *two_states, *_TEMPERATURES)
+
+
+def ensembles_bounds():
+    """What is held against bounds, at constant volume and at constant pressure."""
+    table = [*rows("ensembles-volume", "checks"), *rows("ensembles-pressure", "checks")]
+    return _checks(table, {row["part"] for row in table})
+
+
 # ---- long runs, theory, paper
 
 
@@ -583,6 +625,9 @@ TABLES = [
     starts,
     messages,
     model,
+    ensembles_volume,
+    ensembles_pressure,
+    ensembles_bounds,
     long_run,
     theory_reversal,
     theory_symplectic,

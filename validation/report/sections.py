@@ -48,7 +48,7 @@ PARTS = (
         published.say,
     ),
     Part(
-        "ensembles",
+        "ensembles*",
         "What thermostats and barostats with long steps sample",
         "ensembles --full",
         ensembles.say,
