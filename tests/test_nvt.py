@@ -253,19 +253,18 @@ __getattr__ = of_fix_line(Halves)
 """
 
 
-@pytest.mark.parametrize("name", ["csvr", "nh", "separate", "off"])
-def test_both_halves_are_one_motion(run_lammps, tmp_path, name):
+def test_both_halves_are_one_motion(run_lammps, tmp_path):
     """Locks out a motion that is not the two around the thermostat: of points, linear bodies,
     rotors and such as are held, it is what the splitting says, done letter by letter."""
-    system = mixture(side=2, spacing=2.9)
-    words = THERMOSTATS.get(name, THERMOSTATS["csvr"] + " force 2 off on on torque 3 off off off")
-    lines = fix(words + " rotor exact", "2 2 5e-2")
-    ends = []
-    for line in lines, lines.replace("fix_nosquish.NVT", "halves.Halves"):
-        script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{line}run 60\n{DUMP.format('end')}"
-        run_lammps(script, files=system.files | {"halves.py": HALVES})
-        ends.append(np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:])
-    assert np.abs(ends[0] - ends[1]).max() < 1e-9
+    system, files = mixture(side=2, spacing=2.9), {"halves.py": HALVES}
+    held = THERMOSTATS["csvr"] + " force 2 off on on torque 3 off off off"
+    for words in THERMOSTATS["csvr"], THERMOSTATS["nh"], THERMOSTATS["separate"], held:
+        line, ends = fix(words + " rotor exact", "2 2 5e-2"), []
+        for one in line, line.replace("fix_nosquish.NVT", "halves.Halves"):
+            script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{one}run 60\n{DUMP.format('end')}"
+            run_lammps(script, files=system.files | files)
+            ends.append(np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:])
+        assert np.abs(ends[0] - ends[1]).max() < 1e-9, words
 
 
 # ------------------------------------------------------------------ velocities that atoms have
