@@ -262,7 +262,7 @@ def test_both_halves_are_one_motion(run_lammps, tmp_path):
         line, ends = fix(words + " rotor exact", "2 2 5e-2"), []
         for one in line, line.replace("fix_nosquish.NVT", "halves.Halves"):
             script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{one}run 60\n{DUMP.format('end')}"
-            run_lammps(script, files=system.files | files)
+            run_lammps(script, files=system.files | files, timeout=280)  # the first one compiles
             ends.append(np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:])
         assert np.abs(ends[0] - ends[1]).max() < 1e-9, words
 

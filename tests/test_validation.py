@@ -540,6 +540,11 @@ def test_a_signal_at_a_bad_moment_leaves_no_process(unfinished, monkeypatch, mom
 def test_a_verb_in_the_background_ends_all_by_a_signal(tmp_path, sign):
     """Locks out a worker that goes on when the verb was ended: it runs in the background of a shell
     script, so Ctrl-C is ignored, and the signal comes three times."""
+
+    def in_background():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(sign, signal.SIG_DFL)  # these tests may run behind nohup
+
     words = ["long", "--steps", "100000000", "--only", "nosquish", "--out", str(tmp_path)]
     command = [sys.executable, "-m", "validation", *words]
     quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
@@ -547,7 +552,7 @@ def test_a_verb_in_the_background_ends_all_by_a_signal(tmp_path, sign):
         command,
         cwd=ROOT,
         start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+        preexec_fn=in_background,
         **quiet,
     )
     try:
