@@ -148,10 +148,11 @@ class Command:
     def refuse_unless_positive(self, name, value):
         """Raise an error for a number, of this name on the fix line, that is not above zero."""
         if not value > 0:
-            raise RunError(
-                f'{name} is {value:g}, and must be above zero (in "fix_nosquish.{self.text}")',
-                everywhere=True,
-            )
+            raise self.wrong(f"{name} is {value:g}, and must be above zero")
+
+    def wrong(self, what):
+        """The error for words that cannot be for these bodies, or for this integrator."""
+        return _Words(self.text).wrong(what)
 
     @classmethod
     def parse(cls, text, own=()):

@@ -118,11 +118,7 @@ class HMC(NVE):
         temperature, mix = (lammps.number(word) for word in (*command.temp, command.mix))
         command.refuse_unless_positive("keyword temp: T", temperature)
         if not 0 < mix <= 1:
-            raise RunError(
-                f"keyword mix is {mix:g}, and must be above 0 and at most 1 "
-                f'(in "fix_nosquish.{command.text}")',
-                everywhere=True,
-            )
+            raise command.wrong(f"keyword mix is {mix:g}, and must be above 0 and at most 1")
         self._plan(lammps.step)
         last = self.host.last_step
         if lammps.running and last > lammps.step and last % command.steps:

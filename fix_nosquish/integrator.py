@@ -207,10 +207,7 @@ class Integrator:
         elif rotor == "exact" and not self._can_be_exact:
             problem = "keyword rotor exact is for the rotation of fix_nosquish.NVE, not that of {}"
         if problem:
-            raise RunError(
-                f'{problem.format(type(self).__name__)} (in "fix_nosquish.{self.command.text}")',
-                everywhere=True,
-            )
+            raise self.command.wrong(problem.format(type(self).__name__))
 
     @property
     def _can_be_exact(self):

@@ -46,8 +46,8 @@ DEGREES, TWICE, FACTOR = COMMON, COMMON + 2, COMMON + 4
 MOVES, TURNS, WORK = BLOCK_ROWS, BLOCK_ROWS + 1, 2  # rows of a block: twice a body's energies
 _W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
 SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # parts of a step of the chain
-LEAST = 1e-100
-free_motion = NVE.operations["A"].does
+LEAST = 1e-100  # in place of a mean that is zero
+move = NVE.operations["A"].does
 
 
 @inlined
@@ -98,7 +98,7 @@ def move_and_scale(block, kind, dt, parameters):
     """
     moves, turns = mean_with_one(parameters[FACTOR]), mean_with_one(parameters[FACTOR + 1])
     scale_by(block, kind, moves, turns)
-    free_motion(block, kind, dt, parameters)
+    move(block, kind, dt, parameters)
     scale_by(block, kind, parameters[FACTOR] / moves, parameters[FACTOR + 1] / turns)
 
 

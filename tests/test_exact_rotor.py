@@ -9,15 +9,12 @@ from test_rotor import (
     ASYMMETRIC,
     body_momentum,
     energy,
-    one_atom_bodies,
     product,
     space_momentum,
-    step_cells,
     tops,
 )
+from test_rotor import advance as advance_by
 
-from fix_nosquish import block
-from fix_nosquish.nve import NVE
 from fix_nosquish.operations import EXACT
 from validation.scenes import bodies as shapes_of
 from validation.scenes.boxes import nearest
@@ -47,13 +44,7 @@ ANGLES = 1e-12, 1e-4, 0.01, 0.1, 0.3, 1.0, 5.0  # rad in a step
 
 def advance(q, p, moments, dt, steps=1):
     """`one_atom_bodies` without forces: their q and p after some exact steps."""
-    bodies = one_atom_bodies(q, p, moments)
-    cells = step_cells(NVE, bodies, dt, EXACT)
-    step = NVE.advance.bind_to(cells, gathers=0, ends=0, begins=0, part=block.ALL)
-    for _ in range(steps):
-        step()
-    order = np.argsort(bodies.id)
-    return bodies.q[:, order], bodies.p[:, order]
+    return advance_by(q, p, moments, dt, steps, EXACT)
 
 
 def near_separatrix(L, moments, distance):
