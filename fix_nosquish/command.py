@@ -31,6 +31,7 @@ OWN_KEYWORDS = {
     "temp": f"TSTART, TSTOP and TDAMP, each {_NUMBER}",
     "temp T": f"T, {_NUMBER}",
     "steps": "a whole number of at least 1",
+    "shadow": "every how many steps, a whole number of at least 1",
     "mix": f"{_NUMBER}, above 0 and at most 1",
     "thermostat": f"one of {', '.join(THERMOSTATS)}",
     "seed": "a whole number from 1 to 2147483647",
@@ -56,6 +57,7 @@ _ELSEWHERE = {
     ),
     **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix_nosquish.HMC does"),
     "moments": "only the averages of fix_nosquish.NVT, NPT and HMC do not depend on the moments",
+    "shadow": "it is what the steps of fix_nosquish.NVE keep",
     "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
     **dict.fromkeys(("nreset", "drag"), "the box is integrated in one way"),
@@ -95,6 +97,7 @@ class Command:
         points: ID of the group whose atoms move as points, each by itself; None for none.
         temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, None for none.
         steps: those of a trajectory, None for none.  mix: a word for a number.
+        shadow: every how many steps the shadow energy is wanted, None for never.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
         moments: ("equal", value), the principal moments that bodies get, or ("scale", factor) of
@@ -122,6 +125,7 @@ class Command:
     points: str | None = None
     temp: tuple | None = None
     steps: int | None = None
+    shadow: int | None = None
     mix: str = "1"
     thermostat: str = THERMOSTATS[0]
     seed: int | None = None
@@ -365,7 +369,8 @@ _READ = {  # what the words behind a keyword give
     "temp T": lambda words, expected: words.numbers(1, expected),
     "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),
     **dict.fromkeys(
-        ("seed", "tchain", "every", "steps"), lambda words, expected: words.whole(expected, 2**31)
+        ("seed", "tchain", "every", "steps", "shadow"),
+        lambda words, expected: words.whole(expected, 2**31),
     ),
     "separate": lambda words, expected: words.choice(("no", "yes"), expected),
     "moments": lambda words, expected: (

@@ -101,7 +101,7 @@ class HMC(NVE):
     """
 
     keywords = "temp T", "steps", "seed", "mix", "moments"
-    kept, work, respa, tests = KEPT, WORK, False, True
+    kept, work, respa, needs_energy = KEPT, WORK, False, True
     method = "hybrid Monte Carlo with NO_SQUISH"
     kind: ClassVar = float(crc32(b"HMC"))
 
@@ -137,11 +137,11 @@ class HMC(NVE):
     def _plan(self, step):
         """Have the next trajectory begin behind this step."""
         steps = self.command.steps
-        self.host.begins, self.host.ends = step + 1, (step // steps + 1) * steps
+        self.host.begins, self.host.energy_step = step + 1, (step // steps + 1) * steps
 
     def _refuse(self):
         """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
-        if self.host.ends is None:
+        if self.host.energy_step is None:
             raise RunError(
                 "a LAMMPS's own fix python/move gives no potential energy in the steps that need "
                 "it, and no forces anew: install this package where its plugin serves, or use "
@@ -194,7 +194,7 @@ class HMC(NVE):
         self.reports.forget()
         self._before = self._total_energy()
 
-    def end_trajectory(self):
+    def take_energy(self):
         """Test the trajectory, and go back if it is not accepted; collective.
 
         Returns:

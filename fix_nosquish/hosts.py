@@ -21,8 +21,8 @@ class Host(Protocol):
         has_virial: whether LAMMPS asks for the virial, where that is known early.
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
         next_output: the next step for which LAMMPS writes something; None if that is not known.
-        begins, ends: the steps in which Python begins the next trajectory, and ends it, if there
-            are any; None where LAMMPS does not give the potential energy of such a step.
+        begins, energy_step: the next step that Python begins, and the next one that it ends, with
+            the potential energy, if there are any; None where LAMMPS does not give it.
         energy: that of all atoms there, the same on all ranks.
         renews: whether LAMMPS is to move the bodies' atoms by what is in place of their velocities
             when the method that ends the step returns, to compute the forces there, and to call the
@@ -47,7 +47,7 @@ class Host(Protocol):
     ghost_velocity: bool
     next_output: int | None
     begins: int | None
-    ends: int | None
+    energy_step: int | None
     energy: float
     renews: int
     last_step: int

@@ -87,9 +87,10 @@ class Integrator:
         loops_behind: a method that binds a list of loops that come behind the second pass over the
             bodies.
         own_lists: a method that binds lists of loops of its own, by name.
-        tests: whether it tests trajectories: then it has methods begin_trajectory, and
-            end_trajectory, which says whether the state stays; if not, `renewed` is called when the
-            forces are known where it goes back to.
+        needs_energy: whether it needs the potential energy at the end of steps that it names, as
+            host.energy_step.  Then it has a method take_energy for these, which names the next one
+            and says whether the state stays; if not, `renewed` is called when the forces are known
+            where it goes back to.  It may have begin_trajectory, for the step host.begins.
         thermostat: whether it keeps a temperature, so that no other fix may.
         every: the box changes in the steps after the multiples of this; 0 for never.
         flips: whether tilts of the box change, so that it may take other vectors of its lattice.
@@ -127,7 +128,7 @@ class Integrator:
 
     host = parameters = None
     unprepared = ""
-    every, modules, flips, tests = 0, (), False, False
+    every, modules, flips, needs_energy = 0, (), False, False
     own_warnings = ()
     follows_atoms = True
     virial = virial_per_atom = None
@@ -492,7 +493,7 @@ class Integrator:
         self.do("end")
         self.phase = self.ended
         self.reports.forget()
-        if self.lammps.step != self.host.ends or self.end_trajectory():
+        if self.lammps.step != self.host.energy_step or self.take_energy():
             self._show()
 
     def _show(self):

@@ -6,8 +6,10 @@ or split into rotations about one axis at a time, and half a kick.
 
 from typing import ClassVar
 
+from .hosts import hook
 from .integrator import Integrator
 from .operations import free_motion, kick, rotate_rotors
+from .shadow import ShadowEnergy
 from .step import Operation
 
 
@@ -19,4 +21,25 @@ class NVE(Integrator):
         "A": Operation(free_motion(rotate_rotors), moves=True, exact=True),
         "B": Operation(kick),
     }
-    method, splits = "NO_SQUISH", True
+    method, splits, keywords = "NO_SQUISH", True, ("shadow",)
+
+    def __init__(self, ptr, words):
+        super().__init__(ptr, words)
+        self.shadow = ShadowEnergy(self) if self.command.shadow else None
+        if self.shadow:
+            if (self.splitting, self.operations) != (NVE.splitting, NVE.operations):
+                raise self.command.wrong("keyword shadow is for the steps of fix_nosquish.NVE")
+            self.needs_energy, self.take_energy = True, self.shadow.take
+            self.vector_extensive = *self.vector_extensive, True
+
+    def own_parameters(self):
+        if self.shadow:
+            self.shadow.begin()
+        return ()
+
+    @hook
+    def compute_vector(self, i):
+        """As of `Integrator`, and behind it the shadow energy; collective."""
+        if i == len(Integrator.vector_extensive):
+            return self.shadow.value
+        return super().compute_vector(i)

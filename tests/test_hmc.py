@@ -16,16 +16,16 @@ from fix_nosquish import of_fix_line
 from fix_nosquish.hmc import HMC
 
 class Rejects(HMC):
-    def end_trajectory(self):
+    def take_energy(self):
         self._before = -1e300
-        return super().end_trajectory()
+        return super().take_energy()
 
 class Turns(HMC):
-    def end_trajectory(self):
+    def take_energy(self):
         self.bodies.v[:] *= -1
         self.bodies.p[:] *= -1
         self._before = 1e300
-        return super().end_trajectory()
+        return super().take_energy()
 
 __getattr__ = of_fix_line(Rejects, Turns)
 """

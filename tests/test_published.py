@@ -23,7 +23,13 @@ def result(sd, error=None, slope=0.0):
     kcal/mol/ps."""
     time = np.arange(4000) * 0.01
     energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0 + slope * time
-    return Series(None, error, time, energy, *[np.empty(0)] * 3, None, [], 0.0)
+    shadow = np.concatenate([[np.nan], 0.05 * (energy[1:] - energy.mean())])
+    return Series(None, error, time, energy, *[np.empty(0)] * 3, None, [], 0.0, shadow)
+
+
+def checks(found, part="spread"):
+    """The checks of one part."""
+    return [one for one in published.checks(found) if one.part == part]
 
 
 def test_published_numbers_have_errors_too():
@@ -32,9 +38,7 @@ def test_published_numbers_have_errors_too():
     of = {2.0: 1.0, 3.0: 1.07, 4.0: 1.3}
     made = {
         one.subject: one
-        for one in published.checks(
-            {dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()}
-        )
+        for one in checks({dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()})
     }
     assert [made[f"{dt:g} fs"].holds for dt in of] == [True, None, False]
     for dt, x in of.items():
@@ -51,9 +55,7 @@ def test_all_steps_together():
     """Locks out a mean whose error is that of one number, and one that counts all alike: by
     hand, weights 1/x² and the error of one over 2."""
     of = {1.0: 1.0, 2.0: 1.02, 3.0: 0.98, 4.0: 1.2}
-    *each, together = published.checks(
-        {dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()}
-    )
+    *each, together = checks({dt: result(x * published.PUBLISHED[dt]) for dt, x in of.items()})
     weights = np.array(list(of.values())) ** -2.0
     assert together.subject == published.ALL
     assert together.value == pytest.approx(
@@ -94,11 +96,20 @@ def test_the_start_is_what_is_said_to_be_matched():
 def test_failed_runs_are_no_numbers():
     """Locks out the spread of what a run left before it failed."""
     (made,) = [
-        one
-        for one in published.checks({3.0: result(0.487, error="Lost atoms")})
-        if one.subject == "3 fs"
+        one for one in checks({3.0: result(0.487, error="Lost atoms")}) if one.subject == "3 fs"
     ]
     assert made.value is None and "Lost atoms" in made.note and made.verdict == "cannot tell"
+
+
+def test_shadow_energies():
+    """Locks out a spread that is another column's or another step's, one that the first sample
+    spoils, which is not known, and a verdict against a spread that is smaller."""
+    of = {1.0: 0.5, 2.0: 1.5}
+    found = {dt: result(20 * x * published.PUBLISHED_SHADOW[dt]) for dt, x in of.items()}
+    made = {one.subject: one for one in checks(found, "shadow")}
+    for dt, x in of.items():
+        assert made[f"{dt:g} fs"].value == pytest.approx(x, rel=0.1)
+    assert [made[f"{dt} fs"].holds for dt in (1, 2, 3)] == [True, False, None]
 
 
 @pytest.mark.timeout(120)
@@ -110,6 +121,7 @@ def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
     first, again = Silent(), Silent()
     found, interrupted = published.published(tmp_path, 0.008, 1, 60.0, first)
     assert not interrupted and [one.error for one in found.values()] == [None] * 4
+    assert all(len(one.shadow) == len(one.total) for one in found.values())
     starts = np.array([one.total[0] for one in found.values()])
     np.testing.assert_allclose(starts, starts[0], rtol=1e-9)
     before = (tmp_path / "2-fs" / "piece-0" / "log.lammps").stat().st_mtime_ns

@@ -202,7 +202,7 @@ def sweep_fastest():
     return markdown([*head, "our time over the fastest's"], body)
 
 
-def published():
+def published(part="spread"):
     names = {"all": "all together"}
     body = [
         [
@@ -213,6 +213,7 @@ def published():
             row["note"],
         ]
         for row in rows("published")
+        if row["part"] == part
     ]
     head = "step", "our spread over theirs", "bound", "verdict", "kcal/mol, with standard errors"
     return markdown(head, body)

@@ -45,7 +45,7 @@ struct Bridge {
   int32_t writes_restart_file;
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
   int32_t flips;            // it changes tilts, and takes other box vectors where these are large
-  int32_t tests;            // it tests trajectories by the potential energy at their ends
+  int32_t needs_energy;     // it needs the potential energy at the end of steps that it names
   int32_t couples;          // its scalar is an energy that went from the system
   int32_t restart_size;     // numbers that go to restart files
   double *restart_state;    // these
@@ -76,11 +76,11 @@ struct Bridge {
   int32_t velocities_set;    // the atoms' velocities are those of the step's end
   int32_t vflag;             // what virial LAMMPS asks for in this step
   int64_t changes;           // how many times the fix has changed the bodies by itself
-  // trajectories that are tested: set by Python, but for the energy; steps are -1 if there are none
-  int64_t begins;    // the step that begins the next one: Python begins it
-  int64_t ends;      // the step that ends it: Python ends it
-  int32_t renews;    // atoms have gone back: their displacements are their velocities, and forces must be new
-  double energy;     // the potential energy where Python begins and ends one, the same on all ranks
+  // steps for which Python needs the potential energy: set by Python, but for the energy; -1 if there are none
+  int64_t begins;         // the next step that Python begins
+  int64_t energy_step;    // the next one that Python ends
+  int32_t renews;         // atoms have gone back: their displacements are their velocities, and forces must be new
+  double energy;          // the potential energy there, the same on all ranks
   // set by Python: what goes without it
   int32_t may_wait;            // the end of a step may wait for the next step
   int32_t ended;               // the phase at the end of a step that is looked at

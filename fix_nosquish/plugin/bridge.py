@@ -132,7 +132,7 @@ def _announce(bridge, instance):
     bridge.carries = int(getattr(instance, "carries", 0))
     bridge.changes_box = int(getattr(instance, "every", 0))
     bridge.flips = bool(getattr(instance, "flips", False))
-    bridge.tests = bool(getattr(instance, "tests", False))
+    bridge.needs_energy = bool(getattr(instance, "needs_energy", False))
     bridge.couples = bool(getattr(instance, "couples", False))
     state = getattr(instance, "restart_state", None)
     if state is not None:

@@ -65,7 +65,7 @@ class Host:
     phase, velocities_set = _shared("phase", int), _shared("velocities_set", bool)
     vflag, changes = _shared("vflag", int), _shared("changes", int)
     changes_box = _shared("changes_box", int)
-    begins, ends = _shared("begins", int), _shared("ends", int)
+    begins, energy_step = _shared("begins", int), _shared("energy_step", int)
     renews, energy = _shared("renews", int), _shared("energy", float)
     ghost_velocity, creates_velocities = _asked("ghost_velocity"), _asked("creates_velocities")
 

@@ -262,7 +262,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.begin_step = &update->beginstep;
   bridge.end_step = &update->endstep;
   bridge.last_step = &update->laststep;
-  bridge.begins = bridge.ends = -1;
+  bridge.begins = bridge.energy_step = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
@@ -283,7 +283,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     virial_id = std::string(id) + "_virial";
     modify->add_compute(virial_id + " all pressure NULL virial");
   }
-  if (bridge.tests) {
+  if (bridge.needs_energy) {
     energy_id = std::string(id) + "_energy";
     modify->add_compute(energy_id + " all pe");
   }
@@ -343,9 +343,9 @@ void FixPythonMove::init()
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
   call(bridge.init);
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
-  if (bridge.tests) {
+  if (bridge.needs_energy) {
     ask_for_energy(update->ntimestep);
-    ask_for_energy(bridge.ends);
+    ask_for_energy(bridge.energy_step);
   }
 }
 
@@ -403,7 +403,7 @@ void FixPythonMove::final_integrate()
 {
   const bigint step = update->ntimestep;
   auto falls_on = [step](int every) { return every && step % every == 0; };
-  const bool tested = step == bridge.ends, for_python = tested || falls_on(bridge.python_every);
+  const bool for_energy = step == bridge.energy_step, for_python = for_energy || falls_on(bridge.python_every);
   take_virial();
   const bool looked_at = step == output->next || falls_on(bridge.velocities_every);
   if (bridge.may_wait && !bridge.vflag && !looked_at && !for_python) {
@@ -422,16 +422,16 @@ void FixPythonMove::final_integrate()
       bridge.natoms = -1;
     }
   } else {
-    if (tested) bridge.energy = potential();
+    if (for_energy) bridge.energy = potential();
     call_with_virial(bridge.final_integrate);
-    if (tested) {
+    if (for_energy) {
       if (bridge.renews) {
         bridge.renews = 0;
         go_back();
         renew_forces();
         call_with_virial(bridge.renewed);
       }
-      ask_for_energy(bridge.ends);
+      ask_for_energy(bridge.energy_step);
     }
     return;
   }

@@ -13,7 +13,8 @@ def add(verbs: command_line.Verbs) -> None:
         run,
         help="the energy's spread in water at 1 to 4 fs beside published numbers",
         description="Run water with a smooth cutoff at 1, 2, 3 and 4 fs and hold the standard "
-        "deviation of its energy against that of Silveira and Abreu (2019). Writes a table to the "
+        "deviations of its energy and of its shadow energy against those of Silveira and Abreu "
+        "(2019). Writes a table to the "
         "terminal and summary.json, table.csv, a figure and a self-contained report.html to the "
         "output folder. Ctrl-C keeps what is computed, and the same command goes on from there.",
         epilog="Exit status: 0 if no number is outside of its bounds by its 95 % margin, 1 if one "

@@ -9,7 +9,8 @@ from validation.statistics.estimate import SURE, Estimate, margin
 
 def spread(checks: list[dict]) -> Drawn:
     """Ours over theirs against the time step, of checks as plain data."""
-    known = [one for one in checks if one["value"] is not None and one["subject"] != ALL]
+    known = [one for one in checks if one["part"] == "spread" and one["subject"] != ALL]
+    known = [one for one in known if one["value"] is not None]
     if not known:
         return None
     figure, axis = plt.subplots(figsize=(5.5, 3.6), layout="constrained")

@@ -6,7 +6,7 @@ Ctrl-C. Energies are in the pieces' logs, sampled as they run.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from validation.scenes.starts import from_dump, to_dump
 
 PIECE = 25_000  # steps of a piece of a run on a mesh: some minutes
 WHOLE = 10**9  # of one that is all of them
+SHADOW = "f_1[5]"  # the shadow energy, where the fix has keyword shadow
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,7 @@ class Series:
         error: None, or why it is not complete.
         time: (n,) ps.  total, kinetic, potential: (n,) kcal/mol.  temperature: (n,) K.  All without
             samples that are not finite.
+        shadow: (n,) kcal/mol, if the integrator was asked for it, else (0,).
         positions: of the first piece's start and the last piece's end, or None (see
             ``run.Result``).
         pieces: (folder, steps) of each that is complete.
@@ -107,6 +109,7 @@ class Series:
     positions: run.Positions | None
     pieces: list[tuple[str, int]]
     seconds: float
+    shadow: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 def do(trajectory: Trajectory, out: Path, silence: float, meter: Meter) -> tuple[Series, bool]:
@@ -134,7 +137,7 @@ def series(
         results: in order.
         error: None, or why it is not complete.
     """
-    columns = "Step", "TotEng", "KinEng", "PotEng", "Temp"
+    columns = "Step", "TotEng", "KinEng", "PotEng", "Temp", SHADOW
     parts: list[list[np.ndarray]] = [[] for _ in columns]
     done = 0
     for job, result in results:
@@ -152,7 +155,8 @@ def series(
     positions = replace(ends[0], x=np.stack([ends[0].x[0], ends[-1].x[-1]])) if ends else None
     pieces = [(job.directory, sum(job.runs)) for job, result in results if not result.error]
     seconds = sum(one.seconds for _, result in results for one in result.timings)
-    cut = dict(zip(("time", "total", "kinetic", "potential", "temperature"), table))
+    names = "time", "total", "kinetic", "potential", "temperature", "shadow"
+    cut = dict(zip(names, table))
     energies = {name: values[:until] for name, values in cut.items()}
     return Series(
         trajectory, error, **energies, positions=positions, pieces=pieces, seconds=seconds

@@ -1,0 +1,88 @@
+"""Keyword shadow: the energy that NVE's steps keep to the fourth order."""
+
+import numpy as np
+import pytest
+from systems import mixture
+from test_nvt import FREE, thermo
+
+# on each atom, with its energy
+SPRINGS = "fix 2 all spring/self 30.0\nfix_modify 2 energy yes\n"
+ROTATIONS = "order 321", "order 123", "mrot 2", "rotor exact"
+
+
+def fix(words, group="all", name="NVE"):
+    return f'fix 1 {group} python/move "fix_nosquish.{name} {group} molecule {words}"\n'
+
+
+def spreads(rows):
+    """The standard deviations of the energy and of the shadow energy."""
+    kept = rows[np.isfinite(rows["f_1[5]"])]
+    assert len(kept) > 100
+    return kept["TotEng"].std(), kept["f_1[5]"].std()
+
+
+def runs(run_lammps, system, forces, words, dt, parts):
+    """Spreads with steps of dt, and of parts of it."""
+    found = []
+    for part in parts:
+        script = f"{system.setup}\nreset_timestep 0\n{forces}timestep {dt / part}\n"
+        script += fix(f"shadow {part} {words}") + thermo("etotal f_1[5]", part)
+        done = run_lammps(script + f"run {200 * part}\n", files=system.files)
+        found.append(spreads(done.thermo))
+    return np.array(found)
+
+
+@pytest.mark.parametrize("words", ROTATIONS)
+def test_fourth_order(run_lammps, words):
+    """Locks out a wrong part of the correction, of forces, of torques or of a split rotation, on
+    any kind of body: the spread falls with the fourth power of the step, the energy's with the
+    second."""
+    of_energy, of_shadow = runs(
+        run_lammps, mixture(side=2, temperature=20.0), FREE + SPRINGS, words, 0.008, (1, 2)
+    ).T
+    assert of_energy[0] / of_energy[1] == pytest.approx(4, rel=0.1)
+    assert of_shadow[0] / of_shadow[1] == pytest.approx(16, rel=0.25)
+    assert of_shadow[1] < 0.1 * of_energy[1]
+
+
+@pytest.mark.parametrize("words", ROTATIONS[:3])
+def test_free_rotation(run_lammps, words):
+    """Locks out a correction of the split rotation that forces hide: bodies are free."""
+    of_energy, of_shadow = runs(
+        run_lammps, mixture(side=2, temperature=20.0), FREE, words, 0.02, (1, 2)
+    ).T
+    assert of_energy[0] / of_energy[1] == pytest.approx(4, rel=0.1)
+    assert of_shadow[0] / of_shadow[1] == pytest.approx(16, rel=0.25)
+
+
+def test_every(run_lammps):
+    """Locks out sums over ranks that count a shared body twice, and another value where fewer steps
+    are asked for: the first one is there with the third step of a run."""
+    system, values = mixture(side=3, temperature=20.0), []
+    for ranks, every in (1, 1), (1, 5), (2, 5), (4, 1), (8, 5):
+        script = f"{system.setup}\nreset_timestep 0\n{FREE}{SPRINGS}timestep 0.004\n"
+        script += fix(f"shadow {every}") + thermo("f_1[5]", 5)
+        rows = run_lammps(f"{script}run 13\nrun 7\n", files=system.files, ranks=ranks).thermo
+        values.append(rows["f_1[5]"][rows["Step"] % 5 == 0])
+        np.testing.assert_allclose(values[-1], values[0], rtol=1e-12)
+    assert np.isnan(values[0][0])
+    assert np.isfinite(values[0][1:]).all()
+
+
+@pytest.mark.parametrize(
+    "line, says",
+    [
+        (fix("shadow 0"), "'0' was given where every how many steps"),
+        (fix("shadow 5", "stiff") + "fix 3 rest nve\n", "fix 3 moves atoms, too"),
+        (fix("shadow 5", "stiff") + fix("", "rest").replace("1", "3", 1), "fix 3 moves atoms, too"),
+        (fix("shadow 5") + "run_style respa 2 2 pair 1\n", "use run_style verlet"),
+        (fix("shadow 5", name="MatubayasiNakahara"), "for the steps of fix_nosquish.NVE"),
+        (fix("temp 2 2 1 seed 5 shadow 5", name="NVT"), "what the steps of fix_nosquish.NVE keep"),
+    ],
+)
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_refused(refused, line, says, ranks):
+    """Locks out a number that is of other steps than those that move the atoms."""
+    system = mixture(side=2)
+    groups = "group stiff molecule 1 2 3\ngroup rest subtract all stiff\n"
+    refused(f"{system.setup}\n{groups}{FREE}{line}run 10\n", says, system.files, ranks=ranks)
