@@ -13,17 +13,16 @@ import numpy as np
 from . import block, migration, spheres
 from .communicator import ALONE
 from .compiled import F2, Cell, I
-from .errors import RunError
 from .frames import angular_momentum, quaternion_momentum, rotation_matrix
-from .lookup import gone
 from .membership import POINTS
 from .memory import Memory
-from .migration import ARRANGE, LOCATE, NOTE, OF_BODY, SETTLE
+from .migration import ARRANGE, FEWER, LOCATE, NOTE, OF_ATOM, OF_BODY, SETTLE
 from .sharing import Sharers, places
 from .step import gather
 
 SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
 OFF_BODY = 1e-9  # positions further off the body than this part of the box were changed by others
+NO_ID = 2.0**62  # of a body that is no more
 _SOON = 100  # steps after which what happens is no longer due to the start
 
 # rows of a body's state
@@ -176,7 +175,9 @@ class Bodies:
         masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         self.cells |= {name: Cell(migration.follow.kinds[name]) for name in migration.Box._fields}
         bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
-        self.following = migration.follow.bind_to(bound, what=LOCATE | ARRANGE | NOTE | SETTLE)
+        follows = LOCATE | ARRANGE | NOTE | SETTLE
+        self.following = migration.follow.bind_to(bound, what=follows)
+        self._following_fewer = migration.follow.bind_to(bound, what=follows | FEWER)
         self._note = migration.follow.bind_to(bound, what=NOTE)
         self._settle = migration.follow.bind_to(bound, what=SETTLE)
 
@@ -184,20 +185,41 @@ class Bodies:
         """Have each of LAMMPS's atoms take along where it is now."""
         self._note()
 
-    def follow(self, lammps, membership):
+    def follow(self, lammps):
         """Be the same bodies after LAMMPS has moved atoms; collective.
 
+        Returns:
+            whether that is so: False if atoms of bodies came or are gone on any rank.
         Raises:
-            RunError: if atoms are missing or new, or stand where this fix has not put them.
+            RunError: if atoms stand where this fix has not put them.
         """
         self._know_box(lammps.box)
         problem = self.following()
-        if problem == migration.CHANGED:
-            self._communicator.agree(_atoms_changed(lammps, self._communicator, membership, self))
-            raise RunError(
-                "atoms of the bodies came or are gone: bodies keep theirs", everywhere=True
+        if problem == migration.OFF:
+            self._communicator.agree(self._off())
+        return problem != migration.CHANGED
+
+    def change(self, lammps, gone, new=None):
+        """Be without some bodies, whose atoms are gone, and with others; collective.
+
+        Args:
+            gone: (n,) bool, which bodies those are.
+            new: `Bodies` of other atoms of this LAMMPS, None for none on any rank.
+        Raises:
+            RunError: as `follow`.
+        """
+        self.state[block.ID, gone] = NO_ID  # a new one may have its ID
+        if new is not None:
+            # they come as others come from other ranks: with their atoms
+            arrived = lammps.cells["arrived"]
+            rows = np.zeros((len(new.index), OF_BODY + len(new.state)))
+            rows[:, OF_ATOM:OF_BODY] = new.displace.T
+            rows[:, OF_BODY:] = new.state[:, new.body].T
+            lammps.cells["origins"].array[new.index] = (
+                -2 - len(arrived.array) - np.arange(len(rows))
             )
-        if problem:
+            arrived.set(np.concatenate([arrived.array, rows]))
+        if self._following_fewer():
             self._communicator.agree(self._off())
 
     def refuse_moved_atoms(self, lammps):
@@ -347,36 +369,3 @@ def aligned(shape):
 def matrices(q):
     """Rotations (3, 3, n) from the principal to the space frame, of quaternions (4, n)."""
     return np.array(rotation_matrix(q)).reshape(3, 3, -1)
-
-
-def _atoms_changed(lammps, communicator, membership, bodies):
-    """The message for atoms that bodies lost, or that came in between two steps; collective.
-
-    None if there is none on this rank.
-    """
-    atoms, origins = membership.atoms(), lammps.cells["origins"].array
-    of_atoms = origins[atoms]
-    arrived = lammps.cells["arrived"].array
-    gained = arrived[-2 - of_atoms[of_atoms < -1], 0].copy().view(np.int64)
-    lost = np.setdiff1d(np.arange(len(bodies.index)), places(of_atoms[of_atoms >= 0]))
-    lost = gone(communicator, lost, gained)
-    if len(lost):
-        first = lost[bodies.tag[lost].argmin()]
-        body = bodies.body[first]
-        name = membership.name(int(bodies.id[body]))
-        text = f"atom {bodies.tag[first]} of {name} is gone by step {lammps.step}"
-        cause, remedy = bodies.instability(body, lammps)
-        if cause:
-            return f"{cause}, and {text}: {remedy}"
-        return (
-            f"{text}: it left the box, or was deleted or taken out of the group. "
-            "Check the boundary, thermo_modify lost, and fixes that delete atoms, because bodies "
-            "keep their atoms during a run (and with reinit no or infile, from run to run)"
-        )
-    if not (of_atoms == -1).any():
-        return None
-    return (
-        f"atom {lammps.tags[atoms[of_atoms == -1]].min()} came into the fix's group by "
-        f"step {lammps.step}, but bodies are made when a run starts: use a static group, "
-        "and insert atoms between runs, with reinit yes"
-    )

@@ -20,7 +20,7 @@ _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
-def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
+def build(lammps, communicator, membership, path=None, own_rows=0, former=None, atoms=None):
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Args:
@@ -29,6 +29,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         path: the file of keyword infile, None for none.
         own_rows: rows of zeros in the bodies' state, behind those that `block` names.
         former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
+        atoms: indices of this rank's atoms to make bodies of, ascending; None for all that the
+            membership names.
     Returns:
         (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
         angular momentum of the atoms' velocities, and notes for the log: the number of
@@ -40,7 +42,7 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     Raises:
         RunError: on all ranks, naming the body.
     """
-    atoms, ids, body, mass, tag, radius = _members(lammps, communicator, membership)
+    atoms, ids, body, mass, tag, radius = _members(lammps, communicator, membership, atoms)
     plane = lammps.dimension == 2
     sharers = _sharers(communicator, ids)
     n = len(ids)
@@ -131,7 +133,9 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
     d = np.vstack([np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag])
-    has_spheres = communicator.any(radius is not None and radius.any())
+    # with keyword mol spheres may come
+    has_spheres = radius is not None and (membership.command.mol or radius.any())
+    has_spheres = communicator.any(has_spheres)
     if has_spheres:
         compiled.load(communicator, spheres.__name__)
     row = ROWS + own_rows if len(slower) else 0
@@ -209,14 +213,14 @@ def _notes(bodies, lammps, communicator, membership, rebuilt):
     }
 
 
-def _members(lammps, communicator, membership):
-    """This rank's atoms of bodies; collective.
+def _members(lammps, communicator, membership, atoms):
+    """This rank's atoms of bodies, or these of them; collective.
 
     Returns:
         their index, the bodies' IDs, the place of each atom's body there, mass, tag, radius.
     """
     problem = None
-    atoms = membership.atoms()
+    atoms = membership.atoms() if atoms is None else atoms
     try:
         ids_of_atoms = membership.bodies(atoms)
         mass = lammps.masses[atoms]
@@ -226,10 +230,10 @@ def _members(lammps, communicator, membership):
             raise
         problem = str(error)
     communicator.agree(problem)
-    if communicator.total(np.array([len(atoms)]))[0] == 0:
+    if not membership.command.mol and not communicator.count(len(atoms)):
         raise RunError(
             f"there is no atom to form a body of in group '{membership.command.group}': "
-            "fill the group before the run",
+            "fill the group before the run, or give keyword mol if a fix inserts the bodies",
             everywhere=True,
         )
     radius, more = lammps.finite()

@@ -18,6 +18,7 @@ KEYWORDS = {
     "infile": _FILE,
     "output": "N, a whole number of at least 1, and " + _FILE,
     "points": "the ID of a group, whose atoms are in no body",
+    "mol": "the ID of a molecule template, as fix deposit, pour or gcmc names it",
 }
 ROTORS = "exact", "split"
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
@@ -49,7 +50,6 @@ OWN_KEYWORDS = {
 _ELSEWHERE = {
     "langevin": "fix_nosquish.NVT has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
     "gravity": "use fix gravity before this fix",
-    "mol": "insert bodies between runs",
     "bodyforces": "the order of the fix lines decides which forces count",
     **dict.fromkeys(
         ("temp", "tchain", "thermostat", "seed", "separate"),
@@ -95,6 +95,7 @@ class Command:
         infile: the file with the bodies' properties, None for none.
         output: (N, file) for the table of bodies every N steps, None for none.
         points: ID of the group whose atoms move as points, each by itself; None for none.
+        mol: ID of the molecule template of which fixes insert bodies, None for none.
         temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, None for none.
         steps: those of a trajectory, None for none.  mix: a word for a number.
         shadow: every how many steps the shadow energy is wanted, None for never.
@@ -123,6 +124,7 @@ class Command:
     infile: str | None = None
     output: tuple | None = None
     points: str | None = None
+    mol: str | None = None
     temp: tuple | None = None
     steps: int | None = None
     shadow: int | None = None
@@ -364,7 +366,7 @@ _READ = {  # what the words behind a keyword give
     "reinit": lambda words, expected: words.choice(("no", "yes"), expected),
     "infile": _Words.take,
     "output": lambda words, expected: (words.whole(expected), words.take(expected)),
-    **dict.fromkeys(("points", "dilate"), _Words.take),
+    **dict.fromkeys(("points", "mol", "dilate"), _Words.take),
     "temp": lambda words, expected: words.numbers(3, expected),
     "temp T": lambda words, expected: words.numbers(1, expected),
     "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),

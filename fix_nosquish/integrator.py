@@ -20,7 +20,7 @@ from math import gcd
 
 import numpy as np
 
-from . import compiled, lookup, migration, passes, reports, sharing, step, thermo, virial
+from . import compiled, lookup, migration, passes, reports, sharing, step, thermo, turnover, virial
 from .block import ROWS
 from .build import build, count
 from .command import Command
@@ -188,13 +188,21 @@ class Integrator:
         self.restart_file = self.infile is not None
         self.reports = reports.Reports(self)
         self._all.add(self)
+        self.template = self.command.mol
+        if self.template and not self.lammps.has("molecule", self.template):
+            raise self.command.wrong(
+                f"there is no molecule template '{self.template}' (keyword mol): "
+                "define it before the fix, by command molecule"
+            )
         self.reset_dt()
         if self.host:
             # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
             self._build()
             self.reports.say(False)
         else:
-            self.array_rows = count(self.lammps, self.communicator, self.membership)
+            self.array_rows = None  # they will be others
+            if not self.template:
+                self.array_rows = count(self.lammps, self.communicator, self.membership)
             self.rigid_flag = self.lammps.finite()[0] is not None
 
     def _refuse_other_rotor(self, rotor):
@@ -291,6 +299,9 @@ class Integrator:
         self.host.begin_run(self.reports.virial_of_all)
         if not self.host.calls_setup:
             self.reports.say(self.host.has_virial)
+        self._tell_count()
+
+    def _tell_count(self):
         self.host.set_array_rows(self.communicator.count(self.bodies.listed.sum()))
 
     def _look_at_fixes(self):
@@ -337,10 +348,14 @@ class Integrator:
                 bodies, self.lammps, self.communicator, self.membership
             )
 
+    @property
+    def _mrot(self):
+        """How the rotation is split, as operations have it."""
+        return EXACT if self.exact else self.command.mrot
+
     def _bind(self):
         own = [0.0] * PARAMETERS
-        own[FTM2V] = self.lammps.ftm2v
-        own[MROT] = EXACT if self.exact else self.command.mrot
+        own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
         self.mask = self._switches.mask(self.bodies)
         self.parameters = np.array([*own, *self.own_parameters()])
         self.passes = passes.Passes(
@@ -476,7 +491,8 @@ class Integrator:
         self._refuse_new_box(self.lammps.box.periodic)
         bodies = self.bodies
         self.host.point()
-        bodies.follow(self.lammps, self.membership)
+        if not bodies.follow(self.lammps):
+            self._turn_over()
         self.host.noted()
         self.host.keep_box()
         if self._switches.choices:
@@ -485,6 +501,30 @@ class Integrator:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
             self.host.set_bodies(body, bodies.mass)
+
+    def _turn_over(self):
+        """Atoms of bodies came or are gone, and their bodies with them; collective."""
+        own_rows = self.rows + self.kept
+        lines = turnover.turn_over(
+            self.bodies, self.lammps, self.communicator, self.membership, own_rows
+        )
+        if self.start or self.every or self.tests:
+            raise RunError(
+                f"bodies came or are gone by step {self.lammps.step}, which the integrator "
+                f"{type(self).__name__} does not do in a run: use fix_nosquish.NVE or NVT, or "
+                "insert and delete between runs, with reinit yes",
+                everywhere=True,
+            )
+        if lines:
+            self.host.log("\n".join([*lines, ""]))
+        self.exact = self._choose_rotor()
+        self.parameters[MROT] = self._mrot
+        self.turned_over()
+        self._tell_count()
+        self.reports.forget()
+
+    def turned_over(self):
+        """There are other bodies than before, in a run; collective."""
 
     @hook
     def final_integrate(self):

@@ -117,10 +117,11 @@ class Lammps:
                 "the fix needs a simulation box: define it after read_data or create_box",
                 everywhere=True,
             )
-        # these three never move while LAMMPS lives
+        # these never move while LAMMPS lives
         self._natoms = self._scalar("nlocal", c_int)
         self._dt = self._scalar("dt", c_double)
         self._step = self._scalar("ntimestep", c_int64)
+        self._all_atoms = self._scalar("natoms", {4: c_int, 8: c_int64}[self.setting("bigint")])
         # the number of the step for loops, which read it there
         self.step_cell = Cell(L1, array(self._global("ntimestep"), (1,), np.int64))
         self.ftm2v = self._scalar("ftm2v", c_double).value
@@ -165,6 +166,11 @@ class Lammps:
     def step(self):
         """The number of the step."""
         return self._step.value
+
+    @property
+    def natoms(self):
+        """How many atoms there are on all ranks, as LAMMPS counts them."""
+        return self._all_atoms.value
 
     @property
     def time(self):

@@ -46,6 +46,7 @@ from .sharing import ASKED, ASKED_ROW, BODIES, IDS, MEET, SHARED, SHARED_ROW, fi
 from .sharing import HOME as HOME_ROW
 from .step import apply_matrices, rotation_matrices
 
+IN_NO_BODY = -1  # an atom's origin
 # what goes with an atom to another rank: its origin, its column of displace, its body's of state
 OF_ATOM, OF_BODY = 1, 5
 
@@ -88,7 +89,7 @@ FIRST, NUMBER, ORDER, FOLLOWING, TABLE, BUCKETS = range(17, 23)
 CAME, MORE, MOVED, SUMMED = range(4)
 SUMS, COUNT, FAILED, ALL_FAILED, FOUND = 3, 6, 7, 8, 9
 # what `follow` does, and what it returns if all is not well
-LOCATE, ARRANGE, NOTE, SETTLE = 1, 2, 4, 8
+LOCATE, ARRANGE, NOTE, SETTLE, FEWER = 1, 2, 4, 8, 16
 CHANGED, OFF = 1, 2  # atoms came or are gone; an atom is not where its body has it
 
 GROUPS = 6
@@ -154,7 +155,7 @@ def locate(atoms, bodies, found):
         if (groups & atoms.fix_group and groups & atoms.body_groups) or groups & atoms.points:
             origin = atoms.origins[i]
             j = origin & 0xFFFFFFFF if origin >= 0 else origin + 1
-            if origin == -1 or j >= before or -j > arrived:
+            if origin == IN_NO_BODY or j >= before or -j > arrived:
                 came += 1
                 continue
             moved += j < 0 or index[j] != i
@@ -475,7 +476,7 @@ def follow(
         kinds, block: see `block.Layout`.  aways: see `block.Images`.
         found: (FOUND,) what is counted.  off: see `settle`.
         what: the sum of LOCATE the atoms; ARRANGE the bodies, if some have moved on any rank; NOTE
-            where the atoms are now; SETTLE periodic images.
+            where the atoms are now; SETTLE periodic images; FEWER: atoms may be gone.
     Returns:
         0, CHANGED or OFF.
     """
@@ -483,7 +484,7 @@ def follow(
     if what & LOCATE:
         locate(atoms, bodies, found)
         add_up(mpi, LONG, found[CAME:SUMMED], found[SUMS : SUMS + SUMMED])
-        if found[SUMS + CAME] or found[SUMS + MORE]:
+        if found[SUMS + CAME] or (found[SUMS + MORE] and not what & FEWER):
             return CHANGED
         arranges = found[SUMS + MOVED]
     if arranges:
@@ -491,7 +492,7 @@ def follow(
     index = ints(bodies[INDEX, 0], bodies[INDEX, 1])
     if what & NOTE and (arranges or not what & LOCATE):
         for i in range(atoms.origins.size):
-            atoms.origins[i] = -1
+            atoms.origins[i] = IN_NO_BODY
         for j in range(index.size):
             atoms.origins[index[j]] = mpi.interface[RANK] << 32 | j
         atoms.arrays[ARRIVED, 1] = 0  # of no more use

@@ -128,13 +128,13 @@ class NVT(Integrator):
         missing = dimension * owned.sum() - free[0] + len(lammps.groups) - len(bodies.index)
         *free, missing = self.communicator.total(np.array([*free, missing]))
         held = dimension if self.keeps_momentum and not missing else 0
-        if not sum(free) > held:
+        if not sum(free) > held and not self.command.mol:
             raise RunError(
                 f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
                 f"momentum takes {held}: there is none to keep at a temperature",
                 everywhere=True,
             )
-        return np.array([free[0] - held, free[1]])
+        return np.array([max(free[0] - held, 0.0), free[1]])
 
     def temperature(self):
         """The temperature at the begin and at the end of the run, and the rate of damping."""

@@ -13,9 +13,7 @@ from .cell import (
     three_of,
 )  # fmt: skip
 from .compiled import F1, F2, I1, L1, I, inlined, loop
-from .migration import Box
-
-IN_NO_BODY = -1  # of LAMMPS's atoms' origins
+from .migration import IN_NO_BODY, Box
 
 
 @loop

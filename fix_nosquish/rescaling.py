@@ -294,10 +294,15 @@ class Rescaling(NVT):
         return self.chains
 
     def own_parameters(self):
+        return *super().own_parameters(), *self._degrees(), 0.0, 0.0, 1.0, 1.0
+
+    def _degrees(self):
+        """Degrees of freedom of each of the two thermostats; collective."""
         degrees = self.degrees()
-        if not self.command.separate:
-            degrees = np.array([degrees.sum(), 0.0])
-        return *super().own_parameters(), *degrees, 0.0, 0.0, 1.0, 1.0
+        return degrees if self.command.separate else np.array([degrees.sum(), 0.0])
+
+    def turned_over(self):
+        self.parameters[DEGREES : DEGREES + 2] = self._degrees()
 
     def own_cells(self):
         cells = super().own_cells() | {

@@ -3,13 +3,14 @@
 import numpy as np
 
 from .errors import RunError
+from .membership import POINTS
 
 
 class Switches:
     """The components switched off, for bodies chosen by number as in fix rigid; collective.
 
     Bodies are numbered from 1 in the order of their IDs. No rank holds all IDs: the ID that has
-    a number is found by bisection.
+    a number is found by bisection. An open end is one for bodies that come later, too.
 
     Args:
         command: the `Command`.  dimension: 2 or 3.  communicator: the `Communicator` or `ALONE`.
@@ -32,12 +33,12 @@ class Switches:
         count = communicator.count(owned.sum())
         ends = []
         for (low, high, flags), rows in asked:
-            low, high = low or 1, high or count
+            first, last = low or 1, high or count
             text = f"keyword {'torque' if rows.start else 'force'}: "
-            if not 1 <= low <= high <= count:
+            if (low or high) and not 1 <= first <= last <= count:
                 raise RunError(
                     text
-                    + f"bodies {low} to {high} were asked for, and there are bodies 1 to {count}",
+                    + f"bodies {first} to {last} were asked for, and there are bodies 1 to {count}",
                     everywhere=True,
                 )
             if self._plane and (any(flags[:2]) if rows.start else flags[2]):
@@ -47,10 +48,11 @@ class Switches:
                     + " off in two dimensions: say off",
                     everywhere=True,
                 )
-            ends += [low, high]
+            ends += [first, last]
         ends = _id_of_number(np.array(ends), communicator, np.sort(bodies.id[owned]))
-        for ((_, _, flags), rows), low, high in zip(asked, ends[::2], ends[1::2]):
-            self.choices.append((low, high, rows, flags))
+        for ((low, high, flags), rows), first, last in zip(asked, ends[::2], ends[1::2]):
+            ids = first if low else -2 * POINTS, last if high else POINTS - 1
+            self.choices.append((*ids, rows, flags))
 
     def mask(self, bodies):
         """What to multiply the wrench of bodies by, (6, n) or (6, 1); None if all of it acts."""

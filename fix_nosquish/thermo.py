@@ -163,7 +163,7 @@ def summary(nve, virial):
             (done if needed else left).append(pass_ if needed else without)
     lines = [
         f"Rigid bodies by {nve.method}, fix_nosquish {__version__}: {command.text}",
-        f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds)}"
+        f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds) or 'none yet'}"
         + (f"; {points} points, the atoms of group {command.points}" if command.points else ""),
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
         "  start velocities: "
@@ -246,11 +246,10 @@ def forces_at_start(nve):
     pushes, ids, sizes = communicator.gather_to_all(
         np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T
     ).T
-    space = (
-        np.linalg.det(lammps.box.h[:dimension, :dimension])
-        / communicator.total(np.array([len(lammps.groups)]))[0]
+    space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / max(
+        1, communicator.count(len(lammps.groups))
     )
-    spacing = max(space ** (1 / dimension), sizes.max())
+    spacing = max(space ** (1 / dimension), sizes.max(initial=0.0))
     many, of = communicator.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
     if not many:
         return "", "", spacing
@@ -273,4 +272,4 @@ def _fastest(bodies, communicator, dt):
     turns = dt * np.sqrt((bodies.angular_velocity() ** 2).sum(axis=0))
     k = [turns.argmax()] if len(turns) else []
     angles, ids = communicator.gather_to_all(np.array([turns[k], bodies.id[k]]).T).T
-    return angles.max(), int(ids[angles.argmax()])
+    return max(zip(angles, ids.astype(int)), default=(0.0, 0))

@@ -279,13 +279,13 @@ CASES = {
     ),
     "atoms deleted by a fix": Case(
         "all molecule",
-        ("of the body of molecule ", "is gone by step 5", "fixes that delete"),
+        ("of the body of molecule ", "is gone by step 5", "delete whole molecules"),
         after="fix 2 all evaporate 5 1 box 4928",
     ),
     "atoms added by a fix": Case(
         "all molecule",
-        ("atom 82 came into the fix's group by step 1", "insert atoms between runs"),
-        after="fix 2 all deposit 1 1 5 4928 region box near 0.5",
+        ("atom 83 came into the body of molecule 0 by step 6", "has its atoms", "whole bodies"),
+        after="fix 2 all deposit 2 1 5 4928 region box near 0.5",
     ),
     "exception of its own": Case("", ("ValueError: no such luck",), module="spoil.BreaksOnOneRank"),
 }

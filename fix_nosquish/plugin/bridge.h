@@ -49,6 +49,7 @@ struct Bridge {
   int32_t couples;          // its scalar is an energy that went from the system
   int32_t restart_size;     // numbers that go to restart files
   double *restart_state;    // these
+  const char *template_id;  // of the molecules that others insert, null for none
   int32_t rigid;            // it is a rigid fix to those that ask for the bodies
   int32_t follows_atoms;    // it asks where its atoms were
   int32_t carries;          // numbers that go with an atom to another rank

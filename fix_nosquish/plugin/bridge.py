@@ -127,6 +127,8 @@ def _announce(bridge, instance):
 
     if has("write_restart_file"):
         bridge.writes_restart_file = bool(getattr(instance, "restart_file", False))
+    template = getattr(instance, "template", None)
+    bridge.template_id = template and template.encode()
     bridge.rigid = bool(getattr(instance, "rigid_flag", False))
     bridge.follows_atoms = bool(getattr(instance, "follows_atoms", False))
     bridge.carries = int(getattr(instance, "carries", 0))

@@ -165,6 +165,7 @@ class FixPythonMove : public Fix {
   void grow_arrays(int) override;
   void copy_arrays(int i, int j, int) override { origin[j] = origin[i]; }
   void set_arrays(int i) override { origin[i] = -1; }
+  void set_molecule(int, tagint, int, double *, double *, double *) override {}    // its atoms tell what is to be known
   int pack_exchange(int, double *) override;
   int unpack_exchange(int, double *) override;
   double memory_usage() override;
@@ -450,10 +451,16 @@ void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
   call(bridge.final_integrate_respa, ilevel, iloop);
 }
 
-// Granular pair styles look up the mass of the body of each atom here.
+// Granular pair styles look up the mass of the body of each atom here. Fixes that insert molecules see whether their template,
+// a place in LAMMPS's list of these, is that of the bodies.
 
 void *FixPythonMove::extract(const char *name, int &dim)
 {
+  dim = 0;
+  if (strcmp(name, "onemol") == 0) {
+    const int number = bridge.template_id ? atom->find_molecule(bridge.template_id) : -1;
+    return number < 0 ? nullptr : atom->molecules + number;
+  }
   dim = 1;
   if (strcmp(name, "body") == 0) return bridge.body;
   if (strcmp(name, "masstotal") == 0) return bridge.masstotal;

@@ -1,0 +1,277 @@
+"""Atoms that come and go: bodies follow, against LAMMPS's fix rigid/nve/small in the same run."""
+
+import numpy as np
+import pytest
+from endings import assert_ended
+
+# Its centre is its centre of mass, at the origin: fix gcmc puts bodies of fix rigid/small elsewhere
+# than their atoms if not.
+MOLECULE = """bent
+
+3 atoms
+
+Coords
+
+1 -0.3 -0.4 -0.1
+2 0.8 -0.2 -0.1
+3 -0.5 0.6 0.2
+
+Types
+
+1 1
+2 2
+3 2
+"""
+
+SCRIPT = """units lj
+atom_style {style}
+boundary p p p
+region box block 0 {edge} 0 {edge} 0 {edge}
+create_box 2 box
+{masses}
+molecule bent mol.bent
+pair_style lj/cut 2.5
+pair_coeff * * 0.4 0.8
+neigh_modify delay 0 every 1 check yes exclude molecule/intra all
+region inner block 1.5 7 1.5 7 1.5 7
+{first}
+group mols type 1 2
+timestep 0.002
+{fix}
+{changes}
+compute_modify thermo_temp dynamic/dof yes
+thermo 20
+thermo_style custom step atoms temp pe etotal
+thermo_modify format float %.15g lost error
+{run}
+write_dump all custom end id mol type x y z vx vy vz modify sort id format float %.17g
+"""
+MASSES = "mass 1 1.0\nmass 2 1.0"
+MOLECULES = (
+    "create_atoms 0 random {} 4928 inner overlap 1.2 maxtry 1000 mol bent 777\n"
+    "velocity all create 1.0 4711 loop geom"
+)
+THEIRS = "fix 1 mols rigid/nve/small molecule mol bent"
+OURS = 'fix 1 mols python/move "fix_nosquish.NVE mols molecule mol bent order 123"'
+DEPOSIT = (
+    "fix 2 mols deposit 12 0 8 4567 region box near 1.0 vx -1 1 vy -1 1 vz -1 1 mol bent rigid 1"
+    " units box"
+)
+GCMC = "fix 2 mols gcmc 20 6 0 0 29494 1.0 {} 0.5 mol bent rigid 1 group mols tfac_insert 2"
+EVAPORATE = "fix 3 mols evaporate 10 3 box 4928 molecule yes"
+
+
+@pytest.fixture
+def compared(run_lammps, tmp_path):
+    """A function that runs a script with each of several fixes, and gives what each leaves:
+    thermodynamics and atoms (id, mol, type, x, v)."""
+
+    def run(*fixes, ranks=1, **words):
+        defaults = {
+            "style": "molecular", "edge": 8, "masses": MASSES, "first": "", "run": "run 100",
+            "changes": "", "files": {},
+        }  # fmt: skip
+        words = defaults | words
+        files, left = {"mol.bent": MOLECULE} | words.pop("files"), []
+        for fix in fixes:
+            done = run_lammps(SCRIPT.format(fix=fix, **words), files=files, ranks=ranks)
+            lines = (tmp_path / "end").read_text().splitlines()[9:]
+            atoms = np.array([line.split() for line in lines], float).reshape(-1, 9)
+            left.append((done.thermo, atoms))
+        return left
+
+    return run
+
+
+def assert_same(left, names=("Atoms", "Temp", "PotEng", "TotEng"), tolerance=1e-9, edge=8):
+    (thermo, atoms), (of_theirs, theirs) = left
+    assert np.array_equal(atoms[:, :3], theirs[:, :3])
+    apart = atoms[:, 3:] - theirs[:, 3:]
+    apart[:, :3] -= edge * np.rint(apart[:, :3] / edge)
+    assert np.abs(apart).max(initial=0) < tolerance
+    for name in names:
+        np.testing.assert_allclose(thermo[name], of_theirs[name], rtol=tolerance, atol=tolerance)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("first", [0, 12])
+def test_deposit(compared, first, ranks):
+    """Locks out bodies that do not come with their atoms, into an empty box, too, and degrees of
+    freedom that are not those of the bodies there are."""
+    words = {"first": MOLECULES.format(first) if first else "", "ranks": ranks}
+    left = compared(OURS, THEIRS, changes=DEPOSIT, **words)
+    assert left[0][0]["Atoms"][-1] == 3 * (first + 12)
+    assert_same(left)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_gcmc(compared, ranks):
+    """Locks out bodies that stay when fix gcmc takes their atoms, in the step in which others
+    come."""
+    changes = GCMC.format(-2.0)
+    left = compared(OURS, THEIRS, first=MOLECULES.format(12), changes=changes, ranks=ranks)
+    assert len(np.unique(left[0][0]["Atoms"])) > 3
+    assert_same(left)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_evaporate(compared, ranks):
+    """Locks out bodies that stay when their atoms are deleted, to the last one."""
+    first = MOLECULES.format(9)
+    left = compared(OURS, THEIRS, first=first, changes=EVAPORATE, ranks=ranks)
+    assert left[0][0]["Atoms"][-1] == 0
+    assert_same(left)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_points(compared, ranks):
+    """Locks out atoms of keyword points that come and go and are not moved, or moved twice."""
+    first = (
+        MOLECULES.format(12)
+        + "\nregion top block 0 8 0 8 7 8\ngroup gas empty\ngroup bodies type 1 2"
+    )
+    changes = (
+        "fix 2 gas deposit 9 1 10 4567 region top near 0.5 vz -2 -1 vx -1 1 vy -1 1 units box\n"
+        "fix 3 gas evaporate 25 1 box 4928"
+    )
+    theirs = "fix 1 bodies rigid/nve/small molecule\nfix 9 gas nve"
+    ours = 'fix 1 bodies python/move "fix_nosquish.NVE bodies molecule points gas order 123"'
+    left = compared(ours, theirs, first=first, changes=changes, ranks=ranks)
+    assert left[0][0]["Atoms"][-1] == 36 + 9 - 4
+    assert_same(left)
+
+
+NVT = 'fix 1 mols python/move "fix_nosquish.NVT mols molecule mol bent temp 1 1 1e-1 {}"'
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+@pytest.mark.parametrize(
+    "fix",
+    [
+        OURS,
+        NVT.format("seed 4928"),
+        NVT.format("thermostat csvr seed 4928"),
+        NVT.format("thermostat nh"),
+        NVT.format("thermostat nh separate yes"),
+    ],
+)
+def test_two_parts(compared, fix, ranks):
+    """Locks out degrees of freedom of a thermostat, and a rotation, that stay those of the bodies
+    with which the run began: in a second run they are of those that there are."""
+    first, changes = MOLECULES.format(12), DEPOSIT
+    one, two = (
+        compared(fix, first=first, changes=changes, run=run, ranks=ranks)[0]
+        for run in ("run 100", "run 50\nrun 50")
+    )
+    assert two[0]["Atoms"][0] < two[0]["Atoms"][4]
+    assert_same([(one[0][-1:], one[1]), (two[0][-1:], two[1])], ("Atoms", "Temp"))
+
+
+def test_table_and_switches(compared, tmp_path):
+    """Locks out a table of bodies without those that came, and switched off forces that act on
+    them."""
+    words = "force * off off off torque * off off off output 50 v_table"
+    fix = f'variable table string t.csv\n{OURS[:-1]} {words}"'
+    ((thermo, _),) = compared(fix, changes=DEPOSIT, run="run 150", first=MOLECULES.format(4))
+    assert np.ptp(thermo["Temp"][-2:]) < 1e-7 < np.ptp(thermo["PotEng"][-2:])
+    steps = np.loadtxt(tmp_path / "t.csv", delimiter=",", skiprows=1, usecols=0)
+    assert [(steps == step).sum() for step in (0, 50, 100, 150)] == [4, 11, 16, 16]
+
+
+# the same, of spheres
+SPHERES = (
+    MOLECULE.replace("3 2\n", "3 1\n").replace("2 2\n", "2 1\n")
+    + """
+Diameters
+
+1 1
+2 1
+3 1
+
+Masses
+
+1 0.5
+2 0.5
+3 0.5
+"""
+)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_pour(compared, ranks):
+    """Locks out spheres that come into an empty box without torque and spin, and granular forces
+    that do not know the masses of inserted bodies.
+
+    From the first collision on the two part, by 1e-5 in 600 steps.
+    """
+    first = (
+        "comm_modify vel yes\nchange_box all boundary p p f\n"
+        "pair_style gran/hooke 2000.0 NULL 50.0 NULL 0.5 0\npair_coeff * *\n"
+    )
+    changes = (
+        "fix 7 mols gravity 1.0 vector 0 0 -1\n"
+        "region slab block 1 7 1 7 3 6.8 units box\n"
+        "fix 2 mols pour 12 0 4767548 vol 0.8 20 region slab mol bent rigid 1\n"
+        "fix 8 mols wall/gran hooke 2000.0 NULL 50.0 NULL 0.5 0 zplane 0 NULL\n"
+    )
+    left = compared(
+        OURS,
+        THEIRS,
+        style="sphere\natom_modify map array",
+        masses="fix 6 all property/atom mol ghost yes",
+        first=first,
+        changes=changes,
+        files={"mol.bent": SPHERES},
+        ranks=ranks,
+        run="compute s all temp/sphere\ncompute_modify s dynamic/dof yes\nthermo_modify temp s\n"
+        "timestep 0.005\nrun 600",
+    )
+    assert left[0][0]["Atoms"][-1] == 36
+    assert_same(left, ("Atoms", "Temp"), 1e-3)
+
+
+def test_between_runs(compared):
+    """Locks out bodies of the last run that stand in the way of atoms that a script inserts and
+    deletes, whether bodies are made anew or not."""
+    again = (
+        "run 30\ncreate_atoms 0 single 7.5 7.5 7.5 mol bent 99\nset mol 10 vx 0.5 vy 0.2 vz -0.1\n"
+        "group out molecule 2 5\ndelete_atoms group out\nrun 70"
+    )
+    first = MOLECULES.format(9)
+    anew = again.replace("\nrun 70", f"\nunfix 1\n{THEIRS}\nrun 70")
+    theirs = compared(THEIRS, first=first, run=anew)
+    for words in "", " reinit no":
+        ours = compared(f'{OURS[:-1]}{words}"', first=first, run=again)
+        assert_same([*ours, *theirs])
+
+
+MOVES = GCMC.format(-2).replace("6 0 0", "0 6 0").replace("rigid 1", "")
+CASES = {
+    "no such template": ("NVE mols molecule mol other", DEPOSIT, "no molecule template 'other'"),
+    "no template": ("NVE mols molecule", DEPOSIT, "not using the same molecule template"),
+    "constant pressure": (
+        "NPT mols molecule mol bent temp 1 1 1 seed 1 iso 0 0 1 compressibility 1e-1", DEPOSIT,
+        "bodies came or are gone by step 1, which the integrator",
+    ),
+    "Gear": ("Gear mols molecule mol bent", DEPOSIT, "bodies came or are gone by step 1"),
+    "part of a body": (
+        "NVE mols molecule", EVAPORATE.replace("molecule yes", ""), "is gone by step 10: it left",
+    ),
+    "moved": (
+        "NVE mols molecule mol bent", MOVES,
+        "away from where its rigid body has it",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+@pytest.mark.parametrize("name", CASES)
+def test_refused(run_lammps, tmp_path, name, ranks):
+    """Locks out a hang, a message per rank and a silently wrong run where bodies cannot follow."""
+    words, changes, says = CASES[name]
+    script = SCRIPT.format(
+        style="molecular", edge=8, masses=MASSES, first=MOLECULES.format(9), changes=changes,
+        fix=f'fix 1 mols python/move "fix_nosquish.{words}"', run="run 100",
+    )  # fmt: skip
+    run = run_lammps(script, files={"mol.bent": MOLECULE}, ranks=ranks, check=False)
+    assert_ended(run, [says], tmp_path)
