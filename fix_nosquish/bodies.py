@@ -106,7 +106,16 @@ class Bodies:
     """
 
     def __init__(
-        self, state, body, displace, here, planar, spin, oriented, communicator=ALONE, chosen=0
+        self,
+        state,
+        body,
+        displace,
+        here,
+        planar,
+        spin,
+        oriented=False,
+        communicator=ALONE,
+        chosen=0,
     ):
         self.planar, self.spin, self.oriented = planar, spin, oriented
         self.chosen, self.start = chosen, None

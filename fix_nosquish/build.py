@@ -48,9 +48,7 @@ def build(
         RunError: on all ranks, naming the body.
     """
     atoms, ids, body, mass, tag = _members(lammps, communicator, membership, shapes)
-    plane = lammps.dimension == 2
-    sharers = _sharers(communicator, ids)
-    n = len(ids)
+    sharers, n, plane = _sharers(communicator, ids), len(ids), lammps.dimension == 2
 
     def total(*columns):
         """Sums over the bodies' atoms, on all ranks, (len(columns), bodies)."""
@@ -100,13 +98,12 @@ def build(
     xx, yy, zz, xy, xz, yz = total(
         *(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz))
     )
-    particles = own = None
+    inertia = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
+    particles = None
     if oriented or lammps.radius is not None:
-        particles = particles_of(lammps, shapes, atoms)
-        if kept:
-            particles = _turned(particles, kept, former)
-        own = total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n)
-    size = np.sqrt((xx + yy + zz + (0 if own is None else np.trace(own))) / body_mass)
+        particles = _turned(particles_of(lammps, shapes, atoms), kept, former)
+        inertia += total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n)
+    size = np.sqrt(np.trace(inertia) / body_mass)
     blame(
         (natoms > 1)
         & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
@@ -116,8 +113,7 @@ def build(
             "or leave them out of the group"
         ),
     )
-    inertia = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
-    inertia = (inertia if own is None else inertia + own).transpose(2, 0, 1)
+    inertia = inertia.transpose(2, 0, 1)
     if given:
         inertia[given.bodies] = given.inertia
 
@@ -144,25 +140,12 @@ def build(
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
-    turn = matrices(state[Q])[:, :, body]
-    d = np.vstack([np.einsum("abn,na->bn", turn, r), tag])
-    spin = directed = False
-    if particles:
-        directions = particles.quat.any() or particles.dipole.any()
-        directed = communicator.any(directions)
-        spin = communicator.any(directions or particles.moment.any())
-    if oriented:
-        d = np.vstack([d, *_in_bodies(particles, state[Q][:, body], turn)])
-    if spin:
-        compiled.load(communicator, extended.__name__)
     row = ROWS + own_rows if len(slower) else 0
-    result = Bodies(state, body, d, atoms, plane, spin, directed, communicator, row)
-    if spin:  # the bodies have these atoms in another order
+    result = _with_atoms(state, body, tag, r, atoms, particles, oriented, communicator, plane, row)
+    if result.spin:  # the bodies have these atoms in another order
         particles = particles_of(lammps, shapes, result.index)
-    result.take_velocities(
-        lammps, particles.momentum if spin else None, given and given.momenta(result.id)
-    )
-    own = particles.kinetic().sum() if spin else 0.0
+    spins, own = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
+    result.take_velocities(lammps, spins, given and given.momenta(result.id))
     notes = _notes(result, lammps, communicator, membership, rebuilt[sharers.owned].sum(), own)
     return result, notes | {
         "given": given.named if given else (),
@@ -235,12 +218,33 @@ def _notes(bodies, lammps, communicator, membership, rebuilt, own):
 
 def _turned(particles, kept, former):
     """The particles, turned with the bodies that keep their shape."""
-    quat, dipole = particles.quat.copy(), particles.dipole.copy()
-    if len(former.displace) > ORIENT:
-        d = former.displace[:, kept.atoms]
-        quat[:, kept.which] = product(_quaternion(kept.turn), d[ORIENT:OWN_MOMENT])
-        dipole[:, kept.which] = np.einsum("mab,bm->am", kept.turn, d[DIPOLE:])
+    if not kept or len(former.displace) == ORIENT:
+        return particles
+    quat, dipole, d = particles.quat.copy(), particles.dipole.copy(), former.displace[:, kept.atoms]
+    quat[:, kept.which] = product(_quaternion(kept.turn), d[ORIENT:OWN_MOMENT])
+    dipole[:, kept.which] = np.einsum("mab,bm->am", kept.turn, d[DIPOLE:])
     return particles._replace(quat=quat, dipole=dipole)
+
+
+def _with_atoms(state, body, tag, r, atoms, particles, oriented, communicator, plane, chosen):
+    """The `Bodies` of this state and these atoms; collective.
+
+    Args:
+        r: (m, 3) places from the bodies' centres, space frame.
+        particles: the `Particles` that the atoms are, None if all are points.
+        oriented: whether their atom style has orientations.
+    """
+    turn = matrices(state[Q])[:, :, body]
+    d = np.vstack([np.einsum("abn,na->bn", turn, r), tag])
+    spin = directed = False
+    if particles:
+        directed = communicator.any(particles.quat.any() or particles.dipole.any())
+        spin = directed or communicator.any(particles.moment.any())
+    if oriented:
+        d = np.vstack([d, *_in_bodies(particles, state[Q][:, body], turn)])
+    if spin:
+        compiled.load(communicator, extended.__name__)
+    return Bodies(state, body, d, atoms, plane, spin, directed, communicator, chosen)
 
 
 def _in_bodies(particles, q, turn):
@@ -252,7 +256,11 @@ def _in_bodies(particles, q, turn):
     back = np.array(product(q * np.array([[1.0], [-1.0], [-1.0], [-1.0]]), particles.quat))
     size = np.sqrt((back * back).sum(axis=0))
     orient = np.divide(back, size, out=np.zeros_like(back), where=size > 0)
-    return orient, particles.moment * particles.keeps, np.einsum("abm,am->bm", turn, particles.dipole)
+    return (
+        orient,
+        particles.moment * particles.keeps,
+        np.einsum("abm,am->bm", turn, particles.dipole),
+    )
 
 
 def _members(lammps, communicator, membership, shapes):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .block import ATOM, LANES, MOMENT, Layout, P, Q, at, four, take, three, write
+from .block import ATOM, LANES, MOMENT, Layout, P, Q, four, take, three, write
 from .compiled import F1, F2, I1, L1, address, call, loop
 from .frames import angular_velocity, product, rotation_matrix, to_body, to_space
 from .step import show_atoms_moments
@@ -91,7 +91,10 @@ def particles_of(lammps, shapes, atoms):
     if shapes is not None:
         sizes, quat = shapes[atoms, :3].T, shapes[atoms, 3:].T
         for name, of_shape in (
-            ("ellipsoid", lambda a: ELLIPSOID * np.roll(a**2, 1, 0) + ELLIPSOID * np.roll(a**2, 2, 0)),
+            (
+                "ellipsoid",
+                lambda a: ELLIPSOID * np.roll(a**2, 1, 0) + ELLIPSOID * np.roll(a**2, 2, 0),
+            ),
             ("line", lambda a: LINE * a[0] ** 2 * np.array([[0.0], [1.0], [1.0]])),
             ("tri", None),
         ):
@@ -111,7 +114,7 @@ def particles_of(lammps, shapes, atoms):
 @loop
 def add_torques(body: L1, index: I1, atom_torque: F2, wrench: F2):
     """Add the torques that act on the atoms themselves to those on their bodies."""
-    for j in range(index.size):
+    for j in range(index.size if atom_torque.size else 0):
         for k in range(3):
             wrench[3 + k, body[j]] += atom_torque[index[j], k]
 
