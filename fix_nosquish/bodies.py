@@ -10,17 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from . import block, migration, spheres
+from . import block, migration
 from .communicator import ALONE
 from .compiled import F2, Cell, I
 from .frames import angular_momentum, quaternion_momentum, rotation_matrix
 from .membership import POINTS
 from .memory import Memory
-from .migration import ARRANGE, FEWER, LOCATE, NOTE, OF_ATOM, OF_BODY, SETTLE
+from .migration import ARRANGE, FEWER, LOCATE, NOTE, OF_BODY, SETTLE
 from .sharing import Sharers, places
 from .step import gather
 
-SPHERE = 0.4  # moment of inertia of a solid sphere of unit mass and radius
 OFF_BODY = 1e-9  # positions further off the body than this part of the box were changed by others
 NO_ID = 2.0**62  # of a body that is no more
 _SOON = 100  # steps after which what happens is no longer due to the start
@@ -49,7 +48,7 @@ class Former(NamedTuple):
     Attributes:
         known: (natoms,) bool, which atoms were in a body.
         id, natoms: (natoms,) the body's ID and number of atoms.  q: (4, natoms) its quaternion.
-        displace: (3, natoms) the atom's place in the body's principal frame.
+        displace: (rows, natoms) the atom's column of `Bodies.displace`.
         followed: whether LAMMPS took all that along with the atoms; else their IDs found them.
     """
 
@@ -93,18 +92,32 @@ class Bodies:
             `thermo.forces_at_start` says.
         planar: whether they turn in the xy plane only, about their axis 3.
         chosen: `block.Layout.kinds`[3].
-        spheres: whether some atom of a body, on any rank, is a sphere, with a torque of its own.
+        spin: whether some atom of a body, on any rank, has a torque and a spin of its own.
+        oriented: whether some atom of them has an orientation; see `extended`.
         cells: dictionary from the names that the loops' arguments have to `compiled.Cell`.
 
     Args:
-        state (rows, n), body (m,), displace (4, m): the bodies and their atoms, in any order.
+        state (rows, n), body (m,), displace (4 or more, m): the bodies and their atoms, in any
+            order.
         here: (m,) indices of these atoms in LAMMPS's arrays, ascending.
-        planar, spheres, chosen: see above.
+        planar, spin, oriented, chosen: see above.
         communicator: the `Communicator` or `ALONE`.
     """
 
-    def __init__(self, state, body, displace, here, planar, spheres, communicator=ALONE, chosen=0):
-        self.planar, self.spheres, self.chosen, self.start = planar, spheres, chosen, None
+    def __init__(
+        self,
+        state,
+        body,
+        displace,
+        here,
+        planar,
+        spin,
+        oriented=False,
+        communicator=ALONE,
+        chosen=0,
+    ):
+        self.planar, self.spin, self.oriented = planar, spin, oriented
+        self.chosen, self.start = chosen, None
         self._communicator, self._box = communicator, None
         self._memory = Memory(migration.KINDS)
         for name, values in (
@@ -128,7 +141,7 @@ class Bodies:
             ("found", self._found),
             ("aways", np.zeros(1, np.int64)),
             ("off", np.zeros(2)),
-            ("arrived", np.empty((0, OF_BODY + len(state)))),
+            ("arrived", np.empty((0, OF_BODY + len(state) + len(displace)))),
         ):
             self.cells[name] = Cell(kinds[name], value)
         self.cells |= {"rank": Cell(I, communicator.rank), "mask": Cell(F2, np.ones((6, 1)))}
@@ -212,9 +225,10 @@ class Bodies:
         if new is not None:
             # they come as others come from other ranks: with their atoms
             arrived = lammps.cells["arrived"]
-            rows = np.zeros((len(new.index), OF_BODY + len(new.state)))
-            rows[:, OF_ATOM:OF_BODY] = new.displace.T
-            rows[:, OF_BODY:] = new.state[:, new.body].T
+            behind = OF_BODY + len(new.state)
+            rows = np.zeros((len(new.index), behind + len(new.displace)))
+            rows[:, OF_BODY:behind] = new.state[:, new.body].T
+            rows[:, behind:] = new.displace.T
             lammps.cells["origins"].array[new.index] = (
                 -2 - len(arrived.array) - np.arange(len(rows))
             )
@@ -250,11 +264,12 @@ class Bodies:
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
         place, row = places(origins[here]), -2 - origins[came]
-        rows = np.r_[ID, NATOMS, Q]
-        of_bodies, displace = np.zeros((len(rows), len(origins))), np.zeros((3, len(origins)))
+        rows, behind = np.r_[ID, NATOMS, Q], OF_BODY + len(self.state)
+        of_bodies = np.zeros((len(rows), len(origins)))
+        displace = np.zeros((len(self.displace), len(origins)))
         of_bodies[:, here] = self.state[rows][:, self.body[place]]
         of_bodies[:, came] = arrived[row[:, None], OF_BODY + rows].T
-        displace[:, here], displace[:, came] = self.displace[:3, place], arrived[row, 1:4].T
+        displace[:, here], displace[:, came] = self.displace[:, place], arrived[row, behind:].T
         ids, natoms, q = of_bodies[0].astype(np.int64), of_bodies[1], of_bodies[2:]
         return Former(here | came, ids, natoms, q, displace, followed)
 
@@ -279,21 +294,20 @@ class Bodies:
 
     # ------------------------------------------------------------- motion
 
-    def take_velocities(self, lammps, given=None):
+    def take_velocities(self, lammps, spins=None, given=None):
         """Set v and p to the rigid motion with the momenta of the atoms' velocities; collective.
 
         Args:
+            spins: (3, m) the angular momenta of the atoms themselves; None for none.
             given: (bodies, momenta): places of bodies whose momenta (6, m), linear and angular, are
                 known otherwise.
         """
         mass, wrench = lammps.masses, self.wrench.copy()
         momenta = mass[:, None] * lammps.per_atom("v", columns=3)
         gather.bind_to(self.cells, atom_f=momenta, every=True)()
-        if self.spheres:
-            spin = SPHERE * mass * lammps.per_atom("radius") ** 2
-            spins = spin[:, None] * lammps.per_atom("omega", columns=3)
-            spheres.add_torques.bind_to(self.cells, atom_torque=spins)()
         momentum = self.wrench.copy()
+        if spins is not None:
+            momentum[3:] += [np.bincount(self.body, row, minlength=len(self)) for row in spins]
         self.wrench[:] = wrench
         self.sharers.combine(momentum)
         if given is not None:

@@ -2,9 +2,11 @@
 
 import numpy as np
 
-from . import compiled, infile, spheres
-from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, SPHERE, Bodies, Q, X, matrices
+from . import compiled, extended, infile
+from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, Bodies, Q, X, matrices
 from .errors import RunError
+from .extended import DIPOLE, ORIENT, OWN_MOMENT, particles_of
+from .frames import product
 from .membership import POINTS
 from .shapes import keep
 from .sharing import Sharers
@@ -20,7 +22,10 @@ _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
-def build(lammps, communicator, membership, path=None, own_rows=0, former=None, atoms=None):
+def build(
+    lammps, communicator, membership, path=None, own_rows=0, former=None, atoms=None,
+    shapes=None, oriented=False,
+):  # fmt: skip
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Args:
@@ -31,6 +36,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None, 
         former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
         atoms: indices of this rank's atoms to make bodies of, ascending; None for all that the
             membership names.
+        shapes: see `hosts.Host.shapes`.
+        oriented: whether atoms of this atom style can have an orientation, on any rank.
     Returns:
         (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
         angular momentum of the atoms' velocities, and notes for the log: the number of
@@ -42,10 +49,8 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None, 
     Raises:
         RunError: on all ranks, naming the body.
     """
-    atoms, ids, body, mass, tag, radius = _members(lammps, communicator, membership, atoms)
-    plane = lammps.dimension == 2
-    sharers = _sharers(communicator, ids)
-    n = len(ids)
+    atoms, ids, body, mass, tag = _members(lammps, communicator, membership, shapes, atoms)
+    sharers, n, plane = _sharers(communicator, ids), len(ids), lammps.dimension == 2
 
     def total(*columns):
         """Sums over the bodies' atoms, on all ranks, (len(columns), bodies)."""
@@ -95,8 +100,12 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None, 
     xx, yy, zz, xy, xz, yz = total(
         *(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz))
     )
-    own = SPHERE * total(mass * radius**2)[0] if radius is not None else 0.0
-    size = np.sqrt((xx + yy + zz + own) / body_mass)
+    inertia = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
+    particles = None
+    if oriented or lammps.radius is not None:
+        particles = _turned(particles_of(lammps, shapes, atoms), kept, former)
+        inertia += total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n)
+    size = np.sqrt(np.trace(inertia) / body_mass)
     blame(
         (natoms > 1)
         & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
@@ -106,14 +115,15 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None, 
             "or leave them out of the group"
         ),
     )
-    inertia = np.array(
-        [[yy + zz + own, -xy, -xz], [-xy, xx + zz + own, -yz], [-xz, -yz, xx + yy + own]]
-    ).transpose(2, 0, 1)
+    inertia = inertia.transpose(2, 0, 1)
     if given:
         inertia[given.bodies] = given.inertia
 
     def weighted():
-        return total(*(w * c for w in weights(tag) for c in r.T)).reshape(2, 3, n)
+        places = np.array([r.T, r.T])
+        if oriented:  # a particle has directions of its own
+            places += particles.directions()
+        return total(*(w * c for w, p in zip(weights(tag), places) for c in p)).reshape(2, 3, n)
 
     if plane:
         moment, axes = _principal_in_plane(inertia)
@@ -132,16 +142,16 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None, 
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
-    d = np.vstack([np.einsum("abn,na->bn", matrices(state[Q])[:, :, body], r), tag])
-    # with keyword mol spheres may come
-    has_spheres = radius is not None and (membership.command.mol or radius.any())
-    has_spheres = communicator.any(has_spheres)
-    if has_spheres:
-        compiled.load(communicator, spheres.__name__)
     row = ROWS + own_rows if len(slower) else 0
-    result = Bodies(state, body, d, atoms, plane, has_spheres, communicator, row)
-    result.take_velocities(lammps, given and given.momenta(result.id))
-    notes = _notes(result, lammps, communicator, membership, rebuilt[sharers.owned].sum())
+    come = bool(membership.command.mol)  # atoms of all kinds may
+    result = _with_atoms(
+        state, body, tag, r, atoms, particles, oriented, come, communicator, plane, row
+    )
+    if result.spin:  # the bodies have these atoms in another order
+        particles = particles_of(lammps, shapes, result.index)
+    spins, own = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
+    result.take_velocities(lammps, spins, given and given.momenta(result.id))
+    notes = _notes(result, lammps, communicator, membership, rebuilt[sharers.owned].sum(), own)
     return result, notes | {
         "given": given.named if given else (),
         "warnings": [doubt] if doubt else [],
@@ -191,16 +201,14 @@ def _sharers(communicator, ids):
     return Sharers(communicator).find(len(ids), np.arange(len(ids)), ids, ids % communicator.size)
 
 
-def _notes(bodies, lammps, communicator, membership, rebuilt):
-    """What `build` has to say for the log; collective."""
+def _notes(bodies, lammps, communicator, membership, rebuilt, own):
+    """What `build` has to say for the log; collective.
+
+    Args:
+        own: kinetic energy of the rotation of this rank's atoms themselves.
+    """
     v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
-    before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum()
-    if bodies.spheres:
-        radius, omega = (
-            lammps.per_atom("radius")[bodies.index],
-            lammps.per_atom("omega", columns=3)[bodies.index],
-        )
-        before += 0.5 * SPHERE * (mass[bodies.index] * radius**2 * (omega**2).T).sum()
+    before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum() + own
     zero = owned & (bodies.id == 0) & (membership.command.style == "molecule")
     before, after, rebuilt, stray = communicator.total(
         np.array([before, bodies.kinetic()[:, owned].sum(), rebuilt, bodies.natoms[zero].sum()])
@@ -213,11 +221,60 @@ def _notes(bodies, lammps, communicator, membership, rebuilt):
     }
 
 
-def _members(lammps, communicator, membership, atoms):
+def _turned(particles, kept, former):
+    """The particles, turned with the bodies that keep their shape."""
+    if not kept or len(former.displace) == ORIENT:
+        return particles
+    quat, dipole, d = particles.quat.copy(), particles.dipole.copy(), former.displace[:, kept.atoms]
+    quat[:, kept.which] = product(_quaternion(kept.turn), d[ORIENT:OWN_MOMENT])
+    dipole[:, kept.which] = np.einsum("mab,bm->am", kept.turn, d[DIPOLE:])
+    return particles._replace(quat=quat, dipole=dipole)
+
+
+def _with_atoms(state, body, tag, r, atoms, particles, oriented, come, communicator, plane, chosen):
+    """The `Bodies` of this state and these atoms; collective.
+
+    Args:
+        r: (m, 3) places from the bodies' centres, space frame.
+        particles: the `Particles` that the atoms are, None if all are points.
+        oriented: whether their atom style has orientations.
+        come: whether to be ready for others, of any kind that the atom style has.
+    """
+    turn = matrices(state[Q])[:, :, body]
+    d = np.vstack([np.einsum("abn,na->bn", turn, r), tag])
+    spin = directed = False
+    if particles:
+        directed = come and oriented
+        directed = communicator.any(directed or particles.quat.any() or particles.dipole.any())
+        spin = directed or communicator.any(come or particles.moment.any())
+    if oriented:
+        d = np.vstack([d, *_in_bodies(particles, state[Q][:, body], turn)])
+    if spin:
+        compiled.load(communicator, extended.__name__)
+    return Bodies(state, body, d, atoms, plane, spin, directed, communicator, chosen)
+
+
+def _in_bodies(particles, q, turn):
+    """The rows of `extended` in the bodies' displace.
+
+    Args:
+        q (4, m), turn (3, 3, m): the quaternion of each particle's body, and its matrix.
+    """
+    back = np.array(product(q * np.array([[1.0], [-1.0], [-1.0], [-1.0]]), particles.quat))
+    size = np.sqrt((back * back).sum(axis=0))
+    orient = np.divide(back, size, out=np.zeros_like(back), where=size > 0)
+    return (
+        orient,
+        particles.moment * particles.keeps,
+        np.einsum("abm,am->bm", turn, particles.dipole),
+    )
+
+
+def _members(lammps, communicator, membership, shapes, atoms):
     """This rank's atoms of bodies, or these of them; collective.
 
     Returns:
-        their index, the bodies' IDs, the place of each atom's body there, mass, tag, radius.
+        their index, the bodies' IDs, the place of each atom's body there, mass, tag.
     """
     problem = None
     atoms = membership.atoms() if atoms is None else atoms
@@ -236,7 +293,7 @@ def _members(lammps, communicator, membership, atoms):
             "fill the group before the run, or give keyword mol if a fix inserts the bodies",
             everywhere=True,
         )
-    radius, more = lammps.finite()
+    more = lammps.unknown(shapes)
     more = more[atoms] if more is not None else np.zeros(len(atoms), "U1")
     odd = more != ""
     communicator.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
@@ -254,7 +311,7 @@ def _members(lammps, communicator, membership, atoms):
         if far.any()
         else None
     )
-    return atoms, ids, body, mass, tag, None if radius is None else radius[atoms]
+    return atoms, ids, body, mass, tag
 
 
 def _principal(inertia):

@@ -64,3 +64,14 @@ def angular_velocity(q, p, i1, i2, i3):
         l2 / i2 if i2 > 0.0 else 0.0,
         l3 / i3 if i3 > 0.0 else 0.0,
     )
+
+
+@inlined
+def product(p, q):
+    """The product of two quaternions: the rotation q, then p."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] + p[2] * q[0] + p[3] * q[1] - p[1] * q[3],
+        p[0] * q[3] + p[3] * q[0] + p[1] * q[2] - p[2] * q[1],
+    )

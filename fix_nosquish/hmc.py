@@ -210,6 +210,7 @@ class HMC(NVE):
         self._plan(self.lammps.step)
         if not accepted:
             self.do("back")
+            self.do("turn")
             self.host.renews = True
         return accepted
 

@@ -32,6 +32,9 @@ class Host(Protocol):
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
         forces_virial, set_box, flip_box: as `cell.Barostat` has them; None where LAMMPS does not
             give them.
+        turn_atom: (2,) int64, the address of a function that gives an atom an orientation, and its
+            first argument; those behind are the atom's index and the address of a quaternion.  None
+            where LAMMPS has none.
         creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
     """
 
@@ -56,6 +59,7 @@ class Host(Protocol):
     forces_virial: np.ndarray | None
     set_box: np.ndarray | None
     flip_box: np.ndarray | None
+    turn_atom: np.ndarray | None
     creates_velocities: bool
 
     def log(self, text):
@@ -63,6 +67,14 @@ class Host(Protocol):
 
     def fixes(self):
         """All other fixes, in the order in which LAMMPS calls them; None if they are not known."""
+
+    def shapes(self, natoms):
+        """Shape and orientation of each of LAMMPS's atoms on this rank.
+
+        Returns:
+            (natoms, 7) three numbers and a quaternion: half axes of an ellipsoid; length of a line,
+            0, 0; principal moments of a triangle; 0 for others. None where they cannot be known.
+        """
 
     def removed_freedom(self, fix_id, group):
         """Degrees of freedom that another fix takes from a group of atoms; collective."""

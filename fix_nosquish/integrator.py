@@ -20,12 +20,25 @@ from math import gcd
 
 import numpy as np
 
-from . import compiled, lookup, migration, passes, reports, sharing, step, thermo, turnover, virial
+from . import (
+    compiled,
+    extended,
+    lookup,
+    migration,
+    passes,
+    reports,
+    sharing,
+    step,
+    thermo,
+    turnover,
+    virial,
+)
 from .block import ROWS
 from .build import build, count
 from .command import Command
 from .communicator import ALONE, Communicator
 from .errors import RunError
+from .extended import particles_of
 from .hosts import driven_by_plugin, hook
 from .kinds import compare
 from .lammps import Lammps, pointer
@@ -155,7 +168,8 @@ class Integrator:
     @property
     def carries(self):
         """How many numbers go with an atom to another rank."""
-        return migration.OF_BODY + ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
+        of_body = ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
+        return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
 
     def __init__(self, ptr, words):
         self.lammps = Lammps(ptr)
@@ -187,6 +201,7 @@ class Integrator:
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
         self.restart_file = self.infile is not None
         self.reports = reports.Reports(self)
+        self.oriented = self.communicator.any(self.lammps.orients)
         self._all.add(self)
         self.template = self.command.mol
         if self.template and not self.lammps.has("molecule", self.template):
@@ -203,7 +218,7 @@ class Integrator:
             self.array_rows = None  # they will be others
             if not self.template:
                 self.array_rows = count(self.lammps, self.communicator, self.membership)
-            self.rigid_flag = self.lammps.finite()[0] is not None
+            self.rigid_flag = self.lammps.radius is not None
 
     def _refuse_other_rotor(self, rotor):
         """Raise an error if the words ask for a rotation that this class does not have."""
@@ -292,6 +307,7 @@ class Integrator:
             self._build()
         self._bind()
         if anew:
+            self.passes.do("turn")
             self.set_velocities()
         self._refuse_second_integrator()
         self.reset_dt()
@@ -326,7 +342,7 @@ class Integrator:
         self._lost = former is not None
         self.bodies, self.notes = build(
             self.lammps, self.communicator, self.membership, self.infile, self.rows + self.kept,
-            former,
+            former, self.shapes(), self.oriented,
         )  # fmt: skip
         self._lost = self._started = False
         bodies, self.exact = self.bodies, self._choose_rotor()
@@ -363,6 +379,10 @@ class Integrator:
             self.half_step_velocities, self.own_cells(),
         )  # fmt: skip
         self._set_time_step()
+
+    def shapes(self):
+        """Shapes and orientations of LAMMPS's atoms; see `hosts.Host.shapes`."""
+        return self.host.shapes(len(self.lammps.groups)) if self.oriented else None
 
     def former(self):
         """What the atoms were in the bodies of the last run, None if that says nothing; collective.
@@ -504,11 +524,12 @@ class Integrator:
 
     def _turn_over(self):
         """Atoms of bodies came or are gone, and their bodies with them; collective."""
-        own_rows = self.rows + self.kept
+        how = {"own_rows": self.rows + self.kept}
+        how |= {"shapes": self.shapes(), "oriented": self.oriented}
         lines = turnover.turn_over(
-            self.bodies, self.lammps, self.communicator, self.membership, own_rows
+            self.bodies, self.lammps, self.communicator, self.membership, how
         )
-        if self.start or self.every or self.tests:
+        if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
                 f"{type(self).__name__} does not do in a run: use fix_nosquish.NVE or NVT, or "
@@ -699,7 +720,10 @@ class Integrator:
             return
         bodies = self.bodies
         kept = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
-        bodies.take_velocities(self.lammps, (kept, bodies.momenta()[:, kept]))
+        spins = None
+        if bodies.spin:
+            spins = particles_of(self.lammps, self.shapes(), bodies.index).momentum
+        bodies.take_velocities(self.lammps, spins, (kept, bodies.momenta()[:, kept]))
         self.set_velocities()
         self.reports.forget()
         self.reports.say_taken_over(step, due)

@@ -17,7 +17,8 @@ from .errors import RunError
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
 _MISSING = "this fix does not advance"
 _TURNS = (
-    "whose torque and inertia this fix does not know: use points or spheres (atom_style sphere)"
+    "whose orientation this LAMMPS does not give: install this package where its plugin serves, "
+    "and use the atom style without a suffix"
 )
 _EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
 _STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
@@ -37,6 +38,8 @@ ARRAYS = {
     "type": I1,
     "virial": F1,
     "atom_virial": F2,
+    "atom_angmom": F2,
+    "atom_mu": F2,
 }
 
 
@@ -276,31 +279,39 @@ class Lammps:
         half = 1 << (self._image_bits - 1)
         return (difference + half) % (2 * half) - half
 
-    def finite(self):
-        """What the atoms are that are more than points.
+    @property
+    def radius(self):
+        """The spheres' radii, (natoms,), 0 for a point; None where the atom style has none."""
+        # asked of the settings, because a rank without atoms must give the same answer
+        flags = "radius_flag", "omega_flag", "torque_flag"
+        return self.per_atom("radius") if all(self.setting(flag) > 0 for flag in flags) else None
 
+    @property
+    def orients(self):
+        """Whether atoms of this atom style can have an orientation."""
+        names = b"ellipsoid", b"line", b"tri", b"mu"
+        return any(self.lib.lammps_extract_atom(self.handle, name) for name in names)
+
+    def unknown(self, shapes):
+        """What atoms are that this fix does not move.
+
+        Args:
+            shapes: see `hosts.Host.shapes`.
         Returns:
-            (radius, problem): (natoms,) the spheres' radii, 0 for a point, None where the atom
-            style has no spheres; (natoms,) what an atom is, and what of it this fix does not move,
-            '' for a point or a sphere, None if none is more.
+            (natoms,) what an atom is, and what of it this fix does not move, '' for none; None if
+            there is none in this atom style.
         """
         kinds = {}
-        for name, what in (
-            ("ellipsoid", "an ellipsoid"),
-            ("line", "a line"),
-            ("tri", "a triangle"),
-            ("body", "a body particle"),
-        ):
+        for name, what in ("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"):
             index = self.per_atom(name, np.int32)
-            if index is not None:
+            if index is not None and shapes is None:
                 kinds[f"{what}, {_TURNS}"] = index >= 0
-        for name, what in (
-            ("mu", f"a dipole, {_TURNS}"),
-            ("sp", f"a magnetic spin, whose precession {_MISSING}"),
-        ):
-            vector = self.per_atom(name, columns=4)
-            if vector is not None:
-                kinds[what] = vector[:, 3] > 0
+        body = self.per_atom("body", np.int32)
+        if body is not None:
+            kinds[f"a body particle, whose shape {_MISSING}"] = body >= 0
+        spins = self.per_atom("sp", columns=4)
+        if spins is not None:
+            kinds[f"a magnetic spin, whose precession {_MISSING}"] = spins[:, 3] > 0
         spin, phase = (self.per_atom(name, np.int32) for name in ("spin", "rheo_status"))
         if self.per_atom("quat", columns=4) is not None:
             kinds[f"a particle of atom style bpm/sphere, whose orientation {_MISSING}"] = True
@@ -321,13 +332,8 @@ class Lammps:
                 kinds[f"a DPD particle of atom style edpd, whose temperature {_MISSING}"] = True
             elif self.per_atom("rho") is None:  # style mdpd has it, whose forces are of v
                 kinds[f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"] = True
-        # asked of the settings, because a rank without atoms must give the same answer
-        spheres = all(
-            self.setting(name) > 0 for name in ("radius_flag", "omega_flag", "torque_flag")
-        )
-        radius = self.per_atom("radius") if spheres else None
         every = [np.broadcast_to(which, self._natoms.value) for which in kinds.values()]
-        return radius, (np.select(every, list(kinds), "") if kinds else None)
+        return np.select(every, list(kinds), "") if kinds else None
 
     def has(self, category, name):
         """Whether a group, variable, fix … of this ID is defined."""

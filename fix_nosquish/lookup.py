@@ -4,7 +4,7 @@ import numpy as np
 
 from .compiled import F2, L1, L2, I, loop
 from .memory import Memory
-from .migration import OF_ATOM, OF_BODY, enter, hashed
+from .migration import OF_BODY, enter, hashed
 from .mpi import ROWS, Mpi, deliver
 from .sharing import places
 
@@ -21,10 +21,10 @@ def describe(places: L1, body: L1, displace: F2, state: F2, rows: F2):
     to rows (places, OF_BODY + ...)."""
     for j in range(places.size):
         p = places[j]
-        for c in range(OF_BODY - OF_ATOM):
-            rows[j, OF_ATOM + c] = displace[c, p]
         for row in range(state.shape[0]):
             rows[j, OF_BODY + row] = state[row, body[p]]
+        for c in range(displace.shape[0]):
+            rows[j, OF_BODY + state.shape[0] + c] = displace[c, p]
 
 
 @loop

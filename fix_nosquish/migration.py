@@ -47,8 +47,8 @@ from .sharing import HOME as HOME_ROW
 from .step import apply_matrices, rotation_matrices
 
 IN_NO_BODY = -1  # an atom's origin
-# what goes with an atom to another rank: its origin, its column of displace, its body's of state
-OF_ATOM, OF_BODY = 1, 5
+# what goes with an atom to another rank: its origin, its body's column of state, its of displace
+OF_BODY = 1
 
 # rows of the bodies' memory: what loops take (see `block.Layout`), the body of each atom, how many
 # atoms of each body are here, where force and torque are, `block.Images`;
@@ -345,18 +345,19 @@ def carry_over(arrived, bodies, strangers, n):
     m, rows = bodies[ATOMS, 1], bodies[OLD_STATE, 1]
     old_state, old_displace = matrix(bodies, OLD_STATE), matrix(bodies, OLD_DISPLACE)
     state = floats(room(bodies, STATE, 8 * rows * m), rows, m)
-    displace = floats(room(bodies, DISPLACE, 32 * n), 4, n)
+    width = bodies[OLD_DISPLACE, 1]
+    displace = floats(room(bodies, DISPLACE, 8 * width * n), width, n)
     order, first = longs(bodies[ORDER, 0], m), longs(bodies[FIRST, 0], strangers)
     source, place = longs(bodies[SOURCE, 0], n), longs(bodies[PLACE, 0], n)
     for row in range(rows):
         for b in range(m):
             state[row, b] = of_body(row, order[b], old_state, arrived, first)
-    for c in range(4):
+    for c in range(width):
         for j in range(n):
             p = place[source[j]]
-            displace[c, j] = old_displace[c, p] if p >= 0 else arrived[-1 - p, OF_ATOM + c]
+            displace[c, j] = old_displace[c, p] if p >= 0 else arrived[-1 - p, OF_BODY + rows + c]
     bodies[STATE, 1], bodies[STATE, 2] = rows, m
-    bodies[DISPLACE, 1], bodies[DISPLACE, 2] = 4, n
+    bodies[DISPLACE, 1], bodies[DISPLACE, 2] = width, n
     bodies[WRENCH, 0], bodies[WRENCH, 1], bodies[WRENCH, 2] = bodies[STATE, 0] + 8 * FORCE * m, 6, m
 
 

@@ -22,7 +22,7 @@ class OwnFix:
         lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
     """
 
-    fix_id = group = next_output = span = forces_virial = set_box = flip_box = None
+    fix_id = group = next_output = span = forces_virial = set_box = flip_box = turn_atom = None
     begins = energy_step = None
     calls_setup = follows = creates_velocities = velocities_set = False
     ghost_velocity = True  # not known: velocities at the half step may be read
@@ -46,6 +46,9 @@ class OwnFix:
             print(text, end="", flush=True)
 
     def fixes(self):
+        return None
+
+    def shapes(self, natoms):
         return None
 
     def removed_freedom(self, fix_id, group):
@@ -78,10 +81,14 @@ class OwnFix:
             ("f", "f"),
             ("torque", "torque"),
             ("omega", "omega"),
+            ("angmom", "angmom"),
         ):
             values = lammps.per_atom(of, columns=3)
             if values is not None:
                 cells[f"atom_{name}"].set(values)
+        mu = lammps.per_atom("mu", columns=4)
+        if mu is not None:
+            cells["atom_mu"].set(mu)
         mass = lammps.per_atom("rmass")
         cells["atom_mass"].set(empty if mass is None else mass)
         cells["type_mass"].set(empty if mass is not None else lammps.type_masses)
@@ -104,7 +111,7 @@ class OwnFix:
 
     def _rows(self, places):
         bodies = self._bodies
-        rows = np.empty((len(places), OF_BODY + len(bodies.state)))
+        rows = np.empty((len(places), OF_BODY + len(bodies.state) + len(bodies.displace)))
         describe(places, bodies.body, bodies.displace, bodies.state, rows)
         return rows
 

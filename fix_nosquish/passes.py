@@ -11,13 +11,16 @@
     pressure     what the forces say of the pressure, every so many steps
     cell         the box changes, in the next step
     flip         where tilts change, the box takes vectors of its lattice that are less tilted
+    turn         the orientations of atoms that have one
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
 The plugin does them by itself; with a LAMMPS's own fix python/move, Python does them, by `do`.
 """
 
-from . import spheres, step, virial
+import numpy as np
+
+from . import extended, step, virial
 from .block import ALL, BLOCK_ROWS, DIVIDED, LANES, WHOLE
 from .bodies import aligned
 from .compiled import F1, F2, F64, Cell, F, I, loop
@@ -87,15 +90,19 @@ class Passes:
         shared = [give.bind_to(cells, values=cells["wrench"])] if several else []
         added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
         gather = [step.gather.bind_to(cells, every=True)]
-        if bodies.spheres:
-            gather.append(spheres.add_torques.bind_to(cells))
+        if bodies.spin:
+            gather.append(extended.add_torques.bind_to(cells))
         gather += [*shared, *added]
         if mask is not None:
             gather.append(switch_off.bind_to(cells))
         velocities = [step.set_velocities.bind_to(cells)]
-        if bodies.spheres:
-            velocities.append(spheres.set_spins.bind_to(cells))
-        if mask is not None or bodies.spheres:
+        turn = []
+        if bodies.oriented:
+            to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
+            turn = [extended.turn.bind_to(cells, **to)]
+        if bodies.spin:
+            velocities.append(extended.set_spins.bind_to(cells))
+        if mask is not None or bodies.spin:
             whole = [*gather, *before, advance(True)]
         elif several:  # messages are under way while the bodies that need none move
             how = KEEPS if half_step_velocities else GATHERS
@@ -107,11 +114,12 @@ class Passes:
         after = velocities if half_step_velocities else []
         self.lists = {
             "gather": gather,
-            "begin": [*before, advance(False), *rest, *after],
-            "close": [*gather, kick(ends=True)],
-            "whole": [*whole, *rest, *after],
+            "begin": [*before, advance(False), *rest, *turn, *after],
+            "close": [*gather, kick(ends=True), *turn],
+            "whole": [*whole, *rest, *turn, *after],
             "kick": [*gather, kick(ends=False)],
             "velocities": velocities,
+            "turn": turn,
             "virial": [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)],
             "follow": [bodies.following],
         }

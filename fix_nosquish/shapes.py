@@ -15,12 +15,16 @@ class Kept(NamedTuple):
     """What keeping the shapes of bodies changes.
 
     Attributes:
-        atoms: (m,) indices of the atoms here that have to move.  shift: (m, 3) how far.
+        which: (atoms of bodies,) bool, which of the atoms here have to move.
+        atoms: (m,) their indices.  shift: (m, 3) how far.
+        turn: (m, 3, 3) the new rotation of the frame in which `former` has them.
         text: a line for the log.
     """
 
+    which: np.ndarray
     atoms: np.ndarray
     shift: np.ndarray
+    turn: np.ndarray
     text: str
 
 
@@ -63,7 +67,7 @@ def keep(lammps, communicator, membership, sharers, former, ids, body, atoms, ma
         same &= low[0] == ids
     new = communicator.any(not same.all())
     weight = mass * same[body]
-    d = former.displace[:, atoms]
+    d = former.displace[:3, atoms]
     sums = total([weight, *(weight * d)])
     d = d - np.divide(sums[1:], sums[0], out=np.zeros((3, n)), where=same)[:, body]
     bound = OFF_BODY * lammps.box.size + 8 * np.spacing(lammps.box.farthest)
@@ -90,7 +94,7 @@ def keep(lammps, communicator, membership, sharers, former, ids, body, atoms, ma
     mine = deformed[body]
     shift = placed[mine] - r[mine]
     r = np.where(mine[:, None], placed, r)
-    return r, Kept(atoms[mine], shift, text), new
+    return r, Kept(mine, atoms[mine], shift, turn[body[mine]], text), new
 
 
 def best_turns(products, plane=False):

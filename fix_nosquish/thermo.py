@@ -3,6 +3,7 @@
 import numpy as np
 
 from . import __version__
+from .extended import DIPOLE, ORIENT
 
 _FAST = 1.0  # radians in a time step that call for a warning
 # of the distance between atoms: unless these overlap, no force moves a body further in a step
@@ -30,8 +31,11 @@ def removed_freedom(bodies, communicator, inside, lammps):
         rigid counts).
     """
     degrees = np.full(len(inside), lammps.dimension)
-    if bodies.spheres:
-        degrees[lammps.per_atom("radius")[bodies.index] > 0] = 6 if lammps.dimension == 3 else 3
+    if bodies.spin:
+        finite = bodies.displace[ORIENT:DIPOLE].any(axis=0) & bodies.oriented
+        if lammps.radius is not None:
+            finite |= lammps.radius[bodies.index] > 0
+        degrees[finite] = 6 if lammps.dimension == 3 else 3
     sums = np.array(
         [np.bincount(bodies.body, weights, minlength=len(bodies)) for weights in (inside, degrees)]
     )
@@ -124,7 +128,8 @@ def summary(nve, virial):
     for needed, pass_, without in (
         *turning,
         (single, "", "no single atoms"),
-        (bodies.spheres, "torque and spin of spheres", ""),
+        (bodies.spin, "torque and spin of particles that are no points", ""),
+        (bodies.oriented, "orientation of particles", ""),
         (nve.thermostat, "thermostat", ""),
         (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
         (command.shadow, f"shadow energy, in each step that is a multiple of {command.shadow}", ""),

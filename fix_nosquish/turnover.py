@@ -9,11 +9,11 @@ from .migration import IN_NO_BODY
 from .sharing import places
 
 
-def turn_over(bodies, lammps, communicator, membership, own_rows):
+def turn_over(bodies, lammps, communicator, membership, how):
     """Drop the bodies whose atoms are all gone, and make those of the atoms that came; collective.
 
     Args:
-        bodies: the `Bodies` of before, which change.  own_rows: as in `build`.
+        bodies: the `Bodies` of before, which change.  how: further arguments of `build`, by name.
     Returns:
         list of lines for the log, on what is probably not meant.
     Raises:
@@ -27,11 +27,11 @@ def turn_over(bodies, lammps, communicator, membership, own_rows):
         bodies.change(lammps, dropped)
         return []
     membership.before = None  # for others
-    new, notes = build(lammps, communicator, membership, own_rows=own_rows, atoms=came)
-    if new.spheres and not bodies.spheres:
+    new, notes = build(lammps, communicator, membership, atoms=came, **how)
+    if new.spin > bodies.spin or new.oriented > bodies.oriented:
         raise RunError(
-            f"by step {lammps.step} spheres came, and the bodies were of points when the run "
-            "began: give the fix line keyword mol",
+            f"by step {lammps.step} atoms came that are more than points, and the bodies had none "
+            "such when the run began: give the fix line keyword mol",
             everywhere=True,
         )
     _refuse_joining(bodies.id[~dropped], new, lammps, communicator, membership)

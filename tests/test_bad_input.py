@@ -347,44 +347,6 @@ def test_ends_on_one_rank(run_case, tmp_path, launcher, name):
         )
 
 
-@pytest.mark.parametrize(
-    "style, kind, shape",
-    [
-        ("ellipsoid", "an ellipsoid", "set group all shape 0.4 0.2 0.2"),
-        ("line", "a line", "set group all length 0.4"),
-        ("tri", "a triangle", "set group all tri 0.4"),
-        ("dipole", "a dipole", "mass * 1.0\nset group all dipole/random 4928 0.5"),
-    ],
-)
-def test_particles_of_finite_size(run_lammps, tmp_path, style, kind, shape):
-    """Locks out bodies of particles whose own inertia and torque are silently left out; of the same
-    style without a shape (points) they are taken."""
-    plane = style == "line"
-    script = f"""
-units lj
-dimension {2 if plane else 3}
-atom_style {style}
-atom_modify map array
-region box block 0 4 0 4 {"-0.5 0.5" if plane else "0 4"}
-region inner block 1 2 1 2 {"-0.5 0.5" if plane else "1 2"}
-create_box 1 box
-create_atoms 1 random 10 4928 inner
-pair_style none
-{shape}
-fix 1 all python/move "fix_nosquish.NVE all single"
-run 1
-"""
-    run = run_lammps(script, ranks=2, check=False, timeout=SECONDS)
-    assert_ended(
-        run,
-        (f"is {kind}, ", "torque and inertia", "use points or spheres (atom_style sphere)"),
-        tmp_path,
-    )
-    if style in ("ellipsoid", "dipole"):
-        points = "set group all mass 1.0" if style == "ellipsoid" else "mass * 1.0"
-        assert run_lammps(script.replace(shape, points), ranks=2).code == 0
-
-
 # atom styles whose integrators advance more than positions and velocities, and what of each atom is
 # refused, by how it is made
 MORE = {

@@ -211,7 +211,7 @@ def test_quoted_messages_are_those_of_the_package(source, page, heading, least):
     for message in quoted:
         variable = (
             r"the body of molecule \d|\d[\d.]*|\.\.\.|\(.*?\)|'\w+'|"
-            r"an ellipsoid, |an SPH particle, | this fix |\(style \w+\)|: "
+            r"an ellipsoid, |a body particle, |an SPH particle, | this fix |\(style \w+\)|: "
         )
         parts = [part.strip() for part in re.split(variable, message) if part]
         longest = max(parts, key=len)

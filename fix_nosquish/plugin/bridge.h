@@ -10,7 +10,7 @@ enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 enum Phase { NEW = 0, SET = 1, HALF = 2, WAITING = 3, OVER = 4 };
 
 // cells for LAMMPS's arrays, in the order of lammps.py
-enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL };
+enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU };
 
 struct FixFacts {
   const char *id;
@@ -114,6 +114,8 @@ struct Bridge {
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
+  int (*particles)(void *fix, double *numbers);    // of each local atom 7: see extended.py; 0 if its style is not known
+  int64_t (*turn)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);

@@ -76,9 +76,9 @@ class Host:
         self._next_output = bridge.next_output.contents
         self._last_step = bridge.last_step.contents
         self.forces_virial = as_array(bridge.forces_virial, (6,))
-        self.set_box, self.flip_box = (
+        self.set_box, self.flip_box, self.turn_atom = (
             np.array([cast(function, c_void_p).value, bridge.fix or 0])
-            for function in (bridge.set_box, bridge.flip_box)
+            for function in (bridge.set_box, bridge.flip_box, bridge.turn)
         )
         self.span = tuple(as_array(step, (1,)) for step in (bridge.begin_step, bridge.end_step))
         self._keep, self._point = (
@@ -107,6 +107,11 @@ class Host:
     @property
     def last_step(self):
         return self._last_step.value
+
+    def shapes(self, natoms):
+        numbers = np.zeros((natoms, 7))
+        known = self._bridge.particles(self._bridge.fix, _as("virial", numbers.ctypes.data))
+        return numbers if known else None
 
     def removed_freedom(self, fix_id, group):
         return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())

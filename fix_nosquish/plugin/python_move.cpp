@@ -9,6 +9,7 @@
    up by name at run time, so that one compiled plugin serves every Python version. */
 
 #include "bridge.h"
+#include "particles.h"
 
 #include "angle.h"
 #include "atom.h"
@@ -181,6 +182,7 @@ class FixPythonMove : public Fix {
   int64_t *origin = nullptr;
   std::vector<double> arrived;
   double forces_virial[6] = {};
+  Particles particles;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
   std::string energy_id;    // of a compute pe, for which they tally their energy
 
@@ -257,6 +259,15 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.set_box = [](void *fix, const double *box) { return self(fix)->set_box(box); };
   bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
+  bridge.particles = [](void *fix, double *numbers) {
+    auto &particles = self(fix)->particles;
+    particles.find(self(fix)->atom);
+    return (int) particles.read(self(fix)->atom, numbers);
+  };
+  bridge.turn = [](void *fix, int64_t i, const double *quat) {
+    self(fix)->particles.turn(self(fix)->atom, (int) i, quat);
+    return (int64_t) 0;
+  };
   bridge.forces_virial = forces_virial;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
@@ -590,6 +601,8 @@ void FixPythonMove::point()
   set_cell(MASS, atom->rmass, atom->rmass ? n : 0, 0);
   set_cell(TYPE_MASS, atom->mass, atom->mass ? atom->ntypes + 1 : 0, 0);
   set_cell(TYPE, atom->type, n, 0);
+  vectors(ANGMOM, atom->angmom);
+  set_cell(MU, atom->mu && n ? atom->mu[0] : nullptr, atom->mu ? n : 0, 4);
 }
 
 void FixPythonMove::set_cell(int cell, const void *array, int64_t rows, int64_t columns)
@@ -805,8 +818,8 @@ int FixPythonMove::pack_exchange(int i, double *buffer)
       auto values = reinterpret_cast<const double *>(cell[0]);
       for (int64_t row = 0; row < cell[1]; row++) *++buffer = values[row * cell[2] + k];
     };
-    column(bridge.displace, place);
     column(bridge.state, body);
+    column(bridge.displace, place);
   } else {
     buffer[0] = ubuf((int64_t) -1).d;
     return 1;

@@ -1,0 +1,115 @@
+/* Particles that have an orientation: ellipsoids, lines and triangles of LAMMPS's atom styles.
+
+   LAMMPS installs no headers of these styles. Of each, two methods are declared here, with which LAMMPS brings a particle to
+   ghost atoms: the one writes its shape and orientation to a buffer, the other reads its orientation from one. What they write
+   and read is the same in all versions; where a style has it in memory is not. */
+
+#ifndef FIX_NOSQUISH_PARTICLES_H
+#define FIX_NOSQUISH_PARTICLES_H
+
+#include "atom.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <typeinfo>
+
+namespace LAMMPS_NS {
+
+class AtomVecEllipsoid {
+ public:
+  int pack_border_bonus(int n, int *atoms, double *buffer);
+  void unpack_comm_bonus(int n, int first, double *buffer);
+};
+
+class AtomVecLine {
+ public:
+  int pack_border_bonus(int n, int *atoms, double *buffer);
+  void unpack_comm_bonus(int n, int first, double *buffer);
+};
+
+class AtomVecTri {
+ public:
+  int pack_border_bonus(int n, int *atoms, double *buffer);
+  void unpack_comm_bonus(int n, int first, double *buffer);
+};
+
+}    // namespace LAMMPS_NS
+
+class Particles {
+ public:
+  // Find the styles of this simulation.
+
+  void find(LAMMPS_NS::Atom *atom)
+  {
+    ellipsoids = style<LAMMPS_NS::AtomVecEllipsoid>(atom, "ellipsoid", "N9LAMMPS_NS16AtomVecEllipsoidE");
+    lines = style<LAMMPS_NS::AtomVecLine>(atom, "line", "N9LAMMPS_NS11AtomVecLineE");
+    tris = style<LAMMPS_NS::AtomVecTri>(atom, "tri", "N9LAMMPS_NS10AtomVecTriE");
+  }
+
+  // Write of each local atom three numbers and a quaternion: an ellipsoid's shape, a line's length, a triangle's moments; zeros
+  // for an atom that is none of these. Returns whether the styles are those that are declared here.
+
+  bool read(const LAMMPS_NS::Atom *atom, double *numbers)
+  {
+    double packed[64];    // more than any of them writes; the first number is a flag
+    for (int i = 0; i < atom->nlocal; i++, numbers += 7) {
+      std::fill_n(numbers, 7, 0.0);
+      if (is(atom->ellipsoid, i)) {
+        if (!ellipsoids) return false;
+        ellipsoids->pack_border_bonus(1, &i, packed);
+        std::copy_n(packed + 1, 7, numbers);
+      } else if (is(atom->line, i)) {
+        if (!lines) return false;
+        lines->pack_border_bonus(1, &i, packed);
+        numbers[0] = packed[1];
+        numbers[3] = std::cos(0.5 * packed[2]);
+        numbers[6] = std::sin(0.5 * packed[2]);
+      } else if (is(atom->tri, i)) {
+        if (!tris) return false;
+        tris->pack_border_bonus(1, &i, packed);
+        std::copy_n(packed + 14, 3, numbers);
+        std::copy_n(packed + 1, 4, numbers + 3);
+      }
+    }
+    return true;
+  }
+
+  // Give a local atom this orientation, if it has one.
+
+  void turn(const LAMMPS_NS::Atom *atom, int i, const double *quat)
+  {
+    double numbers[4] = {quat[0], quat[1], quat[2], quat[3]};
+    if (is(atom->ellipsoid, i)) {
+      ellipsoids->unpack_comm_bonus(1, i, numbers);
+    } else if (is(atom->line, i)) {
+      const double half = std::atan2(quat[3], quat[0]), pi = std::acos(-1.0);
+      numbers[0] = 2.0 * (half > 0.5 * pi ? half - pi : half <= -0.5 * pi ? half + pi : half);
+      lines->unpack_comm_bonus(1, i, numbers);
+    } else if (is(atom->tri, i)) {
+      tris->unpack_comm_bonus(1, i, numbers);
+    }
+  }
+
+ private:
+  LAMMPS_NS::AtomVecEllipsoid *ellipsoids = nullptr;
+  LAMMPS_NS::AtomVecLine *lines = nullptr;
+  LAMMPS_NS::AtomVecTri *tris = nullptr;
+
+  static bool is(const int *index, int i) { return index && index[i] >= 0; }
+
+  // The object of a style, if it is of this very class: those of other packages that derive from it lie otherwise in memory.
+
+  struct Object {
+    virtual ~Object();
+  };
+
+  template <typename Style> static Style *style(LAMMPS_NS::Atom *atom, const char *name, const char *mangled)
+  {
+    auto object = reinterpret_cast<Object *>(atom->style_match(name));
+    if (!object || strcmp(typeid(*object).name(), mangled) != 0) return nullptr;
+    return static_cast<Style *>(dynamic_cast<void *>(object));
+  }
+};
+
+#endif
