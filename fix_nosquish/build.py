@@ -117,7 +117,13 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
         moment, axes = _principal_in_plane(inertia)
     else:
         moment, axes = _frames(inertia, membership.command.order, communicator, weighted)
-    chosen, slower = _chosen(lammps, membership.command, moment, plane)
+
+    def alike():
+        placed = np.einsum("nak,na->kn", axes[body], r)
+        squares = total(*placed**2) * (body_mass / natoms)
+        return squares.sum(axis=0) - squares + own
+
+    chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
     state = np.concatenate([np.zeros((ROWS + own_rows, n)), slower])
     state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = (
         body_mass,
@@ -146,24 +152,30 @@ def build(lammps, communicator, membership, path=None, own_rows=0, former=None):
     }
 
 
-def _chosen(lammps, command, moment, plane):
+def _chosen(lammps, command, moment, plane, alike):
     """The moments that bodies have instead of those of their atoms; see `Command.moments`.
 
     Args:
         moment: those of the atoms, (3, n).  plane: whether bodies turn about axis 3 only.
+        alike: a function that gives those of atoms that share their body's mass alike, (3, n).
     Returns:
         moments (3, n), and the root of each over that of the atoms, (3, n); (0, n) if they are
         those.
     """
     if command.moments is None:
         return moment, moment[:0]
-    how, value = command.moments[0], lammps.number(command.moments[1])
-    command.refuse_unless_positive(f"keyword moments: {how}", value)
-    turns = moment > 0
+    how, word = command.moments
+    if how == "alike":
+        value = alike()
+    else:
+        value = lammps.number(word)
+        command.refuse_unless_positive(f"keyword moments: {how}", value)
+    turns = (moment > 0) & (value > 0)
     if plane:
         turns[:2] = False  # a moment about these axes only says that the body is no point
     slower = np.ones_like(moment)
-    slower[turns] = np.sqrt(value / moment[turns] if how == "equal" else value)
+    factor = np.full_like(moment, value) / (1.0 if how == "scale" else np.where(turns, moment, 1.0))
+    slower[turns] = np.sqrt(factor[turns])
     return moment * slower**2, slower
 
 

@@ -32,6 +32,8 @@ class Host(Protocol):
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
         forces_virial, set_box, flip_box: as `cell.Barostat` has them; None where LAMMPS does not
             give them.
+        stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
+            argument; None where LAMMPS does not give it.
         creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
     """
 

@@ -443,8 +443,8 @@ class Integrator:
     def min_setup(self, vflag):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
-            "a minimisation would tear the rigid bodies apart: minimise before the fix is defined, "
-            "or unfix it first",
+            "a minimisation would tear the rigid bodies apart: use fix_nosquish.FIRE and a run "
+            "instead, which keep their shapes; or minimise before the fix is defined",
             everywhere=True,
         )
 

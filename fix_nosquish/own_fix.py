@@ -23,7 +23,7 @@ class OwnFix:
     """
 
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = None
-    begins = ends = None
+    begins = ends = stop = None
     calls_setup = follows = creates_velocities = velocities_set = False
     ghost_velocity = True  # not known: velocities at the half step may be read
     phase = vflag = changes = 0

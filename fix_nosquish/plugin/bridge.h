@@ -112,6 +112,7 @@ struct Bridge {
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
+  int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   // methods of the instance, null where it has none
   int (*init)();

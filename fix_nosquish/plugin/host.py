@@ -76,9 +76,9 @@ class Host:
         self._next_output = bridge.next_output.contents
         self._last_step = bridge.last_step.contents
         self.forces_virial = as_array(bridge.forces_virial, (6,))
-        self.set_box, self.flip_box = (
+        self.set_box, self.flip_box, self.stop = (
             np.array([cast(function, c_void_p).value, bridge.fix or 0])
-            for function in (bridge.set_box, bridge.flip_box)
+            for function in (bridge.set_box, bridge.flip_box, bridge.stop)
         )
         self.span = tuple(as_array(step, (1,)) for step in (bridge.begin_step, bridge.end_step))
         self._keep, self._point = (

@@ -30,6 +30,7 @@
 #include "neighbor.h"
 #include "output.h"
 #include "pair.h"
+#include "timer.h"
 #include "universe.h"
 #include "update.h"
 
@@ -172,7 +173,7 @@ class FixPythonMove : public Fix {
  private:
   Bridge bridge;
   MPI_Comm failing;    // for ranks whose Python failed
-  bool respa = false;
+  bool respa = false, stopped = false;
   std::vector<int> extensive;
   std::vector<double> kept_box;
   // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has
@@ -194,6 +195,7 @@ class FixPythonMove : public Fix {
   bool run(const Pass *);
   int64_t set_box(const double *);
   int64_t flip_box(const double *);
+  int64_t stop();
   void shift_lamda(int, double, double);
   void take_virial();
   bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
@@ -256,6 +258,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.set_box = [](void *fix, const double *box) { return self(fix)->set_box(box); };
   bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
+  bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.forces_virial = forces_virial;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
@@ -470,6 +473,8 @@ void FixPythonMove::end_of_step()
 void FixPythonMove::post_run()
 {
   call(bridge.post_run);
+  if (stopped) timer->reset_timeout();    // else no later run would begin
+  stopped = false;
 }
 
 void FixPythonMove::write_restart_file(const char *name)
@@ -638,6 +643,15 @@ int64_t FixPythonMove::flip_box(const double *numbers)
   }
   set_box(numbers);
   domain->lamda2x(atom->nlocal);
+  return 0;
+}
+
+// As fix halt ends a run.
+
+int64_t FixPythonMove::stop()
+{
+  stopped = true;
+  timer->force_timeout();
   return 0;
 }
 
