@@ -34,6 +34,7 @@ class Host(Protocol):
             give them.
         stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
             argument; None where LAMMPS does not give it.
+        told_box: (9,) what the passes `deform` take; None where LAMMPS does not call them.
         creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
     """
 

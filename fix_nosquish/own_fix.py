@@ -22,7 +22,7 @@ class OwnFix:
         lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
     """
 
-    fix_id = group = next_output = span = forces_virial = set_box = flip_box = None
+    fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
     begins = ends = stop = None
     calls_setup = follows = creates_velocities = velocities_set = False
     ghost_velocity = True  # not known: velocities at the half step may be read

@@ -96,7 +96,9 @@ struct Bridge {
   const Pass *pressure;
   const Pass *cell;
   const Pass *flip;
+  const Pass *deform;       // behind a change of the box by another fix
   double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
+  double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform
   int64_t *arrays;    // cells for LAMMPS's arrays
   const int64_t *index;    // cells of the bodies; null if there are none
   const int64_t *body_of;

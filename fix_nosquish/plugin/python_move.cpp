@@ -158,6 +158,7 @@ class FixPythonMove : public Fix {
   void write_restart(FILE *) override;
   void restart(char *) override;
   void reset_dt() override;
+  void deform(int) override;
   bigint dof(int) override;
   double compute_scalar() override;
   double compute_vector(int) override;
@@ -180,7 +181,7 @@ class FixPythonMove : public Fix {
   // arrived
   int64_t *origin = nullptr;
   std::vector<double> arrived;
-  double forces_virial[6] = {};
+  double forces_virial[6] = {}, told_box[9] = {};
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
   std::string energy_id;    // of a compute pe, for which they tally their energy
 
@@ -260,6 +261,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.forces_virial = forces_virial;
+  bridge.told_box = told_box;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
@@ -290,7 +292,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     energy_id = std::string(id) + "_energy";
     modify->add_compute(energy_id + " all pe");
   }
-  rigid_flag = bridge.rigid;
+  rigid_flag = bridge.rigid || bridge.follows_atoms;    // so that fix deform calls deform()
 
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = bridge.couples;
@@ -508,6 +510,17 @@ void FixPythonMove::restart(char *buffer)
 void FixPythonMove::reset_dt()
 {
   call(bridge.reset_dt);
+}
+
+// Another fix changes the box, and all that is in it (0 before, 1 behind). The box is then that of the class.
+
+void FixPythonMove::deform(int behind)
+{
+  if (!behind || !bridge.deform) return;    // if it cannot follow, it finds another box than it knows
+  const auto now = box();
+  std::copy(now.begin(), now.end(), told_box);
+  run(bridge.deform);
+  kept_box = now;
 }
 
 bigint FixPythonMove::dof(int igroup)
