@@ -28,6 +28,7 @@ INTEGRATORS = {
     "NPT": "npt",
     "NPH": "nph",
     "HMC": "hmc",
+    "FIRE": "fire",
     "MatubayasiNakahara": "matubayasi_nakahara",
     "Gear": "gear",
 }  # class: its module, which is imported when a fix line names the class

@@ -96,15 +96,11 @@ def build(
         r, kept, new = keep(
             lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r
         )
-    rx, ry, rz = r.T
-    xx, yy, zz, xy, xz, yz = total(
-        *(mass * c for c in (rx * rx, ry * ry, rz * rz, rx * ry, rx * rz, ry * rz))
-    )
-    inertia = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
-    particles = None
+    particles, own = None, 0.0
     if oriented or lammps.radius is not None:
         particles = _turned(particles_of(lammps, shapes, atoms), kept, former)
-        inertia += total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n)
+        own = total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n)
+    inertia = _inertia(total, mass, r) + own
     size = np.sqrt(np.trace(inertia) / body_mass)
     blame(
         (natoms > 1)
@@ -129,7 +125,12 @@ def build(
         moment, axes = _principal_in_plane(inertia)
     else:
         moment, axes = _frames(inertia, membership.command.order, communicator, weighted)
-    chosen, slower = _chosen(lammps, membership.command, moment, plane)
+
+    def alike():
+        shared = _inertia(total, (body_mass / natoms)[body], r) + own
+        return np.einsum("nak,abn,nbk->kn", axes, shared, axes)
+
+    chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
     state = np.concatenate([np.zeros((ROWS + own_rows, n)), slower])
     state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = (
         body_mass,
@@ -143,15 +144,15 @@ def build(
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
     row = ROWS + own_rows if len(slower) else 0
-    come = bool(membership.command.mol)  # atoms of all kinds may
     result = _with_atoms(
-        state, body, tag, r, atoms, particles, oriented, come, communicator, plane, row
-    )
+        state, body, tag, r, atoms, particles, oriented, bool(membership.command.mol),
+        communicator, plane, row,
+    )  # fmt: skip
     if result.spin:  # the bodies have these atoms in another order
         particles = particles_of(lammps, shapes, result.index)
-    spins, own = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
+    spins, energy = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
     result.take_velocities(lammps, spins, given and given.momenta(result.id))
-    notes = _notes(result, lammps, communicator, membership, rebuilt[sharers.owned].sum(), own)
+    notes = _notes(result, lammps, communicator, membership, rebuilt[sharers.owned].sum(), energy)
     return result, notes | {
         "given": given.named if given else (),
         "warnings": [doubt] if doubt else [],
@@ -160,24 +161,30 @@ def build(
     }
 
 
-def _chosen(lammps, command, moment, plane):
+def _chosen(lammps, command, moment, plane, alike):
     """The moments that bodies have instead of those of their atoms; see `Command.moments`.
 
     Args:
         moment: those of the atoms, (3, n).  plane: whether bodies turn about axis 3 only.
+        alike: a function that gives those of atoms that share their body's mass alike, (3, n).
     Returns:
         moments (3, n), and the root of each over that of the atoms, (3, n); (0, n) if they are
         those.
     """
     if command.moments is None:
         return moment, moment[:0]
-    how, value = command.moments[0], lammps.number(command.moments[1])
-    command.refuse_unless_positive(f"keyword moments: {how}", value)
-    turns = moment > 0
+    how, word = command.moments
+    if how == "alike":
+        value = alike()
+    else:
+        value = lammps.number(word)
+        command.refuse_unless_positive(f"keyword moments: {how}", value)
+    turns = (moment > 0) & (value > 0)
     if plane:
         turns[:2] = False  # a moment about these axes only says that the body is no point
     slower = np.ones_like(moment)
-    slower[turns] = np.sqrt(value / moment[turns] if how == "equal" else value)
+    factor = np.full_like(moment, value) / (1.0 if how == "scale" else np.where(turns, moment, 1.0))
+    slower[turns] = np.sqrt(factor[turns])
     return moment * slower**2, slower
 
 
@@ -219,6 +226,13 @@ def _notes(bodies, lammps, communicator, membership, rebuilt, own):
         "rebuilt": round(rebuilt),
         "stray": round(stray),
     }
+
+
+def _inertia(total, mass, r):
+    """Tensors of inertia (3, 3, bodies) of atoms with these masses (m,) and places (m, 3)."""
+    x, y, z = r.T
+    xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (x * x, y * y, z * z, x * y, x * z, y * z)))
+    return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
 
 
 def _turned(particles, kept, former):

@@ -27,6 +27,11 @@ TILTS = "xy", "xz", "yz"
 PRESSURES = "iso", "aniso", "tri", "x", "y", "z", *TILTS
 BAROSTATS = "crescale", "mtk"
 COUPLES = "none", "xyz", "xy", "yz", "xz"
+# keywords of a minimisation: tolerances, and those of min_modify
+QUENCH = (
+    *("force FTOL", "torque TTOL", "dmax", "tmax", "tmin", "dtgrow", "dtshrink"),
+    *("alpha0", "alphashrink", "delaystep", "halfstepback"),
+)
 # keywords that only some integrators have; where one has other values, they stand behind it
 OWN_KEYWORDS = {
     "temp": f"TSTART, TSTOP and TDAMP, each {_NUMBER}",
@@ -34,6 +39,9 @@ OWN_KEYWORDS = {
     "steps": "a whole number of at least 1",
     "shadow": "every how many steps, a whole number of at least 1",
     "mix": f"{_NUMBER}, above 0 and at most 1",
+    **dict.fromkeys(QUENCH, _NUMBER),
+    "delaystep": "a whole number of at least 1",
+    "halfstepback": "yes or no",
     "thermostat": f"one of {', '.join(THERMOSTATS)}",
     "seed": "a whole number from 1 to 2147483647",
     "tchain": "the length of the chain, a whole number of at least 1",
@@ -56,7 +64,11 @@ _ELSEWHERE = {
         "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
     ),
     **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix_nosquish.HMC does"),
-    "moments": "only the averages of fix_nosquish.NVT, NPT and HMC do not depend on the moments",
+    **dict.fromkeys(
+        QUENCH[2:],
+        "this integrator seeks no minimum, fix_nosquish.FIRE does",
+    ),
+    "moments": "only what fix_nosquish.NVT, NPT, HMC and FIRE find does not depend on the moments",
     "shadow": "it is what the steps of fix_nosquish.NVE keep",
     "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
@@ -102,7 +114,9 @@ class Command:
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
         moments: ("equal", value), the principal moments that bodies get, or ("scale", factor) of
-            those of their atoms, each a word for a number; None for those of the atoms.
+            those of their atoms, each a word for a number; ("alike", None) for those of atoms that
+            weigh alike; None for those of the atoms.
+        quench: dictionary from keywords of a minimisation to words for numbers.
         pressure: dictionary from some of `PRESSURES` to (PSTART, PSTOP, PDAMP), words for numbers.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
         every: steps between two changes of the box, None for a part of PDAMP.
@@ -134,6 +148,7 @@ class Command:
     tchain: int = 3
     separate: bool = False
     moments: tuple | None = None
+    quench: dict = field(default_factory=dict)
     pressure: dict = field(default_factory=dict)
     couple: str = "none"
     barostat: str = BAROSTATS[0]
@@ -191,7 +206,7 @@ class Command:
                 raise words.wrong("one group is named twice: each is one body")
         elif style not in ("single", "molecule"):
             raise words.wrong(f"unknown body style '{style}': expected {STYLES}")
-        values = {"force": (), "torque": ()}
+        values = {}
         entries = {entry.split()[0]: entry for entry in (*KEYWORDS, *own)}
         known = {keyword: (KEYWORDS | OWN_KEYWORDS)[entry] for keyword, entry in entries.items()}
         while words.left:
@@ -202,20 +217,20 @@ class Command:
                     f"unknown keyword '{keyword}': "
                     + _ELSEWHERE.get(keyword, "expected " + ", ".join(known))
                 )
-            before = {*values, *values.get("pressure", ())} - {"force", "torque"}
-            if keyword in before:
+            entry = entries[keyword]
+            before = {*values, *values.get("pressure", ()), *values.get("quench", ())}
+            if keyword in before and entry not in ("force", "torque"):
                 raise words.wrong(f"keyword {keyword} stands twice")
-            if keyword in ("force", "torque"):
-                values[keyword] += (
-                    (
-                        *words.bodies(expected),
-                        tuple(words.choice(("off", "on"), expected) for _ in "xyz"),
-                    ),
-                )
+            if entry in ("force", "torque"):
+                bodies = words.bodies(expected)
+                flags = tuple(words.choice(("off", "on"), expected) for _ in "xyz")
+                values[keyword] = (*values.get(keyword, ()), (*bodies, flags))
+            elif entry in QUENCH:
+                values.setdefault("quench", {})[keyword] = _READ[entry](words, expected)
             elif keyword in PRESSURES:
                 values.setdefault("pressure", {})[keyword] = words.numbers(3, expected)
             else:
-                values[keyword] = _READ[entries[keyword]](words, expected)
+                values[keyword] = _READ[entry](words, expected)
         split = [keyword for keyword in ("mrot", "order") if keyword in values]
         if split and values.setdefault("rotor", "split") == "exact":
             raise words.wrong(
@@ -227,6 +242,7 @@ class Command:
             values["reinit"] = False
         _check_thermostat(words, values, known)
         _check_trajectories(words, values, known)
+        _check_quench(words, values, known)
         _check_pressure(words, values, known)
         return cls(text, group, style, arguments, **values)
 
@@ -293,6 +309,18 @@ def _check_trajectories(words, values, known):
         for keyword in "temp", "steps", "seed":
             if keyword not in values:
                 raise words.wrong(f"keyword {keyword} is missing: give it {known[keyword]}")
+
+
+def _check_quench(words, values, known):
+    """Raise an error if a tolerance is missing; have moments that serve a quench."""
+    if "dmax" in known:
+        for keyword in "force", "torque":
+            if keyword not in values.get("quench", ()):
+                raise words.wrong(
+                    f"keyword {keyword} is missing: give it the largest {keyword} on a body that "
+                    f"may be left at the end, {_NUMBER}"
+                )
+        values.setdefault("moments", ("alike", None))
 
 
 class _Words:
@@ -381,5 +409,7 @@ _READ = {  # what the words behind a keyword give
     ),
     "couple": lambda words, expected: words.one_of(COUPLES, expected),
     "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
-    **dict.fromkeys(("compressibility", "mix"), _Words.number),
+    **dict.fromkeys(("compressibility", "mix", *QUENCH), _Words.number),
+    "delaystep": lambda words, expected: str(words.whole(expected)),
+    "halfstepback": lambda words, expected: str(int(words.choice(("no", "yes"), expected))),
 }

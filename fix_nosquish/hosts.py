@@ -35,6 +35,9 @@ class Host(Protocol):
         turn_atom: (2,) int64, the address of a function that gives an atom an orientation, and its
             first argument; those behind are the atom's index and the address of a quaternion.  None
             where LAMMPS has none.
+        stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
+            argument; None where LAMMPS does not give it.
+        told_box: (9,) what the passes `deform` take; None where LAMMPS does not call them.
         creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
     """
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from . import (
     compiled,
+    deform,
     extended,
     lookup,
     migration,
@@ -53,6 +54,11 @@ _BLIND = "nve", "rigid", "shake", "rattle"
 _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
 # fixes that act at the end of a step and change no velocity
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
+
+
+def _deforms(fix):
+    """Whether a fix that changes the box tells rigid fixes, so that bodies move with it."""
+    return fix.style.startswith("deform")
 
 
 class Phase(IntEnum):
@@ -126,6 +132,8 @@ class Integrator:
             does.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         late: other fixes that act at the end of a step, and so may change velocities.
+        told_box: the host's, if another fix changes the box in this run and bodies move with it;
+            else None.
         half_step_velocities, velocities_every: whether something may read the atoms' velocities
             between the halves of a step, and every how many steps at its end.
     """
@@ -139,7 +147,7 @@ class Integrator:
     kick: compiled.Loop
     start: compiled.Loop | None
 
-    host = parameters = None
+    host = parameters = told_box = None
     unprepared = ""
     every, modules, flips, needs_energy = 0, (), False, False
     own_warnings = ()
@@ -332,7 +340,12 @@ class Integrator:
         self.half_step_velocities = self.host.ghost_velocity or between
         each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
         self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
-        self._box_may_change = unknown or any(fix.box_change for fix in fixes)
+        changes = [fix for fix in fixes if fix.box_change]
+        deforms = changes and self.respa_dt is None and all(map(_deforms, changes))
+        self.told_box = self.host.told_box if deforms and not self.every else None
+        if self.told_box is not None:
+            compiled.load(self.communicator, deform.__name__)
+        self._box_may_change = unknown or (bool(changes) and self.told_box is None)
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.wrench.copy())
@@ -479,8 +492,8 @@ class Integrator:
     def min_setup(self, vflag):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
-            "a minimisation would tear the rigid bodies apart: minimise before the fix is defined, "
-            "or unfix it first",
+            "a minimisation would tear the rigid bodies apart: use fix_nosquish.FIRE and a run "
+            "instead, which keep their shapes; or minimise before the fix is defined",
             everywhere=True,
         )
 
@@ -662,13 +675,14 @@ class Integrator:
         box = self.lammps.box
         if box is self._box or self.every:
             return
-        if ((box.h != self._box.h) & held).any():
+        known = self._box.h if self.told_box is None else self.bodies.cells["h"].array
+        if ((box.h != known) & held).any():
             raise RunError(
-                f"the box has changed by step {self.lammps.step}, but in a run bodies move at "
-                "constant volume: use this fix without fixes that change the box (fix deform, npt, "
-                "nph, box/relax); for constant pressure use fix_nosquish.NPT or NPH. The box may "
-                "change between runs: bodies keep their shape when the next run makes them anew, "
-                "with reinit yes and without infile or 'pre no'",
+                f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
+                "in a run they do so with fix deform alone, with its remap x and flip no, and "
+                "run_style verlet, and with fix_nosquish.NPT or NPH, not with npt, nph or "
+                "box/relax. The box may change between runs: bodies keep their shape when the next "
+                "run makes them anew, with reinit yes and without infile or 'pre no'",
                 everywhere=True,
             )
         self._box = box

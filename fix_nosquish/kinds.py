@@ -37,7 +37,10 @@ def compare(bodies, lammps, communicator, membership):
     size = np.maximum.reduceat(np.linalg.norm(model, axis=0), start[:-1])
 
     mass, model = lammps.masses[bodies.index[mine]], model[:, where]
-    products = np.array([np.bincount(body, mass * a * b, minlength=n) for a in d for b in model])
+    products = np.array(
+        [np.bincount(body, mass * a * b, minlength=n) for a in d for b in model],
+        float,  # bincount gives whole numbers for no atoms
+    )
     sharers.combine(products)
     products = products.T.reshape(n, 3, 3)
 

@@ -22,8 +22,8 @@ class OwnFix:
         lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
     """
 
-    fix_id = group = next_output = span = forces_virial = set_box = flip_box = turn_atom = None
-    begins = energy_step = None
+    fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
+    begins = energy_step = stop = turn_atom = None
     calls_setup = follows = creates_velocities = velocities_set = False
     ghost_velocity = True  # not known: velocities at the half step may be read
     phase = vflag = changes = 0

@@ -12,6 +12,7 @@
     cell         the box changes, in the next step
     flip         where tilts change, the box takes vectors of its lattice that are less tilted
     turn         the orientations of atoms that have one
+    deform       another fix has changed the box: bodies move with it
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
@@ -20,7 +21,7 @@ The plugin does them by itself; with a LAMMPS's own fix python/move, Python does
 
 import numpy as np
 
-from . import extended, step, virial
+from . import deform, extended, step, virial
 from .block import ALL, BLOCK_ROWS, DIVIDED, LANES, WHOLE
 from .bodies import aligned
 from .compiled import F1, F2, F64, Cell, F, I, loop
@@ -129,6 +130,9 @@ class Passes:
             self.lists["cell"] = [*moves, *after] if moves else []
         if integrator.flips:
             self.lists["flip"] = integrator.flip_loops(cells)
+        if integrator.told_box is not None:
+            told = cells | {"told_box": Cell(F1, integrator.told_box)}
+            self.lists["deform"] = [deform.deform.bind_to(told)]
         self.lists |= integrator.own_lists(cells)
         if integrator.middle:
             self.lists["virial"] = [*gather, *self.lists["virial"]]

@@ -183,10 +183,15 @@ def summary(nve, virial):
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
     if command.moments:
-        how, value = command.moments[0], nve.lammps.number(command.moments[1])
-        chosen = f"{value:g} instead" if how == "equal" else f"{value:g} times those"
+        how, word = command.moments
+        value = nve.lammps.number(word) if word else 1.0
+        chosen = {
+            "equal": f"{value:g} instead of the atoms' own",
+            "scale": f"{value:g} times those of the atoms' own",
+            "alike": "those of atoms that share the mass of their body alike",
+        }[how]
         lines.append(
-            f"  principal moments: {chosen} of the atoms' own. Averages over configurations and "
+            f"  principal moments: {chosen}. Averages over configurations and "
             "velocities stay as they are; how long bodies take to turn does not"
         )
     if notes["rebuilt"]:

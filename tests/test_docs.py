@@ -139,7 +139,7 @@ def test_each_keyword_is_on_its_page(run_lammps):
     known = []
     pages = (
         ("NVE", "fix.md", 6), ("NVT", "fix-nvt.md", 4), ("NPT", "fix-npt.md", 7),
-        ("HMC", "fix-hmc.md", 1),
+        ("HMC", "fix-hmc.md", 1), ("FIRE", "fix-fire.md", 6),
     )  # fmt: skip
     for name, page, least in pages:
         line = f'fix 1 all python/move "fix_nosquish.{name} all molecule nonsense 1"\n'
@@ -162,6 +162,7 @@ def test_each_keyword_is_on_its_page(run_lammps):
         ("fix-npt.md", 3, 1000, 1),
         ("fix-nph.md", 1, 1000, 1),
         ("fix-hmc.md", 2, 500, 10),
+        ("fix-fire.md", 2, 500, 1),
     ],
 )
 def test_examples_of_ensembles(run_lammps, page, least, waters, steps):
@@ -201,6 +202,7 @@ def source():
         ("fix-npt.md", "## Restrictions", 4),
         ("fix-nph.md", "## Restrictions", 1),
         ("fix-hmc.md", "## Restrictions", 8),
+        ("fix-fire.md", "## Restrictions", 3),
     ],
 )
 def test_quoted_messages_are_those_of_the_package(source, page, heading, least):

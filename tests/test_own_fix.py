@@ -253,7 +253,7 @@ LATER = (
     "atoms at one point",
     "two fixes claim an atom",
     "box changed by a barostat",
-    "box deformed along a fixed face",
+    "box deformed by velocities",
     "force that becomes infinite",
     "run that explodes",
     "overlap at the start",

@@ -97,7 +97,9 @@ struct Bridge {
   const Pass *pressure;
   const Pass *cell;
   const Pass *flip;
+  const Pass *deform;       // behind a change of the box by another fix
   double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
+  double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform
   int64_t *arrays;    // cells for LAMMPS's arrays
   const int64_t *index;    // cells of the bodies; null if there are none
   const int64_t *body_of;
@@ -113,6 +115,7 @@ struct Bridge {
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
+  int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int (*particles)(void *fix, double *numbers);    // of each local atom 7: see extended.py; 0 if its style is not known
   int64_t (*turn)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation

@@ -19,6 +19,7 @@ LISTS = {
     "pressure": "pressure",
     "cell": "cell",
     "flip": "flip",
+    "deform": "deform",
 }
 
 
@@ -76,9 +77,10 @@ class Host:
         self._next_output = bridge.next_output.contents
         self._last_step = bridge.last_step.contents
         self.forces_virial = as_array(bridge.forces_virial, (6,))
-        self.set_box, self.flip_box, self.turn_atom = (
+        self.told_box = as_array(bridge.told_box, (9,))
+        self.set_box, self.flip_box, self.stop, self.turn_atom = (
             np.array([cast(function, c_void_p).value, bridge.fix or 0])
-            for function in (bridge.set_box, bridge.flip_box, bridge.turn)
+            for function in (bridge.set_box, bridge.flip_box, bridge.stop, bridge.turn)
         )
         self.span = tuple(as_array(step, (1,)) for step in (bridge.begin_step, bridge.end_step))
         self._keep, self._point = (

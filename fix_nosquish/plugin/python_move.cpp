@@ -31,6 +31,7 @@
 #include "neighbor.h"
 #include "output.h"
 #include "pair.h"
+#include "timer.h"
 #include "universe.h"
 #include "update.h"
 
@@ -158,6 +159,7 @@ class FixPythonMove : public Fix {
   void write_restart(FILE *) override;
   void restart(char *) override;
   void reset_dt() override;
+  void deform(int) override;
   bigint dof(int) override;
   double compute_scalar() override;
   double compute_vector(int) override;
@@ -174,14 +176,14 @@ class FixPythonMove : public Fix {
  private:
   Bridge bridge;
   MPI_Comm failing;    // for ranks whose Python failed
-  bool respa = false;
+  bool respa = false, stopped = false;
   std::vector<int> extensive;
   std::vector<double> kept_box;
   // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has
   // arrived
   int64_t *origin = nullptr;
   std::vector<double> arrived;
-  double forces_virial[6] = {};
+  double forces_virial[6] = {}, told_box[9] = {};
   Particles particles;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
   std::string energy_id;    // of a compute pe, for which they tally their energy
@@ -197,6 +199,7 @@ class FixPythonMove : public Fix {
   bool run(const Pass *);
   int64_t set_box(const double *);
   int64_t flip_box(const double *);
+  int64_t stop();
   void shift_lamda(int, double, double);
   void take_virial();
   bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
@@ -268,7 +271,9 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     self(fix)->particles.turn(self(fix)->atom, (int) i, quat);
     return (int64_t) 0;
   };
+  bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.forces_virial = forces_virial;
+  bridge.told_box = told_box;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
@@ -299,7 +304,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     energy_id = std::string(id) + "_energy";
     modify->add_compute(energy_id + " all pe");
   }
-  rigid_flag = bridge.rigid;
+  rigid_flag = bridge.rigid || bridge.follows_atoms;    // so that fix deform calls deform()
 
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = bridge.couples;
@@ -488,6 +493,8 @@ void FixPythonMove::end_of_step()
 void FixPythonMove::post_run()
 {
   call(bridge.post_run);
+  if (stopped) timer->reset_timeout();    // else no later run would begin
+  stopped = false;
 }
 
 void FixPythonMove::write_restart_file(const char *name)
@@ -521,6 +528,17 @@ void FixPythonMove::restart(char *buffer)
 void FixPythonMove::reset_dt()
 {
   call(bridge.reset_dt);
+}
+
+// Another fix changes the box, and all that is in it (0 before, 1 behind). The box is then that of the class.
+
+void FixPythonMove::deform(int behind)
+{
+  if (!behind || !bridge.deform) return;    // if it cannot follow, it finds another box than it knows
+  const auto now = box();
+  std::copy(now.begin(), now.end(), told_box);
+  run(bridge.deform);
+  kept_box = now;
 }
 
 bigint FixPythonMove::dof(int igroup)
@@ -658,6 +676,15 @@ int64_t FixPythonMove::flip_box(const double *numbers)
   }
   set_box(numbers);
   domain->lamda2x(atom->nlocal);
+  return 0;
+}
+
+// As fix halt ends a run.
+
+int64_t FixPythonMove::stop()
+{
+  stopped = true;
+  timer->force_timeout();
   return 0;
 }
 

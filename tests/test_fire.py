@@ -1,0 +1,275 @@
+"""FIRE: minima as of scipy, the way of min_style fire, shapes, ranks, kinds, what it refuses."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.distance import pdist
+from scipy.spatial.transform import Rotation
+from systems import mixture
+from test_nvt import SMOOTH
+
+from validation.scenes.boxes import nearest
+from validation.scenes.data_file import data_file
+from validation.scenes.liquid import DEPTH, MASSES, SIZE, WATER, liquid
+
+FORCES = (
+    "write_dump all custom {} id mol mass xu yu zu fx fy fz modify sort id format float %.17g\n"
+)
+
+
+def fix(words="force v_f torque v_f", tolerance=1e-6, group="all", bodies="all molecule"):
+    """The lines of the fix, with a variable for both tolerances."""
+    line = f'fix 1 {group} python/move "fix_nosquish.FIRE {bodies} {words}"\n'
+    return f"variable f equal {tolerance}\n{line}"
+
+
+def atoms(path):
+    """What `FORCES` has written: molecules, masses, places, forces."""
+    rows = np.loadtxt(path, skiprows=9)
+    return rows[:, 1], rows[:, 2], rows[:, 3:6], rows[:, 6:9]
+
+
+def norms(path):
+    """The largest force and the largest torque on a molecule, from its atoms' forces."""
+    molecule, mass, x, f = atoms(path)
+    found = []
+    for one in np.unique(molecule):
+        here = molecule == one
+        d = x[here] - np.average(x[here], axis=0, weights=mass[here])
+        found.append([f[here].sum(axis=0), np.cross(d, f[here]).sum(axis=0)])
+    return np.linalg.norm(found, axis=2).max(axis=0)
+
+
+def bent(before, after):
+    """By how much a distance within a molecule has changed, at most."""
+    (molecule, _, x, _), (_, _, y, _) = before, after
+    each = (molecule == one for one in np.unique(molecule))
+    return max(np.abs(pdist(x[k]) - pdist(y[k])).max(initial=0.0) for k in each)
+
+
+# ------------------------------------------------------------------ minima
+
+
+def energy_of_two(coordinates, shape, types, charges, constant):
+    """Of two rigid molecules, each a place and a rotation vector."""
+    one, two = (
+        Rotation.from_rotvec(part[3:]).apply(shape) + part[:3] for part in coordinates.reshape(2, 6)
+    )
+    r = np.linalg.norm(one[:, None] - two, axis=2)
+    depth, size = np.array(DEPTH)[types - 1], np.array(SIZE)[types - 1]
+    depth, size = np.sqrt(np.outer(depth, depth)), (size[:, None] + size) / 2
+    sixth = (size / r) ** 6
+    return (4 * depth * (sixth**2 - sixth) + constant * np.outer(charges, charges) / r).sum()
+
+
+def test_dimer(run_lammps, tmp_path):
+    """Locks out a state that is called relaxed and is no minimum: two waters come to the energy
+    that scipy finds for two rigid molecules."""
+    shape, types, charges = (np.array(part) for part in WATER)
+    start = np.array([25, 25, 25, 0, 0, 0, 27.6, 25.5, 25.2, 0.4, 1.1, 0.3])
+    x = np.concatenate(
+        [Rotation.from_rotvec(part[3:]).apply(shape) + part[:3] for part in start.reshape(2, 6)]
+    )
+    columns = [np.repeat([1, 2], 3), np.tile(types, 2), np.tile(charges, 2), x]
+    pairs = "\n".join(
+        f"pair_coeff {i + 1} {j + 1} {np.sqrt(DEPTH[i] * DEPTH[j]):.17g} {(SIZE[i] + SIZE[j]) / 2}"
+        for i, j in ((0, 0), (0, 1), (1, 1))
+    )
+    script = f"""units real
+atom_style full
+boundary f f f
+read_data data.two
+pair_style lj/cut/coul/cut 40
+{pairs}
+pair_modify shift no
+neigh_modify exclude molecule/intra all
+timestep 1
+{fix(tolerance=1e-9)}
+thermo_style custom step pe
+thermo_modify format float %.16g norm no
+run 5000
+run 0
+"""
+    two = data_file("full", columns, (0.0, 50.0), mass=MASSES[:2])
+    done = run_lammps(script, files={"data.two": two})
+    more = shape, types, charges, 332.06371  # of units real
+    best = minimize(energy_of_two, start, more, "BFGS", options={"gtol": 1e-7})
+    assert "as asked for" in done.log
+    assert done.thermo["PotEng"][-1] == pytest.approx(best.fun, abs=1e-7)
+    assert best.fun < energy_of_two(start, *more) - 1.0
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_points_as_with_min_style_fire(run_lammps, tmp_path, ranks):
+    """Locks out another algorithm under the name: points go the way of LAMMPS's own, step by step,
+    through many turns where it stops and begins anew."""
+    system = mixture("single", side=5, spacing=1.15)
+    turned = "min_modify dmax 10 halfstepback no delaystep 5 tmax 8 tmin 1e-2 dtgrow 1.2\n"
+    words = "dmax 10 halfstepback no delaystep 5 tmax 8 tmin 1e-2 dtgrow 12e-1"
+    start = f"{system.setup}\n{SMOOTH}mass * 1\ndisplace_atoms all random 0.1 0.1 0.1 8\n"
+    start += "timestep 0.002\n"
+    for name, lines in (
+        ("theirs", f"min_style fire\n{turned}minimize 0 0 150 10000\n"),
+        ("ours", f"{fix(f'force v_f torque v_f {words}', 1e-13)}run 150\n"),
+    ):
+        run_lammps(start + lines + FORCES.format(name), files=system.files, ranks=ranks)
+    (*_, x, _), (*_, y, _) = (atoms(tmp_path / name) for name in ("theirs", "ours"))
+    assert np.abs(nearest(x - y, system.h)).max() < 1e-9
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_overlapping_start(run_lammps, tmp_path, ranks):
+    """Locks out a start that breaks the quench, bent bodies, and tolerances that are said to be
+    kept and are not."""
+    system = liquid(40, 10)
+    script = f"{system.setup}\n{FORCES.format('start')}{fix()}thermo_style custom step pe f_1[5]\n"
+    script += f"timestep 1\nthermo 100\nrun 20000\n{FORCES.format('end')}"
+    done = run_lammps(script, files=system.files, ranks=ranks)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert "as asked for" in done.log
+    assert (norms(tmp_path / "end") < 1e-6 * (1 + 1e-6)).all()
+    assert bent(start, end) < 1e-12
+    energies = done.thermo["PotEng"]
+    assert energies[0] > 1e6 > 0 > energies[-1]
+
+
+@pytest.mark.parametrize("ranks", [2, 4, 8])
+@pytest.mark.parametrize("kinds", ["solid planar pair row single", "solid row single, points"])
+def test_ranks(run_lammps, tmp_path, kinds, ranks):
+    """Locks out ranks that do not see the same forces, or do not stop at the same step: from a
+    start that no rounding leads elsewhere they find one minimum."""
+    kinds, *points = kinds.split(", ")
+    system, ends = mixture(kinds, side=2, spacing=2.9), []
+    lines, group = fix(tolerance=1e-9), ""
+    if points:
+        group = "group loose molecule 1 2\ngroup stiff subtract all loose\n"
+        lines = fix("force v_f torque v_f points loose", 1e-9, bodies="stiff molecule")
+    script = f"{system.setup}\n{SMOOTH}{group}{lines}timestep 0.002\nrun 10000\n"
+    for n in 1, ranks:
+        done = run_lammps(script + FORCES.format("end"), files=system.files, ranks=n)
+        assert "as asked for" in done.log
+        ends.append(atoms(tmp_path / "end")[2])
+        if not points:
+            assert (norms(tmp_path / "end") < 1.001e-9).all()
+    assert np.abs(nearest(ends[0] - ends[1], system.h)).max() < 1e-7
+
+
+def test_in_the_plane(run_lammps, tmp_path):
+    """Locks out motion out of the plane, and torques about axes that no body has there."""
+    system = mixture("planar pair row single", side=3, spacing=2.9, dimension=2)
+    script = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}{fix(tolerance=1e-9)}"
+    script += "fix 2 all enforce2d\ntimestep 0.002\nrun 10000\n" + FORCES.format("end")
+    done = run_lammps(script, files=system.files)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert "as asked for" in done.log
+    assert (end[2][:, 2] == start[2][:, 2]).all()
+    assert (norms(tmp_path / "end") < 1.001e-9).all()
+    assert bent(start, end) < 1e-12
+
+
+def test_spheres(run_lammps, tmp_path):
+    """Locks out a body whose moments are those of its atoms' own size: with no place off its
+    centre, a sphere alone has them, and is at rest when the others are."""
+    system = mixture("pair single", side=2, spacing=2.9)
+    setup = system.setup.replace("atom_style molecular", "atom_style hybrid sphere molecular")
+    data = re.sub(r"Masses\n\n(.+\n)+\n", "", system.files["data.bodies"])
+    data = re.sub(r"\nVelocities\n\n(.+\n)+", "", data)
+    data = re.sub(
+        r"^(\d+) (\d+) (\d+) (\S+ \S+ \S+) (\S+ \S+ \S+)$", r"\1 \3 \4 0.5 1.0 \2 \5", data,
+        flags=re.MULTILINE,
+    ).replace("# molecular", "# hybrid")  # fmt: skip
+    script = f"{setup}\n{SMOOTH}{FORCES.format('start')}{fix(tolerance=1e-9)}"
+    script += f"timestep 0.002\nrun 5000\n{FORCES.format('end')}"
+    done = run_lammps(script, files={"data.bodies": data})
+    assert "as asked for" in done.log
+    assert (norms(tmp_path / "end") < 1.001e-9).all()
+    assert bent(atoms(tmp_path / "start"), atoms(tmp_path / "end")) < 1e-12
+
+
+# ------------------------------------------------------------------ the way there
+
+
+def test_no_step_is_too_far(run_lammps, tmp_path):
+    """Locks out bodies that a huge force throws away: in a step the atoms of one move by dmax, as a
+    root mean square, and not further."""
+    system = liquid(40, 10)
+    start = f"{system.setup}\n{fix('force v_f torque v_f dmax 5e-2')}timestep 1\nrun 0\n"
+    run_lammps(start + FORCES.format("one") + "run 1\n" + FORCES.format("two"), files=system.files)
+    (molecule, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))
+    square = np.bincount(molecule.astype(int), ((y - x) ** 2).sum(axis=1))[1:]
+    root = np.sqrt(square / np.bincount(molecule.astype(int))[1:])
+    assert root.max() < 0.05 * 1.2  # a turn's own axes are not quite those of equal weights
+    assert (root > 0.05 * 0.8).sum() > 10
+
+
+def test_what_comes_next(run_lammps, tmp_path):
+    """Locks out an end that lasts: a run behind it does its steps, and a second quench is done at
+    once; what is printed is what the log says."""
+    system = mixture(side=2, spacing=2.9)
+    script = f"{system.setup}\n{SMOOTH}{fix(tolerance=1e-5)}timestep 0.002\n"
+    script += "run 10000\nprint 'first $(step) $(f_1[5]:%.9g) $(f_1[6]:%.9g)'\n"
+    script += "run 10000\nprint 'second $(step)'\n"
+    script += 'unfix 1\nfix 1 all python/move "fix_nosquish.NVE all molecule"\nrun 7\n'
+    done = run_lammps(script + "print 'third $(step)'\n", files=system.files)
+    first, second, third = (
+        int(re.search(rf"^{name} (\d+)", done.log, re.MULTILINE)[1])
+        for name in ("first", "second", "third")
+    )
+    assert 50 < first < 10000
+    assert second == first + 1
+    assert third == second + 7
+    said = re.search(r"largest force on a body is (\S+) .*largest torque (\S+) ", done.log)
+    printed = re.search(r"^first \d+ (\S+) (\S+)", done.log, re.MULTILINE)
+    assert [*map(float, printed.groups())] == pytest.approx([*map(float, said.groups())], 1e-4)
+
+
+def test_says_why_it_ends(run_lammps):
+    """Locks out a run that is over and looks as if it had found a minimum."""
+    system = mixture(side=2, spacing=2.9)
+    script = f"{system.setup}\n{SMOOTH}{fix()}timestep 0.002\nrun 10\n"
+    done = run_lammps(script, files=system.files)
+    assert "FIRE: at step 10 the largest force on a body is" in done.log
+    assert "above what was asked for" in done.log
+
+
+# ------------------------------------------------------------------ what is refused
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("torque v_f", "keyword force is missing"),
+        ("force v_f", "keyword torque is missing"),
+        ("force 0 torque 1", "keyword force: it is 0, and must be above zero"),
+        ("force 1 torque -1", "keyword torque: it is -1, and must be above zero"),
+        ("force 1 torque x", "'x' was given where"),
+        ("force 1 force 1 torque 1", "keyword force stands twice"),
+        ("force 1 torque 1 dmax 0", "keyword dmax: it is 0"),
+        ("force 1 torque 1 tmax 0", "keyword tmax is 0, and must be at least 1"),
+        ("force 1 torque 1 tmin 2", "keyword tmin is 2, and must be at least 0 and at most 1"),
+        ("force 1 torque 1 dtgrow 0", "keyword dtgrow is 0, and must be at least 1"),
+        ("force 1 torque 1 delaystep 0", "'0' was given where a whole number"),
+        ("force 1 torque 1 halfstepback maybe", "'maybe' was given where no or yes"),
+        ("force 1 torque 1 temp 1 1 1", "this integrator keeps no temperature"),
+    ],
+)
+def test_bad_words(refused, words, says):
+    """Locks out words that are taken and mean nothing, or something else."""
+    system = mixture(side=2)
+    refused(f"{system.setup}\n{fix(words)}run 0\n", says, system.files)
+
+
+def test_minimize_names_it(refused):
+    """Locks out a refusal that leaves the user without a way."""
+    system = mixture(side=2)
+    script = f'{system.setup}\nfix 1 all python/move "fix_nosquish.NVE all molecule"\n'
+    refused(f"{script}minimize 0 0 10 10\n", "use fix_nosquish.FIRE and a run", system.files)
+
+
+def test_nve_has_no_dmax(refused):
+    """Locks out keywords of a minimisation that another integrator takes and forgets."""
+    system = mixture(side=2)
+    script = f'{system.setup}\nfix 1 all python/move "fix_nosquish.NVE all molecule dmax 1"\n'
+    refused(f"{script}run 0\n", "seeks no minimum, fix_nosquish.FIRE does", system.files)
