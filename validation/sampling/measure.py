@@ -17,6 +17,7 @@ from validation.ensembles.runs import Lengths
 from validation.ensembles.schemes import Scheme
 from validation.running import machine, rounds, run
 from validation.sampling import plan
+from validation.sampling.criteria import BOUNDS
 from validation.sampling.plan import Case, Point
 from validation.statistics import limit, measures, motion, precision, structure
 from validation.statistics.estimate import Estimate
@@ -135,9 +136,10 @@ class Row:
         cost: s of one core for a ps, over starts.
         slowest: the observable whose independent samples take the longest, and ``sample``, s of a
             core for one of them.
-        less: how many times less such a sample costs than with the known point.
-        faster: of each observable how many times less time it takes than the known point to the
-            total error of that, see `precision.times`.
+        less: how many times less such a sample costs than with each known scheme.
+        faster: of each observable how many times less time it takes than the first known point to
+            the total error of that, see `precision.times`.
+        seconds: of each observable with a bound, s of a core to a total error as large as it.
     """
 
     scheme: str
@@ -155,8 +157,9 @@ class Row:
     cost: measures.Spread | None = None
     slowest: str | None = None
     sample: dict | None = None
-    less: dict | None = None
+    less: dict[str, dict] = field(default_factory=dict)
     faster: dict[str, dict] = field(default_factory=dict)
+    seconds: dict[str, dict] = field(default_factory=dict)
 
 
 @dataclass
@@ -186,8 +189,7 @@ def sampling(
     Returns:
         plain data: circumstances, settings, rows, limits.
     """
-    # two scenes, or two lengths, may share the folder
-    folder, found = out / "runs" / case.name / lengths.folder, Found()
+    folder, found = out / "runs" / lengths.folder, Found()
     batch = runs.Runs(case.scene, case.starter, lengths, folder, silence, case.prints(lengths))
     made = batch.do([one for _, one in case.runs(points, lengths)], meter, __name__)
     for why in made.failed.values():
@@ -205,7 +207,7 @@ def sampling(
         "interrupted": made.interrupted,
         "bodies": case.scene.unit,
         "temperature": case.temperature,
-        "known": case.known._asdict(),
+        "known": [one._asdict() for one in case.known],
         "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": runs.SAMPLED},
         **told(found, case, every),
     }
@@ -318,16 +320,14 @@ def told(found: Found, case: Case, points: Sequence[Point]) -> dict:
 def fitted(means: Mapping[Point, Numbers], key: str, case: Case) -> limit.Fit | None:
     """The common limit of an observable."""
     some = {point: one.means[key] for point, one in means.items() if key in one.means}
-    return limit.fit(some, {point: tuple(point) for point in some}, case.models)
+    steps = {point: (point.scheme, point.dt) for point in some}
+    return limit.fit(some, steps, case.models)
 
 
 def _limit(fit: limit.Fit) -> dict:
-    return fit.limit.plain() | {
-        "chi2": fit.chi2,
-        "freedom": fit.freedom,
-        "probability": fit.probability,
-        "points": [[point.scheme, point.dt] for point in fit.weights],
-    }
+    told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
+    points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
+    return fit.limit.plain() | told | {"agrees": fit.agrees, "points": points}
 
 
 def _biases(point, means, fits, case) -> dict[str, Estimate]:
@@ -362,22 +362,17 @@ def _fill(row, point, starts, means, biases, fits, case) -> None:
     row.sample = sample.plain()
     if "potential" in fits and numbers.rdf is not None:
         row.rdf = apart(point, means, fits["potential"])
-    if case.known in means:
-        _, other = slowest(means[case.known])
-        row.less = precision.Interval.of(_ratio(other, sample)).plain()
-        for key in CONFIGURATIONS:
-            pair = [_worth(one, key, means, biases, fits) for one in (case.known, point)]
-            if all(pair):
-                row.faster[key] = precision.times(*pair).plain()
-
-
-def _ratio(first: Estimate, second: Estimate) -> np.ndarray:
-    """Draws of first over second, positive numbers."""
-    draws = [
-        precision.Worth(Estimate(0.0), one).draws(number)[1]
-        for number, one in enumerate((first, second), 1)
-    ]
-    return draws[0] / draws[1]
+    for one in case.known:
+        if one in means:
+            row.less[one.scheme] = measures.quotient(slowest(means[one])[1], sample).plain()
+    own = _worths(point, means, biases, fits)
+    for key in own.keys() & BOUNDS.keys():
+        row.seconds[key] = precision.seconds(own[key], BOUNDS[key]).plain()
+    known = case.known[0]
+    if known in means and known != point:
+        theirs = _worths(known, means, biases, fits)
+        for key in own.keys() & theirs.keys():
+            row.faster[key] = precision.times(theirs[key], own[key]).plain()
 
 
 def slowest(numbers: Numbers) -> tuple[str, Estimate]:
@@ -399,11 +394,14 @@ def _noise(numbers: Numbers, key: str, fits) -> Estimate:
     return numbers.noise[key].times(_unit(key, fits) ** 2)
 
 
-def _worth(point, key, means, biases, fits) -> precision.Worth | None:
-    """Bias and noise of a point."""
-    if key not in biases[point]:
-        return None
-    return precision.Worth(biases[point][key], _noise(means[point], key, fits))
+def _worths(point, means, biases, fits) -> dict[str, precision.Worth]:
+    """Bias and noise of a point's averages over configurations."""
+    numbers = means[point]
+    return {
+        key: precision.Worth(biases[point][key], _noise(numbers, key, fits))
+        for key in CONFIGURATIONS
+        if key in biases[point]
+    }
 
 
 def apart(point: Point, means: Mapping[Point, Numbers], fit: limit.Fit) -> dict | None:
@@ -413,8 +411,9 @@ def apart(point: Point, means: Mapping[Point, Numbers], fit: limit.Fit) -> dict 
     each bin.  Blocks of all these runs together are independent measurements of the difference.
     """
     parts = {one: weight for one, weight in fit.distance(point).items() if weight}
-    if any(means[one].rdf is None for one in parts):
+    known = {one: rdf for one in parts if (rdf := means[one].rdf) is not None}
+    if len(known) < len(parts):
         return None
-    number = min(len(means[one].rdf) for one in parts)
-    off = sum(weight * means[one].rdf[:number] for one, weight in parts.items())
+    number = min(map(len, known.values()))
+    off = np.sum([weight * known[one][:number] for one, weight in parts.items()], axis=0)
     return measures.without_noise(off).plain()

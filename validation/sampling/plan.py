@@ -23,7 +23,7 @@ DAMPING, STRONG = 200.0, 50.0  # fs; friction of 5/ps and of 20/ps
 MOMENT, FACTOR = 6, 4  # amu Angstrom^2 about each axis of water; times those of other molecules
 TRAJECTORY = 10  # steps of a trajectory of hybrid Monte Carlo
 HEAVY = 3.0, 4.0  # amu, of water's hydrogens
-FULL_TIME, SHORT_TIME = 300.0, 20.0  # ps of a point
+TIMES = {False: 300.0, True: 20.0}  # ps of a point, by whether it is --short
 SHORT = {  # points of --short, where the scene has the scheme
     "langevin-20": (2.0, 4.0, 8.0),
     "langevin-20-equal": (8.0, 12.0),
@@ -62,6 +62,11 @@ class Point(NamedTuple):
     dt: float
 
 
+# what users have today, for molecules that shake can hold, and for others
+RIGID = Point("rigid+langevin", 2.0), Point("rigid/nvt/small", 2.0)
+CONSTRAINED = Point("shake+langevin", 2.0), RIGID[1]
+
+
 @dataclass(frozen=True)
 class Case:
     """A scene at its temperature, and what is run and looked at of it.
@@ -73,7 +78,7 @@ class Case:
         turning: degrees of freedom of all rotation; 0 tells no temperatures of the two motions.
         sites: LAMMPS's words for the atoms of g(r), as a group has them; None for no g(r).
         dipole: whether the whole's dipole is looked at.
-        known: the point that users have today: costs are told beside its own.
+        known: points that users have today: costs are told beside theirs.
     """
 
     scene: Scene
@@ -81,7 +86,7 @@ class Case:
     schemes: Mapping[str, Scheme]
     models: Mapping[str, Model]
     starter: Scheme
-    known: Point
+    known: tuple[Point, ...]
     turning: int = 0
     sites: str | None = None
     dipole: bool = False
@@ -96,24 +101,23 @@ class Case:
         return f"{self.schemes[point.scheme].label}, {point.dt:g} fs"
 
     def points(
-        self, only: Collection[str] | None = None, dt: Collection[float] | None = None
+        self,
+        only: Collection[str] | None = None,
+        dt: Collection[float] | None = None,
+        short: bool = False,
     ) -> list[Point]:
         """What is measured, in the order in which it runs.
 
         Args:
-            only: names of schemes; None is all.
-            dt: time steps, fs; None is each scheme's own.
+            only: names of schemes; None is all, or with ``short`` those of `SHORT`.
+            dt: time steps, fs; None is each scheme's own, or with ``short`` that of `SHORT`.
         """
-        return [
-            Point(name, one)
-            for name in chosen(list(self.schemes), only)
-            for one in sorted(dt or self.schemes[name].steps)
-        ]
-
-    def short(self, only: Collection[str] | None = None) -> list[Point]:
-        """Points of --short."""
-        names = [one for one in chosen(list(self.schemes), only) if only or one in SHORT]
-        return [Point(name, dt) for name in names for dt in SHORT.get(name, (self.scene.dt,))]
+        names = chosen(list(self.schemes), only)
+        usual = {name: one.steps for name, one in self.schemes.items()}
+        if short:
+            usual |= {name: some for name, some in SHORT.items() if name in usual}
+            names = [one for one in names if only or one in SHORT] or names
+        return [Point(name, one) for name in names for one in sorted(dt or usual[name])]
 
     def runs(self, points: Collection[Point], lengths: Lengths) -> Iterator[tuple[Point, One]]:
         """(point, run) of each run: all points from the first start, then all from the next."""
@@ -289,18 +293,17 @@ def _water(_: Path) -> Case:
     scene, mass = smooth_water("water", title, "water_512", "512", 512), 15.9994 + 2 * 1.008
     heavy = {one: (f"mass 1 {mass - 2 * one:.8g}", f"mass 2 {one:g}") for one in HEAVY}
     made, models = _schemes(298.0, shake=True, equal=True, heavy=heavy)
-    known, more = Point("shake+langevin", 2.0), {"sites": "type 1", "dipole": True}
-    return Case(scene, 298.0, made, models, made["langevin-20"], known, 3 * 512, **more)
+    more: dict = {"sites": "type 1", "dipole": True}
+    return Case(scene, 298.0, made, models, made["langevin-20"], CONSTRAINED, 3 * 512, **more)
 
 
 def _peptide(_: Path) -> Case:
     scene, temperature = peptide.scene(), TEMPERATURE["peptide"]
     how: dict = {"points": " points flexible", "rest": "flexible", "everywhere": "all"}
     made, models = _schemes(temperature, shake=True, longest=6.0, **how)
-    known = Point("shake+langevin", 2.0)
     turning = rotations(scene)
     return Case(
-        scene, temperature, made, models, made["langevin-20"], known, turning, WATER_OXYGENS
+        scene, temperature, made, models, made["langevin-20"], CONSTRAINED, turning, WATER_OXYGENS
     )
 
 
@@ -324,8 +327,7 @@ def _liquid(one: Liquid) -> Callable[[Path], Case]:
         starter = nvt("melt", "melt", hot, f"langevin seed {SEED}")
         turning = one.molecules * (2 if np.linalg.matrix_rank(one.shape) == 1 else 3)
         scene = one.scene(out / "scenes")
-        known, sites = Point("rigid+langevin", 2.0), "type 1"
-        return Case(scene, one.temperature, made, models, starter, known, turning, sites)
+        return Case(scene, one.temperature, made, models, starter, RIGID, turning, "type 1")
 
     return case
 
@@ -361,4 +363,4 @@ def of_script(own: Own) -> Case:
         if "rigid/n" not in one.label:
             models[name] = Model(2 * scene.dt)
     starter = made.get(OURS, made[own.reference])
-    return Case(scene, temperature, made, models, starter, Point(own.reference, scene.dt))
+    return Case(scene, temperature, made, models, starter, (Point(own.reference, scene.dt),))

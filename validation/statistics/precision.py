@@ -26,16 +26,13 @@ class Worth(NamedTuple):
     noise: Estimate
 
     def error(self, seconds: np.ndarray | float) -> np.ndarray:
-        """The total error after so many s."""
-        return np.sqrt(self.bias.value**2 + self.noise.value / np.asarray(seconds))
+        """The total error after so many s; of a bias that is not known well its error counts, too,
+        so that a short run does not pass for a right one."""
+        squares = self.bias.value**2 + self.bias.error**2 + self.noise.value / np.asarray(seconds)
+        return np.sqrt(squares)
 
-    def seconds(self, error: np.ndarray | float) -> np.ndarray:
-        """s to a total error; infinite if the bias alone is larger."""
-        return _seconds(self.bias.value, self.noise.value, np.asarray(error, float))
-
-    def draws(self, number: int) -> tuple[np.ndarray, np.ndarray]:
-        """Biases and noises, as likely as their errors say; the ``number`` makes them independent
-        of others."""
+    def draws(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Biases and noises, as likely as their errors say; another ``number`` gives others."""
         rng = np.random.default_rng((SEED, number))
         freedom = self.bias.freedom
         shape = rng.normal(size=DRAWS) if freedom is None else rng.standard_t(freedom, DRAWS)
@@ -74,7 +71,7 @@ def _seconds(bias, noise, error):
 
 def seconds(worth: Worth, error: float) -> Interval:
     """s to a total error, with the errors of bias and noise."""
-    return Interval.of(_seconds(*worth.draws(0), error))
+    return Interval.of(_seconds(*worth.draws(), error))
 
 
 def times(known: Worth, other: Worth, error: float | None = None) -> Interval:
