@@ -11,8 +11,9 @@ from conftest import BIN, Silent, read_thermo
 from scipy import signal
 
 from validation import __main__
-from validation.ensembles import criteria, measure, plan
-from validation.ensembles.plan import REFERENCES, SCHEMES, Lengths, Point
+from validation.ensembles import criteria, measure, plan, runs, schemes
+from validation.ensembles.plan import REFERENCES, SCHEMES, Point
+from validation.ensembles.runs import Lengths
 from validation.running import run
 from validation.running.lammps_log import Loop
 from validation.statistics import measures, structure
@@ -62,10 +63,10 @@ def test_what_runs():
     full = Lengths(300.0)
     assert full.runs(6.0) == [1667, 50000] and Lengths(2.0).runs(4.0) == [50, 500]
     for dt in plan.KNOWN_STEPS:
-        assert full.every(dt) * dt == plan.SAMPLED
+        assert full.every(dt) * dt == runs.SAMPLED
     assert Lengths(0.05).every(8.0) == 1
     assert plan.total([Point("csvr", 4.0)], Lengths(20.0, 2)) == 2 * (10000 + 500 + 5000)
-    names = [name for name, *_ in plan.names(every, Lengths(1.0, 2))]
+    names = [one.name for _, one in plan.names(every, Lengths(1.0, 2))]
     assert len(set(names)) == 2 * len(every)
 
 
@@ -77,7 +78,7 @@ def test_each_start_has_its_own_random_numbers():
     for scheme in SCHEMES.values():
         first, second = (scheme.seeded(start).commands(scene) for start in (1, 2))
         assert (first == second) == ((scheme.first or scheme.name) in certain)
-        assert plan.SEED not in " ".join(first)
+        assert schemes.SEED not in " ".join(first)
         for words in re.findall(r'"fix_nosquish\.(.*)"', " ".join(first)):
             assert "." not in words
         assert scheme.ours == scheme.label.startswith(("NVT ", "NPT "))
@@ -92,11 +93,11 @@ def test_states():
         at = f"{scheme.temperature:g} {scheme.temperature:g} "
         assert f"temp {at}" in words or f"langevin {at}" in words
         if scheme.pressure is None:
-            assert " iso " not in words and scheme.reference == REFERENCE
+            assert " iso " not in words and plan.reference(scheme) == REFERENCE
         else:
             pressure = f"{scheme.pressure:g} {scheme.pressure:g} {plan.PRESSURE_DAMPING:g}"
             assert f" iso {pressure}" in words
-            assert scheme.reference == AT_PRESSURE
+            assert plan.reference(scheme) == AT_PRESSURE
         if scheme.first:
             first = SCHEMES[scheme.first]
             assert (first.temperature, first.pressure) == (298.0, 1.0) and not first.first
@@ -267,8 +268,8 @@ def test_rows_at_constant_pressure():
 def test_cost_is_of_one_core():
     """Locks out a time that others who use the core make longer: 8 ms a step by the clock, of
     which half was ours, 250 steps in a ps."""
-    assert measure.cost(8000.0, 50.0, 4.0).value == pytest.approx(1.0)
-    assert measure.cost(8000.0, None, 4.0).value == pytest.approx(2.0)
+    assert runs.cost(8000.0, 50.0, 4.0) == pytest.approx(1.0)
+    assert runs.cost(8000.0, None, 4.0) == pytest.approx(2.0)
 
 
 def test_a_bias_has_the_error_of_both():
@@ -327,10 +328,10 @@ def test_margins_of_several_starts_cover():
     The scatter alone covers 95 %, with margins that are 4.5, 1.9 and 1.2 times those of an error
     that is known.
     """
-    samples, series = round(300e3 / plan.SAMPLED), 720
+    samples, series = round(300e3 / runs.SAMPLED), 720
     rng, covered = np.random.default_rng(11), {2: [], 3: [], 8: []}
     for time in 0.2, 1.0, 5.0:  # ps
-        phi = np.exp(-plan.SAMPLED / 1e3 / time)
+        phi = np.exp(-runs.SAMPLED / 1e3 / time)
         white = np.sqrt(1 - phi**2) * rng.normal(size=(series, samples))
         white[:, 0] /= np.sqrt(1 - phi**2)
         found = [measures.mean(signal.lfilter([1], [1, -phi], one)) for one in white]
@@ -538,7 +539,7 @@ def test_translation_is_that_of_the_centres(tmp_path):
     """Locks out a kinetic energy of translation, of LAMMPS's fixes, that is not the centres': the
     same as that of the fix, which knows its bodies."""
     scene, scheme = plan.scene(), SCHEMES["nosquish+langevin"]
-    more = [line.format(group=scene.group) for line in measure.MOVES]
+    more = [line.format(group=scene.group) for line in runs.MOVES]
     more += run.thermo("v_moves", "f_1[1]", "f_1[2]")
     how = {"dt": 4.0, "every": 5, "more": more, "keeps": "nothing"}
     result = run.run(run.job(scene, scheme.seeded(1), tmp_path / "run", [20], **how))

@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from validation.ensembles.criteria import BOUNDS, MOLECULE
-from validation.ensembles.plan import REFERENCES, SCHEMES, Point
+from validation.ensembles.plan import REFERENCES, SCHEMES, Point, reference
 from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn
 from validation.statistics.estimate import SURE, Estimate
 
@@ -56,22 +56,22 @@ def density(summary: dict) -> Drawn:
 
 
 def _against_step(
-    summary: dict, key: str, reference: Point, what: str
+    summary: dict, key: str, limit: Point, what: str
 ) -> tuple[Figure | None, list[Estimate]]:
     """A number of the rows against the time step, with the bounds of the reference's scheme, and
     all these numbers; None if there is none."""
     known: dict[str, list[tuple[float, Estimate]]] = {}
     for row in summary["rows"]:
-        if row.get(key) and Point(row["scheme"], row["dt"]).other == reference:
+        if row.get(key) and Point(row["scheme"], row["dt"]).other == limit:
             known.setdefault(row["scheme"], []).append((row["dt"], Estimate.of(row[key])))
     if not known:
         return None, []
     figure, axis = plt.subplots(figsize=(8.5, 5.2), layout="constrained")
     axis.axhline(0, color=INK, lw=0.8)
     steps = sorted({dt for points in known.values() for dt, _ in points})
-    names = [name for name in STYLES if SCHEMES[name].reference == reference]
+    names = [name for name in STYLES if reference(SCHEMES[name]) == limit]
     for one in BOUNDS:
-        if one.key == key and one.scheme == reference.scheme and one.dt in steps:
+        if one.key == key and one.scheme == limit.scheme and one.dt in steps:
             half = 0.5 * BESIDE * len(names) + BESIDE
             ends = [one.dt - half, one.dt + half]
             axis.fill_between(ends, -one.within, one.within, color=PALE, alpha=0.4, lw=0)
@@ -93,8 +93,8 @@ def _against_step(
     return figure, [one for points in known.values() for _, one in points]
 
 
-def _caption(what: str, reference: Point) -> str:
+def _caption(what: str, limit: Point) -> str:
     return (
-        f"Distance of the {what} from that of {reference.label}; whiskers: {SURE} intervals, the "
-        f"reference's included. Shaded: the bounds of {SCHEMES[reference.scheme].label}."
+        f"Distance of the {what} from that of {limit.label}; whiskers: {SURE} intervals, the "
+        f"reference's included. Shaded: the bounds of {SCHEMES[limit.scheme].label}."
     )

@@ -7,25 +7,17 @@ distributions is known without any reference.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from validation.ensembles import plan
-from validation.ensembles.plan import (
-    REFERENCES,
-    SCHEMES,
-    STARTER,
-    TEMPERATURE,
-    Lengths,
-    Point,
-    Scheme,
-)
+from validation.ensembles import plan, runs
+from validation.ensembles.plan import REFERENCES, SCHEMES, STARTER, TEMPERATURE, Point
+from validation.ensembles.runs import Lengths
+from validation.ensembles.schemes import Scheme
 from validation.running import machine, rounds, run
-from validation.running.store import Store
-from validation.scenes import FS_PER_PS, Scene
-from validation.scenes.starts import from_dump, to_dump
+from validation.scenes import FS_PER_PS
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate, combined
 from validation.sweep.errors import BOLTZMANN
@@ -36,13 +28,6 @@ FINE = 1e5  # compressibilities are in 1e-5/atm
 # of each of two states independent samples, as fewer cannot tell a slope, and how many are taken
 # for an independent one, as physical_validation has bins to fill (it counts independent ones)
 LEAST_SAMPLES, DENSER = 50, 4
-# the kinetic energy of the molecules' centres, of any integrator
-MOVES = (
-    "compute molecules {group} chunk/atom molecule",
-    "compute centres {group} temp/chunk molecules kecom",
-    "variable moves equal sum(c_centres[1])",
-)
-OURS_PRINTS, ALL_PRINT = ("f_1[3]", "f_1[4]"), "v_moves"
 
 Numbers = dict[str, Estimate]  # of a run, by the names in `Row`
 SPREAD = "cost", "distribution"  # of these a row has a spread over starts (`measures.spread`)
@@ -102,8 +87,6 @@ class Found:
     numbers: dict[Point, list[Numbers]] = field(default_factory=dict)
     samples: dict[Point, list[structure.Sampled]] = field(default_factory=dict)
     errors: dict[Point, str] = field(default_factory=dict)
-    versions: dict = field(default_factory=dict)
-    interrupted: bool = False
 
 
 def ensembles(
@@ -120,99 +103,44 @@ def ensembles(
     Returns:
         (summary, rows): circumstances and settings as plain data; a row for each point.
     """
-    scene, folder, found = plan.scene(), out / "runs" / lengths.folder, Found()
-    store = Store(folder, __name__)
-    wanted = {name: (point, start) for name, point, start in plan.names(points, lengths)}
-    starts = {f"start-{number}/start": number for number in range(1, lengths.starts + 1)}
-    try:
-        for name in store.shared(starts):
-            job = _start(scene, folder / name, starts[name], lengths, silence)
-            made = _do(found, f"start {starts[name]}", job, meter)
-            if made.error:
-                found.errors |= dict.fromkeys(points, f"start {starts[name]}: {made.error}")
-        for name in store.shared(wanted if not found.errors else ()):
-            point, start = wanted[name]
-            label = point.label + f", start {start}" * (lengths.starts > 1)
-            _do(found, label, _job(scene, folder, name, point, start, lengths, silence), meter)
-    except KeyboardInterrupt:
-        found.interrupted = True
+    found, batch = Found(), _runs(lengths, out, silence)
+    made = batch.do([one for _, one in plan.names(points, lengths)], meter, __name__)
+    for why in made.failed.values():
+        found.errors |= dict.fromkeys(points, why)
     every = plan.ordered([*points, *plan.points(dt=plan.KNOWN_STEPS)])
-    for name, point, start in plan.names(every, lengths):
-        if point in found.errors:
-            continue
-        job = _job(scene, folder, name, point, start, lengths, silence)
-        if run.is_there(job, failures=True):
+    for point, one in plan.names(every, lengths):
+        job = batch.job(one)
+        if point not in found.errors and run.is_there(job, failures=True):
             _measure(found, point, job)
+    scene = batch.scene
     summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
-    summary["versions"] |= machine.worker_versions(found.versions)
-    summary |= {"interrupted": found.interrupted, "molecules": scene.unit}
+    summary["versions"] |= machine.worker_versions(made.versions)
+    summary |= {"interrupted": made.interrupted, "molecules": scene.unit}
     summary |= {"temperature": TEMPERATURE, "references": [one._asdict() for one in REFERENCES]}
-    summary["settings"] = asdict(lengths) | {"settle": lengths.settle, "sampled_fs": plan.SAMPLED}
+    summary["settings"] = asdict(lengths) | {"settle": lengths.settle, "sampled_fs": runs.SAMPLED}
     return summary, rows(found, every)
 
 
-def _do(found: Found, label: str, job: run.Job, meter: run.Meter) -> run.Result:
-    """Run a job, or take it over, with its progress shown."""
-    meter.begin(label, sum(job.runs))
-    result = run.once(job, meter.at, failures=True)
-    meter.end(result.error)
-    found.versions |= result.versions
-    if result.interrupted:
-        raise KeyboardInterrupt
-    return result
+def _runs(lengths: Lengths, out: Path, silence: float) -> runs.Runs:
+    """All runs of these lengths."""
+    scene = plan.scene()
 
+    def more(scheme: Scheme, dt: float, folder: Path) -> list[str]:
+        columns = "econserve", "vol", "density", *runs.prints(scheme)
+        return [*runs.moves(scheme, scene), *run.thermo(*columns)]
 
-def _dump(folder: Path, start: int) -> Path:
-    return (folder / f"start-{start}" / "start" / "state.dump").resolve()
-
-
-def _start(scene: Scene, directory: Path, start: int, lengths: Lengths, silence: float) -> run.Job:
-    """The run that makes a start."""
-    runs = [plan.at_least_one(lengths.begin, plan.BEGIN_STEP)]
-    one = STARTER.seeded(start)
-    more = to_dump((directory / "state.dump").resolve(), runs[0])
-    how: dict = {"dt": plan.BEGIN_STEP, "every": max(1, runs[0] // 100), "keeps": "nothing"}
-    how |= {"silence": silence, "more": more, "origin": machine.origin(scene, one)}
-    return run.job(scene, one, directory, runs, **how)
-
-
-def _job(
-    scene: Scene,
-    folder: Path,
-    name: str,
-    point: Point,
-    start: int,
-    lengths: Lengths,
-    silence: float,
-) -> run.Job:
-    """The run of a point from a start; its momentum is zero, for some schemes keep it."""
-    scheme, dump = SCHEMES[point.scheme], _dump(folder, start)
-    one = scheme.seeded(start)
-    begun = from_dump(scene, dump, plan.at_least_one(lengths.begin, plan.BEGIN_STEP))
-    rest = f"velocity {scene.group} zero linear"
-    begun = replace(begun, setup=(*begun.setup, rest))
-    prints = OURS_PRINTS if scheme.ours else (ALL_PRINT,)
-    more = [line.format(group=scene.group) for line in MOVES] if not scheme.ours else []
-    more += run.thermo("econserve", "vol", "density", *prints)
-    how: dict = {"dt": point.dt, "every": lengths.every(point.dt), "keeps": "nothing"}
-    files = [dump] if dump.exists() else []  # else LAMMPS says so
-    how |= {"silence": silence, "more": more, "origin": machine.origin(scene, one, *files)}
-    return run.job(begun, one, folder / name, lengths.runs(point.dt), **how)
+    return runs.Runs(scene, STARTER, lengths, out / "runs" / lengths.folder, silence, more)
 
 
 def _measure(found: Found, point: Point, job: run.Job) -> None:
     """The numbers of a run that is there, or why it has none."""
-    result = run.collect(job.directory)
-    kept = result.thermo.get("Step", np.empty(0)) >= job.runs[0]
-    table = {name: values[kept] for name, values in result.thermo.items()}
-    if not result.error and not all(np.isfinite(values).all() for values in table.values()):
-        result.error = "energy is not finite"
+    result, table = runs.table(job)
     if result.error:
         found.errors.setdefault(point, result.error)
         return
     scheme, timing = SCHEMES[point.scheme], rounds.timing(job, result)
     numbers = of_series(table, plan.scene().unit, scheme)
-    numbers["cost"] = cost(timing.loop or 0.0, timing.cpu, point.dt)
+    numbers["cost"] = Estimate(runs.cost(timing.loop or 0.0, timing.cpu, point.dt))
     found.numbers.setdefault(point, []).append(numbers)
     if scheme.pressure is not None:
         values = thinned(table["PotEng"], table["Volume"], times=DENSER)
@@ -226,11 +154,11 @@ def of_series(table: Mapping[str, np.ndarray], molecules: int, scheme: Scheme) -
     Args:
         table: columns of LAMMPS's output, (samples,), after the part that is left out.
     """
-    if ALL_PRINT in table:
-        moves, half = table[ALL_PRINT], DEGREES * molecules * BOLTZMANN / 2
+    if runs.ALL_PRINT in table:
+        moves, half = table[runs.ALL_PRINT], DEGREES * molecules * BOLTZMANN / 2
         translation, rotation = moves / half, (table["KinEng"] - moves) / half
     else:
-        translation, rotation = (table[name] for name in OURS_PRINTS)
+        translation, rotation = (table[name] for name in runs.OURS_PRINTS)
     (kinetic,) = thinned(table["KinEng"])
     far = structure.distribution(kinetic, scheme.temperature, molecules, scheme.held)
     found = {
@@ -262,15 +190,6 @@ def compressibility(volumes: np.ndarray, temperature: float) -> Estimate:
     sd = measures.standard_deviation(volumes)
     unit = FINE / (BOLTZMANN * ATM * temperature * np.mean(volumes))
     return Estimate(sd.value**2, 2 * sd.value * sd.error, sd.freedom).times(unit)
-
-
-def cost(loop: float, cpu: float | None, dt: float) -> Estimate:
-    """s of one core for a ps.
-
-    Args:
-        loop: us of a step by the clock.  cpu: percent of a core that the run had.  dt: fs.
-    """
-    return Estimate(loop * 1e-6 * FS_PER_PS / dt * (100.0 if cpu is None else cpu) / 100)
 
 
 def pooled(starts: Sequence[Numbers]) -> Numbers:

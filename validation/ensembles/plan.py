@@ -1,11 +1,13 @@
 """What ``ensembles`` runs: a scene, thermostats with their time steps, lengths."""
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from validation.command_line import chosen
-from validation.scenes import Scene, smooth_water, steps
+from validation.ensembles.runs import Lengths, One, folder
+from validation.ensembles.schemes import SEED, Scheme, bath, beside, chains, nvt, state
+from validation.scenes import Scene, smooth_water
 from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
 
 TEMPERATURE, WARM = 298.0, 308.0  # K
@@ -24,81 +26,21 @@ STEPS = 2.0, 4.0, 6.0, 8.0  # fs
 STATES_STEPS = 2.0, 6.0  # of states that are compared with the first
 LIMIT_STEPS = 1.0, 2.0  # of LAMMPS's barostats, which have to agree in the limit only
 MOMENT, EQUAL_STEPS = 6, (4.0, 8.0, 12.0)  # amu Angstrom^2 about each axis; its points
-KNOWN_STEPS = 1.0, *STEPS, EQUAL_STEPS[-1]  # of which an output folder may have points
+# of which an output folder may have points; all divide `runs.SAMPLED`
+KNOWN_STEPS = 1.0, *STEPS, EQUAL_STEPS[-1]
 SHORT_STEPS = 4.0, 8.0
-SAMPLED = 24.0  # fs between samples: all of `KNOWN_STEPS` divide it
 FULL_TIME, SHORT_TIME = 300.0, 2.0  # ps of a point
-SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
-BEGIN, BEGIN_STEP = 20.0, 2.0  # ps and fs of a run that makes a start
-FIRST_SEED = 7100
-SEED = "SEED"  # in a scheme's lines
-
-# the forces of LAMMPS's thermostat, and the energy that they give, for any integrator
-BATH = f"fix bath {{group}} langevin {TEMPERATURE:g} {TEMPERATURE:g} {DAMPING:g} {SEED} tally yes"
-
-
-@dataclass(frozen=True)
-class Scheme:
-    """A thermostat with its integrator, with or without a barostat, at one state.
-
-    Attributes:
-        integrator: its lines have `SEED` where a start's own number goes.
-        held: degrees of freedom of the total momentum, where the scheme keeps it at zero.
-        temperature: K.
-        pressure: atm; None at constant volume.
-        first: name of the same scheme at the first of `STATES`, if this is at another one.
-        steps: fs, of the points that are run if no other steps are asked for.
-    """
-
-    integrator: Integrator
-    held: int = 0
-    temperature: float = TEMPERATURE
-    pressure: float | None = None
-    first: str = ""
-    steps: tuple[float, ...] = STEPS
-
-    @property
-    def name(self) -> str:
-        """The word on the command line and in files."""
-        return self.integrator.name
-
-    @property
-    def label(self) -> str:
-        """How tables and figures call it."""
-        return self.integrator.label
-
-    @property
-    def ours(self) -> bool:
-        """Whether it is this package's thermostat."""
-        return any(f"fix_nosquish.{one}" in self.integrator.lines[-1] for one in ("NVT", "NPT"))
-
-    @property
-    def reference(self) -> "Point":
-        """What stands for the limit of small steps: biases are the distances from it."""
-        return REFERENCES[self.pressure is not None]
-
-    def seeded(self, start: int) -> Integrator:
-        """With the random numbers of a start, from 1."""
-        lines = (line.replace(SEED, str(FIRST_SEED + start)) for line in self.integrator.lines)
-        return replace(self.integrator, lines=tuple(lines))
+_BATH = bath(TEMPERATURE, DAMPING)
 
 
 def _state(
     damping: float = DAMPING, temperature: float = TEMPERATURE, pressure: float | None = None
 ) -> str:
-    """The state in the words of a fix: this package's and LAMMPS's are the same."""
-    words = f" temp {temperature:g} {temperature:g} {damping:g}"
-    if pressure is None:
-        return words
-    return f"{words} iso {pressure:g} {pressure:g} {PRESSURE_DAMPING:g}"
+    return state(temperature, damping, pressure, PRESSURE_DAMPING)
 
 
-def _nvt(
-    name: str, label: str, words: str, damping: float = DAMPING, held: int = 0, **more
-) -> Scheme:
-    """This package's thermostat, in the middle of the step."""
-    one = nosquish(name, label, f"{_state(damping)} thermostat {words}", "NVT")
-    return Scheme(one, held, **more)
+def _nvt(name: str, label: str, words: str, damping: float = DAMPING, **more) -> Scheme:
+    return nvt(name, label, _state(damping), words, **{"steps": STEPS, **more})
 
 
 def _npt(name: str, label: str, words: str, held: int = 0) -> Iterator[Scheme]:
@@ -112,15 +54,7 @@ def _npt(name: str, label: str, words: str, held: int = 0) -> Iterator[Scheme]:
 
 def _kicked(name: str, label: str, integrator: Integrator) -> Scheme:
     """Fix langevin, beside an integrator of constant energy."""
-    lines = (BATH, *integrator.lines)
-    return Scheme(replace(integrator, name=name, label=label, lines=lines))
-
-
-def _rigid(style: str, pressure: float | None = None, **more) -> Scheme:
-    """LAMMPS's rigid bodies with chains."""
-    one, words = rigid(style), _state(pressure=pressure)
-    lines = tuple(line + words for line in one.lines)
-    return Scheme(replace(one, lines=lines), held=3, pressure=pressure, **more)
+    return beside(name, label, integrator, _BATH, steps=STEPS)
 
 
 def _constrained_npt() -> Scheme:
@@ -142,7 +76,7 @@ SCHEMES = {
         ),
         _nvt("csvr", "NVT csvr", f"csvr seed {SEED}", held=3),
         _nvt("nh", "NVT nh", "nh", held=3),
-        _rigid("rigid/nvt/small"),
+        chains("rigid/nvt/small", _state(), steps=STEPS),
         _kicked("rigid+langevin", "rigid/nve/small + langevin", rigid("rigid/nve/small")),
         _kicked("shake+langevin", "shake + langevin", constrained("shake", "1e-6")),
         _kicked("nosquish+langevin", "fix_nosquish.NVE + langevin", nosquish("", "")),
@@ -150,7 +84,9 @@ SCHEMES = {
         *_npt("npt-csvr", "NPT csvr", f"csvr seed {SEED}", held=3),
         *_npt("npt-mtk", "NPT nh, mtk", "nh barostat mtk", held=3),
         _constrained_npt(),
-        _rigid("rigid/npt/small", PRESSURE, steps=LIMIT_STEPS),
+        chains(
+            "rigid/npt/small", _state(pressure=PRESSURE), pressure=PRESSURE, steps=LIMIT_STEPS
+        ),
     )
 }  # fmt: skip
 STARTER = SCHEMES["langevin-20"]  # makes the starts
@@ -171,47 +107,16 @@ class Point(NamedTuple):
     def other(self) -> "Point":
         """The one that it is compared with: the first state at the same step, or the reference."""
         scheme = SCHEMES[self.scheme]
-        return Point(scheme.first, self.dt) if scheme.first else scheme.reference
+        return Point(scheme.first, self.dt) if scheme.first else reference(scheme)
 
 
 REFERENCES = Point("langevin-5", 1.0), Point("npt-langevin", 1.0)  # of volume, of pressure
 BESIDE = 2.0  # fs; a point of the references' schemes that tells how near to the limit they are
 
 
-@dataclass(frozen=True)
-class Lengths:
-    """How much is done of each point: ps of each start, and the number of these."""
-
-    time: float
-    starts: int = 1
-
-    @property
-    def folder(self) -> str:
-        """Of its runs: those of another length stay beside them."""
-        return f"{self.time:.12g}-ps"
-
-    @property
-    def settle(self) -> float:
-        """ps before it that are left out."""
-        return min(SETTLE, SETTLES * self.time)
-
-    @property
-    def begin(self) -> float:
-        """ps of a run that makes a start."""
-        return min(BEGIN, self.time)
-
-    def runs(self, dt: float) -> list[int]:
-        """Steps that are left out, and steps that are sampled."""
-        return [at_least_one(self.settle, dt), at_least_one(self.time, dt)]
-
-    def every(self, dt: float) -> int:
-        """Steps between samples: of a settled run at least eight of them."""
-        return max(1, min(round(SAMPLED / dt), self.runs(dt)[1] // 8))
-
-
-def at_least_one(time: float, dt: float) -> int:
-    """How many steps of dt (fs) a time (ps) has; a run without any would sample nothing."""
-    return max(1, steps(time, dt))
+def reference(scheme: Scheme) -> Point:
+    """What stands for the limit of small steps: biases are the distances from it."""
+    return REFERENCES[scheme.pressure is not None]
 
 
 def scene() -> Scene:
@@ -241,15 +146,14 @@ def ordered(points: Collection[Point]) -> list[Point]:
     return sorted(set(points), key=lambda one: (list(SCHEMES).index(one.scheme), one.dt))
 
 
-def names(points: Collection[Point], lengths: Lengths) -> Iterator[tuple[str, Point, int]]:
-    """(name of its folder, point, start) of each run: all points from the first start, then all
-    from the next one."""
+def names(points: Collection[Point], lengths: Lengths) -> Iterator[tuple[Point, One]]:
+    """(point, run) of each run: all points from the first start, then all from the next one."""
     for start in range(1, lengths.starts + 1):
         for point in points:
-            yield f"start-{start}/{point.scheme.replace('/', '-')}-{point.dt:g}-fs", point, start
+            scheme = SCHEMES[point.scheme]
+            yield point, One(folder(start, *point), point.label, scheme, point.dt, start)
 
 
 def total(points: Collection[Point], lengths: Lengths) -> int:
     """Steps of all runs together."""
-    start = at_least_one(lengths.begin, BEGIN_STEP)
-    return lengths.starts * (start + sum(sum(lengths.runs(one.dt)) for one in points))
+    return lengths.total((SCHEMES[one.scheme], one.dt) for one in points)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from validation.statistics.estimate import Estimate, rounded
 
+INTERVAL = "value", "low", "high"
 FREE = 90.0  # percent of a core that a rank must have had
 
 
@@ -13,7 +14,8 @@ class Column:
     """A column of a table: where its numbers are in a row, and how they are called.
 
     Attributes:
-        kind: ``estimate`` (value, error, freedom), ``spread`` (median, min, max) or ``number``.
+        kind: ``estimate`` (value, error, freedom), ``spread`` (median, min, max), ``interval``
+            (value, low, high; None is infinite) or ``number``.
     """
 
     key: str
@@ -38,10 +40,20 @@ def cell(row: dict, column: Column, short: bool = False) -> str:
         return rounded(value["value"], Estimate.of(value).margin) + ", drifts" * drifts
     if column.kind == "number":
         return f"{value:.1e}" if value else "0"
+    if column.kind == "interval":
+        middle, least, most = (_digits(value[part]) for part in INTERVAL)
+        return f"{middle} ({least}–{most})"
     median, low, high = (
         f"{value[part]:.{0 if value['median'] >= 100 else 2}f}" for part in ("median", "min", "max")
     )
     return median if short else f"{median} [{low}–{high}]"
+
+
+def _digits(value: float | None) -> str:
+    """A number with two digits at least; None is infinite."""
+    if value is None:
+        return "∞"
+    return f"{value:,.0f}" if abs(value) >= 10 else f"{value:.2g}"
 
 
 def numbers(row: dict, columns: Iterable[Column]) -> dict:
@@ -54,6 +66,8 @@ def numbers(row: dict, columns: Iterable[Column]) -> dict:
         elif column.kind == "estimate":
             known = Estimate.of(value) if value else None
             parts = {"": known and known.value, " margin": known and known.margin}
+        elif column.kind == "interval":
+            parts = {f" {part}".replace(" value", ""): value and value[part] for part in INTERVAL}
         else:
             parts = {f" {part}": value and value[part] for part in ("median", "min", "max")}
         found |= {f"{column.title}{part} ({column.unit})": one for part, one in parts.items()}

@@ -17,21 +17,30 @@ FEW_BLOCKS = 12  # for the error of its mean
 SURELY = 1e6  # degrees of freedom of an error that is known
 
 
-def statistical_inefficiency(x: np.ndarray) -> float:
+def autocorrelation(x: np.ndarray) -> Estimate:
     """How many successive samples carry as much as one independent sample.
 
     g = 1 + 2 sum_k rho(k), with rho the normalised autocorrelation, summed to the
-    first window of five times its own g/2 (A. Sokal's automatic windowing); at least 1.
+    first window of five times its own g/2 (A. Sokal's automatic windowing); at least 1.  Its error
+    is Madras's and Sokal's, J. Stat. Phys. 50, 109 (1988).
     """
     x = np.asarray(x, float) - np.mean(x)
     n = len(x)
     if n < 2 or not np.any(x):
-        return 1.0
+        return Estimate(1.0)
     spectrum = np.fft.rfft(x, 2 * n)
     correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
     g = 2 * np.cumsum(correlation / correlation[0]) - 1
     enough = np.arange(n) >= 2.5 * g
-    return max(1.0, g[np.argmax(enough) if enough.any() else -1])
+    window = int(np.argmax(enough)) if enough.any() else n - 1
+    found = max(1.0, float(g[window]))
+    return Estimate(found, found * float(np.sqrt(2 * (2 * window + 1) / n)))
+
+
+def statistical_inefficiency(x: np.ndarray) -> float:
+    """How many successive samples carry as much as one independent sample, see
+    `autocorrelation`."""
+    return autocorrelation(x).value
 
 
 def of_few(values: Sequence[float]) -> Estimate:

@@ -162,15 +162,32 @@ def pair_distribution(
     frames; bins of ``width`` in ``reach``."""
     most = [(group, np.argmax(motion.mass[group], axis=1)) for group in motion.groups]
     heaviest = np.concatenate([group[np.arange(len(group)), at] for group, at in most])
+    x = motion.x[frames][:, heaviest]
+    return of_sites(x, motion.cells[frames], reach, width)
+
+
+def of_sites(
+    x: np.ndarray,
+    cells: np.ndarray,
+    reach: Sequence[float],
+    width: float = BIN,
+    blocks: int = BLOCKS,
+) -> np.ndarray:
+    """g(r) of equal atoms, (blocks, bins), of successive parts of the frames.
+
+    Args:
+        x: (frames, atoms, 3) Angstrom.  cells: (frames, 3, 3), vectors as rows.
+        reach: ends of the bins, which have this ``width``.
+    """
     top = mdtraj.Topology()
     residue = top.add_residue("HOH", top.add_chain())
-    for _ in heaviest:
+    for _ in range(x.shape[1]):
         top.add_atom("O", mdtraj.element.oxygen, residue)
-    path = mdtraj.Trajectory(motion.x[frames][:, heaviest] * NM_PER_ANGSTROM, top)
-    path.unitcell_vectors = motion.cells[frames] * NM_PER_ANGSTROM
+    path = mdtraj.Trajectory(x * NM_PER_ANGSTROM, top)
+    path.unitcell_vectors = cells * NM_PER_ANGSTROM
     pairs = top.select_pairs("all", "all")
     ends = [end * NM_PER_ANGSTROM for end in reach]
-    parts = np.array_split(np.arange(path.n_frames), BLOCKS)
+    parts = np.array_split(np.arange(path.n_frames), blocks)
     how = {"r_range": ends, "bin_width": width * NM_PER_ANGSTROM}
     return np.array([mdtraj.compute_rdf(path[part], pairs, **how)[1] for part in parts])
 

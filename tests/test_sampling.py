@@ -1,0 +1,240 @@
+"""Error of averages against cost: the limit of small steps, work and precision, plan, runs."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from validation import __main__
+from validation.ensembles.runs import Lengths
+from validation.ensembles.schemes import SEED
+from validation.running import run
+from validation.sampling import criteria, plan
+from validation.sampling.plan import Point
+from validation.statistics import limit, measures, precision
+from validation.statistics.estimate import Estimate
+from validation.statistics.limit import Model
+
+MODELS = {"a": Model(4.0), "b": Model(8.0), "exact": Model()}
+STEPS = {
+    **{("a", dt): 0.05 for dt in (1.0, 2.0, 4.0)},
+    **{("b", dt): 0.02 for dt in (2.0, 4.0, 6.0, 8.0)},
+    ("exact", 6.0): 0.04,
+    ("a", 6.0): 0.01,  # beyond its reach
+    ("other", 2.0): 0.01,  # with a limit of its own
+}
+
+
+def exact(scheme, dt):
+    """A mean whose limit is -9, with another error of the step for each scheme."""
+    if scheme == "other":
+        return -8.0
+    return -9.0 + {"a": 0.02 * dt**2, "b": -0.003 * dt**2 + 1e-4 * dt**4, "exact": 0.0}[scheme]
+
+
+def fit(points):
+    return limit.fit(points, {key: key for key in points}, MODELS)
+
+
+def test_the_limit_of_exact_numbers():
+    """Locks out a limit or a bias that is off where nothing is uncertain, a term that is missing,
+    and points that have no place in the fit."""
+    found = fit({key: Estimate(exact(*key), error) for key, error in STEPS.items()})
+    assert found.limit.value == pytest.approx(-9.0, abs=1e-9) and found.chi2 < 1e-9
+    assert found.freedom == 8 - 1 - 1 - 2
+    assert ("a", 6.0) not in found.weights and ("other", 2.0) not in found.weights
+    for key in STEPS:
+        assert found.bias(key).value == pytest.approx(exact(*key) + 9.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("freedom", [None, 11])
+def test_the_limits_error_covers(freedom):
+    """Locks out an error of U0 or of a bias that is too small or too large: of 1,500 samples the
+    95 % interval has the truth in 95 %, of points in the fit, outside of it, and of their chi2."""
+    rng = np.random.default_rng(5)
+    inside: dict = dict.fromkeys((None, *STEPS), 0)
+    agree, number = 0, 1500
+    for _ in range(number):
+        points = {}
+        for key, error in STEPS.items():
+            told = error if freedom is None else error * np.sqrt(rng.chisquare(freedom) / freedom)
+            points[key] = Estimate(exact(*key) + error * rng.normal(), told, freedom)
+        found = fit(points)
+        agree += found.agrees
+        inside[None] += abs(found.limit.value + 9.0) < found.limit.margin
+        for key in STEPS:
+            one = found.bias(key)
+            inside[key] += abs(one.value - exact(*key) - 9.0) < one.margin
+    # with errors that few values tell a margin is too wide rather than too narrow
+    low, high = (0.93, 0.97) if freedom is None else (0.93, 0.995)
+    for key, count in inside.items():
+        assert low < count / number < high, key
+    assert 0.92 < agree / number < 0.98
+
+
+def test_a_point_of_the_fit_is_correlated_with_it():
+    """Locks out errors of a point and the limit that are added as if they were independent: the
+    only exact point is the limit."""
+    points = {("exact", 6.0): Estimate(-9.0, 0.04), ("other", 2.0): Estimate(-8.0, 0.03)}
+    found = fit(points)
+    assert found.limit == Estimate(-9.0, 0.04) and found.bias(("exact", 6.0)).error == 0
+    assert found.bias(("other", 2.0)).error == pytest.approx(0.05)
+
+
+def test_a_wrong_model_is_seen():
+    """Locks out a chi2 that agrees with everything."""
+    points = {key: Estimate(exact(*key), error) for key, error in STEPS.items()}
+    points["exact", 6.0] = Estimate(-8.7, 0.04)
+    found = fit(points)
+    assert not found.agrees and found.probability < 1e-4
+
+
+def test_no_limit():
+    """Locks out a limit of schemes with one step each, which is that of nothing."""
+    assert fit({("a", 2.0): Estimate(1.0, 0.1), ("b", 2.0): Estimate(1.0, 0.1)}) is None
+    assert fit({("other", 2.0): Estimate(1.0, 0.1)}) is None and fit({}) is None
+
+
+# ---- work and precision
+
+
+def remembering(rng, samples, time):
+    """Standard normal numbers with an exponential autocorrelation."""
+    keep = np.exp(-1 / time)
+    noise = rng.normal(size=samples + round(20 * time))
+    return signal.lfilter([np.sqrt(1 - keep**2)], [1, -keep], noise)[-samples:]
+
+
+def test_the_error_of_an_autocorrelation_time():
+    """Locks out a time of an independent sample without its error, or with another one."""
+    rng, truth = np.random.default_rng(2), 1 / np.tanh(0.5 / 10.0)
+    found = [measures.autocorrelation(remembering(rng, 20000, 10.0)) for _ in range(300)]
+    off = np.array([(one.value - truth) / one.error for one in found])
+    assert 0.75 < off.std() < 1.3 and abs(off.mean()) < 0.5
+
+
+def test_total_error_against_brute_force():
+    """Locks out another formula of bias and noise: the rms error of means of many runs that last so
+    long, of a series with a bias."""
+    rng, cost, apart, bias = np.random.default_rng(3), 2.5, 0.1, 0.05
+    remembers, noise = precision.noise(3.0 * remembering(rng, 400000, 8.0), cost, apart)
+    assert remembers.value == pytest.approx(apart / np.tanh(0.5 / 8.0), rel=0.1)
+    worth = precision.Worth(Estimate(bias), noise)
+    for samples in 2000, 20000:
+        errors = [3.0 * remembering(rng, samples, 8.0).mean() + bias for _ in range(400)]
+        seconds = samples * apart * cost
+        brute = np.sqrt(np.mean(np.square(errors)))
+        assert worth.error(seconds) == pytest.approx(brute, rel=0.15)
+        assert precision.seconds(worth, brute).value == pytest.approx(seconds, rel=0.5)
+
+
+def test_time_to_an_error():
+    """Locks out a time to an error that the bias alone exceeds, and a ratio upside down."""
+    good = precision.Worth(Estimate(0.0), Estimate(2.0))
+    bad = precision.Worth(Estimate(0.1), Estimate(1.0))
+    assert precision.seconds(good, 0.1) == (pytest.approx(200.0),) * 3
+    assert precision.seconds(bad, 0.1).value == np.inf
+    # at sqrt(2) of its bias its noise is as large: 1 / 0.01 s
+    assert precision.times(bad, good).value == pytest.approx((1 / 0.01) / (2 / 0.02))
+    assert precision.times(good, bad, 0.05).value == 0
+    assert precision.times(bad, good, 0.05).plain()["value"] is None
+    unsure = precision.Worth(Estimate(0.0, 0.1), Estimate(2.0, 0.2))
+    spread = precision.seconds(unsure, 0.1)
+    assert 180 < spread.low < spread.value < np.inf and spread.high == np.inf
+    assert unsure.error(1e12) == pytest.approx(0.1)
+
+
+# ---- the plan
+
+
+@pytest.mark.parametrize("name", plan.CASES)
+def test_what_runs(name, tmp_path):
+    """Locks out a scheme at another temperature than the scene's, words that LAMMPS cuts, points
+    without a model that count for the limit, and trajectories that a sample or a run cuts."""
+    case = plan.CASES[name](tmp_path)
+    made = list(case.runs(case.points(), Lengths(1.0, 2)))
+    assert len({one.name for _, one in made}) == len(made) == 2 * len(case.points())
+    assert set(case.known) <= set(case.points()) and set(case.models) == set(case.schemes) - {
+        "rigid/nvt/small"
+    }
+    for scheme in case.schemes.values():
+        words = " ".join(scheme.seeded(1).commands(case.scene))
+        assert f" {case.temperature:g} " in words and SEED not in words and "{" not in words
+        for dt in scheme.steps:
+            lengths = Lengths(1.0)
+            for steps in (*lengths.runs(dt, scheme.stride), lengths.every(dt, scheme.stride)):
+                assert steps % scheme.stride == 0
+    short = case.points(short=True)
+    assert set(case.known) <= set(short) and len(short) < len(case.points()) / 3
+    assert case.points(["nh"], [3.0]) == [Point("nh", 3.0)]
+    text = " ".join(case.prints(Lengths(1.0))(case.schemes["rigid+langevin"], 2.0, tmp_path))
+    assert "f_raw[1]" in text  # not the thermostat's noise
+
+
+def test_liquids():
+    """Locks out another density, molecules that overlap, and shapes of another size."""
+    for one, room in (plan.BENZENE, 2.48), (plan.CARBON_DIOXIDE, 1.16):
+        lines = one.data().splitlines()
+        atoms = lines.index("Atoms # full") + 2
+        number = one.molecules * len(one.types)
+        x = np.array([line.split()[1:] for line in lines[atoms : atoms + number]], float)
+        box = np.array([float(line.split()[1]) for line in lines if line.endswith("hi")])
+        mass = np.array(one.mass)[x[:, 1].astype(int) - 1].sum()
+        assert mass / box.prod() / 0.602214076 == pytest.approx(one.density)
+        assert abs(x[:, 2].sum()) < 1e-9
+        far = x[:, None, 3:6] - x[:, 3:6]
+        far = np.linalg.norm(far - np.rint(far / box) * box, axis=2)
+        same = x[:, :1] == x[:, 0]
+        assert far[~same].min() > 2.5 and far[same].max() == pytest.approx(2 * room, abs=0.01)
+
+
+def test_bounds():
+    """Locks out a bound that a wrong number passes, and verdicts on runs that are too short."""
+
+    def verdicts(time=20.0, **biases):
+        row = {"ours": True, "error": None, "label": "x", "dt": 8.0, "less": {"shake": {}}}
+        row["less"]["shake"] = Estimate(5.1, 0.01).plain()
+        row["biases"] = {key: Estimate(one, 1e-6).plain() for key, one in biases.items()}
+        summary = {"settings": {"time": time}, "known": [{"dt": 2.0}], "rows": [row]}
+        return [one.holds for one in criteria.checks(summary)]
+
+    for key, most in criteria.BOUNDS.items():
+        assert verdicts(**{key: -0.99 * most}) == [True, True]
+        assert verdicts(**{key: 1.01 * most}) == [False, True]
+    assert verdicts(time=19.0) == []
+
+
+# ---- runs
+
+
+@pytest.mark.timeout(300)
+def test_the_verb_runs(tmp_path, monkeypatch):
+    """Locks out a verb that fails, runs that are done twice, a folder that forgets what an earlier
+    command has left, and a Ctrl-C that loses it."""
+    words = ["sampling", "water", "--ps", "0.05", "--out", str(tmp_path), "--only"]
+    assert __main__.main([*words, "langevin-20", "shake+langevin", "hmc", "--dt", "1,2"]) == 0
+    files = {path.name for path in tmp_path.iterdir()}
+    assert {"summary.json", "table.csv", "checks.csv", "report.html", "precision.png"} <= files
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert len(summary["rows"]) == 6 and not summary["checks"]
+    for row in summary["rows"]:
+        assert row["error"] is None and -10 < row["means"]["potential"]["value"] < -9
+        assert 30 < row["means"]["torque"]["value"] < 60 and row["cost"]["median"] > 0
+        assert 200 < row["means"]["rotation"]["value"] < 400
+        assert set(row["biases"]) == set(row["means"]) and "shake+langevin" in row["less"]
+    done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")}
+    assert len(done) == 6 + 1  # and the start
+
+    once = run.once
+
+    def stopped(job, *rest, **more):
+        if "nh" in job.directory.rpartition("/")[2]:
+            return run.Result("interrupted", {}, [], None, {}, interrupted=True)
+        return once(job, *rest, **more)
+
+    monkeypatch.setattr(run, "once", stopped)
+    assert __main__.main([*words, "nh", "--dt", "2"]) == 130
+    again = json.loads((tmp_path / "summary.json").read_text())
+    assert again["interrupted"] and again["rows"] == summary["rows"]
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")} == done

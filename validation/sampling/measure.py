@@ -1,0 +1,419 @@
+"""The error of averages, of bias and of noise, that a thermostat with a step gives for its time.
+
+All schemes move the same molecules from the same starts.  Biases are distances from the limit of
+small steps that schemes of the same distribution share (`limit`).  Noise is what one independent
+sample costs.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from validation.ensembles import runs
+from validation.ensembles.measure import ATM
+from validation.ensembles.runs import Lengths
+from validation.ensembles.schemes import Scheme
+from validation.running import machine, rounds, run
+from validation.sampling import plan
+from validation.sampling.criteria import BOUNDS
+from validation.sampling.plan import Case, Point
+from validation.statistics import limit, measures, motion, precision, structure
+from validation.statistics.estimate import Estimate
+from validation.sweep.errors import BOLTZMANN
+
+COULOMB = 332.06371  # kcal/mol Angstrom of two unit charges: 1 / (4 pi epsilon_0)
+BLOCKS = 8  # of a start's frames, for the noise of g(r)
+BIN, REACH = 0.1, 0.45  # Angstrom, of g(r), and how far it goes, of the box
+Table = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A mean that is looked at.
+
+    Attributes:
+        key: in rows and files.
+        unit: of biases; of the mean itself, if ``relative``, it has none.
+        series: of a run's table, the case, the scheme: (samples,); None if it has none.
+        relative: whether biases are in per cent of the limit.
+        known: of the case and the scheme, the limit, where theory has it; no configuration then.
+    """
+
+    key: str
+    title: str
+    unit: str
+    series: Callable[[Table, Case, Scheme], np.ndarray | None]
+    relative: bool = False
+    known: Callable[[Case, Scheme], float] | None = None
+
+
+def _potential(table, case, scheme):
+    return table["PotEng"] / case.scene.unit
+
+
+def _capacity(table, case, scheme):
+    """Of which the mean is var(U) / (kT)^2 of a body: the heat capacity of configurations."""
+    energy = table["PotEng"]
+    independent = len(energy) / measures.statistical_inefficiency(energy)
+    square = (energy - energy.mean()) ** 2 * independent / max(1.0, independent - 1)
+    return square / (BOLTZMANN * case.temperature) ** 2 / case.scene.unit
+
+
+def _pressure(table, case, scheme):
+    # a total momentum that is kept at zero takes its part off
+    missing = scheme.held * BOLTZMANN * case.temperature / (3 * table["Volume"]) * ATM
+    return table["Press"] + missing
+
+
+def _torque(table, case, scheme):
+    return table[plan.TORQUE] / case.scene.unit if plan.TORQUE in table else None
+
+
+def _dipole(table, case, scheme):
+    if plan.DIPOLE[0] not in table:
+        return None
+    square = sum(table[one] ** 2 for one in plan.DIPOLE)
+    return 4 * np.pi * COULOMB * square / (3 * table["Volume"] * BOLTZMANN * case.temperature)
+
+
+def _translation(table, case, scheme):
+    if runs.OURS_PRINTS[0] in table:
+        return table[runs.OURS_PRINTS[0]]
+    if runs.ALL_PRINT not in table:
+        return None
+    return table[runs.ALL_PRINT] / (3 * case.scene.unit * BOLTZMANN / 2)
+
+
+def _rotation(table, case, scheme):
+    if runs.OURS_PRINTS[1] in table:
+        return table[runs.OURS_PRINTS[1]]
+    if runs.ALL_PRINT not in table:
+        return None
+    turns = table["c_kinetic"] - table[runs.ALL_PRINT]
+    return turns / (case.turning * BOLTZMANN / 2)
+
+
+def _moving(case, scheme):
+    return case.temperature * (1 - scheme.held / (3 * case.scene.unit))
+
+
+MOLECULE = "kcal/mol a molecule"
+OBSERVABLES = (
+    Observable("potential", "U/N", MOLECULE, _potential),
+    Observable("capacity", "heat capacity", "%", _capacity, relative=True),
+    Observable("pressure", "pressure", "atm", _pressure),
+    Observable("torque", "squared torque", "%", _torque, relative=True),
+    Observable("dipole", "dipole fluctuation", "%", _dipole, relative=True),
+    Observable("translation", "T_trans", "K", _translation, known=_moving),
+    Observable("rotation", "T_rot", "K", _rotation, known=lambda case, scheme: case.temperature),
+)
+BY_KEY = {one.key: one for one in OBSERVABLES}
+CONFIGURATIONS = [one.key for one in OBSERVABLES if not one.known]
+
+
+@dataclass
+class Numbers:
+    """What a start of a point gave: means, of each the time (ps) of an independent sample, the
+    noise (see `precision.Worth`), g(r) of blocks of frames (blocks, bins), s of a core for a ps."""
+
+    means: dict[str, Estimate]
+    remembers: dict[str, Estimate]
+    noise: dict[str, Estimate]
+    cost: float
+    rdf: np.ndarray | None = None
+
+
+@dataclass
+class Row:
+    """A point's numbers; None where it has none.
+
+    Attributes:
+        means: of each observable, and ``biases``, in its units.
+        remembers: ps of an independent sample, and ``noise``, of each observable.
+        rdf: rms distance of g(r) from the limit's.
+        cost: s of one core for a ps, over starts.
+        slowest: the observable whose independent samples take the longest, and ``sample``, s of a
+            core for one of them.
+        less: how many times less such a sample costs than with each known scheme.
+        faster: of each observable how many times less time it takes than the first known point to
+            the total error of that, see `precision.times`.
+        seconds: of each observable with a bound, s of a core to a total error as large as it.
+    """
+
+    scheme: str
+    label: str
+    ours: bool
+    dt: float
+    lines: list[str]
+    starts: int = 0
+    error: str | None = None
+    means: dict[str, dict] = field(default_factory=dict)
+    biases: dict[str, dict] = field(default_factory=dict)
+    remembers: dict[str, dict] = field(default_factory=dict)
+    noise: dict[str, dict] = field(default_factory=dict)
+    rdf: dict | None = None
+    cost: measures.Spread | None = None
+    slowest: str | None = None
+    sample: dict | None = None
+    less: dict[str, dict] = field(default_factory=dict)
+    faster: dict[str, dict] = field(default_factory=dict)
+    seconds: dict[str, dict] = field(default_factory=dict)
+
+
+@dataclass
+class Found:
+    """What the runs gave: of each point the numbers of its starts, and why one failed."""
+
+    numbers: dict[Point, list[Numbers]] = field(default_factory=dict)
+    errors: dict[Point, str] = field(default_factory=dict)
+
+
+def sampling(
+    case: Case,
+    points: Collection[Point],
+    lengths: Lengths,
+    out: Path,
+    meter: run.Meter,
+    silence: float,
+) -> dict:
+    """Run what is not there yet, and measure; points that earlier commands of the same lengths
+    have left in the folder are measured, too.
+
+    Several processes of the same command share the runs.
+
+    Args:
+        silence: s without a sign of life after which a run is given up.
+
+    Returns:
+        plain data: circumstances, settings, rows, limits.
+    """
+    folder, found = out / "runs" / lengths.folder, Found()
+    batch = runs.Runs(case.scene, case.starter, lengths, folder, silence, case.prints(lengths))
+    made = batch.do([one for _, one in case.runs(points, lengths)], meter, __name__)
+    for why in made.failed.values():
+        found.errors |= dict.fromkeys(points, why)
+    every = _ordered(case, [*points, *_known(case, folder)])
+    for point, one in case.runs(every, lengths):
+        job = batch.job(one)
+        if point not in found.errors and run.is_there(job, failures=True):
+            _measure(found, case, point, job)
+    summary = machine.circumstances()
+    summary["versions"] |= machine.worker_versions(made.versions)
+    return summary | {
+        "scene": case.name,
+        "title": case.scene.title,
+        "interrupted": made.interrupted,
+        "bodies": case.scene.unit,
+        "temperature": case.temperature,
+        "known": [one._asdict() for one in case.known],
+        "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": runs.SAMPLED},
+        **told(found, case, every),
+    }
+
+
+def _known(case: Case, folder: Path) -> list[Point]:
+    """Points of which the folder has runs."""
+    names = {name.replace("/", "-"): name for name in case.schemes}
+    found = []
+    for path in folder.glob("start-*/*-fs/job.json"):
+        name, _, dt = path.parent.name.removesuffix("-fs").rpartition("-")
+        if name in names:
+            found.append(Point(names[name], float(dt)))
+    return found
+
+
+def _ordered(case: Case, points: Collection[Point]) -> list[Point]:
+    """Each once, by scheme and step."""
+    return sorted(set(points), key=lambda one: (list(case.schemes).index(one.scheme), one.dt))
+
+
+def _measure(found: Found, case: Case, point: Point, job: run.Job) -> None:
+    """The numbers of a run that is there, or why it has none."""
+    result, table = runs.table(job)
+    if result.error:
+        found.errors.setdefault(point, result.error)
+        return
+    timing = rounds.timing(job, result)
+    # what samples cost is no part of a scheme's cost
+    loop = (timing.loop or 0.0) - timing.sections.get("Output", 0.0)
+    spent = runs.cost(loop, timing.cpu, point.dt)
+    numbers = of_series(table, case, case.schemes[point.scheme], spent)
+    if case.sites:
+        numbers.rdf = of_frames(Path(job.directory) / plan.SITES, job.runs[0])
+    found.numbers.setdefault(point, []).append(numbers)
+
+
+def of_series(table: Table, case: Case, scheme: Scheme, cost: float) -> Numbers:
+    """A run's numbers.
+
+    Args:
+        table: columns of LAMMPS's output, (samples,), after the part that is left out.
+        cost: s of a core for a ps.
+    """
+    apart = float(np.median(np.diff(table["Time"]))) / 1e3
+    numbers = Numbers({}, {}, {}, cost)
+    for one in OBSERVABLES:
+        x = one.series(table, case, scheme)
+        if x is not None:
+            numbers.means[one.key] = measures.mean(x)
+            both = precision.noise(x, cost, apart)
+            numbers.remembers[one.key], numbers.noise[one.key] = both
+    return numbers
+
+
+def of_frames(path: Path, begin: int) -> np.ndarray | None:
+    """g(r) of blocks of a run's frames, (blocks, bins); None if there are too few.
+
+    Args:
+        begin: the first step that counts.
+    """
+    steps, x = motion.read(path)
+    x = x[steps >= begin]
+    if len(x) < BLOCKS:
+        return None
+    with open(path) as file:
+        ends = [next(file).split() for _ in range(8)][5:]
+    box = np.ptp(np.array(ends, float), axis=1)
+    cells = np.repeat(np.diag(box)[None], len(x), axis=0)
+    reach = np.floor(REACH * box.min() / BIN) * BIN
+    return structure.of_sites(x, cells, (BIN, reach), BIN, BLOCKS)
+
+
+def pooled(starts: Sequence[Numbers]) -> Numbers:
+    """The means over starts."""
+
+    def over(name):
+        first = getattr(starts[0], name)
+        return {
+            key: measures.of_starts([getattr(one, name)[key] for one in starts]) for key in first
+        }
+
+    cost = float(np.mean([one.cost for one in starts]))
+    blocks = [one.rdf for one in starts if one.rdf is not None]
+    rdf = np.concatenate(blocks) if blocks else None
+    return Numbers(over("means"), over("remembers"), over("noise"), cost, rdf)
+
+
+def told(found: Found, case: Case, points: Sequence[Point]) -> dict:
+    """Rows of the points that were run, and the limits that they are held against; plain data."""
+    means = {point: pooled(some) for point, some in found.numbers.items()}
+    good = {point: one for point, one in means.items() if point not in found.errors}
+    fits = {key: fit for key in CONFIGURATIONS if (fit := fitted(good, key, case)) is not None}
+    biases = {point: _biases(point, good, fits, case) for point in good}
+    rows = []
+    for point in points:
+        if point not in good and point not in found.errors:
+            continue
+        scheme = case.schemes[point.scheme]
+        lines = scheme.integrator.commands(case.scene)
+        row = Row(scheme.name, scheme.label, scheme.ours, point.dt, lines)
+        row.error = found.errors.get(point)
+        if not row.error:
+            _fill(row, point, found.numbers[point], good, biases, fits, case)
+        rows.append(vars(row))
+    limits = {key: _limit(fit) for key, fit in fits.items()}
+    return {"rows": rows, "limits": limits}
+
+
+def fitted(means: Mapping[Point, Numbers], key: str, case: Case) -> limit.Fit | None:
+    """The common limit of an observable."""
+    some = {point: one.means[key] for point, one in means.items() if key in one.means}
+    steps = {point: (point.scheme, point.dt) for point in some}
+    return limit.fit(some, steps, case.models)
+
+
+def _limit(fit: limit.Fit) -> dict:
+    told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
+    points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
+    return fit.limit.plain() | told | {"agrees": fit.agrees, "points": points}
+
+
+def _biases(point, means, fits, case) -> dict[str, Estimate]:
+    """Of each observable, in its units."""
+    found = {}
+    for one in OBSERVABLES:
+        mean = means[point].means.get(one.key)
+        if mean is None:
+            continue
+        if one.known:
+            expected = one.known(case, case.schemes[point.scheme])
+            found[one.key] = measures.difference(mean, Estimate(expected))
+        elif one.key in fits:
+            fit = fits[one.key]
+            unit = 100 / fit.limit.value if one.relative else 1.0
+            found[one.key] = fit.bias(point).times(unit)
+    return found
+
+
+def _fill(row, point, starts, means, biases, fits, case) -> None:
+    """The numbers of a row."""
+    numbers = means[point]
+    row.starts = len(starts)
+    row.means = {key: one.plain() for key, one in numbers.means.items()}
+    row.biases = {key: one.plain() for key, one in biases[point].items()}
+    row.cost = measures.spread(one.cost for one in starts)
+    row.remembers = {key: one.plain() for key, one in numbers.remembers.items()}
+    row.noise = {
+        key: _noise(numbers, key, fits).plain() for key in numbers.noise if _unit(key, fits)
+    }
+    row.slowest, sample = slowest(numbers)
+    row.sample = sample.plain()
+    if "potential" in fits and numbers.rdf is not None:
+        row.rdf = apart(point, means, fits["potential"])
+    for one in case.known:
+        if one in means:
+            row.less[one.scheme] = measures.quotient(slowest(means[one])[1], sample).plain()
+    own = _worths(point, means, biases, fits)
+    for key in own.keys() & BOUNDS.keys():
+        row.seconds[key] = precision.seconds(own[key], BOUNDS[key]).plain()
+    known = case.known[0]
+    if known in means and known != point:
+        theirs = _worths(known, means, biases, fits)
+        for key in own.keys() & theirs.keys():
+            row.faster[key] = precision.times(theirs[key], own[key]).plain()
+
+
+def slowest(numbers: Numbers) -> tuple[str, Estimate]:
+    """The observable of configurations whose independent samples take the longest, and what one
+    of them costs, s of a core."""
+    some = {key: one for key, one in numbers.remembers.items() if key in CONFIGURATIONS}
+    key = max(some, key=lambda one: some[one].value)
+    return key, some[key].times(numbers.cost)
+
+
+def _unit(key: str, fits) -> float:
+    """Of biases of an observable, over that of its mean; 0 if it is not known."""
+    if not BY_KEY[key].relative:
+        return 1.0
+    return 100 / fits[key].limit.value if key in fits else 0.0
+
+
+def _noise(numbers: Numbers, key: str, fits) -> Estimate:
+    return numbers.noise[key].times(_unit(key, fits) ** 2)
+
+
+def _worths(point, means, biases, fits) -> dict[str, precision.Worth]:
+    """Bias and noise of a point's averages over configurations."""
+    numbers = means[point]
+    return {
+        key: precision.Worth(biases[point][key], _noise(numbers, key, fits))
+        for key in CONFIGURATIONS
+        if key in biases[point]
+    }
+
+
+def apart(point: Point, means: Mapping[Point, Numbers], fit: limit.Fit) -> dict | None:
+    """The rms distance of a point's g(r) from the limit's.
+
+    The limit is made as that of the potential energy, of the same points with the same weights, in
+    each bin.  Blocks of all these runs together are independent measurements of the difference.
+    """
+    parts = {one: weight for one, weight in fit.distance(point).items() if weight}
+    known = {one: rdf for one in parts if (rdf := means[one].rdf) is not None}
+    if len(known) < len(parts):
+        return None
+    number = min(map(len, known.values()))
+    off = np.sum([weight * known[one][:number] for one, weight in parts.items()], axis=0)
+    return measures.without_noise(off).plain()

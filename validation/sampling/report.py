@@ -1,0 +1,140 @@
+"""From the points of ``sampling`` to files and the terminal."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from validation.pages import report
+from validation.pages.figures import draw_each
+from validation.pages.said import Figure, Said, of_checks
+from validation.pages.tables import Column, cell, numbers
+from validation.sampling.criteria import BOUNDS, LEAST, TITLES, TOO_SHORT
+from validation.sampling.figures import bias, precision
+from validation.sampling.measure import BY_KEY, CONFIGURATIONS, OBSERVABLES
+from validation.statistics.estimate import Estimate
+
+BIASES = (
+    *(Column(f"biases {one.key}", one.title, one.unit, "estimate") for one in OBSERVABLES),
+    Column("rdf", "g(r)", "rms", "estimate"),
+)
+REMEMBERS = tuple(
+    Column(f"remembers {key}", f"2τ of {BY_KEY[key].title}", "ps", "estimate")
+    for key in CONFIGURATIONS
+)
+COSTS = (
+    Column("cost", "cost", "s/ps"),
+    *REMEMBERS,
+    Column("sample", "sample of the slowest", "s", "estimate"),
+)
+WORKS = (
+    *(
+        Column(f"seconds {key}", f"time of {BY_KEY[key].title} to ±{most:g}", "s", "interval")
+        for key, most in BOUNDS.items()
+    ),
+    *(
+        Column(f"faster {key}", f"times faster, {BY_KEY[key].title}", "times", "interval")
+        for key in CONFIGURATIONS
+    ),
+)
+NESTED = "biases", "remembers", "less", "faster", "seconds"
+
+
+def flat(row: dict) -> dict:
+    """A row whose numbers of each observable stand beside the others."""
+    more = {f"{name} {key}": one for name in NESTED for key, one in row[name].items()}
+    return row | more
+
+
+def label(row: dict) -> str:
+    """A row's scheme and step."""
+    return f"{row['label']}, {row['dt']:g} fs"
+
+
+def tables(summary: dict) -> list[tuple[str, tuple[Column, ...]]]:
+    """(title, columns) of those that any row has a number in."""
+    known = summary["known"]
+    less = tuple(
+        Column(f"less {one['scheme']}", f"less than {one['scheme']}", "times", "estimate")
+        for one in known
+    )
+    rows = [flat(row) for row in summary["rows"]]
+    parts = {
+        "Bias, from the limit of small steps": BIASES,
+        "What an independent sample costs": (*COSTS, *less),
+        "Time to a total error": WORKS,
+    }
+    made = []
+    for title, columns in parts.items():
+        some = tuple(one for one in columns if any(row.get(one.key) for row in rows))
+        made += [(title, some)] * bool(some)
+    return made
+
+
+def limits(summary: dict) -> list[str]:
+    """The limits of small steps, and whether the points agree with a common one."""
+    told = []
+    for key, one in summary["limits"].items():
+        text = f"{BY_KEY[key].title}: the limit of small steps is {Estimate.of(one).text()}"
+        schemes = len({scheme for scheme, *_ in one["points"]})
+        text += f", of {len(one['points'])} points of {schemes} schemes"
+        if one["left"]:
+            agrees = "agree" if one["agrees"] else "do NOT agree"
+            text += f", which {agrees} with it: χ² is {one['chi2']:.1f} with {one['left']} degrees "
+            text += f"of freedom, probability {one['probability']:.2g}"
+        told.append(text + ".")
+    if not told:
+        told.append(
+            "No limit of small steps: it takes a scheme with two short steps, or one without error."
+        )
+    return told
+
+
+def write(summary: dict, out: Path) -> None:
+    """Write summary.json, table.csv, checks.csv, figures and report.html into a folder.
+
+    Args:
+        summary: plain data: ``rows``, ``limits``, ``checks``, settings and circumstances.
+    """
+    parts, rows = tables(summary), [flat(row) for row in summary["rows"]]
+    columns = [one for _, some in parts for one in some]
+    table = [
+        {"scheme": row["label"], "step (fs)": row["dt"], "starts": row["starts"]}
+        | numbers(row, columns)
+        | {"slowest": row["slowest"], "status": row["error"] or "ok"}
+        for row in rows
+    ]
+    files = {"table": report.frame(table), "checks": report.of_checks(summary["checks"])}
+    values = {"parts": parts, "rows": rows, "cell": cell, "label": label, "titles": TITLES}
+    values |= {"too_short": TOO_SHORT if summary["settings"]["time"] < LEAST else ""}
+    figures = draw_each((precision, bias), out, summary)
+    report.write(summary, out, files, "sampling.html", figures, **values, limits=limits(summary))
+
+
+def show(console: Console, summary: dict, out: Path) -> None:
+    """Print the points, the limits, the checks, what failed and where the files are."""
+    for title, columns in tables(summary):
+        cells = []
+        for row in map(flat, summary["rows"]):
+            name = "✗ " * bool(row["error"]) + row["label"]
+            cells.append([name, f"{row['dt']:g}", *(cell(row, one, short=True) for one in columns)])
+        heads = ["scheme", "step\nfs", *(one.head for one in columns)]
+        styles = ["bold" if row["ours"] else None for row in summary["rows"]]
+        report.table(console, f"{summary['title']}. {title}", heads, cells, styles=styles)
+    for line in limits(summary):
+        console.print(line, soft_wrap=True)
+    if summary["settings"]["time"] < LEAST:
+        console.print(TOO_SHORT, soft_wrap=True)
+    else:
+        report.show_checks(console, summary["checks"], TITLES)
+    failures = [f"{label(row)}: {row['error']}" for row in summary["rows"] if row["error"]]
+    report.end(console, summary, out, failures)
+
+
+def say(summary: dict) -> Said:
+    """For the report of all verbs."""
+    noun = "statements about the error and the cost of averages with long steps"
+    figures = [
+        Figure("precision.png", "Total error of averages against the time that is spent."),
+        Figure("bias.png", "Bias of averages against the time step."),
+    ]
+    return of_checks(summary, TITLES, noun, lines=limits(summary), figures=figures)

@@ -1,0 +1,124 @@
+"""The limit of small steps that several schemes share, and how far each point is from it.
+
+Schemes that sample the same distribution differ by errors of the step only.  These are even in it:
+U_s(h) = U0 + a_s h^2 + b_s h^4, with one U0 for all.  A weighted least-squares fit to all points
+gives U0 with a smaller error than any one run with a very short step.
+"""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+import numpy as np
+from scipy import special
+
+from validation.statistics.estimate import CONFIDENCE, Estimate, combined, margin
+
+ENOUGH = 4  # steps of a scheme that has a term in h^4, too
+Key = TypeVar("Key", bound=Hashable)
+
+
+@dataclass(frozen=True)
+class Model:
+    """How a scheme's means depend on the step: ``reach`` is the longest one whose error the terms
+    can have; None for a scheme that has no error of the step."""
+
+    reach: float | None = None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The limit, from several points.
+
+    Attributes:
+        points: all of them, by key.
+        weights: U0 is the sum of these times the points' values; a point that is not in the fit
+            has none.
+        chi2, freedom: of what the fit leaves, and its degrees of freedom.
+    """
+
+    points: Mapping
+    weights: Mapping = field(default_factory=dict)
+    chi2: float = 0.0
+    freedom: int = 0
+
+    @property
+    def limit(self) -> Estimate:
+        """U0."""
+        value = sum(weight * self.points[key].value for key, weight in self.weights.items())
+        return Estimate(float(value), *self._error(self.weights))
+
+    def bias(self, key: Hashable) -> Estimate:
+        """How far a point is from U0."""
+        parts = self.distance(key)
+        value = sum(weight * self.points[one].value for one, weight in parts.items())
+        return Estimate(float(value), *self._error(parts))
+
+    def distance(self, key: Hashable) -> dict:
+        """The points' weights in a point less U0.
+
+        Points are independent of each other, but a point in the fit is a part of U0: with these
+        weights the error of the difference needs no covariance.
+        """
+        parts = {one: -weight for one, weight in self.weights.items()}
+        parts[key] = parts.get(key, 0.0) + 1.0
+        return parts
+
+    @property
+    def probability(self) -> float | None:
+        """Of such a chi2, or a larger one, if the model is right; None if nothing is left over."""
+        return float(special.chdtrc(self.freedom, self.chi2)) if self.freedom else None
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the points agree with the model, in all but one of twenty cases by chance."""
+        return self.probability is None or self.probability > 1 - CONFIDENCE
+
+    def _error(self, parts):
+        every = ((weight * self.points[key].error, key) for key, weight in parts.items())
+        return combined(*((error, self.points[key].freedom) for error, key in every))
+
+
+def fit(
+    points: Mapping[Key, Estimate], steps: Mapping[Key, tuple[str, float]], models: Mapping
+) -> Fit | None:
+    """The `Fit` of points that are independent of each other; None if they do not tell a limit.
+
+    Args:
+        steps: of each point the scheme and the step.
+        models: of each scheme that shares the limit its `Model`.
+    """
+    used = [one for one in points if _is_in(steps[one], models) and points[one].error > 0]
+    terms = _terms([steps[one] for one in used], models)
+    design = np.stack([np.ones(len(used)), *terms], axis=1)
+    # an error that few values tell is uncertain: its margin weighs it as a normal one
+    size = np.array([points[one].margin / margin(1.0) for one in used])
+    if not len(used):
+        return None
+    scaled = design / size[:, None]
+    inverse = np.linalg.pinv(scaled)
+    if abs((inverse @ scaled)[0] - np.eye(len(scaled[0]))[0]).max() > 1e-6:
+        return None  # no scheme has two steps
+    values = np.array([points[one].value for one in used]) / size
+    left = values - scaled @ (inverse @ values)
+    freedom = len(used) - np.linalg.matrix_rank(scaled)
+    weights = dict(zip(used, map(float, inverse[0] / size)))
+    return Fit(points, weights, float(left @ left), int(freedom))
+
+
+def _is_in(step: tuple[str, float], models: Mapping) -> bool:
+    scheme, dt = step
+    return scheme in models and (models[scheme].reach is None or dt <= models[scheme].reach)
+
+
+def _terms(steps: list[tuple[str, float]], models: Mapping) -> list[np.ndarray]:
+    """Columns of h^2 for each scheme, and of h^4 for one with enough steps."""
+    columns = []
+    for scheme in dict.fromkeys(one for one, _ in steps):
+        reach = models[scheme].reach
+        if reach is None:
+            continue
+        square = np.array([(dt / reach) ** 2 * (one == scheme) for one, dt in steps])
+        number = len({dt for one, dt in steps if one == scheme})
+        columns += [square, square**2][: 2 if number >= ENOUGH else 1]
+    return columns

@@ -1,0 +1,100 @@
+"""What an average costs: its error, of bias and noise, against the time that is spent.
+
+After T seconds a mean has the bias b and the noise A / T squared, where A is the variance of a
+sample times the cost of an independent one.  So error^2 = b^2 + A / T.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from validation.statistics.estimate import CONFIDENCE, Estimate
+from validation.statistics.measures import autocorrelation
+
+DRAWS, SEED = 4000, 7  # of errors, for intervals of numbers that are far from normal
+
+
+class Worth(NamedTuple):
+    """What a scheme with a step gives.
+
+    Attributes:
+        bias: of a mean.
+        noise: variance of the mean times s that were spent on it, A above.
+    """
+
+    bias: Estimate
+    noise: Estimate
+
+    def error(self, seconds: np.ndarray | float) -> np.ndarray:
+        """The total error after so many s; of a bias that is not known well its error counts, too,
+        so that a short run does not pass for a right one."""
+        squares = self.bias.value**2 + self.bias.error**2 + self.noise.value / np.asarray(seconds)
+        return np.sqrt(squares)
+
+    def draws(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        """Biases and noises, as likely as their errors say; another ``number`` gives others."""
+        rng = np.random.default_rng((SEED, number))
+        freedom = self.bias.freedom
+        shape = rng.normal(size=DRAWS) if freedom is None else rng.standard_t(freedom, DRAWS)
+        relative = self.noise.error / self.noise.value if self.noise.value else 0.0
+        return (
+            self.bias.value + self.bias.error * shape,
+            self.noise.value * np.exp(relative * rng.normal(size=DRAWS)),
+        )
+
+
+class Interval(NamedTuple):
+    """A median, and the ends of its 95 % interval; they can be infinite."""
+
+    value: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, draws: np.ndarray) -> "Interval":
+        """Of numbers as likely as each other."""
+        ends = 50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)
+        # a rank, not a mean of two: one of these may be infinite
+        found = np.percentile(draws, (50, *ends), method="nearest")
+        return cls(*map(float, found))
+
+    def plain(self) -> dict:
+        """As a dictionary; what is infinite is None."""
+        return {name: one if np.isfinite(one) else None for name, one in self._asdict().items()}
+
+
+def _seconds(bias, noise, error):
+    room = error**2 - bias**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(room > 0, noise / room, np.inf)
+
+
+def seconds(worth: Worth, error: float) -> Interval:
+    """s to a total error, with the errors of bias and noise."""
+    return Interval.of(_seconds(*worth.draws(), error))
+
+
+def times(known: Worth, other: Worth, error: float | None = None) -> Interval:
+    """How many times less the other one takes to a total error.
+
+    Args:
+        error: None takes that of the known one when its noise is as large as its bias, which is
+            where more of its time begins to be in vain.
+    """
+    first, second = known.draws(1), other.draws(2)
+    aim = np.sqrt(2) * abs(first[0]) if error is None else error
+    spent, other_spent = _seconds(*first, aim), _seconds(*second, aim)
+    with np.errstate(invalid="ignore"):
+        ratio = spent / other_spent
+    # none of both comes to it: nobody is faster
+    return Interval.of(np.where(np.isnan(ratio), 1.0, ratio))
+
+
+def noise(x: np.ndarray, cost: float, apart: float) -> tuple[Estimate, Estimate]:
+    """(time of one independent sample, variance of a mean times s) of a series.
+
+    Args:
+        x: the samples.  cost: s for a unit of time.  apart: the time between samples.
+    """
+    remembers = autocorrelation(x).times(apart)
+    return remembers, remembers.times(float(np.var(x, ddof=1)) * cost)
