@@ -355,7 +355,7 @@ class Integrator:
         self._lost = former is not None
         self.bodies, self.notes = build(
             self.lammps, self.communicator, self.membership, self.infile, self.rows + self.kept,
-            former, self.shapes(), self.oriented,
+            former, **self.particles(),
         )  # fmt: skip
         self._lost = self._started = False
         bodies, self.exact = self.bodies, self._choose_rotor()
@@ -396,6 +396,10 @@ class Integrator:
     def shapes(self):
         """Shapes and orientations of LAMMPS's atoms; see `hosts.Host.shapes`."""
         return self.host.shapes(len(self.lammps.groups)) if self.oriented else None
+
+    def particles(self):
+        """What `build` must know of atoms that are more than points."""
+        return {"shapes": self.shapes(), "oriented": self.oriented}
 
     def former(self):
         """What the atoms were in the bodies of the last run, None if that says nothing; collective.
@@ -537,8 +541,7 @@ class Integrator:
 
     def _turn_over(self):
         """Atoms of bodies came or are gone, and their bodies with them; collective."""
-        how = {"own_rows": self.rows + self.kept}
-        how |= {"shapes": self.shapes(), "oriented": self.oriented}
+        how = {"own_rows": self.rows + self.kept, **self.particles()}
         lines = turnover.turn_over(
             self.bodies, self.lammps, self.communicator, self.membership, how
         )

@@ -169,6 +169,7 @@ class Reports:
                 state.membership,
                 state.infile,
                 former=state.former(),
+                **state.particles(),
             )[0]
         inside = state.lammps.groups[bodies.index] & (1 << group) != 0
         return thermo.removed_freedom(bodies, state.communicator, inside, state.lammps)
