@@ -208,7 +208,7 @@ CASES = {
     ),
     "minimisation": Case(
         "all molecule",
-        ("tear the rigid bodies", "minimise before", "unfix"),
+        ("tear the rigid bodies", "minimise before", "fix_nosquish.FIRE"),
         after="minimize 0 0 10 10",
     ),
     # in mid-run

@@ -11,9 +11,9 @@ from conftest import BIN, Silent, read_thermo
 from scipy import signal
 
 from validation import __main__
-from validation.ensembles import criteria, measure, plan, runs, schemes
+from validation.ensembles import criteria, lengths, measure, plan, runs, schemes
+from validation.ensembles.lengths import Lengths
 from validation.ensembles.plan import REFERENCES, SCHEMES, Point
-from validation.ensembles.runs import Lengths
 from validation.running import run
 from validation.running.lammps_log import Loop
 from validation.statistics import measures, structure
@@ -63,7 +63,7 @@ def test_what_runs():
     full = Lengths(300.0)
     assert full.runs(6.0) == [1667, 50000] and Lengths(2.0).runs(4.0) == [50, 500]
     for dt in plan.KNOWN_STEPS:
-        assert full.every(dt) * dt == runs.SAMPLED
+        assert full.every(dt) * dt == lengths.SAMPLED
     assert Lengths(0.05).every(8.0) == 1
     assert plan.total([Point("csvr", 4.0)], Lengths(20.0, 2)) == 2 * (10000 + 500 + 5000)
     names = [one.name for _, one in plan.names(every, Lengths(1.0, 2))]
@@ -328,10 +328,10 @@ def test_margins_of_several_starts_cover():
     The scatter alone covers 95 %, with margins that are 4.5, 1.9 and 1.2 times those of an error
     that is known.
     """
-    samples, series = round(300e3 / runs.SAMPLED), 720
+    samples, series = round(300e3 / lengths.SAMPLED), 720
     rng, covered = np.random.default_rng(11), {2: [], 3: [], 8: []}
     for time in 0.2, 1.0, 5.0:  # ps
-        phi = np.exp(-runs.SAMPLED / 1e3 / time)
+        phi = np.exp(-lengths.SAMPLED / 1e3 / time)
         white = np.sqrt(1 - phi**2) * rng.normal(size=(series, samples))
         white[:, 0] /= np.sqrt(1 - phi**2)
         found = [measures.mean(signal.lfilter([1], [1, -phi], one)) for one in white]
@@ -539,7 +539,7 @@ def test_translation_is_that_of_the_centres(tmp_path):
     """Locks out a kinetic energy of translation, of LAMMPS's fixes, that is not the centres': the
     same as that of the fix, which knows its bodies."""
     scene, scheme = plan.scene(), SCHEMES["nosquish+langevin"]
-    more = [line.format(group=scene.group) for line in runs.MOVES]
+    more = [line.format(group=scene.group) for line in schemes.MOVES]
     more += run.thermo("v_moves", "f_1[1]", "f_1[2]")
     how = {"dt": 4.0, "every": 5, "more": more, "keeps": "nothing"}
     result = run.run(run.job(scene, scheme.seeded(1), tmp_path / "run", [20], **how))

@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from validation import __main__
-from validation.ensembles.runs import Lengths
+from validation.ensembles.lengths import Lengths
 from validation.ensembles.schemes import SEED
 from validation.running import run
 from validation.sampling import criteria, plan

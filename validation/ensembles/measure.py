@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.ensembles import plan, runs
+from validation.ensembles import plan, runs, schemes
+from validation.ensembles.lengths import SAMPLED, Lengths
 from validation.ensembles.plan import REFERENCES, SCHEMES, STARTER, TEMPERATURE, Point
-from validation.ensembles.runs import Lengths
 from validation.ensembles.schemes import Scheme
 from validation.running import machine, rounds, run
 from validation.scenes import FS_PER_PS
@@ -117,7 +117,7 @@ def ensembles(
     summary["versions"] |= machine.worker_versions(made.versions)
     summary |= {"interrupted": made.interrupted, "molecules": scene.unit}
     summary |= {"temperature": TEMPERATURE, "references": [one._asdict() for one in REFERENCES]}
-    summary["settings"] = asdict(lengths) | {"settle": lengths.settle, "sampled_fs": runs.SAMPLED}
+    summary["settings"] = asdict(lengths) | {"settle": lengths.settle, "sampled_fs": SAMPLED}
     return summary, rows(found, every)
 
 
@@ -126,8 +126,8 @@ def _runs(lengths: Lengths, out: Path, silence: float) -> runs.Runs:
     scene = plan.scene()
 
     def more(scheme: Scheme, dt: float, folder: Path) -> list[str]:
-        columns = "econserve", "vol", "density", *runs.prints(scheme)
-        return [*runs.moves(scheme, scene), *run.thermo(*columns)]
+        columns = "econserve", "vol", "density", *schemes.prints(scheme)
+        return [*schemes.moves(scheme, scene), *run.thermo(*columns)]
 
     return runs.Runs(scene, STARTER, lengths, out / "runs" / lengths.folder, silence, more)
 
@@ -154,11 +154,11 @@ def of_series(table: Mapping[str, np.ndarray], molecules: int, scheme: Scheme) -
     Args:
         table: columns of LAMMPS's output, (samples,), after the part that is left out.
     """
-    if runs.ALL_PRINT in table:
-        moves, half = table[runs.ALL_PRINT], DEGREES * molecules * BOLTZMANN / 2
+    if schemes.ALL_PRINT in table:
+        moves, half = table[schemes.ALL_PRINT], DEGREES * molecules * BOLTZMANN / 2
         translation, rotation = moves / half, (table["KinEng"] - moves) / half
     else:
-        translation, rotation = (table[name] for name in runs.OURS_PRINTS)
+        translation, rotation = (table[name] for name in schemes.OURS_PRINTS)
     (kinetic,) = thinned(table["KinEng"])
     far = structure.distribution(kinetic, scheme.temperature, molecules, scheme.held)
     found = {

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from validation.command_line import chosen
-from validation.ensembles.runs import Lengths, One, folder
+from validation.ensembles.lengths import Lengths, One, folder
 from validation.ensembles.schemes import SEED, Scheme, bath, beside, chains, nvt, state
 from validation.scenes import Scene, smooth_water
 from validation.scenes.integrators import Integrator, constrained, nosquish, rigid

@@ -1,81 +1,17 @@
 """Runs of thermostats with their time steps, from common starts, for `ensembles` and `sampling`."""
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
+from validation.ensembles.lengths import BEGIN_STEP, Lengths, One, at_least_one
 from validation.ensembles.schemes import Scheme
 from validation.running import machine, run
 from validation.running.store import Store
-from validation.scenes import FS_PER_PS, Scene, steps
+from validation.scenes import FS_PER_PS, Scene
 from validation.scenes.starts import from_dump, to_dump
-
-SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
-SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
-BEGIN, BEGIN_STEP = 20.0, 2.0  # ps and fs of a run that makes a start
-# the kinetic energy of the molecules' centres, of any integrator
-MOVES = (
-    "compute molecules {group} chunk/atom molecule",
-    "compute centres {group} temp/chunk molecules kecom",
-    "variable moves equal sum(c_centres[1])",
-)
-OURS_PRINTS, ALL_PRINT = ("f_1[3]", "f_1[4]"), "v_moves"
-
-
-@dataclass(frozen=True)
-class Lengths:
-    """How much is done of each point: ps of each start, and the number of these."""
-
-    time: float
-    starts: int = 1
-
-    @property
-    def folder(self) -> str:
-        """Of its runs: those of another length stay beside them."""
-        return f"{self.time:.12g}-ps"
-
-    @property
-    def settle(self) -> float:
-        """ps before it that are left out."""
-        return min(SETTLE, SETTLES * self.time)
-
-    @property
-    def begin(self) -> float:
-        """ps of a run that makes a start."""
-        return min(BEGIN, self.time)
-
-    def runs(self, dt: float, stride: int = 1) -> list[int]:
-        """Steps that are left out, and steps that are sampled: multiples of ``stride``."""
-        return [at_least_one(one, stride * dt) * stride for one in (self.settle, self.time)]
-
-    def every(self, dt: float, stride: int = 1) -> int:
-        """Steps between samples: of a settled run at least eight of them."""
-        sampled = self.runs(dt, stride)[1] // stride
-        return stride * max(1, min(round(SAMPLED / (stride * dt)), sampled // 8))
-
-    def total(self, points: Iterable[tuple[Scheme, float]]) -> int:
-        """Steps of all runs together, of schemes with time steps."""
-        start = at_least_one(self.begin, BEGIN_STEP)
-        each = sum(sum(self.runs(dt, scheme.stride)) for scheme, dt in points)
-        return self.starts * (start + each)
-
-
-def at_least_one(time: float, dt: float) -> int:
-    """How many steps of dt (fs) a time (ps) has; a run without any would sample nothing."""
-    return max(1, steps(time, dt))
-
-
-class One(NamedTuple):
-    """A run: where its files go, what the terminal calls it, and what it is."""
-
-    name: str
-    label: str
-    scheme: Scheme
-    dt: float
-    start: int
 
 
 @dataclass
@@ -85,11 +21,6 @@ class Done:
     failed: dict[int, str] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     interrupted: bool = False
-
-
-def folder(start: int, scheme: str, dt: float) -> str:
-    """Of a run's files."""
-    return f"start-{start}/{scheme.replace('/', '-')}-{dt:g}-fs"
 
 
 @dataclass(frozen=True)
@@ -174,16 +105,6 @@ class Runs:
     @staticmethod
     def _of(scheme: Scheme, scene: Scene) -> Scene:
         return replace(scene, others=()) if scheme.whole else scene
-
-
-def moves(scheme: Scheme, scene: Scene) -> list[str]:
-    """LAMMPS commands for what a scheme does not print itself of translation."""
-    return [] if scheme.ours else [line.format(group=scene.group) for line in MOVES]
-
-
-def prints(scheme: Scheme) -> tuple[str, ...]:
-    """Columns of translation and rotation."""
-    return OURS_PRINTS if scheme.ours else (ALL_PRINT,)
 
 
 def table(job: run.Job) -> tuple[run.Result, dict[str, np.ndarray]]:

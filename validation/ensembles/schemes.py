@@ -2,10 +2,18 @@
 
 from dataclasses import dataclass, replace
 
+from validation.scenes import Scene
 from validation.scenes.integrators import Integrator, nosquish, rigid
 
 FIRST_SEED = 7100
 SEED = "SEED"  # in a scheme's lines
+# the kinetic energy of the molecules' centres, of any integrator
+MOVES = (
+    "compute molecules {group} chunk/atom molecule",
+    "compute centres {group} temp/chunk molecules kecom",
+    "variable moves equal sum(c_centres[1])",
+)
+OURS_PRINTS, ALL_PRINT = ("f_1[3]", "f_1[4]"), "v_moves"
 
 
 @dataclass(frozen=True)
@@ -88,3 +96,13 @@ def chains(style: str, at: str, **more) -> Scheme:
     """LAMMPS's rigid bodies with chains, at a `state`."""
     one = rigid(style)
     return Scheme(replace(one, lines=tuple(line + at for line in one.lines)), held=3, **more)
+
+
+def moves(scheme: Scheme, scene: Scene) -> list[str]:
+    """LAMMPS commands for what a scheme does not print itself of translation."""
+    return [] if scheme.ours else [line.format(group=scene.group) for line in MOVES]
+
+
+def prints(scheme: Scheme) -> tuple[str, ...]:
+    """Columns of translation and rotation."""
+    return OURS_PRINTS if scheme.ours else (ALL_PRINT,)

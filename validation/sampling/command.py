@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
     """Run and measure a scene or a script; the exit status."""
-    from validation.ensembles.runs import Lengths  # heavy: not for --help
+    from validation.ensembles.lengths import Lengths  # heavy: not for --help
     from validation.own import system
     from validation.pages import console
     from validation.sampling import criteria, measure, plan, report

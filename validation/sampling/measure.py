@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from validation.ensembles import runs
+from validation.ensembles.lengths import SAMPLED, Lengths
 from validation.ensembles.measure import ATM
-from validation.ensembles.runs import Lengths
-from validation.ensembles.schemes import Scheme
+from validation.ensembles.schemes import ALL_PRINT, OURS_PRINTS, Scheme
 from validation.running import machine, rounds, run
 from validation.sampling import plan
 from validation.sampling.criteria import BOUNDS
@@ -79,19 +79,19 @@ def _dipole(table, case, scheme):
 
 
 def _translation(table, case, scheme):
-    if runs.OURS_PRINTS[0] in table:
-        return table[runs.OURS_PRINTS[0]]
-    if runs.ALL_PRINT not in table:
+    if OURS_PRINTS[0] in table:
+        return table[OURS_PRINTS[0]]
+    if ALL_PRINT not in table:
         return None
-    return table[runs.ALL_PRINT] / (3 * case.scene.unit * BOLTZMANN / 2)
+    return table[ALL_PRINT] / (3 * case.scene.unit * BOLTZMANN / 2)
 
 
 def _rotation(table, case, scheme):
-    if runs.OURS_PRINTS[1] in table:
-        return table[runs.OURS_PRINTS[1]]
-    if runs.ALL_PRINT not in table:
+    if OURS_PRINTS[1] in table:
+        return table[OURS_PRINTS[1]]
+    if ALL_PRINT not in table:
         return None
-    turns = table["c_kinetic"] - table[runs.ALL_PRINT]
+    turns = table["c_kinetic"] - table[ALL_PRINT]
     return turns / (case.turning * BOLTZMANN / 2)
 
 
@@ -208,7 +208,7 @@ def sampling(
         "bodies": case.scene.unit,
         "temperature": case.temperature,
         "known": [one._asdict() for one in case.known],
-        "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": runs.SAMPLED},
+        "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": SAMPLED},
         **told(found, case, every),
     }
 

@@ -9,8 +9,18 @@ from typing import NamedTuple
 import numpy as np
 
 from validation.command_line import chosen
-from validation.ensembles.runs import MOVES, Lengths, One, folder, prints
-from validation.ensembles.schemes import SEED, Scheme, bath, beside, chains, nvt, state
+from validation.ensembles.lengths import Lengths, One, folder
+from validation.ensembles.schemes import (
+    MOVES,
+    SEED,
+    Scheme,
+    bath,
+    beside,
+    chains,
+    nvt,
+    prints,
+    state,
+)
 from validation.own import schemes as own_schemes
 from validation.own.system import Own
 from validation.running import run

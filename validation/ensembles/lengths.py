@@ -1,0 +1,70 @@
+"""How long the runs of `ensembles` and `sampling` are, and how each is called."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from validation.ensembles.schemes import Scheme
+from validation.scenes import steps
+
+SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
+SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
+BEGIN, BEGIN_STEP = 20.0, 2.0  # ps and fs of a run that makes a start
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """How much is done of each point: ps of each start, and the number of these."""
+
+    time: float
+    starts: int = 1
+
+    @property
+    def folder(self) -> str:
+        """Of its runs: those of another length stay beside them."""
+        return f"{self.time:.12g}-ps"
+
+    @property
+    def settle(self) -> float:
+        """ps before it that are left out."""
+        return min(SETTLE, SETTLES * self.time)
+
+    @property
+    def begin(self) -> float:
+        """ps of a run that makes a start."""
+        return min(BEGIN, self.time)
+
+    def runs(self, dt: float, stride: int = 1) -> list[int]:
+        """Steps that are left out, and steps that are sampled: multiples of ``stride``."""
+        return [at_least_one(one, stride * dt) * stride for one in (self.settle, self.time)]
+
+    def every(self, dt: float, stride: int = 1) -> int:
+        """Steps between samples: of a settled run at least eight of them."""
+        sampled = self.runs(dt, stride)[1] // stride
+        return stride * max(1, min(round(SAMPLED / (stride * dt)), sampled // 8))
+
+    def total(self, points: Iterable[tuple[Scheme, float]]) -> int:
+        """Steps of all runs together, of schemes with time steps."""
+        start = at_least_one(self.begin, BEGIN_STEP)
+        each = sum(sum(self.runs(dt, scheme.stride)) for scheme, dt in points)
+        return self.starts * (start + each)
+
+
+def at_least_one(time: float, dt: float) -> int:
+    """How many steps of dt (fs) a time (ps) has; a run without any would sample nothing."""
+    return max(1, steps(time, dt))
+
+
+class One(NamedTuple):
+    """A run: where its files go, what the terminal calls it, and what it is."""
+
+    name: str
+    label: str
+    scheme: Scheme
+    dt: float
+    start: int
+
+
+def folder(start: int, scheme: str, dt: float) -> str:
+    """Of a run's files."""
+    return f"start-{start}/{scheme.replace('/', '-')}-{dt:g}-fs"
