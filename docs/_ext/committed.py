@@ -202,7 +202,7 @@ def sweep_fastest():
     return markdown([*head, "our time over the fastest's"], body)
 
 
-def published(part="spread"):
+def published(verb="published", part="spread"):
     names = {"all": "all together"}
     body = [
         [
@@ -212,7 +212,7 @@ def published(part="spread"):
             row["verdict"],
             row["note"],
         ]
-        for row in rows("published")
+        for row in rows(verb)
         if row["part"] == part
     ]
     head = "step", "our spread over theirs", "bound", "verdict", "kcal/mol, with standard errors"
