@@ -208,7 +208,9 @@ def published(verb="published", part="spread"):
         [
             names.get(row["subject"], row["subject"]),
             margin(row["value"], row["margin"]),
-            f"{plain(row['low'])} to {plain(row['high'])}",
+            f"{plain(row['low'])} to {plain(row['high'])}"
+            if row["low"]
+            else f"at most {plain(row['high'])}",
             row["verdict"],
             row["note"],
         ]
