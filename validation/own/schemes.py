@@ -142,9 +142,12 @@ def _rigid(found: Found) -> Iterator[Integrator]:
         for style in ("rigid", "rigid/small"):
             yield from _of_style(found, style, style, style, "", rest, small)
     if state.ensemble == "nvt":
-        heat = f" langevin {' '.join(state.temp or ())} {SEED}"
-        name, label = "rigid/small+langevin", "rigid/small langevin"
-        yield from _of_style(found, name, label, "rigid/small", heat, rest, small)
+        # a fix of its own: the keyword langevin of rigid/small adds memory that nobody has set to
+        # the forces of a run's first step, and tells no energy
+        noise = f"langevin {' '.join(state.temp or ())} {SEED} tally yes"
+        name, label = "rigid/small+langevin", "rigid/small + langevin"
+        bath = [f"fix own_bath {{group}} {noise}"]
+        yield from _of_style(found, name, label, "rigid/small", "", [*rest, *bath], small)
 
 
 def _of_style(found, name, label, style, more, rest, small) -> Iterator[Integrator]:

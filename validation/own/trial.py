@@ -152,10 +152,8 @@ def points(
     if not only:
         usual = [OURS, own.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small"]
         only = [one for one in known if many or one in usual][: None if many else 3]
-    left = [one for one in only if known[one].lines[-1].count(" langevin ") and "rigid" in one]
     dts = sorted(steps or (factor * own.scene.dt for factor in FACTORS))
-    those = [one for one in only if one not in left or own.found.state.temp is None]
-    return [Point(known[name], dt) for dt in dts for name in those]
+    return [Point(known[name], dt) for dt in dts for name in only]
 
 
 def reference(own: Own) -> Point:
