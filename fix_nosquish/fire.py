@@ -37,7 +37,7 @@ from .block import (
 )  # fmt: skip
 from .compiled import F1, L1, Cell, F, I, call, inlined, loop
 from .errors import RunError
-from .frames import angular_velocity, quaternion_momentum, rotation_matrix, to_body
+from .frames import angular_velocity, product, quaternion_momentum, rotation_matrix, to_body
 from .hosts import hook
 from .integrator import Integrator
 from .mpi import DOUBLE, Mpi, add_up
@@ -100,14 +100,7 @@ def measure(block, kind, dt, parameters):
 def turn(q, w1, w2, w3, dt):
     """The quaternion q after a rotation about omega, in the principal frame, by 2 arctan of half of
     dt |omega|, which differs from that angle by its cube."""
-    x, y, z = 0.5 * dt * w1, 0.5 * dt * w2, 0.5 * dt * w3
-    q0, q1, q2, q3 = q
-    q0, q1, q2, q3 = (
-        q0 - q1 * x - q2 * y - q3 * z,
-        q1 + q0 * x + q2 * z - q3 * y,
-        q2 + q0 * y + q3 * x - q1 * z,
-        q3 + q0 * z + q1 * y - q2 * x,
-    )
+    q0, q1, q2, q3 = product(q, (1.0, 0.5 * dt * w1, 0.5 * dt * w2, 0.5 * dt * w3))
     norm = 1.0 / sqrt(q0 * q0 + q1 * q1 + q2 * q2 + q3 * q3)
     return norm * q0, norm * q1, norm * q2, norm * q3
 

@@ -12,7 +12,7 @@ from test_nvt import SMOOTH
 
 from validation.scenes.boxes import nearest
 from validation.scenes.data_file import data_file
-from validation.scenes.liquid import DEPTH, MASSES, SIZE, WATER, liquid
+from validation.scenes.overlapping import DEPTH, MASSES, SIZE, WATER, overlapping
 
 FORCES = (
     "write_dump all custom {} id mol mass xu yu zu fx fy fz modify sort id format float %.17g\n"
@@ -123,7 +123,7 @@ def test_points_as_with_min_style_fire(run_lammps, tmp_path, ranks):
 def test_overlapping_start(run_lammps, tmp_path, ranks):
     """Locks out a start that breaks the quench, bent bodies, and tolerances that are said to be
     kept and are not."""
-    system = liquid(40, 10)
+    system = overlapping(40, 10)
     script = f"{system.setup}\n{FORCES.format('start')}{fix()}thermo_style custom step pe f_1[5]\n"
     script += f"timestep 1\nthermo 100\nrun 20000\n{FORCES.format('end')}"
     done = run_lammps(script, files=system.files, ranks=ranks)
@@ -194,7 +194,7 @@ def test_spheres(run_lammps, tmp_path):
 def test_no_step_is_too_far(run_lammps, tmp_path):
     """Locks out bodies that a huge force throws away: in a step the atoms of one move by dmax, as a
     root mean square, and not further."""
-    system = liquid(40, 10)
+    system = overlapping(40, 10)
     start = f"{system.setup}\n{fix('force v_f torque v_f dmax 5e-2')}timestep 1\nrun 0\n"
     run_lammps(start + FORCES.format("one") + "run 1\n" + FORCES.format("two"), files=system.files)
     (molecule, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))

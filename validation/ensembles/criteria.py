@@ -7,6 +7,7 @@ from a trial of the same thermostats in another program.
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from validation.ensembles.lengths import LEAST
 from validation.ensembles.plan import EQUAL_STEPS, KNOWN_STEPS, SCHEMES, Point
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate, combined
@@ -105,11 +106,6 @@ TRIAL = {
 }
 TRIAL_ERROR, APART = 0.0045, 2.0  # how many standard errors of both together they may be apart
 UNSURE = 0.15  # of a compressibility, its standard error above which any other one agrees
-LEAST = 20.0  # ps of a point: of a shorter one blocks are as short as the energy remembers
-TOO_SHORT = (
-    f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell their own "
-    "errors."
-)
 TRIED = "a trial with 512 TIP3P molecules, a reaction field, 180 to 400 ps and one start a point"
 
 

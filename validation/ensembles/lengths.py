@@ -10,6 +10,7 @@ from validation.scenes import steps
 SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
 SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
 BEGIN, BEGIN_STEP = 20.0, 2.0  # ps and fs of a run that makes a start
+LEAST = 20.0  # ps of a point: of a shorter one blocks are as short as the energy remembers
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,16 @@ class Lengths:
         start = at_least_one(self.begin, BEGIN_STEP)
         each = sum(sum(self.runs(dt, scheme.stride)) for scheme, dt in points)
         return self.starts * (start + each)
+
+
+def too_short(time: float) -> str:
+    """Why nothing is held against bounds, of points with that many ps; empty where something is."""
+    if time >= LEAST:
+        return ""
+    return (
+        f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell their "
+        "own errors."
+    )
 
 
 def at_least_one(time: float, dt: float) -> int:

@@ -4,13 +4,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.ensembles.criteria import LEAST, MOLECULE, TITLES, TOO_SHORT
+from validation.ensembles.criteria import MOLECULE, TITLES
 from validation.ensembles.figures import bias, density
+from validation.ensembles.lengths import too_short
 from validation.ensembles.plan import BESIDE, REFERENCES, SCHEMES, Point
-from validation.pages import report
-from validation.pages.figures import draw_each
+from validation.pages import points
+from validation.pages.points import Part
 from validation.pages.said import Figure, Said, of_checks
-from validation.pages.tables import Column, cell, numbers
+from validation.pages.tables import Column, cell
 
 TEMPERATURES = (
     Column("temperature", "temp", "K", "estimate"),
@@ -44,11 +45,6 @@ LONG = "translation", "rotation"  # not in the terminal
 TOLD = (MEANS, (BIAS, PRESSURE_BIAS)), ((DENSITY, MEANS[0]), (DENSITY_BIAS, BIAS))
 
 
-def label(row: dict) -> str:
-    """A row's scheme and step."""
-    return Point(row["scheme"], row["dt"]).label
-
-
 def limits(summary: dict) -> list[str]:
     """What the references' means are, and how near these are to the limit of small steps."""
     found = {(row["scheme"], row["dt"]): row for row in summary["rows"] if not row["error"]}
@@ -71,13 +67,18 @@ def _limit(found, reference, means, biases):
     return said + f"{BESIDE:g} fs are apart from it by {' and '.join(told)}."
 
 
-def tables(summary: dict) -> list[tuple[str, tuple[Column, ...], list[dict]]]:
-    """(title, columns, rows), at constant volume and at constant pressure."""
+def parts(summary: dict) -> list[Part]:
+    """The tables at constant volume and at constant pressure."""
     split: tuple[list[dict], list[dict]] = [], []
     for row in summary["rows"]:
         split[SCHEMES[row["scheme"]].pressure is not None].append(row)
     titles = "Constant volume", "Constant pressure"
-    return [one for one in zip(titles, (NVT, NPT), split) if one[2]]
+    return [Part(*one) for one in zip(titles, (NVT, NPT), split) if one[2]]
+
+
+def _told(summary):
+    time = summary["settings"]["time"]
+    return {"titles": TITLES, "limits": limits(summary), "too_short": too_short(time)}
 
 
 def write(summary: dict, out: Path) -> None:
@@ -86,38 +87,14 @@ def write(summary: dict, out: Path) -> None:
     Args:
         summary: plain data: ``rows``, ``checks``, settings and circumstances.
     """
-    table = [
-        {"scheme": row["label"], "step (fs)": row["dt"], "starts": row["starts"]}
-        | numbers(row, COLUMNS)
-        | {"status": row["error"] or "ok"}
-        for row in summary["rows"]
-    ]
-    files = {"table": report.frame(table), "checks": report.of_checks(summary["checks"])}
-    values = {"parts": tables(summary), "cell": cell, "label": label, "titles": TITLES}
-    values |= {"too_short": TOO_SHORT if summary["settings"]["time"] < LEAST else ""}
-    figures = draw_each((bias, density), out, summary)
-    report.write(summary, out, files, "ensembles.html", figures, **values, limits=limits(summary))
+    table, drawn = points.frame(summary["rows"], COLUMNS), (bias, density)
+    told = _told(summary)
+    points.write(summary, out, table, "ensembles.html", drawn, parts(summary), **told)
 
 
 def show(console: Console, summary: dict, out: Path) -> None:
     """Print the points, the checks, what failed and where the files are."""
-    for title, columns, rows in tables(summary):
-        shown, cells = [one for one in columns if one.key not in LONG], []
-        heads = ["scheme", "step\nfs", *(one.head for one in shown)]
-        for row in rows:
-            name = "✗ " * bool(row["error"]) + row["label"]
-            step = f"{row['dt']:g}"
-            cells.append([name, step, *(cell(row, one, short=True) for one in shown)])
-        styles = ["bold" if row["ours"] else None for row in rows]
-        report.table(console, f"{summary['title']}. {title}", heads, cells, styles=styles)
-    for line in limits(summary):
-        console.print(line, soft_wrap=True)
-    if summary["settings"]["time"] < LEAST:
-        console.print(TOO_SHORT, soft_wrap=True)
-    else:
-        report.show_checks(console, summary["checks"], TITLES)
-    failures = [f"{label(row)}: {row['error']}" for row in summary["rows"] if row["error"]]
-    report.end(console, summary, out, failures)
+    points.show(console, summary, out, parts(summary), **_told(summary), hidden=LONG)
 
 
 def say(summary: dict) -> Said:

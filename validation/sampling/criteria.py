@@ -6,6 +6,7 @@ data.
 
 from collections.abc import Iterator, Mapping
 
+from validation.ensembles.lengths import LEAST
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
 
@@ -18,12 +19,7 @@ NAMES = {
     "torque": "bias of the mean squared torque",
 }
 LESS = 5.0  # times that an independent sample is to cost less than what users have today
-LEAST = 20.0  # ps of a point: of a shorter one blocks are as short as the energy remembers
 TITLES = {"bias": "Averages within the bounds", "cost": "Cost of an independent sample"}
-TOO_SHORT = (
-    f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell their own "
-    "errors."
-)
 
 
 def checks(summary: Mapping) -> list[Check]:

@@ -4,32 +4,25 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn, panels
+from validation.ensembles.figures import BESIDE
+from validation.ensembles.figures import STYLES as SHARED
+from validation.pages.figures import INK, PALE, THIRD, Drawn, panels
 from validation.sampling.criteria import BOUNDS
 from validation.sampling.measure import BY_KEY, CONFIGURATIONS
 from validation.statistics.estimate import SURE, Estimate
 from validation.statistics.precision import Worth
 
-STYLES = {  # of schemes: colour, marker; others have a colour of their place
-    "langevin-5": (OURS, "o"),
-    "langevin-20": ("#2fa37c", "D"),
+STYLES = SHARED | {  # of schemes: colour, marker; others have a colour of their place
     "langevin-5-equal": ("#1b6ca8", "p"),
-    "langevin-20-equal": ("#5ab4d6", "d"),
     "langevin-5-scaled": ("#1b6ca8", "p"),
     "langevin-20-scaled": ("#5ab4d6", "d"),
-    "csvr": ("#8a8f2a", "s"),
-    "nh": ("#c3b84c", "X"),
     "hmc": (INK, "*"),
-    "rigid/nvt/small": (OTHERS, "s"),
-    "rigid+langevin": ("#2f4b7c", "^"),
-    "shake+langevin": ("#7a5195", "v"),
     "shake+nvt": ("#bfa5cf", "<"),
     "shake+csvr": ("#d45087", ">"),
     "shake-3+langevin": (THIRD, "P"),
     "shake-4+langevin": ("#e0b08f", "h"),
 }
 TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core
-BESIDE = 0.06  # fs between marks of schemes, so that none hides another
 
 
 def precision(summary: dict) -> Drawn:

@@ -4,11 +4,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.pages import report
-from validation.pages.figures import draw_each
+from validation.ensembles.lengths import too_short
+from validation.pages import points
+from validation.pages.points import Part
 from validation.pages.said import Figure, Said, of_checks
-from validation.pages.tables import Column, cell, numbers
-from validation.sampling.criteria import BOUNDS, LEAST, TITLES, TOO_SHORT
+from validation.pages.tables import Column
+from validation.sampling.criteria import BOUNDS, TITLES
 from validation.sampling.figures import bias, precision
 from validation.sampling.measure import BY_KEY, CONFIGURATIONS, OBSERVABLES
 from validation.statistics.estimate import Estimate
@@ -45,28 +46,23 @@ def flat(row: dict) -> dict:
     return row | more
 
 
-def label(row: dict) -> str:
-    """A row's scheme and step."""
-    return f"{row['label']}, {row['dt']:g} fs"
-
-
-def tables(summary: dict) -> list[tuple[str, tuple[Column, ...]]]:
-    """(title, columns) of those that any row has a number in."""
+def parts(summary: dict) -> list[Part]:
+    """The tables, with the columns that any row has a number in."""
     known = summary["known"]
     less = tuple(
         Column(f"less {one['scheme']}", f"less than {one['scheme']}", "times", "estimate")
         for one in known
     )
     rows = [flat(row) for row in summary["rows"]]
-    parts = {
+    every = {
         "Bias, from the limit of small steps": BIASES,
         "What an independent sample costs": (*COSTS, *less),
         "Time to a total error": WORKS,
     }
     made = []
-    for title, columns in parts.items():
+    for title, columns in every.items():
         some = tuple(one for one in columns if any(row.get(one.key) for row in rows))
-        made += [(title, some)] * bool(some)
+        made += [Part(title, some, rows)] * bool(some)
     return made
 
 
@@ -89,45 +85,27 @@ def limits(summary: dict) -> list[str]:
     return told
 
 
+def _told(summary):
+    time = summary["settings"]["time"]
+    return {"titles": TITLES, "limits": limits(summary), "too_short": too_short(time)}
+
+
 def write(summary: dict, out: Path) -> None:
     """Write summary.json, table.csv, checks.csv, figures and report.html into a folder.
 
     Args:
         summary: plain data: ``rows``, ``limits``, ``checks``, settings and circumstances.
     """
-    parts, rows = tables(summary), [flat(row) for row in summary["rows"]]
-    columns = [one for _, some in parts for one in some]
-    table = [
-        {"scheme": row["label"], "step (fs)": row["dt"], "starts": row["starts"]}
-        | numbers(row, columns)
-        | {"slowest": row["slowest"], "status": row["error"] or "ok"}
-        for row in rows
-    ]
-    files = {"table": report.frame(table), "checks": report.of_checks(summary["checks"])}
-    values = {"parts": parts, "rows": rows, "cell": cell, "label": label, "titles": TITLES}
-    values |= {"too_short": TOO_SHORT if summary["settings"]["time"] < LEAST else ""}
-    figures = draw_each((precision, bias), out, summary)
-    report.write(summary, out, files, "sampling.html", figures, **values, limits=limits(summary))
+    made, rows = parts(summary), [flat(row) for row in summary["rows"]]
+    table = points.frame(rows, (one for part in made for one in part.columns))
+    table.insert(len(table.columns) - 1, "slowest", [row["slowest"] for row in rows])
+    drawn = precision, bias
+    points.write(summary, out, table, "sampling.html", drawn, made, **_told(summary))
 
 
 def show(console: Console, summary: dict, out: Path) -> None:
     """Print the points, the limits, the checks, what failed and where the files are."""
-    for title, columns in tables(summary):
-        cells = []
-        for row in map(flat, summary["rows"]):
-            name = "✗ " * bool(row["error"]) + row["label"]
-            cells.append([name, f"{row['dt']:g}", *(cell(row, one, short=True) for one in columns)])
-        heads = ["scheme", "step\nfs", *(one.head for one in columns)]
-        styles = ["bold" if row["ours"] else None for row in summary["rows"]]
-        report.table(console, f"{summary['title']}. {title}", heads, cells, styles=styles)
-    for line in limits(summary):
-        console.print(line, soft_wrap=True)
-    if summary["settings"]["time"] < LEAST:
-        console.print(TOO_SHORT, soft_wrap=True)
-    else:
-        report.show_checks(console, summary["checks"], TITLES)
-    failures = [f"{label(row)}: {row['error']}" for row in summary["rows"] if row["error"]]
-    report.end(console, summary, out, failures)
+    points.show(console, summary, out, parts(summary), **_told(summary))
 
 
 def say(summary: dict) -> Said:

@@ -11,15 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from validation.scenes.boxes import System, nearest
 from validation.scenes.data_file import data_file
+from validation.scenes.liquids import RING
 
 _HALF = np.radians(104.52 / 2)
-_RING = np.radians(60 * np.arange(6))
-_RING = np.stack([np.cos(_RING), np.sin(_RING), 0 * _RING], axis=1)
 # places, types, charges
 _BENT = [[0, 0, 0], [np.sin(_HALF), np.cos(_HALF), 0], [-np.sin(_HALF), np.cos(_HALF), 0]]
 WATER = 0.9572 * np.array(_BENT), [1, 2, 2], [-0.834, 0.417, 0.417]
 BENZENE = (
-    np.concatenate([1.375 * _RING, 2.455 * _RING]),
+    np.concatenate([1.375 * RING, 2.455 * RING]),
     [3] * 6 + [4] * 6,
     [-0.115] * 6 + [0.115] * 6,
 )
@@ -38,7 +37,7 @@ def _pairs():
 SETUP = "\n".join([
     "units real",
     "atom_style full",
-    "read_data data.liquid",
+    "read_data data.overlapping",
     "pair_style hybrid/overlay lj/gromacs 7.0 9.0 coul/dsf 0.2 9.0",
     *_pairs(),
     "pair_coeff * * coul/dsf",
@@ -47,7 +46,7 @@ SETUP = "\n".join([
 ])  # fmt: skip
 
 
-def liquid(waters: int, benzenes: int, *, volume: float = 1.1, seed: int = 1) -> System:
+def overlapping(waters: int, benzenes: int, *, volume: float = 1.1, seed: int = 1) -> System:
     """So many molecules, turned at random, at random places.
 
     Their atoms overlap at will, but no ring goes through another: centres of two benzenes are at
@@ -74,6 +73,6 @@ def liquid(waters: int, benzenes: int, *, volume: float = 1.1, seed: int = 1) ->
     place = np.concatenate(x)
     image = np.floor(place / edge).astype(int)
     atoms = [molecule, types, charges, place - edge * image, image]
-    files = {"data.liquid": data_file("full", atoms, (0.0, edge), mass=MASSES)}
+    files = {"data.overlapping": data_file("full", atoms, (0.0, edge), mass=MASSES)}
     mass = np.array(MASSES)[types - 1]
     return System(SETUP, files, edge * np.eye(3), 1.0, "all", mass=mass, molecule=molecule)
