@@ -193,9 +193,13 @@ def files(folder):
 
 def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
     """Start a process, or several, that import from the folder;
-    `cache` is the user's folder of caches, in it."""
+    `cache` is the user's folder of caches, in it.
+
+    No compiler is on the path: an installed wheel makes its machine code without one.
+    """
     environment = dict(
         os.environ,
+        PATH=str(BIN),
         PYTHONPATH=str(folder),
         XDG_CACHE_HOME=str(folder / cache),
         PYTHONWARNINGS="always",

