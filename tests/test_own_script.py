@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import scripts
 from conftest import Silent
+from scipy.sparse.csgraph import shortest_path
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
@@ -485,13 +486,52 @@ def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
     assert kind.number == 27 and kind.scatter < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("words", "pairs"),
+    [
+        ("", 0),  # LAMMPS's own factors are 0
+        ("special_bonds lj/coul 0 0 1\n", 3),  # opposite atoms of a ring
+        ("special_bonds lj 0 1 1 coul 0 0 0\n", 9),
+        ("special_bonds lj/coul 1 1 1\ngroup exclude type 1\n", 15),
+        ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n", 0),
+        ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n"
+         "neigh_modify exclude none\n", 15),
+    ],
+)  # fmt: skip
+def test_pairs_within_bodies_are_counted(tmp_path, words, pairs):
+    """Locks out a warning of forces that bonds leave out by LAMMPS's defaults, and exclusions that
+    are none."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace("special_bonds lj/coul 0 0 0\n", words))
+    own = take(path, tmp_path / "out")
+    (found,) = (one for one in check._script(own) if one.subject == "forces within bodies")
+    assert found.value == 64 * pairs
+
+
+def test_bonded_pairs():
+    """Locks out pairs that are counted twice, at another distance than the shortest one, or over
+    atoms of other bodies."""
+    rng = np.random.default_rng(5)
+    body = np.repeat([0, 1, 2, 3], [3, 7, 6, 5])
+    bonds = np.unique(np.sort(rng.integers(1, len(body) + 1, size=(22, 2)), axis=1), axis=0)
+    bonds = bonds[bonds[:, 0] < bonds[:, 1]]
+    graph = np.zeros((len(body), len(body)))
+    graph[tuple(bonds.T - 1)] = 1
+    apart = shortest_path(graph, directed=False, unweighted=True)
+    same = (body[:, None] == body) & (body > 0) & np.triu(np.ones_like(graph, dtype=bool), 1)
+    found = finding.bonded_pairs(np.insert(bonds, 0, 1, axis=1), body)
+    assert found.tolist() == [np.sum(apart[same] == one) for one in (1, 2, 3)]
+    assert found.min() > 0
+
+
 def test_check_finds_what_does_not_fit(tmp_path):
     """Locks out a script whose atoms overlap, stand still, or are pushed by forces within bodies,
     and that passes."""
     path = scripts.rings(tmp_path)
     text = path.read_text()
     path.write_text(
-        text.replace("special_bonds lj/coul 0 0 0\n", "")
+        text.replace("special_bonds lj/coul 0 0 0\n", "special_bonds lj 0 0 0 coul 0 0 1\n")
         .replace("fix bodies all rigid/nve/small molecule", "group some molecule 1:60\n"
                  "fix bodies some rigid/nve/small molecule")
         .replace("timestep 4", "timestep 400")
@@ -502,7 +542,7 @@ def test_check_finds_what_does_not_fit(tmp_path):
               *check._step(own, made, shapes.kinds(own, made)))  # fmt: skip
     found = {(one.subject, one.what): one.holds for one in checks}
     assert found[("atoms", "that no fix moves")] is False
-    assert found[("forces within bodies", "computed (1) or left out (0)")] is False
+    assert found[("forces within bodies", "pairs of atoms that have them")] is False
     assert found[("thermostats", "of the bodies")] is True
     turns = [holds for (_, what), holds in found.items() if what.startswith("rms angle")]
     assert turns == [False]

@@ -109,21 +109,12 @@ def _script(own):
     yield Check("script", "atoms", "that no fix moves", idle, high=0, note=note)
     note = f"two of these fixes move the same atoms: {', '.join(movers)}"
     yield Check("script", "atoms", "that two fixes move", twice, high=0, note=note)
-    lines = [texts(line) for line in own.said["commands"]]
-    excludes = any("exclude" in line for line in lines)
-    special = [line for line in lines if line[0] == "special_bonds"]
-    zeros = bool(special) and all(
-        one in ("lj/coul", "lj", "coul") or _is_zero(one) for one in special[-1][1:4]
-    )
-    large = int(np.bincount(own.found.body)[1:].max())
-    bonds = len(own.atoms.get("bonds", ()))
-    covered = excludes or large == 1 or (zeros and bonds and large <= 4)
     note = (
-        "forces between atoms of one body cost time and do nothing: neigh_modify exclude "
-        "molecule/intra GROUP, or special_bonds lj/coul 0 0 0 where bonds tell them"
+        "these forces cost time and do nothing: neigh_modify exclude molecule/intra GROUP, or "
+        "special_bonds lj/coul 0 0 0 where bonds tell the pairs"
     )
     yield Check(
-        "script", "forces within bodies", "computed (1) or left out (0)", int(not covered), high=0,
+        "script", "forces within bodies", "pairs of atoms that have them", _computed(own), high=0,
         note=note,
     )  # fmt: skip
     heats = [
@@ -138,11 +129,19 @@ def _script(own):
     yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
 
 
-def _is_zero(word):
-    try:
-        return float(word) == 0
-    except ValueError:
-        return False
+def _computed(own):
+    """Pairs of atoms within bodies whose forces are computed: without exclusions all but those that
+    bonds tell, as far as their factors of special_bonds are 0."""
+    excluding = False
+    for line in map(texts, own.said["commands"]):
+        if line[0] == "neigh_modify" and "exclude" in line[1:-1]:
+            excluding = line[line.index("exclude") + 1] != "none"
+    sizes = np.bincount(own.found.body)[1:].astype(np.int64)
+    if excluding:
+        return 0
+    left_out = np.all(np.array(own.said["special"]) == 0, axis=0)
+    near = finding.bonded_pairs(own.atoms.get("bonds", np.empty((0, 3), int)), own.found.body)
+    return int(np.sum(sizes * (sizes - 1) // 2) - sum(near[left_out[1:]]))
 
 
 def _starts(own, out, ranks, silence, meter):

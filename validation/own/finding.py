@@ -315,6 +315,26 @@ def clusters(bonds: np.ndarray, atoms: int) -> np.ndarray:
     return connected_components(graph, directed=False)[1]
 
 
+def bonded_pairs(bonds: np.ndarray, body: np.ndarray) -> np.ndarray:
+    """Of pairs of atoms within bodies how many are one, two and three bonds apart, (3,).
+
+    Args:
+        bonds: as rows (type, atom, atom).  body: of each atom, from 1; 0 is none.
+    """
+    ends = np.concatenate([bonds[:, 1:], bonds[:, :0:-1]]) - 1
+    shape = (len(body), len(body))
+    step = coo_array((np.ones(len(ends), dtype=bool), ends.T), shape=shape).tocsr()
+    reached = near = coo_array((np.ones(len(body), dtype=bool), [np.arange(len(body))] * 2)).tocsr()
+    counts = []
+    for _ in range(3):
+        near = near @ step
+        near = near > near.multiply(reached)  # no shorter way
+        reached = reached + near
+        i, j = near.nonzero()
+        counts.append(np.sum((body[i] == body[j]) & (body[i] > 0)) // 2)
+    return np.array(counts)
+
+
 def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     """Of atoms that are held by shake, or not at all."""
     line, body = fixes[one], None

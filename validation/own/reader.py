@@ -273,6 +273,7 @@ def read(ask: dict, out: Path) -> None:
         "periodic": periodic,
         "temperature": lmp.get_thermo("temp"),
         "boltzmann": lmp.extract_global("boltz"),
+        "special": [lmp.extract_global(f"special_{one}") for one in ("lj", "coul")],
     }
     atoms: dict = _atoms(lmp, found.fixes.values())
     if WORLD.rank == 0:
