@@ -1,6 +1,7 @@
 """Error of averages against cost: the limit of small steps, work and precision, plan, runs."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +10,8 @@ from scipy import signal
 from validation import __main__
 from validation.ensembles.lengths import Lengths
 from validation.ensembles.schemes import SEED
-from validation.running import run
-from validation.sampling import criteria, plan
+from validation.running import rounds, run
+from validation.sampling import criteria, measure, plan
 from validation.sampling.plan import Point
 from validation.statistics import limit, measures, precision
 from validation.statistics.estimate import Estimate
@@ -203,6 +204,122 @@ def test_bounds():
         assert verdicts(**{key: -0.99 * most}) == [True, True]
         assert verdicts(**{key: 1.01 * most}) == [False, True]
     assert verdicts(time=19.0) == []
+
+
+# ---- numbers
+
+KT = 0.0019872067 * 298.0  # kcal/mol
+N, SAMPLES, VOLUME = 512, 40000, 15360.0
+
+
+def printed(rng, **columns):
+    """Columns that each scheme prints, of samples without memory, 24 fs apart."""
+    energy = -9.5 * N + 30 * rng.normal(size=SAMPLES)
+    alike = dict.fromkeys(("Press", "v_torque", *plan.DIPOLE), np.full(SAMPLES, 2.0))
+    time = 24.0 * np.arange(SAMPLES)
+    return {"Time": time, "PotEng": energy, "Volume": np.full(SAMPLES, VOLUME), **alike, **columns}
+
+
+def test_numbers_of_a_series():
+    """Locks out a pressure that lacks the part of a total momentum that a scheme keeps at zero, a
+    temperature of other degrees of freedom, fluctuations in other units, and a noise without the
+    cost."""
+    case, rng = plan.CASES["water"](None), np.random.default_rng(3)
+    gas = KT / VOLUME * 68568.415  # atm, of one molecule
+    free = {"Press": np.full(SAMPLES, N * gas)}
+    held = {"Press": np.full(SAMPLES, (N - 1) * gas)}
+    moves, turns = 1.5 * N * KT * 1.1, 1.5 * N * KT * 0.9
+    theirs = {"c_kinetic": np.full(SAMPLES, moves + turns), "v_moves": np.full(SAMPLES, moves)}
+    ours = {"f_1[3]": np.full(SAMPLES, 298 * 1.1), "f_1[4]": np.full(SAMPLES, 298 * 0.9)}
+    for name, columns in {
+        "langevin-20": free | ours, "csvr": held | ours, "shake+langevin": free | theirs,
+        "rigid/nvt/small": held | theirs,
+    }.items():  # fmt: skip
+        found = measure.of_series(printed(rng, **columns), case, case.schemes[name], 5.0)
+        means = {key: one.value for key, one in found.means.items()}
+        assert means["pressure"] == pytest.approx(N * gas, rel=1e-6), name
+        assert means["translation"] == pytest.approx(298 * 1.1), name
+        assert means["rotation"] == pytest.approx(298 * 0.9), name
+        assert means["capacity"] == pytest.approx(900 / KT**2 / N, rel=0.04)
+        # <M^2> / (3 epsilon_0 V kT), in Gaussian units 4 pi <M^2> / (3 V kT)
+        moment = 4 * np.pi * 332.06371 * 12.0 / (3 * VOLUME * KT)
+        assert means["dipole"] == pytest.approx(moment) and means["torque"] == 2.0 / N
+        assert found.remembers["potential"].value == pytest.approx(0.024, rel=0.1)
+        spent = (30 / N) ** 2 * 0.024 * 5.0
+        assert found.noise["potential"].value == pytest.approx(spent, rel=0.1)
+    few = printed(rng)
+    few = {key: one[:8] for key, one in few.items()}
+    found = [
+        measure.of_series(
+            few | {"PotEng": 30 * rng.normal(size=8)}, case, case.schemes["nh"], 1.0
+        ).means["capacity"].value
+        for _ in range(2000)
+    ]  # fmt: skip
+    assert np.mean(found) == pytest.approx(900 / KT**2 / N, rel=0.06)  # 0.875 of it without n - 1
+
+
+def test_rows_of_known_schemes():
+    """Locks out a gain that is its inverse, biases and noises in other units than their bounds, and
+    a sample of another average than the slowest."""
+    case = plan.CASES["water"](None)
+    found = measure.Found()
+    factors = {"langevin-20": -1e-4, "shake+langevin": 1e-3}
+    cost = {"langevin-20": 6.0, "shake+langevin": 10.0}
+    for scheme, factor in factors.items():
+        for dt in (1.0, 2.0, 4.0):
+            means = {"potential": -9.5 + factor * dt**2, "torque": 40 * (1 + factor * dt**2)}
+            remembers = {"potential": Estimate(0.5, 0.0), "torque": Estimate(3.0, 0.0)}
+            noise = {key: Estimate(1.6e-3, 0.0) for key in means}
+            exact = {key: Estimate(one, 1e-9) for key, one in means.items()}
+            numbers = measure.Numbers(exact, remembers, noise, cost[scheme] / dt)
+            found.numbers[Point(scheme, dt)] = [numbers]
+    told = measure.told(found, case, list(found.numbers))
+    rows = {(row["scheme"], row["dt"]): row for row in told["rows"]}
+    assert told["limits"]["potential"]["value"] == pytest.approx(-9.5, abs=1e-6)
+    for (scheme, dt), row in rows.items():
+        bias = factors[scheme] * dt**2
+        assert row["biases"]["potential"]["value"] == pytest.approx(bias, abs=1e-6)
+        assert row["biases"]["torque"]["value"] == pytest.approx(100 * bias, abs=1e-4)
+        assert row["noise"]["potential"]["value"] == pytest.approx(1.6e-3)
+        assert row["noise"]["torque"]["value"] == pytest.approx(1.6e-3 * 2.5**2, rel=1e-6)
+        assert row["slowest"] == "torque"
+        assert row["sample"]["value"] == pytest.approx(3.0 * cost[scheme] / dt)
+        assert row["less"]["shake+langevin"]["value"] == pytest.approx(5.0 * dt / cost[scheme])
+        room = 0.006**2 - bias**2
+        seconds = row["seconds"]["potential"]
+        assert seconds["value"] == (pytest.approx(1.6e-3 / room, rel=1e-3) if room > 0 else None)
+    # to the error sqrt(2) x 0.004 of shake at 2 fs, whose noise then is 0.004^2
+    faster = rows["langevin-20", 4.0]["faster"]["potential"]["value"]
+    assert faster == pytest.approx((2 * 0.004**2 - 0.0016**2) / 0.004**2, rel=1e-3)
+
+
+def test_frames_that_are_left_out(tmp_path):
+    """Locks out a g(r) of frames from before the part that counts."""
+    lines = []
+    for frame in range(5 * measure.BLOCKS):
+        apart = 3.05 if frame < measure.BLOCKS else 4.05
+        lines += ["ITEM: TIMESTEP", str(10 * frame), "ITEM: NUMBER OF ATOMS", "2"]
+        lines += ["ITEM: BOX BOUNDS pp pp pp", *["0 12"] * 3, "ITEM: ATOMS x y z"]
+        lines += ["1 1 1", f"1 1 {1 + apart}"]
+    path = tmp_path / "sites.dump"
+    path.write_text("\n".join(lines) + "\n")
+    rdf = measure.of_frames(path, 10 * measure.BLOCKS)
+    assert rdf.shape[0] == measure.BLOCKS and np.ptp(rdf, axis=0).max() < 1e-9
+    assert np.flatnonzero(rdf[0]).tolist() == [39]  # from 0.1 A on
+    assert measure.of_frames(path, 10 * 5 * measure.BLOCKS - 20) is None
+
+
+def test_output_is_no_cost(monkeypatch):
+    """Locks out the time for what samples print as a scheme's cost, and time that others had."""
+    case, rng = plan.CASES["water"](None), np.random.default_rng(4)
+    result = run.Result(None, {}, [], None, {})
+    timing = rounds.Timing(loop=900.0, cpu=50.0, sections={"Output": 100.0})
+    monkeypatch.setattr(measure.runs, "table", lambda job: (result, printed(rng)))
+    monkeypatch.setattr(measure.rounds, "timing", lambda job, result: timing)
+    found, point = measure.Found(), Point("langevin-20", 4.0)
+    measure._measure(found, replace(case, sites=None), point, None)
+    (numbers,) = found.numbers[point]
+    assert numbers.cost == pytest.approx(800e-6 * 250 / 2)
 
 
 # ---- runs

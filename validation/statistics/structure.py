@@ -188,7 +188,8 @@ def of_sites(
     pairs = top.select_pairs("all", "all")
     ends = [end * NM_PER_ANGSTROM for end in reach]
     parts = np.array_split(np.arange(path.n_frames), blocks)
-    how = {"r_range": ends, "bin_width": width * NM_PER_ANGSTROM}
+    # by a width it rounds their number down, as where 53 of them come to 52.999...
+    how = {"r_range": ends, "n_bins": round((reach[1] - reach[0]) / width)}
     return np.array([mdtraj.compute_rdf(path[part], pairs, **how)[1] for part in parts])
 
 
