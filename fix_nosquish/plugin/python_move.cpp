@@ -143,6 +143,7 @@ class FixPythonMove : public Fix {
   FixPythonMove(LAMMPS *, int, char **);
   ~FixPythonMove() override;
   int setmask() override;
+  int modify_param(int, char **) override;
   void init() override;
   void setup(int) override;
   void min_setup(int) override;
@@ -351,6 +352,17 @@ int FixPythonMove::setmask()
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA |
       (bridge.flips ? PRE_EXCHANGE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
       (bridge.post_run ? POST_RUN : 0);
+}
+
+// Rigid bodies have the forces of all fixes, which LAMMPS's rigid fixes call late.
+
+int FixPythonMove::modify_param(int narg, char **arg)
+{
+  if (!bridge.follows_atoms || narg < 2 || strcmp(arg[0], "bodyforces") != 0) return 0;
+  if (strcmp(arg[1], "late") != 0)
+    error->all(FLERR, problem("bodyforces " + std::string(arg[1]) + ": expected late, which is so without this command, too. Bodies have "
+                              "the forces of all fixes on their atoms: give a fix whose forces they are not to have a group without them"));
+  return 2;
 }
 
 void FixPythonMove::init()
