@@ -572,8 +572,9 @@ double FixPythonMove::compute_vector(int i)
 {
   if (i >= size_vector)    // thermo_style and others may have been written for another fix of this ID
     error->all(FLERR, problem("f_" + std::string(id) + "[" + std::to_string(i + 1) +
-                              "] was asked for, and this fix has values 1 to " + std::to_string(size_vector) +
-                              ": what names it, as thermo_style, was for a fix with other words. Write it anew behind this fix"));
+                              "] was asked for, and this fix has " + std::to_string(size_vector) +
+                              " such values: thermo_style, or what else names it, was for a fix with other words. "
+                              "Write it anew behind this fix"));
   double value = 0.0;
   call(bridge.compute_vector, i, &value);
   return value;
