@@ -90,6 +90,7 @@ class Bodies:
         sharers: the `Sharers` of these bodies.
         start: None, or what is known of the start of the run: its step, and what
             `thermo.forces_at_start` says.
+        loose: whether atoms may stand anywhere near where their bodies have them.
         planar: whether they turn in the xy plane only, about their axis 3.
         chosen: `block.Layout.kinds`[3].
         spin: whether some atom of a body, on any rank, has a torque and a spin of its own.
@@ -117,7 +118,7 @@ class Bodies:
         chosen=0,
     ):
         self.planar, self.spin, self.oriented = planar, spin, oriented
-        self.chosen, self.start = chosen, None
+        self.chosen, self.start, self.loose = chosen, None, False
         self._communicator, self._box = communicator, None
         self._memory = Memory(migration.KINDS)
         for name, values in (
@@ -276,7 +277,8 @@ class Bodies:
     def _know_box(self, box):
         if box is not self._box:
             self._box = box
-            values = box.h, box.inverse, box.lo, box.wrap, OFF_BODY * box.size
+            near = np.inf if self.loose else OFF_BODY * box.size
+            values = box.h, box.inverse, box.lo, box.wrap, near
             for name, value in zip(migration.Box._fields, values, strict=True):
                 self.cells[name].set(copy(value))  # a barostat changes what loops have
 

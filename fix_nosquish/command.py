@@ -57,8 +57,9 @@ OWN_KEYWORDS = {
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
 _ELSEWHERE = {
     "langevin": "fix_nosquish.NVT has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
-    "gravity": "use fix gravity before this fix",
-    "bodyforces": "the order of the fix lines decides which forces count",
+    "gravity": "use fix gravity before this fix, without its word disable: "
+    "what it does to the atoms of a body adds up to the weight of the body",
+    "bodyforces": "bodies have the forces of all fixes on their atoms",
     **dict.fromkeys(
         ("temp", "tchain", "thermostat", "seed", "separate"),
         "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",

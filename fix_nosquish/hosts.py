@@ -38,7 +38,7 @@ class Host(Protocol):
         stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
             argument; None where LAMMPS does not give it.
         told_box: (9,) what the passes `deform` take; None where LAMMPS does not call them.
-        creates_velocities: whether LAMMPS's last command is ``velocity ... create``.
+        command: the words of LAMMPS's last command; empty where they are not known.
     """
 
     fix_id: str | None
@@ -63,7 +63,7 @@ class Host(Protocol):
     set_box: np.ndarray | None
     flip_box: np.ndarray | None
     turn_atom: np.ndarray | None
-    creates_velocities: bool
+    command: str
 
     def log(self, text):
         """Print lines on LAMMPS's screen and in its log; collective."""

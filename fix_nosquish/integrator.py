@@ -17,6 +17,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from itertools import count as count_from_zero
 from math import gcd
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,6 +60,21 @@ READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 def _deforms(fix):
     """Whether a fix that changes the box tells rigid fixes, so that bodies move with it."""
     return fix.style.startswith("deform")
+
+
+class Swaps(NamedTuple):
+    """Command temper, as one of the fixes that change velocities at the end of a step."""
+
+    id: str
+    style: str
+    nevery: int
+
+
+def _swaps(command, step):
+    """The `Swaps` of these words, temper N M ..., from this step on; an empty list for others."""
+    if not command[:1] or not command[0].startswith("temper"):
+        return []
+    return [Swaps(reports.TEMPER, "temper", gcd(int(command[2]), step))]
 
 
 class Phase(IntEnum):
@@ -335,6 +351,7 @@ class Integrator:
         unknown = fixes is None
         self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
         ending = [fix for fix in fixes if fix.end_of_step]
+        ending += _swaps(self.host.command.split(), self.lammps.step)
         self.late = [fix for fix in ending if not fix.style.startswith(READERS)]
         between = any(fix.between for fix in fixes)
         self.half_step_velocities = self.host.ghost_velocity or between
@@ -359,7 +376,10 @@ class Integrator:
         )  # fmt: skip
         self._lost = self._started = False
         bodies, self.exact = self.bodies, self._choose_rotor()
-        if kept := self.notes.pop("kept"):
+        kept = self.notes.pop("kept")
+        # a rerun is to tell of the atoms as they stand in the file, which has rounded places
+        bodies.loose = self.command.reinit and self.host.command.split()[:1] == ["rerun"]
+        if kept and not bodies.loose:
             self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
             self.host.log(kept.text)
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):

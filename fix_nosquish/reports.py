@@ -9,6 +9,8 @@ from . import infile, output, thermo
 from .build import build
 from .errors import RunError
 
+TEMPER = "command temper"  # which changes velocities, as some fixes do
+
 
 @contextmanager
 def _as_they_are(bodies):
@@ -64,10 +66,12 @@ class Reports:
         """Log, once a run, that bodies took over the velocities that these fixes gave atoms."""
         if not self._heard:
             self._heard = True
+            names = " or ".join(fixes)
+            names = names if fixes[0] == TEMPER else f"fix {names}"
             kept = " (not those of the infile)" if self._state.infile else ""
             self._state.host.log(
                 f"The velocities of the bodies' atoms were changed at the end of step {step} (by "
-                f"fix {' or '.join(fixes)}): the bodies take them over, as rigid motion{kept}\n"
+                f"{names}): the bodies take them over, as rigid motion{kept}\n"
             )
 
     # ------------------------------------------------------------- the table of bodies
@@ -157,7 +161,9 @@ class Reports:
         """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
         state = self._state
         bodies, running = state.bodies, state.lammps.running
-        if (state.is_over or not running) and state.host.creates_velocities:
+        words = state.host.command.split()
+        creates = words[:1] + words[2:3] == ["velocity", "create"]
+        if (state.is_over or not running) and creates:
             # all atoms' velocities are scaled now; a body keeps its share of them when the run
             # makes them rigid motion
             return 0

@@ -70,10 +70,13 @@ def test_shapes_stay(run_lammps, tmp_path, words, ranks):
             assert np.abs(gaps[0] - gaps[1]).max() < 1e-10
 
 
-def test_tilt_that_flips(refused):
-    """Locks out bodies in other box vectors than LAMMPS's."""
+@pytest.mark.parametrize(
+    "words", ["xy erate 1", "x erate 0.3 remap v", "x erate 0.3 remap none"], ids=lambda w: w[-6:]
+)
+def test_other_changes_are_refused(refused, words):
+    """Locks out bodies in other box vectors than LAMMPS's, or that stay behind the box."""
     system = mixture(side=3, spacing=2.9, tilt=0.1)
     fix = 'fix 1 all python/move "fix_nosquish.NVE all molecule"\n'
-    change = "fix box all deform 1 xy erate 1\n"
+    change = f"fix box all deform 1 {words}\n"
     script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix}{change}run 1000\n"
     refused(script, "with its remap x and flip no", system.files)

@@ -872,3 +872,19 @@ def test_pressure_where_the_table_is_written(simulate):
     plain = simulate(system, OURS, 20, every=4)
     table = simulate(system, OURS, 20, every=4, words="molecule output 4 table")
     np.testing.assert_array_equal(table.thermo["Press"], plain.thermo["Press"])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    "words, column", [("NVE all molecule shadow 5", 5), ("FIRE all molecule force 1 torque 1", 7)]
+)
+def test_column_of_a_former_fix(refused, ranks, words, column):
+    """Locks out a Python error, or another fix's value, where output outlives the words of the fix
+    that gave it."""
+    system = mixture(side=2, spacing=3)
+    fix = f'fix 1 all python/move "fix_nosquish.{words}"'
+    script = (
+        f"{system.setup}\n{fix}\nthermo_style custom step f_1[{column}]\nrun 0\nunfix 1\n"
+        f"{OURS.format(group='all', words='molecule')}\nrun 10\n"
+    )
+    refused(script, f"f_1[{column}] was asked for, and this fix has 4", system.files, ranks=ranks)

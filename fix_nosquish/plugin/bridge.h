@@ -109,7 +109,7 @@ struct Bridge {
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, void *facts);    // 0 past the last; id is null for this fix
   int (*ghost_velocity)(void *fix);
-  int (*creates_velocities)(void *fix);    // whether velocity ... create is the last command
+  const char *(*command)(void *fix);    // the words of the last command
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
   void (*set_array_rows)(void *fix, int n);
   void (*keep)(void *fix);     // the passes are for the box as it is now

@@ -68,7 +68,7 @@ class Host:
     changes_box = _shared("changes_box", int)
     begins, energy_step = _shared("begins", int), _shared("energy_step", int)
     renews, energy = _shared("renews", int), _shared("energy", float)
-    ghost_velocity, creates_velocities = _asked("ghost_velocity"), _asked("creates_velocities")
+    ghost_velocity = _asked("ghost_velocity")
 
     def __init__(self, bridge: Bridge):
         self.fix_id = bridge.fix_id.decode()
@@ -101,6 +101,10 @@ class Host:
                 found.append(OtherFix(*[kind(v) for kind, v in zip(kinds, words, strict=True)]))
             n += 1
         return found
+
+    @property
+    def command(self):
+        return self._bridge.command(self._bridge.fix).decode()
 
     @property
     def next_output(self):

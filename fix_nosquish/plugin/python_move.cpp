@@ -143,6 +143,7 @@ class FixPythonMove : public Fix {
   FixPythonMove(LAMMPS *, int, char **);
   ~FixPythonMove() override;
   int setmask() override;
+  int modify_param(int, char **) override;
   void init() override;
   void setup(int) override;
   void min_setup(int) override;
@@ -185,12 +186,13 @@ class FixPythonMove : public Fix {
   std::vector<double> arrived;
   double forces_virial[6] = {}, told_box[9] = {};
   Particles particles;
+  std::string command;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
   std::string energy_id;    // of a compute pe, for which they tally their energy
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
+  const char *last_command();
   int describe(int, FixFacts *) const;
-  bool creates_velocities() const;
   int64_t removed_freedom(const char *, const char *) const;
   void point();
   void set_cell(int, const void *, int64_t, int64_t);
@@ -253,7 +255,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     return self(fix)->describe(n, static_cast<FixFacts *>(facts));
   };
   bridge.ghost_velocity = [](void *fix) { return self(fix)->comm->ghost_velocity; };
-  bridge.creates_velocities = [](void *fix) { return (int) self(fix)->creates_velocities(); };
+  bridge.command = [](void *fix) { return self(fix)->last_command(); };
   bridge.removed_freedom = [](void *fix, const char *other, const char *group) {
     return self(fix)->removed_freedom(other, group);
   };
@@ -350,6 +352,17 @@ int FixPythonMove::setmask()
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA |
       (bridge.flips ? PRE_EXCHANGE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
       (bridge.post_run ? POST_RUN : 0);
+}
+
+// Rigid bodies have the forces of all fixes, which LAMMPS's rigid fixes call late.
+
+int FixPythonMove::modify_param(int narg, char **arg)
+{
+  if (!bridge.follows_atoms || narg < 2 || strcmp(arg[0], "bodyforces") != 0) return 0;
+  if (strcmp(arg[1], "late") != 0)
+    error->all(FLERR, problem("bodyforces " + std::string(arg[1]) + ": expected late, which is so without this command, too. Bodies have "
+                              "the forces of all fixes on their atoms: give a fix whose forces they are not to have a group without them"));
+  return 2;
 }
 
 void FixPythonMove::init()
@@ -557,6 +570,11 @@ double FixPythonMove::compute_scalar()
 
 double FixPythonMove::compute_vector(int i)
 {
+  if (i >= size_vector)    // thermo_style and others may have been written for another fix of this ID
+    error->all(FLERR, problem("f_" + std::string(id) + "[" + std::to_string(i + 1) +
+                              "] was asked for, and this fix has " + std::to_string(size_vector) +
+                              " such values: thermo_style, or what else names it, was for a fix with other words. "
+                              "Write it anew behind this fix"));
   double value = 0.0;
   call(bridge.compute_vector, i, &value);
   return value;
@@ -587,10 +605,11 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
   return 1;
 }
 
-bool FixPythonMove::creates_velocities() const
+const char *FixPythonMove::last_command()
 {
-  return input->command && strcmp(input->command, "velocity") == 0 && input->narg > 1 &&
-      strcmp(input->arg[1], "create") == 0;
+  command = input->command ? input->command : "";
+  for (int k = 0; input->command && k < input->narg; k++) command += std::string(" ") + input->arg[k];
+  return command.c_str();
 }
 
 // What constrains atoms says so by the degrees of freedom that it removes. What moves them by itself may not be able to, so early.

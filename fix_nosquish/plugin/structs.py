@@ -15,7 +15,7 @@ _POINTERS = {
     "char": ctypes.c_char_p,
     **{name: ctypes.POINTER(_TYPES[name]) for name in ("int32_t", "int64_t", "double")},
 }
-_FUNCTION = re.compile(r"(\w+) \(\*(\w+)\)\((.*)\)")
+_FUNCTION = re.compile(r"(const char \*|\w+ )\(\*(\w+)\)\((.*)\)")
 _FIELD = re.compile(r"(?:const )?(\w+) (\*?)(\w+)(?:\[(\d+)\])?")
 
 
@@ -24,7 +24,8 @@ def _type(text):
     if function := _FUNCTION.fullmatch(text):
         result, name, arguments = function.groups()
         taken = [_type(argument)[0] for argument in arguments.split(", ") if argument]
-        return ctypes.CFUNCTYPE(_TYPES[result], *taken), name
+        gives = ctypes.c_char_p if "*" in result else _TYPES[result.strip()]
+        return ctypes.CFUNCTYPE(gives, *taken), name
     kind, star, name, count = _FIELD.fullmatch(text).groups()
     if count:
         return ctypes.c_char * int(count), name

@@ -1,0 +1,264 @@
+"""What LAMMPS's rigid fixes have around them, and what serves in its place: see from-rigid.md.
+
+Each is tried beside fix rigid/nve/small, on the same trajectory.
+"""
+
+import re
+
+import numpy as np
+import pytest
+from conftest import read_thermo
+from systems import LIKE_LAMMPS, RIGID, SMALL, mixture
+from test_output import read
+
+THERMO = (
+    "thermo_style custom step temp pe ke {}\nthermo_modify norm no format float %.16g\nthermo 10\n"
+)
+OURS, THEIRS, LARGE = (
+    fix.format(group="all", words="molecule") for fix in (LIKE_LAMMPS, SMALL, RIGID)
+)
+
+
+@pytest.fixture(scope="module")
+def system():
+    """Bodies whose rotation is split with both fixes."""
+    return mixture("solid planar")
+
+
+@pytest.fixture
+def both(run_lammps, system):
+    """A function that runs two scripts, one after the other, and gives their thermo tables; first
+    is what comes before the box."""
+
+    def run(ours, theirs, first="", **how):
+        first = f"clear\n{first}\n{system.setup}\ntimestep 0.002\n"
+        parts = [f"{first}{text}\n" for text in (ours, theirs)]
+        log = run_lammps('\nprint "OTHER"\n'.join(parts), files=system.files, **how).log
+        return [read_thermo(part) for part in re.split(r"^OTHER$", log, flags=re.M)]
+
+    return run
+
+
+def assert_alike(ours, theirs, columns):
+    """Assert that tables have the same in these columns: pairs of names, or a name for both."""
+    for column in columns:
+        one, other = (column, column) if isinstance(column, str) else column
+        np.testing.assert_allclose(
+            ours[one], theirs[other], rtol=1e-9, atol=1e-9 * np.abs(theirs[other]).max()
+        )
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_kinetic_energies(both, ranks):
+    """Locks out columns that are not what compute ke/rigid and erotate/rigid give."""
+    computes = "compute move all ke/rigid 1\ncompute turn all erotate/rigid 1\n"
+    tables = both(
+        f"{OURS}\n{THERMO.format('f_1[1] f_1[2]')}run 40",
+        f"{THEIRS}\n{computes}{THERMO.format('c_move c_turn')}run 40",
+        ranks=ranks,
+    )
+    assert_alike(*tables, ["PotEng", ("f_1[1]", "c_move"), ("f_1[2]", "c_turn")])
+    assert len(tables[0]) == 5 and np.ptp(tables[0]["f_1[2]"]) > 0.1
+
+
+LOCAL = "mol mass xu yu zu vx vy vz fx fy fz tqx tqy tqz angmomx angmomy angmomz omegax omegay "
+LOCAL += "omegaz quatw quati quatj quatk"
+
+
+def rotations(q):
+    """The matrices of quaternions (n, 4)."""
+    w, i, j, k = np.asarray(q).T
+    return np.array([
+        [w*w + i*i - j*j - k*k, 2*(i*j - w*k), 2*(i*k + w*j)],
+        [2*(i*j + w*k), w*w - i*i + j*j - k*k, 2*(j*k - w*i)],
+        [2*(i*k - w*j), 2*(j*k + w*i), w*w - i*i - j*j + k*k],
+    ]).transpose(2, 0, 1)  # fmt: skip
+
+
+def test_bodies_one_by_one(both, system, tmp_path):
+    """Locks out a table of keyword output that is not what compute rigid/local gives."""
+    dump = (
+        f"compute 1 all rigid/local 1 {LOCAL}\ndump 1 all local 20 local index c_1[*]\n"
+        "dump_modify 1 format float %.16g\n"
+    )
+    table = OURS.replace(" order", " output 20 v_table order")
+    both(
+        f"variable table string bodies.csv\n{table}\nrun 20",
+        f"{THEIRS}\n{dump}run 20",
+    )
+    rows = read(tmp_path / "bodies.csv")
+    rows = rows[rows["step"] == 20]
+    theirs = np.loadtxt((tmp_path / "local").read_text().split("ITEM: ENTRIES")[2].splitlines()[1:])
+    theirs = theirs[np.argsort(theirs[:, 1]), 1:]
+    names = LOCAL.split()
+    known = {name: theirs[:, k] for k, name in enumerate(names)}
+    unwrapped = np.stack([rows[a] for a in "xyz"], 1) + (
+        np.stack([rows[f"i{a}"] for a in "xyz"], 1) @ system.h.T
+    )
+    ours = {"mol": rows["body"], **dict(zip(("xu", "yu", "zu"), unwrapped.T))}
+    for name in names[:-4]:
+        values = ours[name] if name in ours else rows[name]
+        scale = np.abs(known[name]).max()
+        np.testing.assert_allclose(values, known[name], rtol=1e-9, atol=1e-9 * scale, err_msg=name)
+    turns = [
+        rotations(np.stack([one[name] for name in four], 1))
+        for one, four in ((rows, ("q0", "q1", "q2", "q3")), (known, names[-4:]))
+    ]
+    # the same axes, which either may number and direct in its own way
+    between = np.abs(turns[0].transpose(0, 2, 1) @ turns[1])
+    assert np.abs(np.sort(between, axis=2) - [0, 0, 1]).max() < 1e-9
+
+
+SPREAD = """
+compute       mol all chunk/atom molecule
+compute       com all vcm/chunk mol
+compute       own all chunk/spread/atom mol c_com[*]
+variable      vx atom {0}c_own[1]
+variable      vy atom {0}c_own[2]
+variable      vz atom {0}c_own[3]
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("motion, what", [("linear", "v{}-"), ("angular", "")])
+def test_velocity_zero(both, ranks, motion, what):
+    """Locks out commands in from-rigid.md that are not ``velocity zero ... rigid``."""
+    lines = SPREAD
+    for axis in "xyz":
+        lines = lines.replace("{0}", what.format(axis), 1)
+    stop = "velocity all set v_vx v_vy v_vz units box"
+    thermo = THERMO.format("f_1[1] f_1[2]")
+    computes = "compute move all ke/rigid 1\ncompute turn all erotate/rigid 1\n"
+    tables = both(
+        f"{OURS}\n{lines}{thermo}run 10\n{stop}\nrun 20",
+        f"{LARGE}\n{computes}{THERMO.format('c_move c_turn')}run 10\n"
+        f"velocity all zero {motion} rigid 1\nrun 20",
+        ranks=ranks,
+    )
+    assert_alike(*tables, ["PotEng", ("f_1[1]", "c_move"), ("f_1[2]", "c_turn")])
+    stopped = tables[0]["f_1[1]" if motion == "linear" else "f_1[2]"]
+    assert stopped[2] < 1e-20 * stopped[1] and stopped[-1] > 1e-3
+
+
+@pytest.mark.parametrize("motion", ["linear", "angular"])
+def test_velocity_zero_rigid_is_refused(refused, system, motion):
+    """Locks out a command without effect."""
+    script = f"{system.setup}\n{OURS}\nrun 0\nvelocity all zero {motion} rigid 1\n"
+    refused(script, "Velocity rigid used with non-rigid fix-ID", system.files)
+
+
+@pytest.mark.parametrize(
+    "compute", ["ke/rigid 1", "erotate/rigid 1", "rigid/local 1 mol mass"], ids=lambda c: c[:6]
+)
+def test_computes_are_refused(refused, system, compute):
+    """Locks out computes that read a rigid fix's own arrays in this one."""
+    script = f"{system.setup}\n{OURS}\ncompute 1 all {compute}\nrun 0\n"
+    says = "does not point to fix rigid" if "local" in compute else "with non-rigid fix-ID"
+    refused(script, says, system.files)
+
+
+PUSH = "group some molecule 2 3 4\nfix push some addforce 3.0 -1.0 0.5\n"
+
+
+def test_bodyforces_late(both):
+    """Locks out forces of fixes behind this one that bodies do not get."""
+    late = "fix_modify 1 bodyforces late\n"
+    end = f"{PUSH}{{}}{THERMO.format('')}run 20\nrun 20"
+    ours, theirs = both(f"{OURS}\n{end.format(late)}", f"{THEIRS}\n{end.format(late)}")
+    assert_alike(ours, theirs, ["PotEng", "KinEng"])
+    plain, early = both(
+        f"{OURS}\n{THERMO.format('')}run 20\nrun 20",
+        f"{THEIRS}\n{end.format('fix_modify 1 bodyforces early' + chr(10))}",
+    )
+    assert_alike(plain[2:], early[2:], ["PotEng", "KinEng"])  # as from-rigid.md has it
+    assert np.abs(ours["KinEng"][-1] / plain["KinEng"][-1] - 1) > 1e-4
+
+
+def test_bodyforces_early_is_refused(refused, system):
+    """Locks out forces that bodies get although the script says that they do not."""
+    script = f"{system.setup}\n{OURS}\n{PUSH}fix_modify 1 bodyforces early\nrun 0\n"
+    refused(script, "bodyforces early: expected late, which is so", system.files)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_gravity(both, ranks):
+    """Locks out a weight of bodies that is not that of fix rigid's keyword gravity."""
+    weight = "fix g all gravity 2.0 vector 1 -1 0.5"
+    end = f"{THERMO.format('')}run 40"
+    tables = both(
+        f"{weight}\n{OURS}\n{end}", f"{weight} disable\n{THEIRS} gravity g\n{end}", ranks=ranks
+    )
+    assert_alike(*tables, ["PotEng", "KinEng"])
+    assert np.ptp(tables[0]["KinEng"] + tables[0]["PotEng"]) > 1
+
+
+def test_gravity_is_refused(refused, system):
+    """Locks out a keyword gravity without a word on what serves."""
+    script = f'{system.setup}\nfix g all gravity 1 vector 0 0 -1\n{OURS[:-1]} gravity g"\nrun 0\n'
+    refused(script, "use fix gravity before this fix, without its word disable", system.files)
+
+
+@pytest.mark.parametrize("words", ["NVE all molecule", "NVT all molecule temp 1 1 1 seed 5"])
+def test_suffix_omp(both, words):
+    """Locks out bodies that miss forces, or virial, of styles that use threads."""
+    fix = f'fix 1 all python/move "fix_nosquish.{words}"\n'
+    pair = "pair_style lj/cut 2.5\npair_coeff * * 1.0 1.0\n"
+    end = f"{pair}{fix}{THERMO.format('press')}run 40"
+    ours, plain = both(f"suffix omp\n{end}", f"suffix off\n{end}", first="package omp 2")
+    assert_alike(ours, plain, ["PotEng", "KinEng", "Press"])
+
+
+TEMPER = """
+log           log.$w
+variable      T world 1.0 2.0
+velocity      all create $T 4928
+fix           0 all langevin $T $T 1e12 88
+FIX
+thermo_style  custom step temp
+thermo        1
+timestep      1e-7
+run           3
+temper        20 5 $T 0 3847 58728
+run           1
+"""
+
+
+@pytest.mark.parametrize("ranks", [2, 4])
+def test_temper(run_lammps, system, tmp_path, ranks):
+    """Locks out temperatures that are swapped in the log of command temper only: it scales the
+    atoms' velocities, which the bodies take over. Nothing else changes these here."""
+    text = f"variable w world 1 2\n{system.setup}{TEMPER.replace('FIX', OURS)}"
+    run_lammps(
+        text,
+        files=system.files,
+        ranks=ranks,
+        launcher="lmp",
+        options=["-partition", f"2x{ranks // 2}", "-log", "log.both"],
+    )
+    swaps = re.findall(r"^(\d+) (\d) (\d)$", (tmp_path / "log.both").read_text(), flags=re.M)
+    held = {int(step): [int(a), int(b)] for step, a, b in swaps}
+    assert list(held) == [3, 8, 13, 18, 23] and len({str(one) for one in held.values()}) == 2
+    for world in 0, 1:
+        temperature = read_thermo((tmp_path / f"log.{world + 1}").read_text())
+        temperature = dict(zip(temperature["Step"], temperature["Temp"]))
+        start = temperature[0]
+        for step, temperatures in held.items():
+            factor = (1 + temperatures[world]) / (1 + world)
+            # the step after the swap
+            assert abs(temperature[step + 1] / start / factor - 1) < 1e-3
+
+
+def test_temper_refuses_our_thermostat(run_lammps, system):
+    """Locks out NVT whose temperature temper does not set."""
+    words = TEMPER.replace("fix           0 all langevin $T $T 1e12 88", "").replace(
+        "FIX", 'fix 0 all python/move "fix_nosquish.NVT all molecule temp 1 1 1 seed 5"'
+    )
+    run = run_lammps(
+        f"variable w world 1 2\n{system.setup}{words}",
+        files=system.files,
+        ranks=2,
+        launcher="lmp",
+        options=["-partition", "2x1", "-log", "log.both"],
+        check=False,
+    )
+    assert run.code and run.screen.count("Tempering temperature fix is not supported") == 1
