@@ -377,17 +377,26 @@ def model():
 # ---- ensembles
 
 
-def _ensembles(volume_or_pressure, *columns):
-    """A row for each scheme and step, with columns of the committed table, (name, unit) each."""
-    table, body = rows(f"ensembles-{volume_or_pressure}"), []
+def _schemes(verb, *columns):
+    """A row for each scheme and step, with columns of the committed table, (name, unit) each; those
+    that the table does not have are left out."""
+    table, body = rows(verb), []
+    columns = [(name, unit) for name, unit in columns if _named(name, unit) in table[0]]
     schemes = list(dict.fromkeys(row["scheme"] for row in table))
     for row in sorted(table, key=lambda one: (schemes.index(one["scheme"]), _step(one))):
-        numbers = (
-            (row[f"{name} ({unit})"], row.get(f"{name} margin ({unit})")) for name, unit in columns
-        )
-        told = (margin(*one) if one[0] else NOTHING for one in numbers)
+        told = (_number(row, name, unit) for name, unit in columns)
         body.append([row["scheme"], f"{_step(row):g}", *told])
     return markdown(["scheme", "step, fs", *(f"{name}, {unit}" for name, unit in columns)], body)
+
+
+def _named(name, unit):
+    """A committed table's column of that number; of three or more numbers that of the median."""
+    return f"{name} median ({unit})" if name == "cost" else f"{name} ({unit})"
+
+
+def _number(row, name, unit):
+    value = row[_named(name, unit)]
+    return margin(value, row.get(f"{name} margin ({unit})")) if value else NOTHING
 
 
 def _step(row):
@@ -400,19 +409,43 @@ _TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
 def ensembles_volume():
     """Means at constant volume."""
     biases = ("bias of U/N", "kcal/mol"), ("bias of P", "atm")
-    return _ensembles("volume", *biases, *_TEMPERATURES)
+    return _schemes("ensembles-volume", *biases, *_TEMPERATURES)
 
 
 def ensembles_pressure():
     """Means at constant pressure."""
     volumes = ("density", "g/cm³"), ("bias of ρ", "%"), ("κ of V's sd", "1e-5/atm")
     two_states = ("κ of two P", "1e-5/atm"), ("two states", "sd")
-    return _ensembles("pressure", *volumes, *two_states, *_TEMPERATURES)
+    return _schemes("ensembles-pressure", *volumes, *two_states, *_TEMPERATURES)
 
 
 def ensembles_bounds():
     """What is held against bounds, at constant volume and at constant pressure."""
     table = [*rows("ensembles-volume", "checks"), *rows("ensembles-pressure", "checks")]
+    return _checks(table, {row["part"] for row in table})
+
+
+# ---- sampling
+
+
+def sampling_bias():
+    """Distances of means from the limit of small steps."""
+    configurations = ("U/N", "kcal/mol a molecule"), ("heat capacity", "%"), ("pressure", "atm")
+    more = ("squared torque", "%"), ("dipole fluctuation", "%"), ("T_trans", "K"), ("T_rot", "K")
+    return _schemes("sampling-water", *configurations, *more)
+
+
+def sampling_cost():
+    """What an independent sample costs."""
+    times = ("2τ of U/N", "ps"), ("2τ of dipole fluctuation", "ps")
+    less = ((f"less than {one['scheme']}", "times") for one in summary("sampling-water")["known"])
+    sample = "sample of the slowest", "s"
+    return _schemes("sampling-water", ("cost", "s/ps"), *times, sample, *less)
+
+
+def sampling_bounds():
+    """What is held against bounds."""
+    table = rows("sampling-water", "checks")
     return _checks(table, {row["part"] for row in table})
 
 
@@ -631,6 +664,9 @@ TABLES = [
     ensembles_volume,
     ensembles_pressure,
     ensembles_bounds,
+    sampling_bias,
+    sampling_cost,
+    sampling_bounds,
     long_run,
     theory_reversal,
     theory_symplectic,

@@ -15,6 +15,7 @@ from validation.long import report as long
 from validation.pages.said import Said
 from validation.paper import report as paper
 from validation.published import report as published
+from validation.sampling import report as sampling
 from validation.scaling import report as scaling
 from validation.stability import section as stability
 from validation.sweep import section as sweep
@@ -52,6 +53,12 @@ PARTS = (
         "What thermostats and barostats with long steps sample",
         "ensembles --full",
         ensembles.say,
+    ),
+    Part(
+        "sampling-*",
+        "What averages cost with long steps",
+        "sampling --full",
+        sampling.say,
     ),
     Part("compare-*", "The same start with all fixes", "compare water", compare.say),
     Part("long-run", "A free body for very many steps", "long", long.say),
