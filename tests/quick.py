@@ -68,8 +68,13 @@ QUICK = {
         test_other_fixes.py::test_velocities_changed_by_fixes[1]
         test_respa.py::test_equal_steps_are_verlet[one level]
         test_respa.py::test_time_reversal[two levels]""",
+    "in place of fix rigid's": """
+        test_from_rigid.py::test_kinetic_energies[2]
+        test_from_rigid.py::test_gravity[1]
+        test_from_rigid.py::test_temper[2]""",
     "runs in a row, restart": """
         test_scripts.py::test_rerun[2]
+        test_scripts.py::test_rerun_of_rounded_places[1]
         test_restart.py::test_runs_in_parts[2]
         test_waiting.py::test_readers_find_velocities""",
     "plugin": """

@@ -262,3 +262,94 @@ def test_temper_refuses_our_thermostat(run_lammps, system):
         check=False,
     )
     assert run.code and run.screen.count("Tempering temperature fix is not supported") == 1
+
+
+def test_bodies_of_a_file(both, system, tmp_path):
+    """Locks out a variable of style atomfile that tells no bodies apart."""
+    (tmp_path / "bodies").write_text(
+        f"{len(system.molecule)}\n"
+        + "".join(f"{atom} {body}\n" for atom, body in enumerate(system.molecule, 1))
+    )
+    told = "variable which atomfile bodies\n"
+    ours = OURS.replace("molecule", "custom v_which")
+    end = f"{THERMO.format('')}run 20"
+    assert_alike(*both(f"{told}{ours}\n{end}", f"{LARGE}\n{end}"), ["PotEng", "KinEng"])
+
+
+BALLS = """three balls
+
+3 atoms
+
+Coords
+
+1 0.5 0.1 0.0
+2 -0.3 0.6 0.0
+3 -0.4 -0.4 0.2
+
+Types
+
+1 1
+2 1
+3 1
+
+Diameters
+
+1 0.9
+2 0.9
+3 0.9
+
+Masses
+
+1 1.5
+2 1.0
+3 2.0
+"""
+SOLVENT = """
+units         lj
+atom_style    sphere
+atom_modify   first balls map array
+fix           prop all property/atom mol ghost yes
+lattice       sc 0.032 origin 0.5 0.5 0.5
+region        box block 0 6.3 0 6.3 0 6.3 units box
+create_box    2 box
+molecule      balls mol.balls
+create_atoms  0 box mol balls 3
+lattice       sc 30
+create_atoms  2 box
+set           type 2 mass 0.05
+group         balls type 1
+group         solvent type 2
+velocity      balls create 1.0 5
+velocity      solvent create 1.0 6 loop geom
+pair_style    lj/cut 1.5
+pair_coeff    * * 0.0 1.0
+pair_coeff    1 2 0.0 1.0 0.45
+neighbor      0.4 multi
+neigh_modify  every 1 delay 0
+comm_modify   mode multi group balls vel yes
+delete_atoms  overlap 0.45 solvent balls
+neigh_modify  include balls exclude molecule/intra balls
+pair_coeff    1 1 1.0 1.0
+pair_coeff    1 2 0.0 1.0 0.0
+timestep      0.002
+FIX
+fix           2 solvent srd 20 balls 1.0 0.225 77 search 0.3 inside ignore overlap yes &
+              collision noslip
+thermo_style  custom step pe ke f_1 f_2[1] f_2[2]
+thermo_modify norm no format float %.14g
+thermo        5
+run           50
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_solvent_of_srd(run_lammps, ranks):
+    """Locks out bodies that fix srd finds elsewhere, or with other velocities and spins, than those
+    of LAMMPS's fix rigid: it looks in the middle of a step."""
+    tables = {}
+    for fix in LIKE_LAMMPS, RIGID:
+        line = fix.format(group="balls", words="molecule")
+        run = run_lammps(SOLVENT.replace("FIX", line), files={"mol.balls": BALLS}, ranks=ranks)
+        tables[fix] = run.thermo
+    assert_alike(*tables.values(), ["PotEng", "KinEng", "f_1", "f_2[1]", "f_2[2]"])
+    assert tables[RIGID]["f_2[1]"][-1] > 50  # collisions
