@@ -58,10 +58,7 @@ def numbers(place, bare, fix, ranks):
     """Energies, and places at the end, of 20 steps of inputs/water."""
     text = (place / "source/inputs/water/in.water").read_text()
     text = text.replace('python/move "fix_nosquish.NVE water molecule"', fix)
-    text = text.replace(
-        "run   ",
-        "thermo 5\nthermo_style custom step temp ke pe etotal\nthermo_modify format float %.15g\nrun   ",
-    )
+    text = text.replace("run   ", f"{PRINT}\nrun   ")
     text += "\nwrite_dump all custom dump.end id xu yu zu modify sort id format float %.15g\n"
     (place / "source/inputs/water/in.try").write_text(text)
     command = ["lmp", "-in", "in.try", "-var", "nsteps", "20", "-var", "dt", "1.0"]
