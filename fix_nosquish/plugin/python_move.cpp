@@ -9,6 +9,7 @@
    up by name at run time, so that one compiled plugin serves every Python version. */
 
 #include "bridge.h"
+#include "lammps_versions.h"
 #include "particles.h"
 
 #include "angle.h"
@@ -607,8 +608,9 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
 
 const char *FixPythonMove::last_command()
 {
-  command = input->command ? input->command : "";
-  for (int k = 0; input->command && k < input->narg; k++) command += std::string(" ") + input->arg[k];
+  const char *first = CurrentCommand::of(input);
+  command = first ? first : "";
+  for (int k = 0; first && k < input->narg; k++) command += std::string(" ") + input->arg[k];
   return command.c_str();
 }
 
@@ -987,15 +989,29 @@ bool compiled_for(void *lmp)
       lammps_extract_setting(nullptr, "imageint") == sizeof(imageint);
 }
 
+// Python's callbacks and the end of the process come back to this code: it must not go. On Linux, the linker's flag sees to it.
+
+void stay_loaded()
+{
+#ifdef __APPLE__
+  Dl_info here;
+  if (dladdr(reinterpret_cast<void *>(&stay_loaded), &here)) dlopen(here.dli_fname, RTLD_NOW | RTLD_NODELETE);
+#endif
+}
+
 }    // namespace
 
 extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
 {
   if (!compiled_for(lmp)) {
     if (lammps_extract_setting(lmp, "world_rank") == 0)
-      fprintf(stderr, "fix_nosquish: its plugin is for another LAMMPS, and not used\n");
+      fprintf(stderr,
+              "fix_nosquish: its plugin was compiled for LAMMPS %d, and this is %d or has other sizes of integers or another "
+              "MPI, so it is not used. Install fix_nosquish again for this LAMMPS: see docs/install.md\n",
+              COMPILED_FOR_LAMMPS, lammps_version(lmp));
     return;
   }
+  stay_loaded();
   lammpsplugin_t plugin{};
   plugin.version = static_cast<LAMMPS *>(lmp)->version;
   plugin.style = "fix";
@@ -1003,6 +1019,8 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   plugin.info = "fix python/move";
   plugin.author = "fix_nosquish";
   plugin.creator.v2 = [](void *lmp, int narg, char **arg) -> void * {
+    if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"))    // before anything relies on the layout of a Fix
+      static_cast<LAMMPS *>(lmp)->error->all(FLERR, "Fix python/move: " + std::string(obstacle));
     return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
   };
   plugin.handle = handle;

