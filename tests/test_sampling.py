@@ -193,9 +193,9 @@ def test_liquids():
 def test_bounds():
     """Locks out a bound that a wrong number passes, and verdicts on runs that are too short."""
 
-    def verdicts(time=20.0, **biases):
+    def verdicts(time=20.0, less=(5.1, 0.01), **biases):
         row = {"ours": True, "error": None, "label": "x", "dt": 8.0, "less": {"shake": {}}}
-        row["less"]["shake"] = Estimate(5.1, 0.01).plain()
+        row["less"]["shake"] = Estimate(*less).plain()
         row["biases"] = {key: Estimate(one, 1e-6).plain() for key, one in biases.items()}
         summary = {"settings": {"time": time}, "known": [{"dt": 2.0}], "rows": [row]}
         return [one.holds for one in criteria.checks(summary)]
@@ -204,6 +204,7 @@ def test_bounds():
         assert verdicts(**{key: -0.99 * most}) == [True, True]
         assert verdicts(**{key: 1.01 * most}) == [False, True]
     assert verdicts(time=19.0) == []
+    assert verdicts(potential=0.0, less=(1.0, 0.5)) == [True]  # known to a factor only
 
 
 # ---- numbers
