@@ -106,9 +106,7 @@ def test_install_prefix(tmp_path, run_lammps):
         [sys.executable, "-m", "fix_nosquish.plugin"], cwd="/", capture_output=True, text=True,
         check=True,
     ).stdout  # fmt: skip
-    settings = dict(word.split("=", 1) for line in words.splitlines() for word in [
-        shlex.split(line)[1]
-    ])  # fmt: skip
+    settings = dict(shlex.split(line)[1].split("=", 1) for line in words.splitlines())
     assert Path(settings["LAMMPS_PLUGIN_PATH"]) == startup.package() / "plugin"
     settings["LAMMPS_PLUGIN_PATH"] = str(made.parent)
     mpi = next(file for file in metadata.files("mpich") if file.name == "libmpi.so.12")
