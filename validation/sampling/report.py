@@ -98,7 +98,7 @@ def write(summary: dict, out: Path) -> None:
     """
     made, rows = parts(summary), [flat(row) for row in summary["rows"]]
     table = points.frame(rows, (one for part in made for one in part.columns))
-    table.insert(len(table.columns) - 1, "slowest", [row["slowest"] for row in rows])
+    table["slowest"] = [row["slowest"] for row in rows]
     drawn = precision, bias
     points.write(summary, out, table, "sampling.html", drawn, made, **_told(summary))
 
