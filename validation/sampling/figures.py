@@ -22,6 +22,7 @@ STYLES = SHARED | {  # of schemes: colour, marker; others have a colour of their
     "shake-3+langevin": (THIRD, "P"),
     "shake-4+langevin": ("#e0b08f", "h"),
 }
+LINEAR = 4  # bounds up to which the axis of a bias is linear: steps that are too long go far beyond
 TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core
 
 
@@ -71,6 +72,7 @@ def bias(summary: dict) -> Drawn:
         axis.axhline(0, color=INK, lw=0.8)
         if key in BOUNDS:
             axis.axhspan(-BOUNDS[key], BOUNDS[key], color=PALE, alpha=0.4, lw=0)
+            axis.set_yscale("symlog", linthresh=LINEAR * BOUNDS[key])
         for i, (scheme, rows) in enumerate(by_scheme.items()):
             some = [(row["dt"], Estimate.of(row["biases"][key])) for row in rows if _has(row, key)]
             colour, marker = _style(scheme, i)
@@ -88,7 +90,7 @@ def bias(summary: dict) -> Drawn:
     return figure, (
         f"Distance of averages from the limit of small steps that schemes share; whiskers: {SURE} "
         "intervals, the limit's error and its correlation with the point included. Shaded: the "
-        "bounds."
+        f"bounds. Where there is one, the axis is linear up to {LINEAR} times it."
     )
 
 
