@@ -170,12 +170,14 @@ class BuildPlugin(build_ext):
                 f"the LAMMPS in {headers} is of {version}, and the plugin needs one of {OLDEST} or "
                 "newer: see 'Your own LAMMPS' in docs/ for what an older one can do"
             )
+        # MPI's old classes for C++, which LAMMPS does not link
+        plain_mpi = "-DOMPI_SKIP_MPICXX", "-DMPICH_SKIP_MPICXX"
         sizes = () if own else ["-DLAMMPS_SMALLBIG"]  # an own one's are in lmptype.h, or CXXFLAGS
         command = [
             *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
             *shlex.split(os.environ.get("CXXFLAGS", "")),
             *string_flags(headers), *sizes, f"-DCOMPILED_FOR_LAMMPS={version}",
-            "-I", str(headers), *mpi_flags(), "-idirafter", str(HERE / PLUGIN),
+            "-I", str(headers), *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
             *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),
         ]  # fmt: skip
         print(shlex.join(command), flush=True)

@@ -86,6 +86,7 @@ QUICK = {
         test_plugin.py::test_respa[1]
         test_plugin.py::test_values_for_thermo[2]""",
     "another LAMMPS": """
+        test_build.py::test_another_update
         test_own_fix.py::test_trajectory
         test_own_fix.py::test_runs_in_a_row[1]
         test_own_fix.py::test_bad_input_ends_all_ranks[no words at all]""",
