@@ -108,7 +108,7 @@ def string_flags(headers):
     """Which of GNU's two kinds of std::string LAMMPS was compiled with: the former is in packages
     that run on old systems. The library's names of functions tell; a static LAMMPS has none."""
     root = headers.parent.parent
-    for folder in (headers.parent.parent, headers, headers.parent, *(root / f for f in LIBRARIES)):
+    for folder in (root, headers, headers.parent, *(root / f for f in LIBRARIES)):
         for library in sorted(folder.glob("liblammps*.so*")):
             with library.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
                 former = content.find(b"_ZN9LAMMPS_NS5Error3allERKSs") >= 0

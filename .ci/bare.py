@@ -57,24 +57,24 @@ def wheel(place, version):
 
 def numbers(place, bare, fix, ranks):
     """Energies, and places at the end, of 20 steps of inputs/water."""
-    text = (place / "source/inputs/water/in.water").read_text()
+    folder = place / "source/inputs/water"
+    text = (folder / "in.water").read_text()
     text = text.replace('python/move "fix_nosquish.NVE water molecule"', fix)
     text = text.replace("run   ", f"{PRINT}\nrun   ")
     text += "\nwrite_dump all custom dump.end id xu yu zu modify sort id format float %.15g\n"
-    (place / "source/inputs/water/in.try").write_text(text)
+    (folder / "in.try").write_text(text)
     command = ["lmp", "-in", "in.try", "-var", "nsteps", "20", "-var", "dt", "1.0"]
     if ranks > 1:
         command = ["mpirun", "-np", str(ranks), *command]
     done = subprocess.run(
         [str(place / "bare" / "bin" / command[0]), *command[1:]],
-        cwd=place / "source/inputs/water", env=bare, timeout=300, text=True,
+        cwd=folder, env=bare, timeout=300, text=True,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
     )  # fmt: skip
     if done.returncode:
         raise RuntimeError(
             f"{' '.join(command)} ended with {done.returncode}:\n{done.stdout[-3000:]}"
         )
-    folder = place / "source/inputs/water"
     log = (folder / "log.lammps").read_text().split("\n")
     rows = [i for i, line in enumerate(log) if line.split()[:1] == ["Step"]]
     table = [[float(word) for word in line.split()] for line in log[rows[-1] + 1 :][:5]]

@@ -1,6 +1,7 @@
 """What calls an integrator: this package's plugin, or a LAMMPS's own fix python/move."""
 
 import sys
+from collections.abc import Sequence
 from functools import wraps
 from typing import Protocol
 
@@ -38,7 +39,7 @@ class Host(Protocol):
         stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
             argument; None where LAMMPS does not give it.
         told_box: (9,) what the passes `deform` take; None where LAMMPS does not call them.
-        command: the words of LAMMPS's last command; empty where they are not known.
+        command: the words of LAMMPS's last command; none where they are not known.
     """
 
     fix_id: str | None
@@ -63,7 +64,7 @@ class Host(Protocol):
     set_box: np.ndarray | None
     flip_box: np.ndarray | None
     turn_atom: np.ndarray | None
-    command: str
+    command: Sequence[str]
 
     def log(self, text):
         """Print lines on LAMMPS's screen and in its log; collective."""

@@ -72,7 +72,7 @@ class Swaps(NamedTuple):
 
 def _swaps(command, step):
     """The `Swaps` of these words, temper N M ..., from this step on; an empty list for others."""
-    if not command[:1] or not command[0].startswith("temper"):
+    if not command or not command[0].startswith("temper"):
         return []
     return [Swaps(reports.TEMPER, "temper", gcd(int(command[2]), step))]
 
@@ -351,7 +351,7 @@ class Integrator:
         unknown = fixes is None
         self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
         ending = [fix for fix in fixes if fix.end_of_step]
-        ending += _swaps(self.host.command.split(), self.lammps.step)
+        ending += _swaps(self.host.command, self.lammps.step)
         self.late = [fix for fix in ending if not fix.style.startswith(READERS)]
         between = any(fix.between for fix in fixes)
         self.half_step_velocities = self.host.ghost_velocity or between
@@ -378,7 +378,7 @@ class Integrator:
         bodies, self.exact = self.bodies, self._choose_rotor()
         kept = self.notes.pop("kept")
         # a rerun is to tell of the atoms as they stand in the file, which has rounded places
-        bodies.loose = self.command.reinit and self.host.command.split()[:1] == ["rerun"]
+        bodies.loose = self.command.reinit and "rerun" in self.host.command[:1]
         if kept and not bodies.loose:
             self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
             self.host.log(kept.text)

@@ -25,7 +25,7 @@ class OwnFix:
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
     begins = energy_step = stop = turn_atom = None
     calls_setup = follows = velocities_set = False
-    command = ""  # not known
+    command = ()  # not known
     ghost_velocity = True  # not known: velocities at the half step may be read
     phase = vflag = changes = 0
 

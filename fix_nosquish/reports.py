@@ -161,8 +161,8 @@ class Reports:
         """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
         state = self._state
         bodies, running = state.bodies, state.lammps.running
-        words = state.host.command.split()
-        creates = words[:1] + words[2:3] == ["velocity", "create"]
+        command = state.host.command
+        creates = "velocity" in command[:1] and "create" in command[2:3]
         if (state.is_over or not running) and creates:
             # all atoms' velocities are scaled now; a body keeps its share of them when the run
             # makes them rigid motion

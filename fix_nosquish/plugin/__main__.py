@@ -3,11 +3,9 @@
 eval "$(python -m fix_nosquish.plugin)"
 """
 
-import os
 import shlex
-import sys
 
-from . import PYTHON, _libpython, _plugin_folder
+from . import PYTHON, plugin_folder, python
 
-print(f"export LAMMPS_PLUGIN_PATH={shlex.quote(_plugin_folder())}")
-print(f"export {PYTHON}={shlex.quote(os.pathsep.join((sys.executable, _libpython())))}")
+print(f"export LAMMPS_PLUGIN_PATH={shlex.quote(plugin_folder())}")
+print(f"export {PYTHON}={shlex.quote(python())}")

@@ -104,7 +104,7 @@ class Host:
 
     @property
     def command(self):
-        return self._bridge.command(self._bridge.fix).decode()
+        return self._bridge.command(self._bridge.fix).decode().split()
 
     @property
     def next_output(self):
