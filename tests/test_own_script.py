@@ -7,6 +7,7 @@ scripts that `scripts` writes.
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +24,11 @@ from validation.__main__ import main
 from validation.bodies import command as bodies
 from validation.bodies import parts
 from validation.check import measure as check
-from validation.own import finding, schemes, script, shapes, stress, system, trial
+from validation.own import finding, lists, report, schemes, script, shapes, stress, system, trial
 from validation.own.finding import Unclear
 from validation.running import lammps_log, run, startup
 from validation.scenes.integrators import Integrator
-from validation.statistics import structure
+from validation.statistics import measures, structure
 
 KINDS = ("spce", "co2", "rings", "polymer", "clusters")
 BODIES = {"spce": 64, "co2": 125, "rings": 64, "polymer": 27, "clusters": 64}
@@ -419,10 +420,39 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
     assert bad["failed"] or bad["errors"]["energy"]["value"] > 0.2
     page = (out / "report.html").read_text()
     assert "fix_nosquish.NVE with a step of 4 fs" in page and "timestep 4" in page
+    skins = [one["command"] for one in summary["lists"]]
+    assert skins == ["neighbor 2 bin", "neighbor 3 bin", "neighbor 4 bin"]  # LAMMPS's own is 2
+    assert all(0.2 < one["min"] <= one["max"] < 5 for one in summary["lists"])
+    assert "neighbor 3 bin" in page
     # again: nothing is run, and another process finds the same
     begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/*/*/done.json")}
     assert begin and main(["advise", str(path), *words, *targets]) == 0
     assert begin == {one: one.stat().st_mtime_ns for one in begin}
+
+
+def test_a_skin_is_advised_only_if_it_is_faster_in_each_round(tmp_path):
+    """Locks out a skin that is as fast as the script's within the spread, a line for the script
+    that is not the fastest skin's, and a skin that is not the last one of the script."""
+    first = lists.Tried(command="neighbor 1 bin", median=1.0, min=1.0, max=1.0)
+    mixed = lists.Tried(command="neighbor 1.5 bin", median=0.8, min=0.7, max=1.1)
+    good = lists.Tried(command="neighbor 2 bin", median=0.9, min=0.85, max=0.95)
+    assert lists.fastest([first, mixed]) is None
+    assert lists.fastest([first, mixed, good]) == good
+    best = {"dt": 8.0, "label": "ours", "integrator": "ours", "cost": measures.spread([1.0, 1.1])}
+    best |= {"lines": ["fix 1"], "errors": {}, "failed": None, "is_reference": False, "ours": True}
+    summary = {"targets": {}, "units": "real", "points": [best], "late": False, "ns": "ns"}
+    summary |= {"ranks": 1, "lists": [first, mixed, good]}
+    _, told, lines = report.answer(summary)
+    assert lines == ["fix 1", "timestep 8", "neighbor 2 bin"]
+    assert any("0.90 (0.85 to 0.95)" in line for line in told)
+    summary["lists"] = [first, mixed]
+    _, told, lines = report.answer(summary)
+    assert lines == ["fix 1", "timestep 8"] and any("not faster" in line for line in told)
+    path = scripts.rings(tmp_path)
+    own = take(path, tmp_path / "out")
+    scene = replace(own.scene, setup=(*own.scene.setup, "neighbor 0.7 bin", "neighbor 1.4 multi"))
+    assert lists.skin_of(own) == (2.0, "bin")
+    assert lists.skin_of(replace(own, scene=scene)) == (1.4, "multi")
 
 
 def test_rigid_parts_are_found_by_their_chemistry(tmp_path):

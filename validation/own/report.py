@@ -5,6 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from validation.own import lists
 from validation.own.figures import draw
 from validation.own.trial import TARGETS
 from validation.pages import report
@@ -15,6 +16,7 @@ from validation.statistics.estimate import SURE, Estimate
 from validation.sweep.choice import Choice, choose, each, meets, nearest
 
 EACH = "Each integrator's fastest step"
+SKINS = "Skins of the neighbour lists, with the advised step"
 
 
 def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
@@ -22,7 +24,7 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     wanted, time = summary["targets"], UNITS[summary["units"]].time
     points = [one for one in summary["points"] if not one["is_reference"]]
     choice = choose(points, wanted)
-    return choice, list(_told(summary, points, choice, wanted, time)), _lines(choice)
+    return choice, list(_told(summary, points, choice, wanted, time)), _lines(summary, choice)
 
 
 def _told(summary, points, choice, wanted, time) -> Iterator[str]:
@@ -61,6 +63,22 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
     if choice.ties:
         some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.ties[:4])
         yield f"As fast, within the spread of the timings: {some}."
+    if tried := summary.get("lists"):
+        yield _skin(tried)
+
+
+def _skin(tried) -> str:
+    found, first = lists.fastest(tried), tried[0]["command"]
+    if found is None:
+        return f"A wider skin of the neighbour lists is not faster for sure than {first}."
+    return (
+        f"With {found['command']} in the place of {first} a step takes {_ratio(found)} of its "
+        "time: longer steps need new lists sooner."
+    )
+
+
+def _ratio(one) -> str:
+    return f"{one['median']:.2f} ({one['min']:.2f} to {one['max']:.2f})"
 
 
 def _none(summary, points, choice, wanted, time):
@@ -117,9 +135,10 @@ def _cost(point) -> str:
     return f"{cost['min']:.3g} ({cost['median']:.3g})" if cost else "–"
 
 
-def _lines(choice) -> list[str]:
-    best = choice.best
-    return [*best["lines"], f"timestep {best['dt']:g}"] if best else []
+def _lines(summary, choice) -> list[str]:
+    best, skin = choice.best, lists.fastest(summary.get("lists", ()))
+    more = [skin["command"]] if skin else []
+    return [*best["lines"], f"timestep {best['dt']:g}", *more] if best else []
 
 
 def tables(summary: dict) -> list[Table]:
@@ -135,10 +154,13 @@ def tables(summary: dict) -> list[Table]:
         one = own.best or (near[0] if near else mine[0])
         longest.append(_row(one, wanted))
     every = [_row(one, wanted) for one in summary["points"]]
-    return [
+    skins = [(one["command"], _ratio(one)) for one in summary.get("lists", ())]
+    found = [
         Table.of(f"{EACH} within the targets, else the nearest", heads, longest),
         Table.of("All that was run; the first is what means are held against", heads, every),
+        Table.of(SKINS, ("LAMMPS's command", "time of a step, in parts of the first"), skins),
     ]
+    return found if skins else found[:2]
 
 
 def _row(point, wanted):

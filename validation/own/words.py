@@ -27,7 +27,7 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
         budget: minutes, by default.
         many: whether all integrators are tried by default.
     """
-    from validation.own import report, system, trial  # heavy: not for --help
+    from validation.own import lists, report, system, trial  # heavy: not for --help
     from validation.pages import console
     from validation.running import run as run_by
 
@@ -45,8 +45,14 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
     points = trial.points(own, only, arguments.steps, many)
     screen = console.console()
     how = arguments.budget or budget, out, arguments.ranks, silence
-    with console.Meter(screen, trial.total(points), "runs") as meter:
+    with console.Meter(screen, trial.total(points) + lists.total(many), "runs") as meter:
         summary = trial.trial(own, points, *how, meter, wanted)
+        best = report.answer(summary)[0].best
+        if best and not many and not summary["interrupted"]:
+            try:
+                summary["lists"] = lists.tried(own, best, *how, meter)
+            except KeyboardInterrupt:
+                summary["interrupted"] = True
     report.write(summary, out)
     answered = report.show(screen, summary, out)
     return command_line.status(summary["interrupted"], not answered)

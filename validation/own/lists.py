@@ -1,0 +1,110 @@
+"""The skin of neighbour lists that makes a script the fastest with the step that is advised.
+
+Atoms cross the skin in fewer of the longer steps, and lists are built anew more often.  A wider
+skin than the script's may then be faster.  How much it gains depends on pair styles, cutoffs and
+ranks, so it is measured: runs with each skin, in turn.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TypedDict
+
+from validation.own.script import texts
+from validation.own.system import Own
+from validation.own.trial import NS
+from validation.running import machine, rounds, run
+from validation.running.store import Store
+
+FACTORS = 1.0, 1.5, 2.0  # of the script's skin
+ROUNDS = 4
+SHARE = 0.3  # of the budget for this
+LEAST = 100  # steps of a timed segment: in fewer, one more new list is too much of the time
+SKINS = {"lj": 0.3, "si": 0.001, "cgs": 0.1, "micro": 0.1, "nano": 0.1}  # LAMMPS's, by units
+USUAL = 2.0  # with other units
+
+
+class Tried(TypedDict):
+    """A skin.
+
+    Attributes:
+        command: LAMMPS's, for this skin, in the script's units.
+        median, min, max: over rounds, of a step's time in parts of that with the script's skin.
+    """
+
+    command: str
+    median: float
+    min: float
+    max: float
+
+
+def skin_of(own: Own) -> tuple[float, str]:
+    """The script's skin, and the word behind it."""
+    found = [one for one in map(texts, (*own.scene.setup, *own.scene.then)) if one[0] == "neighbor"]
+    if found:
+        return float(found[-1][1]), found[-1][2]
+    return SKINS.get(own.scene.units, USUAL), "bin"
+
+
+def total(many: bool = False) -> int:
+    """Runs that a meter counts; none for ``many`` integrators, of which none is advised."""
+    return 0 if many else ROUNDS * len(FACTORS)
+
+
+def tried(
+    own: Own, best: Mapping, minutes: float, out: Path, ranks: int, silence: float, meter: run.Meter
+) -> list[Tried]:
+    """Time each skin; one that fails is left out, and all are where steps take too long for it.
+
+    Args:
+        best: the point that is advised, a row of `trial.trial`.
+        minutes: the whole budget.
+
+    Raises:
+        KeyboardInterrupt: after a Ctrl-C.
+    """
+    one, dt = own.integrators[best["integrator"]], best["dt"]
+    skin, style = skin_of(own)
+    loop = best["cost"]["min"] * dt / NS.get(own.scene.units, 1e3)
+    seconds = SHARE * 60 * minutes / total() / rounds.SEGMENTS
+    if seconds < LEAST * loop:
+        return []
+    runs = rounds.lengths(loop, seconds).runs
+    skins = [f"{factor * skin:g}" for factor in FACTORS]
+    origin = machine.origin(own.scene, one)
+
+    def make(name: str, number: int) -> run.Job:
+        folder = out / "runs" / "lists" / f"{name}-{number}"
+        how: dict = {"ranks": ranks, "silence": silence, "keeps": "nothing", "origin": origin}
+        more = [_command(name, style)]
+        return run.job(own.scene, one, folder, runs, dt=dt, every=0, more=more, **how)
+
+    def measure() -> dict:
+        labels = {name: f"skin of {name} {own.units.length}" for name in skins}
+        found, _, interrupted = rounds.in_turn(labels, make, ROUNDS, meter)
+        if interrupted:
+            raise KeyboardInterrupt
+        usual = found[skins[0]]
+        return {name: rounds.ratio(times, usual, "loop") for name, times in found.items()}
+
+    store = Store(out / "records", "validation.own.lists")
+    record = store.once("lists", store.origin(origin, runs, ranks, dt, skins), measure)
+    return [
+        Tried(
+            command=_command(name, style),
+            median=ratio["median"],
+            min=ratio["min"],
+            max=ratio["max"],
+        )
+        for name, ratio in record.items()
+        if ratio
+    ]
+
+
+def _command(skin: str, style: str) -> str:
+    return f"neighbor {skin} {style}"
+
+
+def fastest(some: Sequence[Tried]) -> Tried | None:
+    """The skin whose steps are shorter than the script's in each round; None if there is none."""
+    better = [one for one in some if one["max"] < 1]
+    return min(better, key=lambda one: one["median"], default=None)
