@@ -295,6 +295,14 @@ def test_an_integrator_that_is_none_is_refused(capsys):
     assert command_line.chosen_of({"a": 1, "b": 2}, None) == [1, 2]
 
 
+def test_a_word_too_many_is_answered_with_the_verbs_usage(capsys):
+    """Locks out steps with blanks between them, that are answered with how all verbs are used."""
+    with pytest.raises(SystemExit, match="2"):
+        main(["sampling", "water", "--dt", "4", "6", "--short", "8"])
+    told = capsys.readouterr().err
+    assert "unrecognized arguments" in told and "--dt FS,FS" in told
+
+
 # ---- numbers
 
 

@@ -11,7 +11,9 @@ from validation.command_line import INTERRUPTED
 
 def main(words: list[str] | None = None) -> int:
     """Parse the command line and run its verb; the exit status."""
-    arguments = parser().parse_args(words)
+    arguments, unknown = parser().parse_known_args(words)
+    if unknown:  # argparse itself would show how all verbs are used, not this one
+        arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     # they do as Ctrl-C does, which a shell has what it starts in the background ignore; nohup has
     # it ignore the terminal's end, too
     for one in signal.SIGTERM, signal.SIGHUP:

@@ -385,8 +385,9 @@ def _schemes(verb, *columns):
     schemes = list(dict.fromkeys(row["scheme"] for row in table))
     for row in sorted(table, key=lambda one: (schemes.index(one["scheme"]), _step(one))):
         told = (_number(row, name, unit) for name, unit in columns)
-        body.append([row["scheme"], f"{_step(row):g}", *told])
-    return markdown(["scheme", "step, fs", *(f"{name}, {unit}" for name, unit in columns)], body)
+        body.append([row["scheme"], f"{_step(row):g}", row["starts"], *told])
+    heads = (f"{name}, {unit}" for name, unit in columns)
+    return markdown(["scheme", "step, fs", "starts", *heads], body)
 
 
 def _number(row, name, unit):
