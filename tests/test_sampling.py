@@ -1,16 +1,17 @@
 """Error of averages against cost: the limit of small steps, work and precision, plan, runs."""
 
 import json
-from dataclasses import replace
+import re
 
 import numpy as np
 import pytest
 from scipy import signal
 
 from validation import __main__
+from validation.ensembles import runs
 from validation.ensembles.lengths import Lengths
 from validation.ensembles.schemes import SEED
-from validation.running import rounds, run
+from validation.running import run
 from validation.sampling import criteria, measure, plan
 from validation.sampling.plan import Point
 from validation.statistics import limit, measures, precision
@@ -115,13 +116,40 @@ def test_the_error_of_an_autocorrelation_time():
     assert 0.75 < off.std() < 1.3 and abs(off.mean()) < 0.5
 
 
+def test_the_memory_of_a_square():
+    """Locks out the memory of a squared dipole as that of the dipole, a value that noise makes too
+    large, and an error that does not cover: runs of 100 memories, as those of water."""
+    rng, memory, samples = np.random.default_rng(6), 40.0, 4000
+    keep = np.exp(-2 / memory)  # of the square: that of a component, squared
+    truth, found = (1 + keep) / (1 - keep), {1: [], 6: []}
+    for starts, some in found.items():
+        for _ in range(150):
+            parts = []
+            for _ in range(starts):
+                x = [remembering(rng, samples, memory) for _ in range(3)]
+                parts.append(measures.autocovariance(np.stack(x, axis=1)))
+            some.append(measures.autocorrelation_of_square(np.concatenate(parts)))
+    for starts, some in found.items():
+        values = np.array([one.value for one in some])
+        assert abs(values.mean() / truth - 1) < 0.03
+        assert np.mean([abs(one.value - truth) < one.margin for one in some]) > 0.85
+        assert some[0].freedom == 3 * starts - 1
+    # the square of the same series tells much less
+    squares = [
+        measures.autocorrelation(sum(remembering(rng, samples, memory) ** 2 for _ in range(3)))
+        for _ in range(150)
+    ]
+    assert np.std([one.value for one in squares]) > 1.3 * np.std([one.value for one in found[1]])
+
+
 def test_total_error_against_brute_force():
     """Locks out another formula of bias and noise: the rms error of means of many runs that last so
     long, of a series with a bias."""
     rng, cost, apart, bias = np.random.default_rng(3), 2.5, 0.1, 0.05
-    remembers, noise = precision.noise(3.0 * remembering(rng, 400000, 8.0), cost, apart)
+    x = 3.0 * remembering(rng, 400000, 8.0)
+    remembers = measures.autocorrelation(x).times(apart)
     assert remembers.value == pytest.approx(apart / np.tanh(0.5 / 8.0), rel=0.1)
-    worth = precision.Worth(Estimate(bias), noise)
+    worth = precision.Worth(Estimate(bias), remembers.times(np.var(x) * cost))
     for samples in 2000, 20000:
         errors = [3.0 * remembering(rng, samples, 8.0).mean() + bias for _ in range(400)]
         seconds = samples * apart * cost
@@ -236,7 +264,7 @@ def test_numbers_of_a_series():
         "langevin-20": free | ours, "csvr": held | ours, "shake+langevin": free | theirs,
         "rigid/nvt/small": held | theirs,
     }.items():  # fmt: skip
-        found = measure.of_series(printed(rng, **columns), case, case.schemes[name], 5.0)
+        found = measure.of_series(printed(rng, **columns), case, case.schemes[name])
         means = {key: one.value for key, one in found.means.items()}
         assert means["pressure"] == pytest.approx(N * gas, rel=1e-6), name
         assert means["translation"] == pytest.approx(298 * 1.1), name
@@ -246,13 +274,13 @@ def test_numbers_of_a_series():
         moment = 4 * np.pi * 332.06371 * 12.0 / (3 * VOLUME * KT)
         assert means["dipole"] == pytest.approx(moment) and means["torque"] == 2.0 / N
         assert found.remembers["potential"].value == pytest.approx(0.024, rel=0.1)
-        spent = (30 / N) ** 2 * 0.024 * 5.0
-        assert found.noise["potential"].value == pytest.approx(spent, rel=0.1)
+        noise = (30 / N) ** 2 * 0.024
+        assert found.noise("potential").value == pytest.approx(noise, rel=0.1)
     few = printed(rng)
     few = {key: one[:8] for key, one in few.items()}
     found = [
         measure.of_series(
-            few | {"PotEng": 30 * rng.normal(size=8)}, case, case.schemes["nh"], 1.0
+            few | {"PotEng": 30 * rng.normal(size=8)}, case, case.schemes["nh"]
         ).means["capacity"].value
         for _ in range(2000)
     ]  # fmt: skip
@@ -270,10 +298,11 @@ def test_rows_of_known_schemes():
         for dt in (1.0, 2.0, 4.0):
             means = {"potential": -9.5 + factor * dt**2, "torque": 40 * (1 + factor * dt**2)}
             remembers = {"potential": Estimate(0.5, 0.0), "torque": Estimate(3.0, 0.0)}
-            noise = {key: Estimate(1.6e-3, 0.0) for key in means}
+            point, spent = Point(scheme, dt), cost[scheme] / dt
+            variances = {key: 1.6e-3 / spent / one.value for key, one in remembers.items()}
             exact = {key: Estimate(one, 1e-9) for key, one in means.items()}
-            numbers = measure.Numbers(exact, remembers, noise, cost[scheme] / dt)
-            found.numbers[Point(scheme, dt)] = [numbers]
+            found.numbers[point] = [measure.Numbers(exact, remembers, variances)]
+            found.costs[point] = [0.9 * spent, spent, 2.0 * spent]
     told = measure.told(found, case, list(found.numbers))
     rows = {(row["scheme"], row["dt"]): row for row in told["rows"]}
     assert told["limits"]["potential"]["value"] == pytest.approx(-9.5, abs=1e-6)
@@ -310,17 +339,19 @@ def test_frames_that_are_left_out(tmp_path):
     assert measure.of_frames(path, 10 * 5 * measure.BLOCKS - 20) is None
 
 
-def test_output_is_no_cost(monkeypatch):
-    """Locks out the time for what samples print as a scheme's cost, and time that others had."""
-    case, rng = plan.CASES["water"](None), np.random.default_rng(4)
-    result = run.Result(None, {}, [], None, {})
-    timing = rounds.Timing(loop=900.0, cpu=50.0, sections={"Output": 100.0})
-    monkeypatch.setattr(measure.runs, "table", lambda job: (result, printed(rng)))
-    monkeypatch.setattr(measure.rounds, "timing", lambda job, result: timing)
-    found, point = measure.Found(), Point("langevin-20", 4.0)
-    measure._measure(found, replace(case, sites=None), point, None)
-    (numbers,) = found.numbers[point]
-    assert numbers.cost == pytest.approx(800e-6 * 250 / 2)
+def test_dipoles_of_all_starts_together():
+    """Locks out the memory of the dipole from each start by itself, and in samples."""
+    rng, memory = np.random.default_rng(9), 40.0
+    starts = []
+    for _ in range(4):
+        parts = [remembering(rng, 4000, memory) for _ in range(3)]
+        columns = dict(zip(plan.DIPOLE, parts))
+        table = {key: one[:4000] for key, one in printed(rng).items()} | columns
+        case = plan.CASES["water"](None)
+        starts.append(measure.of_series(table, case, case.schemes["nh"]))
+    remembers = measure.pooled(starts).remembers["dipole"]
+    assert remembers.value == pytest.approx(0.024 * memory, rel=0.15)
+    assert remembers.freedom == 3 * 4 - 1
 
 
 # ---- runs
@@ -341,8 +372,17 @@ def test_the_verb_runs(tmp_path, monkeypatch):
         assert 30 < row["means"]["torque"]["value"] < 60 and row["cost"]["median"] > 0
         assert 200 < row["means"]["rotation"]["value"] < 400
         assert set(row["biases"]) == set(row["means"]) and "shake+langevin" in row["less"]
-    done = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")}
-    assert len(done) == 6 + 1  # and the start
+    logs = list(tmp_path.rglob("log.lammps"))
+    timed = [path for path in logs if runs.TIMED in path.parts]
+    # a run from each point and the start; points in turn, without samples
+    assert len(logs) - len(timed) == 6 + 1 and len(timed) == 6 * runs.ROUNDS
+    for path in timed:
+        text = path.read_text()
+        assert "dump sites" not in text and "c_dipole" not in text and "\nthermo 0" in text
+    for path in [one for one in timed if "hmc" in str(one)]:
+        steps = re.findall(r"\nrun (\d+)", path.read_text())
+        assert all(int(one) % plan.TRAJECTORY == 0 for one in steps)
+    done = {path: path.stat().st_mtime_ns for path in logs}
 
     once = run.once
 

@@ -1,6 +1,6 @@
 """Runs of thermostats with their time steps, from common starts, for `ensembles` and `sampling`."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -8,10 +8,13 @@ import numpy as np
 
 from validation.ensembles.lengths import BEGIN_STEP, Lengths, One, at_least_one
 from validation.ensembles.schemes import Scheme
-from validation.running import machine, run
+from validation.running import machine, rounds, run
 from validation.running.store import Store
 from validation.scenes import FS_PER_PS, Scene
 from validation.scenes.starts import from_dump, to_dump
+
+ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
+TIMED = "timed"  # folder of these runs, and what is kept of them
 
 
 @dataclass
@@ -85,19 +88,68 @@ class Runs:
         how |= {"silence": self.silence, "more": more, "origin": machine.origin(self.scene, one)}
         return run.job(self._of(self.starter, self.scene), one, directory, runs, **how)
 
+    def costs(
+        self, loops: Mapping[One, float], meter: run.Meter, module: str, time: bool = True
+    ) -> dict[str, list[float]]:
+        """What a ps costs, s of one core, by the run's name: runs are timed in turn, without
+        samples, in some rounds.  One that fails has none.
+
+        Args:
+            loops: the runs, and about how many s a step of each takes.
+            module: of the harness, that measures.
+            time: whether to time what no earlier command has.
+
+        Raises:
+            KeyboardInterrupt: after a Ctrl-C, or if nothing is kept that may not be timed.
+        """
+        by_name, origins = {one.name: one for one in loops}, {}
+        for one in loops:
+            job = self._job(one, self.folder / TIMED, [0], 0, [])
+            origins[one.name] = [job.commands, job.origin]
+
+        def make(name: str, number: int) -> run.Job:
+            one = by_name[name]
+            stride = one.scheme.stride
+            runs = rounds.lengths(loops[one], SECONDS).runs
+            runs = [-(-steps // stride) * stride for steps in runs]
+            return self._job(one, self.folder / TIMED / f"{name}-{number}", runs, 0, [])
+
+        def measure() -> dict[str, list[float]]:
+            if not time:
+                raise KeyboardInterrupt
+            labels = {name: f"{one.label}, timed" for name, one in by_name.items()}
+            found, _, interrupted = rounds.in_turn(labels, make, ROUNDS, meter)
+            if interrupted:
+                raise KeyboardInterrupt
+            return {
+                name: [cost(one.loop or 0.0, one.cpu, by_name[name].dt) for one in times]
+                for name, times in found.items()
+            }
+
+        store = Store(self.folder, module)
+        with store.locked(TIMED):
+            return store.once(TIMED, store.origin(ROUNDS, SECONDS, origins), measure)
+
     def job(self, one: One) -> run.Job:
         """The run of a point from a start; its momentum is zero, for some schemes keep it."""
+        scheme, dt, directory = one.scheme, one.dt, self.folder / one.name
+        runs = self.lengths.runs(dt, scheme.stride)
+        every = self.lengths.every(dt, scheme.stride)
+        return self._job(one, directory, runs, every, self.more(scheme, dt, directory))
+
+    def _job(
+        self, one: One, directory: Path, runs: list[int], every: int, more: list[str]
+    ) -> run.Job:
         scheme, dt, dump = one.scheme, one.dt, self._dump(one.start)
-        seeded, directory = scheme.seeded(one.start), self.folder / one.name
+        seeded = scheme.seeded(one.start)
         begun = from_dump(self.scene, dump, at_least_one(self.lengths.begin, BEGIN_STEP))
         rest = f"velocity {self.scene.group} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
-        more = self.more(scheme, dt, directory)
-        how: dict = {"dt": dt, "every": self.lengths.every(dt, scheme.stride), "keeps": "nothing"}
+        how: dict = {"dt": dt, "every": every, "keeps": "nothing"}
         files = [dump] if dump.exists() else []  # else LAMMPS says so
         how |= {"silence": self.silence, "more": more}
         how |= {"origin": machine.origin(self.scene, seeded, *files)}
-        return run.job(begun, seeded, directory, self.lengths.runs(dt, scheme.stride), **how)
+        return run.job(begun, seeded, directory, runs, **how)
 
     def _dump(self, start: int) -> Path:
         return (self.folder / f"start-{start}" / "start" / "state.dump").resolve()

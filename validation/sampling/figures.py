@@ -30,12 +30,13 @@ def precision(summary: dict) -> Drawn:
     """The total error of each average against the time that is spent: of each scheme the best of
     its steps at any time."""
     made = _panels(summary)
-    if made is None:
+    if made is None or not any(row["noise"] for row in summary["rows"]):
         return None
     figure, axes, by_scheme = made
     for key, axis in axes.items():
         for i, (scheme, rows) in enumerate(by_scheme.items()):
-            errors = {row["dt"]: _worth(row, key).error(TIMES) for row in rows if _has(row, key)}
+            timed = [row for row in rows if key in row["noise"]]
+            errors = {row["dt"]: _worth(row, key).error(TIMES) for row in timed}
             if not errors:
                 continue
             steps, values = list(errors), np.array(list(errors.values()))

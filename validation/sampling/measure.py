@@ -115,14 +115,27 @@ CONFIGURATIONS = [one.key for one in OBSERVABLES if not one.known]
 
 @dataclass
 class Numbers:
-    """What a start of a point gave: means, of each the time (ps) of an independent sample, the
-    noise (see `precision.Worth`), g(r) of blocks of frames (blocks, bins), s of a core for a ps."""
+    """What a start of a point gave, or all of them together.
+
+    Attributes:
+        means: of observables.
+        remembers: of each, ps of an independent sample.
+        variances: of each, of a sample.
+        rdf: g(r) of blocks of frames, (blocks, bins).
+        dipole: autocovariances of the components of the whole's dipole, (components, lags), and
+            ``apart``, ps between samples.
+    """
 
     means: dict[str, Estimate]
     remembers: dict[str, Estimate]
-    noise: dict[str, Estimate]
-    cost: float
+    variances: dict[str, float]
     rdf: np.ndarray | None = None
+    dipole: np.ndarray | None = None
+    apart: float = 0.0
+
+    def noise(self, key: str) -> Estimate:
+        """Variance of a mean times ps."""
+        return self.remembers[key].times(self.variances[key])
 
 
 @dataclass
@@ -131,9 +144,10 @@ class Row:
 
     Attributes:
         means: of each observable, and ``biases``, in its units.
-        remembers: ps of an independent sample, and ``noise``, of each observable.
+        remembers: ps of an independent sample, of each observable.
+        noise: of each, variance of its mean times s of a core, see `precision.Worth`.
         rdf: rms distance of g(r) from the limit's.
-        cost: s of one core for a ps, over starts.
+        cost: s of one core for a ps, over rounds that were timed in turn.
         slowest: the observable whose independent samples take the longest, and ``sample``, s of a
             core for one of them.
         less: how many times less such a sample costs than with each known scheme.
@@ -164,10 +178,13 @@ class Row:
 
 @dataclass
 class Found:
-    """What the runs gave: of each point the numbers of its starts, and why one failed."""
+    """What the runs gave: of each point the numbers of its starts, why one failed, s of a step with
+    its samples, and s of a core for a ps without them, in each round."""
 
     numbers: dict[Point, list[Numbers]] = field(default_factory=dict)
     errors: dict[Point, str] = field(default_factory=dict)
+    loops: dict[Point, float] = field(default_factory=dict)
+    costs: dict[Point, list[float]] = field(default_factory=dict)
 
 
 def sampling(
@@ -199,12 +216,13 @@ def sampling(
         job = batch.job(one)
         if point not in found.errors and run.is_there(job, failures=True):
             _measure(found, case, point, job)
+    interrupted = _timed(found, case, lengths, batch, meter, not made.interrupted)
     summary = machine.circumstances()
     summary["versions"] |= machine.worker_versions(made.versions)
     return summary | {
         "scene": case.name,
         "title": case.scene.title,
-        "interrupted": made.interrupted,
+        "interrupted": made.interrupted or interrupted,
         "bodies": case.scene.unit,
         "temperature": case.temperature,
         "known": [one._asdict() for one in case.known],
@@ -235,31 +253,49 @@ def _measure(found: Found, case: Case, point: Point, job: run.Job) -> None:
     if result.error:
         found.errors.setdefault(point, result.error)
         return
-    timing = rounds.timing(job, result)
-    # what samples cost is no part of a scheme's cost
-    loop = (timing.loop or 0.0) - timing.sections.get("Output", 0.0)
-    spent = runs.cost(loop, timing.cpu, point.dt)
-    numbers = of_series(table, case, case.schemes[point.scheme], spent)
+    numbers = of_series(table, case, case.schemes[point.scheme])
     if case.sites:
         numbers.rdf = of_frames(Path(job.directory) / plan.SITES, job.runs[0])
     found.numbers.setdefault(point, []).append(numbers)
+    found.loops.setdefault(point, 1e-6 * (rounds.timing(job, result).loop or 0.0))
 
 
-def of_series(table: Table, case: Case, scheme: Scheme, cost: float) -> Numbers:
+def _timed(
+    found: Found, case: Case, lengths: Lengths, batch: runs.Runs, meter: run.Meter, time: bool
+) -> bool:
+    """What a ps of each point costs; whether a Ctrl-C came.
+
+    Args:
+        time: whether to time what no earlier command has.
+    """
+    good = [point for point in found.numbers if point not in found.errors]
+    first = dict(reversed(list(case.runs(good, lengths))))
+    loops = {first[point]: found.loops[point] for point in good}
+    try:
+        costs = batch.costs(loops, meter, __name__, time)
+    except KeyboardInterrupt:
+        return True
+    found.costs = {point: costs[first[point].name] for point in good if costs[first[point].name]}
+    return False
+
+
+def of_series(table: Table, case: Case, scheme: Scheme) -> Numbers:
     """A run's numbers.
 
     Args:
         table: columns of LAMMPS's output, (samples,), after the part that is left out.
-        cost: s of a core for a ps.
     """
     apart = float(np.median(np.diff(table["Time"]))) / 1e3
-    numbers = Numbers({}, {}, {}, cost)
+    numbers = Numbers({}, {}, {}, apart=apart)
     for one in OBSERVABLES:
         x = one.series(table, case, scheme)
         if x is not None:
             numbers.means[one.key] = measures.mean(x)
-            both = precision.noise(x, cost, apart)
-            numbers.remembers[one.key], numbers.noise[one.key] = both
+            numbers.remembers[one.key] = measures.autocorrelation(x).times(apart)
+            numbers.variances[one.key] = float(np.var(x, ddof=1))
+    if plan.DIPOLE[0] in table:
+        dipole = np.stack([table[one] for one in plan.DIPOLE], axis=1)
+        numbers.dipole = measures.autocovariance(dipole)
     return numbers
 
 
@@ -282,7 +318,7 @@ def of_frames(path: Path, begin: int) -> np.ndarray | None:
 
 
 def pooled(starts: Sequence[Numbers]) -> Numbers:
-    """The means over starts."""
+    """The means over starts; of the dipole's components all starts together tell the memory."""
 
     def over(name):
         first = getattr(starts[0], name)
@@ -290,10 +326,18 @@ def pooled(starts: Sequence[Numbers]) -> Numbers:
             key: measures.of_starts([getattr(one, name)[key] for one in starts]) for key in first
         }
 
-    cost = float(np.mean([one.cost for one in starts]))
-    blocks = [one.rdf for one in starts if one.rdf is not None]
-    rdf = np.concatenate(blocks) if blocks else None
-    return Numbers(over("means"), over("remembers"), over("noise"), cost, rdf)
+    def every(name):
+        parts = [part for one in starts if (part := getattr(one, name)) is not None]
+        return np.concatenate(parts) if parts else None
+
+    variances = {
+        key: float(np.mean([one.variances[key] for one in starts])) for key in starts[0].variances
+    }
+    numbers = Numbers(over("means"), over("remembers"), variances, every("rdf"))
+    if (dipole := every("dipole")) is not None:
+        memory = measures.autocorrelation_of_square(dipole)
+        numbers.remembers["dipole"] = memory.times(starts[0].apart)
+    return numbers
 
 
 def told(found: Found, case: Case, points: Sequence[Point]) -> dict:
@@ -311,7 +355,9 @@ def told(found: Found, case: Case, points: Sequence[Point]) -> dict:
         row = Row(scheme.name, scheme.label, scheme.ours, point.dt, lines)
         row.error = found.errors.get(point)
         if not row.error:
-            _fill(row, point, found.numbers[point], good, biases, fits, case)
+            row.starts = len(found.numbers[point])
+            _fill(row, point, good, biases, fits)
+            _spend(row, point, found.costs, good, biases, fits, case)
         rows.append(vars(row))
     limits = {key: _limit(fit) for key, fit in fits.items()}
     return {"rows": rows, "limits": limits}
@@ -347,40 +393,48 @@ def _biases(point, means, fits, case) -> dict[str, Estimate]:
     return found
 
 
-def _fill(row, point, starts, means, biases, fits, case) -> None:
-    """The numbers of a row."""
+def _fill(row, point, means, biases, fits) -> None:
+    """The numbers of a row, but for what they cost."""
     numbers = means[point]
-    row.starts = len(starts)
     row.means = {key: one.plain() for key, one in numbers.means.items()}
     row.biases = {key: one.plain() for key, one in biases[point].items()}
-    row.cost = measures.spread(one.cost for one in starts)
     row.remembers = {key: one.plain() for key, one in numbers.remembers.items()}
-    row.noise = {
-        key: _noise(numbers, key, fits).plain() for key in numbers.noise if _unit(key, fits)
-    }
-    row.slowest, sample = slowest(numbers)
-    row.sample = sample.plain()
+    row.slowest = slowest(numbers)
     if "potential" in fits and numbers.rdf is not None:
         row.rdf = apart(point, means, fits["potential"])
+
+
+def _spend(row, point, costs, means, biases, fits, case) -> None:
+    """What the numbers of a row cost, if its runs were timed."""
+    if point not in costs:
+        return
+    row.cost = measures.spread(costs[point])
+    sample = _sample(means[point], costs[point])
+    row.sample = sample.plain()
     for one in case.known:
-        if one in means:
-            row.less[one.scheme] = measures.quotient(slowest(means[one])[1], sample).plain()
-    own = _worths(point, means, biases, fits)
+        if one in costs:
+            less = measures.quotient(_sample(means[one], costs[one]), sample)
+            row.less[one.scheme] = less.plain()
+    own = _worths(point, costs, means, biases, fits)
+    row.noise = {key: one.noise.plain() for key, one in own.items()}
     for key in own.keys() & BOUNDS.keys():
         row.seconds[key] = precision.seconds(own[key], BOUNDS[key]).plain()
     known = case.known[0]
-    if known in means and known != point:
-        theirs = _worths(known, means, biases, fits)
+    if known in costs and known != point:
+        theirs = _worths(known, costs, means, biases, fits)
         for key in own.keys() & theirs.keys():
             row.faster[key] = precision.times(theirs[key], own[key]).plain()
 
 
-def slowest(numbers: Numbers) -> tuple[str, Estimate]:
-    """The observable of configurations whose independent samples take the longest, and what one
-    of them costs, s of a core."""
+def slowest(numbers: Numbers) -> str:
+    """The observable of configurations whose independent samples take the longest."""
     some = {key: one for key, one in numbers.remembers.items() if key in CONFIGURATIONS}
-    key = max(some, key=lambda one: some[one].value)
-    return key, some[key].times(numbers.cost)
+    return max(some, key=lambda one: some[one].value)
+
+
+def _sample(numbers: Numbers, costs: Sequence[float]) -> Estimate:
+    """s of a core for an independent sample of the slowest observable."""
+    return numbers.remembers[slowest(numbers)].times(float(np.median(costs)))
 
 
 def _unit(key: str, fits) -> float:
@@ -390,15 +444,15 @@ def _unit(key: str, fits) -> float:
     return 100 / fits[key].limit.value if key in fits else 0.0
 
 
-def _noise(numbers: Numbers, key: str, fits) -> Estimate:
-    return numbers.noise[key].times(_unit(key, fits) ** 2)
-
-
-def _worths(point, means, biases, fits) -> dict[str, precision.Worth]:
+def _worths(point, costs, means, biases, fits) -> dict[str, precision.Worth]:
     """Bias and noise of a point's averages over configurations."""
-    numbers = means[point]
+    cost = float(np.median(costs[point]))
+
+    def noise(key):
+        return means[point].noise(key).times(cost * _unit(key, fits) ** 2)
+
     return {
-        key: precision.Worth(biases[point][key], _noise(numbers, key, fits))
+        key: precision.Worth(biases[point][key], noise(key))
         for key in CONFIGURATIONS
         if key in biases[point]
     }

@@ -29,8 +29,11 @@ from validation.scenes.integrators import OURS, constrained, nosquish, rigid
 from validation.scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
 from validation.statistics.limit import Model
 
-DAMPING, STRONG = 200.0, 50.0  # fs; friction of 5/ps and of 20/ps
+WEAK, DAMPING, STRONG = 500.0, 200.0, 50.0  # fs; friction of 2/ps, 5/ps and 20/ps
 MOMENT, FACTOR = 6, 4  # amu Angstrom^2 about each axis of water; times those of other molecules
+# the same, and the skin (Angstrom), of what is to give most independent samples for its time:
+# friction that slows little needs moments that are larger for the same error
+LARGE, TIMES_LARGE, SKIN = 9, 6, 3
 TRAJECTORY = 10  # steps of a trajectory of hybrid Monte Carlo
 HEAVY = 3.0, 4.0  # amu, of water's hydrogens
 TIMES = {False: 300.0, True: 20.0}  # ps of a point, by whether it is --short
@@ -202,9 +205,11 @@ def _schemes(
     usual, strong = (state(temperature, damping) for damping in (DAMPING, STRONG))
     noise, whole = f"langevin seed {SEED}", bool(rest)
     if equal:
-        word, said, ending = f"equal {MOMENT}", f"moments of {MOMENT} amu Å²", "equal"
+        ending, word, said = "equal", f"equal {MOMENT}", f"moments of {MOMENT} amu Å²"
+        large, told = f"equal {LARGE}", f"moments of {LARGE} amu Å²"
     else:
-        word, said, ending = f"scale {FACTOR}", f"{FACTOR} times the moments", "scaled"
+        ending, word, said = "scaled", f"scale {FACTOR}", f"{FACTOR} times the moments"
+        large, told = f"scale {TIMES_LARGE}", f"{TIMES_LARGE} times the moments"
     steps = 1.0, 2.0, 4.0, 6.0, 8.0, 10.0
     long = 4.0, 8.0, 10.0, 12.0, 14.0
     ours = {
@@ -223,6 +228,15 @@ def _schemes(
                 _ours(
                     f"langevin-20-{ending}", f"NVT langevin 20/ps, {said}", strong,
                     f"{noise} moments {word}", long,
+                ),
+                10.0,
+            ),
+            (
+                _skinned(
+                    _ours(
+                        f"langevin-2-{ending}", f"NVT langevin 2/ps, {told}, skin of {SKIN} Å",
+                        state(temperature, WEAK), f"{noise} moments {large}", long,
+                    )
                 ),
                 10.0,
             ),
@@ -261,6 +275,13 @@ def _schemes(
 
 def _ours(name, label, at, words, steps, held=0) -> Scheme:
     return nvt(name, label, at, words, steps=steps, held=held)
+
+
+def _skinned(scheme: Scheme) -> Scheme:
+    """With lists of neighbours that last longer."""
+    one = scheme.integrator
+    skin = f"neighbor {SKIN} bin"
+    return replace(scheme, integrator=replace(one, lines=(skin, *one.lines)))
 
 
 def _with(integrator, words):

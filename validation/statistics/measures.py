@@ -30,11 +30,58 @@ def autocorrelation(x: np.ndarray) -> Estimate:
         return Estimate(1.0)
     spectrum = np.fft.rfft(x, 2 * n)
     correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
-    g = 2 * np.cumsum(correlation / correlation[0]) - 1
-    enough = np.arange(n) >= 2.5 * g
-    window = int(np.argmax(enough)) if enough.any() else n - 1
-    found = max(1.0, float(g[window]))
+    g, window = _windowed(correlation / correlation[0])
+    found = max(1.0, float(g))
     return Estimate(found, found * float(np.sqrt(2 * (2 * window + 1) / n)))
+
+
+def autocovariance(x: np.ndarray) -> np.ndarray:
+    """Of series with a mean that is known to be zero.
+
+    Args:
+        x: (samples, series).
+
+    Returns:
+        (series, lags), for lags up to half of the series.
+    """
+    n = len(x)
+    spectrum = np.fft.rfft(x, 2 * n, axis=0)
+    products = np.fft.irfft(np.abs(spectrum) ** 2, axis=0)[: n // 2]
+    return (products / (n - np.arange(n // 2))[:, None]).T
+
+
+def autocorrelation_of_square(covariances: np.ndarray) -> Estimate:
+    """`autocorrelation` of the square of a vector whose components are Gaussian, alike and
+    independent, with means of zero.
+
+    The normalised autocorrelation of the square is rho(k)^2, with rho that of a component.  So all
+    components of all runs tell one function, where a square tells one number less surely.  rho(k)^2
+    is the mean of products of two components, for the square of a noisy number is too large.  The
+    window is that of `autocorrelation`; the error is the jackknife's, over components.
+
+    Args:
+        covariances: (components of all runs, lags), see `autocovariance`; at least three.
+    """
+    parts = [np.delete(covariances, i, axis=0) for i in range(len(covariances))]
+    found, number = _of_square(covariances), len(parts)
+    values = np.array([_of_square(part) for part in parts])
+    error = np.sqrt((number - 1) * np.var(values))
+    return Estimate(found, float(error), number - 1)
+
+
+def _of_square(covariances: np.ndarray) -> float:
+    products = covariances.sum(axis=0) ** 2 - (covariances**2).sum(axis=0)
+    if not products[0] > 0:
+        return 1.0
+    return max(1.0, float(_windowed(products / products[0])[0]))
+
+
+def _windowed(correlation: np.ndarray) -> tuple[float, int]:
+    """1 + 2 sum_k rho(k), summed to the first window of five times its own half, and the window."""
+    g = 2 * np.cumsum(correlation) - 1
+    enough = np.arange(len(g)) >= 2.5 * g
+    window = int(np.argmax(enough)) if enough.any() else len(g) - 1
+    return g[window], window
 
 
 def statistical_inefficiency(x: np.ndarray) -> float:

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from validation.statistics.estimate import CONFIDENCE, Estimate
-from validation.statistics.measures import autocorrelation
 
 DRAWS, SEED = 4000, 7  # of errors, for intervals of numbers that are far from normal
 
@@ -88,13 +87,3 @@ def times(known: Worth, other: Worth, error: float | None = None) -> Interval:
         ratio = spent / other_spent
     # none of both comes to it: nobody is faster
     return Interval.of(np.where(np.isnan(ratio), 1.0, ratio))
-
-
-def noise(x: np.ndarray, cost: float, apart: float) -> tuple[Estimate, Estimate]:
-    """(time of one independent sample, variance of a mean times s) of a series.
-
-    Args:
-        x: the samples.  cost: s for a unit of time.  apart: the time between samples.
-    """
-    remembers = autocorrelation(x).times(apart)
-    return remembers, remembers.times(float(np.var(x, ddof=1)) * cost)
