@@ -279,7 +279,7 @@ def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
     "water-hot",
     f"{BODIES} TIP3P molecules at 1500 K and 1 g/cm³, smooth cutoff, 2 fs.",
     1.6 * FS_PER_PS,
-    8 * FS_PER_PS,
+    40 * FS_PER_PS,
     few=HEAVY,
     **OF_DRIFT,
 )
@@ -292,7 +292,7 @@ def water_hot(stand: Stand, time: float) -> Number:
     "water-cold",
     f"{BODIES} TIP3P molecules, cooled to 1 K, smooth cutoff, 4 fs.",
     8 * FS_PER_PS,
-    10 * FS_PER_PS,
+    100 * FS_PER_PS,
     few=HEAVY,
     **OF_DRIFT,
 )
