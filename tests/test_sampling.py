@@ -11,7 +11,7 @@ from validation import __main__
 from validation.ensembles import runs
 from validation.ensembles.lengths import Lengths
 from validation.ensembles.schemes import SEED
-from validation.running import run
+from validation.running import rounds, run
 from validation.sampling import criteria, measure, plan
 from validation.sampling.plan import Point
 from validation.statistics import limit, measures, precision
@@ -355,6 +355,22 @@ def test_dipoles_of_all_starts_together():
 
 
 # ---- runs
+
+
+def test_time_that_others_had_is_no_cost(tmp_path, monkeypatch):
+    """Locks out the time of a core that other processes had, and a step's time for a ps's."""
+    case = plan.CASES["water"](None)
+    point, lengths = Point("langevin-20", 4.0), Lengths(1.0)
+    ((_, one),) = case.runs([point], lengths)
+    batch = runs.Runs(case.scene, case.starter, lengths, tmp_path, 60.0, case.prints(lengths))
+
+    def in_turn(labels, make, rounds_, meter):
+        timing = rounds.Timing(loop=800.0, cpu=50.0)
+        return {name: [timing] * rounds_ for name in labels}, {}, False
+
+    monkeypatch.setattr(runs.rounds, "in_turn", in_turn)
+    costs = batch.costs({one: 1e-3}, None, "validation.sampling.measure")
+    assert costs == {one.name: pytest.approx([800e-6 * 250 / 2] * runs.ROUNDS)}
 
 
 @pytest.mark.timeout(300)

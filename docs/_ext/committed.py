@@ -655,18 +655,19 @@ def readme_table():
 
 
 def readme_sampling():
-    """The README's sentences on long steps at constant temperature: of the scheme with the longest
-    step whose averages are right."""
+    """The README's sentences on the longest step of equal moments, beside what users have today."""
     scheme, step = "NVT langevin 20/ps, moments of 6 amu Å²", 12.0
+    today = summary("sampling-water")["known"][0]
     (row,) = (
         one for one in rows("sampling-water") if (one["scheme"], _step(one)) == (scheme, step)
     )
     energy, torque = (_times(row, one) for one in ("U/N", "squared torque"))
-    less = _number(row, "less than shake+langevin", "times")
+    less = _number(row, f"less than {today['scheme']}", "times")
     return (
         f"At constant temperature, [larger moments of inertia](docs/fix-nvt.md#moments) let water "
-        f"take steps of {step:g} fs.\nTo the error of `shake` and `fix langevin` at 2 fs, its mean "
-        f"energy takes {energy} times less time, its squared torque {torque}.\n"
+        f"take steps of {step:g} fs.\n"
+        f"To the error of `shake` and `fix langevin` at {today['dt']:g} fs, its mean energy takes "
+        f"{energy} times less time, its squared torque {torque}.\n"
         f"An independent sample of its dipole, which is slow, takes {less} times less."
     )
 

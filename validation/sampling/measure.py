@@ -37,6 +37,7 @@ class Observable:
         key: in rows and files.
         unit: of biases; of the mean itself, if ``relative``, it has none.
         series: of a run's table, the case, the scheme: (samples,); None if it has none.
+        vector: columns of the vector that it is the square of, if it is one.
         relative: whether biases are in per cent of the limit.
         known: of the case and the scheme, the limit, where theory has it; no configuration then.
     """
@@ -46,6 +47,7 @@ class Observable:
     unit: str
     series: Callable[[Table, Case, Scheme], np.ndarray | None]
     relative: bool = False
+    vector: tuple[str, ...] = ()
     known: Callable[[Case, Scheme], float] | None = None
 
 
@@ -105,7 +107,7 @@ OBSERVABLES = (
     Observable("capacity", "heat capacity", "%", _capacity, relative=True),
     Observable("pressure", "pressure", "atm", _pressure),
     Observable("torque", "squared torque", "%", _torque, relative=True),
-    Observable("dipole", "dipole fluctuation", "%", _dipole, relative=True),
+    Observable("dipole", "dipole fluctuation", "%", _dipole, True, plan.DIPOLE),
     Observable("translation", "T_trans", "K", _translation, known=_moving),
     Observable("rotation", "T_rot", "K", _rotation, known=lambda case, scheme: case.temperature),
 )
@@ -119,10 +121,10 @@ class Numbers:
 
     Attributes:
         means: of observables.
-        remembers: of each, ps of an independent sample.
+        remembers: of each, ps of an independent sample; of a square only with all starts.
         variances: of each, of a sample.
         rdf: g(r) of blocks of frames, (blocks, bins).
-        dipole: autocovariances of the components of the whole's dipole, (components, lags), and
+        vectors: of squares, the autocovariances of the components, (components, lags), and
             ``apart``, ps between samples.
     """
 
@@ -130,7 +132,7 @@ class Numbers:
     remembers: dict[str, Estimate]
     variances: dict[str, float]
     rdf: np.ndarray | None = None
-    dipole: np.ndarray | None = None
+    vectors: dict[str, np.ndarray] = field(default_factory=dict)
     apart: float = 0.0
 
     def noise(self, key: str) -> Estimate:
@@ -289,13 +291,15 @@ def of_series(table: Table, case: Case, scheme: Scheme) -> Numbers:
     numbers = Numbers({}, {}, {}, apart=apart)
     for one in OBSERVABLES:
         x = one.series(table, case, scheme)
-        if x is not None:
-            numbers.means[one.key] = measures.mean(x)
+        if x is None:
+            continue
+        numbers.means[one.key] = measures.mean(x)
+        numbers.variances[one.key] = float(np.var(x, ddof=1))
+        if one.vector:
+            vector = np.stack([table[name] for name in one.vector], axis=1)
+            numbers.vectors[one.key] = measures.autocovariance(vector)
+        else:
             numbers.remembers[one.key] = measures.autocorrelation(x).times(apart)
-            numbers.variances[one.key] = float(np.var(x, ddof=1))
-    if plan.DIPOLE[0] in table:
-        dipole = np.stack([table[one] for one in plan.DIPOLE], axis=1)
-        numbers.dipole = measures.autocovariance(dipole)
     return numbers
 
 
@@ -318,7 +322,7 @@ def of_frames(path: Path, begin: int) -> np.ndarray | None:
 
 
 def pooled(starts: Sequence[Numbers]) -> Numbers:
-    """The means over starts; of the dipole's components all starts together tell the memory."""
+    """The means over starts; of a vector's components all starts together tell the memory."""
 
     def over(name):
         first = getattr(starts[0], name)
@@ -326,17 +330,16 @@ def pooled(starts: Sequence[Numbers]) -> Numbers:
             key: measures.of_starts([getattr(one, name)[key] for one in starts]) for key in first
         }
 
-    def every(name):
-        parts = [part for one in starts if (part := getattr(one, name)) is not None]
-        return np.concatenate(parts) if parts else None
-
     variances = {
         key: float(np.mean([one.variances[key] for one in starts])) for key in starts[0].variances
     }
-    numbers = Numbers(over("means"), over("remembers"), variances, every("rdf"))
-    if (dipole := every("dipole")) is not None:
-        memory = measures.autocorrelation_of_square(dipole)
-        numbers.remembers["dipole"] = memory.times(starts[0].apart)
+    blocks = [one.rdf for one in starts if one.rdf is not None]
+    rdf = np.concatenate(blocks) if blocks else None
+    numbers = Numbers(over("means"), over("remembers"), variances, rdf)
+    for key in starts[0].vectors:
+        components = np.concatenate([one.vectors[key] for one in starts])
+        memory = measures.autocorrelation_of_square(components)
+        numbers.remembers[key] = memory.times(starts[0].apart)
     return numbers
 
 

@@ -28,8 +28,7 @@ def autocorrelation(x: np.ndarray) -> Estimate:
     n = len(x)
     if n < 2 or not np.any(x):
         return Estimate(1.0)
-    spectrum = np.fft.rfft(x, 2 * n)
-    correlation = np.fft.irfft(np.abs(spectrum) ** 2)[:n]
+    correlation = _products(x)
     g, window = _windowed(correlation / correlation[0])
     found = max(1.0, float(g))
     return Estimate(found, found * float(np.sqrt(2 * (2 * window + 1) / n)))
@@ -44,10 +43,8 @@ def autocovariance(x: np.ndarray) -> np.ndarray:
     Returns:
         (series, lags), for lags up to half of the series.
     """
-    n = len(x)
-    spectrum = np.fft.rfft(x, 2 * n, axis=0)
-    products = np.fft.irfft(np.abs(spectrum) ** 2, axis=0)[: n // 2]
-    return (products / (n - np.arange(n // 2))[:, None]).T
+    n, lags = len(x), np.arange(len(x) // 2)
+    return (_products(x)[lags] / (n - lags)[:, None]).T
 
 
 def autocorrelation_of_square(covariances: np.ndarray) -> Estimate:
@@ -74,6 +71,12 @@ def _of_square(covariances: np.ndarray) -> float:
     if not products[0] > 0:
         return 1.0
     return max(1.0, float(_windowed(products / products[0])[0]))
+
+
+def _products(x: np.ndarray) -> np.ndarray:
+    """Of each lag the sum of x_i x_(i + lag), along the first axis."""
+    spectrum = np.fft.rfft(x, 2 * len(x), axis=0)
+    return np.fft.irfft(np.abs(spectrum) ** 2, axis=0)[: len(x)]
 
 
 def _windowed(correlation: np.ndarray) -> tuple[float, int]:
