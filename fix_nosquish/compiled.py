@@ -17,13 +17,14 @@ An argument's annotation is its `Kind`, or a NamedTuple whose fields have kinds:
 the file of a module's loops is, numba is not even imported, which alone would take longer than all
 else at the start of a run; if not, `compile` makes it.
 
-A loop can use functions of `math`, functions that are `inlined`, what `compile.PRIMITIVES` names,
+A loop can use functions of `math`, functions that are `inlined`, what `lower.PRIMITIVES` names,
 and numbers and tuples of numbers, which are constants to the compiler.  It makes no array and
 raises no exception; it returns nothing or an integer.  Nothing checks its indices.
 """
 
 import ctypes
 import fcntl
+import importlib
 import importlib.util
 import math
 import operator
@@ -44,6 +45,7 @@ import numpy as np
 INLINED = {}  # function: the options that numba compiles it with
 MODULES = {}  # name: the `Module`
 _HASH = 8  # bytes of a file before its machine code
+COMPILERS = "lower.py", "compile.py"
 
 
 class Kind(NamedTuple):
@@ -311,6 +313,11 @@ def load(communicator, *names):
                 module.load()
 
 
+def of_package(package):
+    """The modules with loops of a package that have been imported."""
+    return [one for name, one in MODULES.items() if name.partition(".")[0] == package]
+
+
 class Module:
     """The loops of a module, and the file of their machine code.
 
@@ -353,12 +360,14 @@ class Module:
 
     def _compile(self):
         """Compile these loops, and all that the package has imported: a later run may need more."""
+        from . import bitcode  # which imports this module
+
         package = self.name.partition(".")[0]
-        of_package = [one for name, one in MODULES.items() if name.partition(".")[0] == package]
-        missing = [one for one in of_package if one is self or not one.read()]
-        _tell(f"{package} compiles its loops, once for this machine and version: 20 to 60 s")
+        missing = [one for one in of_package(package) if one is self or not one.read()]
+        long = "3 to 10 s" if {one.name for one in missing} <= set(bitcode.kept()) else "20 to 60 s"
+        _tell(f"{package} compiles its loops, once for this machine and version: {long}")
         begin = time.perf_counter()
-        codes = _compile(missing, min(4, len(os.sched_getaffinity(0))))
+        codes = in_processes("compile", missing)
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
         for one in missing:
             one.code = codes[one.name]
@@ -391,7 +400,7 @@ class Module:
         beside = Path(importlib.util.cache_from_source(sys.modules[self.name].__file__))
         compiler = (
             f"{_processor()} {metadata.version('llvmlite')} {metadata.version('numba')} "
-            f"{Path(__file__).with_name('compile.py').read_text()}"
+            f"{[Path(__file__).with_name(name).read_text() for name in COMPILERS]}"
         )
         loops = repr([(one.name, one.kinds, _contents(one.__wrapped__)) for one in self.loops])
         beside = beside.with_suffix(f".{_hash(compiler)}.{_hash(loops)}.o")
@@ -399,9 +408,13 @@ class Module:
         return beside, Path(cache, __package__, _hash(str(beside.parent)), beside.name)
 
 
-def _compile(modules, most):
-    """The machine code of modules' loops, by name; compiled by at most so many processes."""
-    groups = [(0, []) for _ in range(min(most, len(modules)))]
+def in_processes(program, modules):
+    """What `lower` or `compile` makes of modules, by their names, in at most four processes.
+
+    Raises:
+        RuntimeError: with what a process says that cannot do it.
+    """
+    groups = [(0, []) for _ in range(min(4, len(os.sched_getaffinity(0)), len(modules)))]
     for one in sorted(modules, key=Module.weight, reverse=True):
         weight, names = groups.pop(0)
         groups.append((weight + one.weight(), [*names, one.name]))
@@ -409,7 +422,7 @@ def _compile(modules, most):
     path = {"PYTHONPATH": os.pathsep.join(sys.path), "MPI4PY_RC_INITIALIZE": "0"}
     processes = [
         subprocess.Popen(
-            [sys.executable, "-m", f"{__package__}.compile", *names],
+            [sys.executable, "-m", f"{__package__}.{program}", *names],
             env=os.environ | path,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -427,6 +440,16 @@ def _compile(modules, most):
     if problem:
         raise RuntimeError(problem)
     return codes
+
+
+def answer(make):
+    """What the processes do: `make` codes of the modules that the command line names."""
+    for name in sys.argv[1:]:
+        importlib.import_module(name)
+    try:
+        sys.stdout.buffer.write(pickle.dumps(make(sys.argv[1:])))
+    except RuntimeError as error:
+        sys.exit(str(error))
 
 
 def _tell(text):
@@ -477,13 +500,14 @@ def _processor():
     return f"{llvm.get_process_triple()} {llvm.get_host_cpu_name()} {features}"
 
 
-def target():
-    """LLVM's idea of this processor; an engine that is made with one owns it."""
+def target(cpu=None, features=None):
+    """LLVM's idea of a processor, this one by default; an engine that is made with one owns it."""
     from llvmlite import binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
+    if cpu is None:
+        cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     default = llvm.Target.from_default_triple()
     return default.create_target_machine(cpu=cpu, features=features, opt=3, jit=True)
 

@@ -12,18 +12,8 @@ from validation.running import startup
 SOURCE = Path(__file__).resolve().parent.parent / "fix_nosquish"
 
 COMPILE = """
-from importlib import import_module
-from pkgutil import iter_modules
-import fix_nosquish
-names = [
-    f"fix_nosquish.{module.name}"
-    for module in iter_modules(fix_nosquish.__path__)
-    if not module.ispkg and module.name not in ("__main__", "compile")
-]
-for name in names:
-    import_module(name)
-from fix_nosquish import communicator, compiled
-compiled.load(communicator.ALONE, *names)
+from fix_nosquish import bitcode, communicator, compiled
+compiled.load(communicator.ALONE, *(one.name for one in bitcode.modules()))
 """
 
 

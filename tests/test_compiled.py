@@ -15,6 +15,7 @@ import test_own_fix
 from llvmlite import binding as llvm
 
 from fix_nosquish import compiled
+from validation.running import startup
 
 BIN = Path(sys.executable).parent
 
@@ -207,6 +208,7 @@ def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
     mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks else []
     return subprocess.Popen(
         [*mpirun, sys.executable, "-c", code, *arguments],
+        cwd=folder,  # with the installed package, not the checkout's
         env=environment,
         stdout=subprocess.PIPE,
         text=True,
@@ -477,28 +479,17 @@ def test_later_runs_do_without_numba(run_lammps):
     )
 
 
-# takes what the package asks for from the machine code of the installed one: to make it takes long
-TAKEN = """
-def _compile(modules, processes):
-    places = [Path({kept!r}, one.places()[0].name) for one in modules]
-    return {{one.name: place.read_bytes()[_HASH:] for one, place in zip(modules, places)}}
-"""
-
-
 @pytest.fixture
 def fresh(tmp_path_factory, monkeypatch):
-    """A folder with the installed package, without machine code,
-    that the runs of a test import it from."""
-    code = "import fix_nosquish; print(fix_nosquish.__path__[0])"
-    installed = subprocess.run(
-        [sys.executable, "-c", code], cwd="/", capture_output=True, text=True, check=True
-    ).stdout.strip()
+    """A folder with the installed package, without machine code, that the runs of a test import it
+    from, and a numba that cannot be imported: to compile is LLVM's work alone."""
     folder = tmp_path_factory.mktemp("fresh")
-    shutil.copytree(
-        installed, folder / "fix_nosquish", ignore=shutil.ignore_patterns("__pycache__")
-    )
-    with open(folder / "fix_nosquish" / "compiled.py", "a") as module:
-        module.write(TAKEN.format(kept=f"{installed}/__pycache__"))
+    without = shutil.ignore_patterns("__pycache__")
+    package = shutil.copytree(startup.package(), folder / "fix_nosquish", ignore=without)
+    if not (package / "loops.bitcode").exists():  # an editable installation has none
+        words = [sys.executable, "-m", "fix_nosquish.bitcode", package / "loops.bitcode"]
+        subprocess.run(words, cwd=folder, check=True, timeout=250)
+    (folder / "numba.py").write_text("raise ImportError('numba is not needed')")
     monkeypatch.setenv("PYTHONPATH", str(folder))
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     return folder
@@ -512,8 +503,9 @@ SPHERES = (
 
 
 def test_one_compilation_serves_all(run_lammps, fresh):
-    """Locks out: a first use on one rank that leaves something to compile for more ranks, for
-    spheres or for LAMMPS's own fix; and a compilation without a word."""
+    """Locks out: a first use that needs numba though the package was built with its loops, or on
+    one rank leaves something to compile for more ranks, for spheres or for LAMMPS's own fix; and a
+    compilation without a word."""
     begins, ends = "fix_nosquish compiles its loops", "fix_nosquish has compiled its loops"
     screen = run_lammps(SCRIPT, launcher="lmp").screen
     assert screen.count(begins) == screen.count(ends) == 1 and screen.index(begins) < screen.index(
@@ -543,6 +535,30 @@ def test_one_compilation_serves_all(run_lammps, fresh):
             )
     assert not [run.screen for run in runs if begins in run.screen]
     assert files(fresh) == kept
+
+
+KEPT = """
+from fix_nosquish import bitcode
+every, kept = {one.name for one in bitcode.modules()}, bitcode.kept()
+import json
+print(json.dumps([sorted(every - set(kept)), len(kept)]))
+"""
+
+
+def test_bitcode_that_counts(fresh):
+    """Locks out: a package whose build leaves out loops; and bitcode of other sources, or of a file
+    that is not whole, which would run other equations than those that are there, or crash."""
+    package = fresh / "fix_nosquish"
+    assert answer(start(fresh, KEPT))[0] == []
+    place = package / "loops.bitcode"
+    whole = place.read_bytes()
+    for damaged in b"", whole[: len(whole) // 2], b"text":
+        place.write_bytes(damaged)
+        assert answer(start(fresh, KEPT))[1] == 0
+    place.write_bytes(whole)
+    with open(package / "rotor.py", "a") as module:
+        module.write("# changed\n")
+    assert answer(start(fresh, KEPT))[1] == 0
 
 
 # ---------------------------------------------------------------- on several ranks
