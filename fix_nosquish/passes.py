@@ -27,6 +27,7 @@ from .bodies import aligned
 from .compiled import F1, F2, F64, Cell, F, I, loop
 from .sharing import ADD, combine, give
 from .step import GATHERS, KEEPS
+from .threads import Threads
 
 
 @loop
@@ -71,32 +72,34 @@ class Passes:
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
-        self.cells = cells
+        self.cells, bind = cells, Threads(lammps, cells).bind
+        sums = {"sums": "parameters", "count": len(integrator.parameters)}
 
         def kick(ends):
             half = cells | {"dt": self.level_dt}
-            return integrator.kick.bind_to(half, ends=ends, begins=not ends)
+            return bind(integrator.kick, half, **sums, ends=ends, begins=not ends)
 
         def advance(ends, part=ALL, gathers=0):
-            return integrator.advance.bind_to(
-                cells, ends=ends, begins=self.begins, gathers=gathers, part=part
-            )
+            return bind(
+                integrator.advance, cells, **sums,
+                ends=ends, begins=self.begins, gathers=gathers, part=part,
+            )  # fmt: skip
 
         prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
         before, rest = prepares, []
         if integrator.go_on:
-            second = integrator.go_on.bind_to(cells)
+            second = bind(integrator.go_on, cells, **sums)
             before, rest = [], [*prepares, second, *integrator.loops_behind(cells)]
 
         shared = [give.bind_to(cells, values=cells["wrench"])] if several else []
         added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
-        gather = [step.gather.bind_to(cells, every=True)]
+        gather = [bind(step.gather, cells, every=True)]
         if bodies.spin:
             gather.append(extended.add_torques.bind_to(cells))
         gather += [*shared, *added]
         if mask is not None:
             gather.append(switch_off.bind_to(cells))
-        velocities = [step.set_velocities.bind_to(cells)]
+        velocities = [bind(step.set_velocities, cells)]
         turn = []
         if bodies.oriented:
             to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
@@ -107,7 +110,7 @@ class Passes:
             whole = [*gather, *before, advance(True)]
         elif several:  # messages are under way while the bodies that need none move
             how = KEEPS if half_step_velocities else GATHERS
-            some = step.gather.bind_to(cells, every=False)
+            some = bind(step.gather, cells, every=False)
             whole = [some, *shared, *before, advance(True, WHOLE, how), *added]
             whole.append(advance(True, DIVIDED, how))
         else:
@@ -121,7 +124,9 @@ class Passes:
             "kick": [*gather, kick(ends=False)],
             "velocities": velocities,
             "turn": turn,
-            "virial": [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)],
+            "virial": [
+                bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)
+            ],
             "follow": [bodies.following],
         }
         self.lists["end"] = [] if integrator.middle else self.lists["close"]
