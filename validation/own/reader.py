@@ -109,10 +109,20 @@ class Reader:
 
     def _commands(self, name: str) -> list[str]:
         path = self.source / name
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise Failure(
+                f"'{self.where}' reads what someone types in a terminal: put the commands that "
+                "would be typed in its place"
+            )
         if not path.is_file():
             raise Failure(f"there is no file {name} in {self.source}, which the script reads")
         self.files.add(str(path))
-        return list(script.lines(path.read_text()))
+        try:
+            return list(script.lines(path.read_text()))
+        except UnicodeDecodeError:
+            raise Failure(
+                f"{name} is no text: give the input script, not a restart file or a picture"
+            ) from None
 
     def one(self, command: str) -> Jump | None:
         """Do a command; where the reading goes on, if not behind it."""
@@ -298,6 +308,10 @@ def _until_run(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> R
         pass
     except Failure:
         raise
+    except RecursionError:
+        raise Failure(
+            f"'{reader.where}' goes on without an end: the file includes itself"
+        ) from None
     except Exception as failure:
         after = " (runs before it were passed over)" * bool(reader.skipped and not doing)
         raise Failure(f"the script failed at '{reader.where}'{after}: {failure}") from None

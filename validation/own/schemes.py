@@ -187,11 +187,11 @@ def _constrained(found: Found) -> Iterator[Integrator]:
 
 def summary(found: Found, said: Mapping) -> list[str]:
     """What was found, in sentences."""
-    bodies = int(found.body.max())
+    bodies, atoms = int(found.body.max()), int((found.body > 0).sum())
     told = " and ".join(f"fix {one} ({_called(line)})" for one, line in zip(found.ids, found.lines))
     moves = "moves" if len(found.ids) == 1 else "move"
     lines = [
-        f"At '{plain(said['run'])}' {told} {moves} {bodies:,} bodies of {int((found.body > 0).sum()):,} "
+        f"At '{plain(said['run'])}' {told} {moves} {bodies:,} bodies of {atoms:,} "
         f"atoms: group {found.group}, body style {found.bodies}; {len(found.body):,} atoms in all.",
         f"Ensemble: {found.state.ensemble.upper()}"
         + (f" ({_words(found.state, plain=True).strip()})" if found.state.temp else "")
