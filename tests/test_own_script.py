@@ -217,6 +217,8 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     names = {one.name for one in first.scene.folder.iterdir()}
     assert names == {"rings.data", "state.dump", "bodies.npy"}
     (tmp_path / "notes").write_text("changed")
+    log = (tmp_path / "out" / "script" / "log.lammps").read_text()
+    assert "thermo_modify flush yes\nrun 0\n" in log  # else it is silent, and taken for hung
     dump = first.scene.folder / "state.dump"
     stamp = dump.stat().st_mtime_ns
     take(path, tmp_path / "out")

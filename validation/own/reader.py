@@ -226,6 +226,7 @@ class Reader:
             self.skip -= 1
         if self.doing:
             self.done += 1
+            self.lmp.command("thermo_modify flush yes")  # the log is what is watched for life
             self.lmp.command(line)
         else:
             self.skipped += 1
