@@ -29,6 +29,7 @@ from validation.own.finding import Unclear
 from validation.running import lammps_log, run, startup
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
+from validation.statistics.estimate import Estimate
 
 KINDS = ("spce", "co2", "rings", "polymer", "clusters")
 BODIES = {"spce": 64, "co2": 125, "rings": 64, "polymer": 27, "clusters": 64}
@@ -216,6 +217,8 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     names = {one.name for one in first.scene.folder.iterdir()}
     assert names == {"rings.data", "state.dump", "bodies.npy"}
     (tmp_path / "notes").write_text("changed")
+    log = (tmp_path / "out" / "script" / "log.lammps").read_text()
+    assert "thermo_modify flush yes\nrun 0\n" in log  # else it is silent, and taken for hung
     dump = first.scene.folder / "state.dump"
     stamp = dump.stat().st_mtime_ns
     take(path, tmp_path / "out")
@@ -259,6 +262,23 @@ def test_flexible_water_is_made_rigid_by_options(tmp_path):
     assert own.bodies == 27 and own.reference == "nosquish"
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_bodies_by_an_atom_style_variable(ranks, tmp_path):
+    """Locks out bodies that a variable tells and nobody reads, in LAMMPS's examples/rigid, or that
+    are put to the wrong atoms where these are on two ranks."""
+    path = tmp_path / "in.variable"
+    told = "variable b atom 5*(id<=2)+2*(id>2)\n"
+    mapped = GAS.replace("units lj\n", "units lj\natom_modify map yes\n")
+    for one, other in (("1 1 1", "5 4 4"), ("2 1 1", "5 4.8 4"), ("4 4 4", "1 1 1"),
+                       ("4 4.8 4", "2 1 1")):  # fmt: skip
+        mapped = mapped.replace(f"single {one}", f"single  {other}", 1)
+    path.write_text(mapped + told + "fix 1 all rigid/nve custom v_b\nrun 1\n")
+    own = take(path, tmp_path / "out", ranks)
+    assert own.found.body.tolist() == [2, 2, 1, 1]
+    rows, _ = check._starts(own, tmp_path / "out", ranks, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows)
+
+
 # ---- scripts that cannot be taken
 
 
@@ -285,6 +305,18 @@ def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
     assert "coeffs are not set" in refused(late, tmp_path)
     with pytest.raises(SystemExit, match="there is no script"):
         take("nothing", tmp_path)
+    assert "put the commands that would be typed" in refused("jump /dev/stdin\n", tmp_path)
+    assert "the file includes itself" in refused("include in.bad\n", tmp_path)
+    with_gap = GAS + "group one id 2\ndelete_atoms group one compress no\n"
+    message = refused(with_gap + "fix 1 b rigid/nve single\nrun 1\n", tmp_path)
+    assert "atom IDs are not 1 to 3 at 'run 1' (the largest is 4)" in message
+    bare = "".join(line for line in GAS.splitlines(True) if line.split()[0] != "create_atoms")
+    bare = bare.replace("id 1 2", "empty").replace("id 3 4", "empty")
+    message = refused(bare + "fix 1 all nve\nrun 1\n", tmp_path, group="all", bodies="molecule")
+    assert "there are no atoms at 'run 1'" in message
+    (tmp_path / "in.bad").write_bytes(b"\xff\xfe")
+    with pytest.raises(SystemExit, match=r"in\.bad is no text"):
+        take(tmp_path / "in.bad", tmp_path / "out")
 
 
 def test_an_integrator_that_is_none_is_refused(capsys):
@@ -366,6 +398,54 @@ def test_targets_are_those_that_a_script_has(tmp_path):
     press = "unfix heat\nfix press all press/berendsen iso 1 1 1000\ntimestep 4"
     path.write_text(text.replace("unfix heat\ntimestep 4", press))
     assert "energy" not in trial.targets(take(path, tmp_path / "out3"), {})  # as this one does
+
+
+def test_targets_of_bodies_at_rest_are_refused(tmp_path):
+    """Locks out runs of some minutes that end in a division by zero, for nothing moves."""
+    path = tmp_path / "in.rest"
+    path.write_text(GAS + "fix 1 a rigid/nve  single\nrun  1\n")
+    with pytest.raises(LookupError, match="the atoms are at rest at 'run 1'"):
+        trial.targets(take(path, tmp_path / "out"), {})
+
+
+def test_longer_steps_tell_the_error_of_shorter_ones():
+    """Locks out an error bar that is not that of the square law, a longer step whose error has
+    grown faster, and an error that no step makes smaller and passes for a small one."""
+    random, covered, surer = np.random.default_rng(3), [], []
+    for _ in range(400):
+        held = Estimate(5.0 + random.normal() * 0.02, 0.02)
+        found = {
+            dt: Estimate(5.0 + 0.1 * dt**2 + random.normal() * 0.05, 0.05) for dt in (1.0, 2.0, 4.0)
+        }
+        one = trial.by_law(1.0, found, held)
+        covered.append(abs(one.value - 0.1) < one.margin)
+        surer.append(one.margin < measures.difference(found[1.0], held).margin / 4)
+    assert np.mean(surer) > 0.9  # else chi-squared is large by chance
+    assert 0.92 < np.mean(covered) < 0.98
+    law = {dt: Estimate(0.1 * dt**2, 0.01) for dt in (1.0, 2.0)}
+    first = trial.by_law(1.0, law)
+    assert trial.by_law(1.0, law | {4.0: Estimate(9.0, 0.01)}) == first
+    same = {dt: Estimate(0.1, 0.01) for dt in (1.0, 2.0, 4.0)}
+    assert trial.by_law(1.0, same) == same[1.0]
+    assert trial.by_law(4.0, law | {4.0: Estimate(9.0, 0.01)}).value == 9.0  # not from shorter ones
+    still = {dt: Estimate(1.0) for dt in (1.0, 2.0)}
+    assert trial.by_law(1.0, still, Estimate(1.0)).value == 0.0
+
+
+def test_what_short_runs_cannot_tell_is_said_and_the_rest_answered():
+    """Locks out an answer that says nothing, because one target is below what runs so short can
+    tell; and a budget that would not tell it."""
+    cost = measures.spread([1.0, 1.1])
+    same = {"label": "ours", "integrator": "ours", "cost": cost, "lines": ["fix 1"], "failed": None}
+    same |= {"is_reference": False, "ours": True}
+    errors = {"drift": Estimate(0.0, 0.1).plain(), "energy": Estimate(0.1, 0.01).plain()}
+    summary = {"targets": {"drift": 0.02, "energy": 0.2}, "units": "real", "late": False}
+    summary |= {"minutes": 5.0, "ns": "ns", "ranks": 1, "dt": 2.0}
+    summary["points"] = [same | {"dt": 4.0, "errors": errors}]
+    choice, told, lines = report.answer(summary)
+    assert choice.best is None and not lines
+    assert "About --budget 480 tells" in told[0]  # (1.96 * 0.1 / 0.02)^2 times 5
+    assert "cannot tell drift below 0.2. But for that, ours with 4 fs" in told[1]
 
 
 @pytest.mark.timeout(600)
@@ -545,6 +625,9 @@ def test_pairs_within_bodies_are_counted(tmp_path, words, pairs):
     own = take(path, tmp_path / "out")
     (found,) = (one for one in check._script(own) if one.subject == "forces within bodies")
     assert found.value == 64 * pairs
+    assert "exclude molecule/intra all, or" in found.note
+    own.atoms["molecule"][:] = 1  # of all bodies
+    assert "a molecule ID of its own" in check._exclusion(own)
 
 
 def test_bonded_pairs():

@@ -117,6 +117,23 @@ def test_drift_error_covers(n, time):
             )
 
 
+@pytest.mark.parametrize("n, time", [(120, 0), (640, 0), (640, 1 / 50)])
+def test_the_drift_of_one_line_covers_and_is_surer(n, time):
+    """Locks out a margin that covers too seldom, whatever walks, as one by the most likely walk
+    does (76 % of a weak walk), and one that is no smaller than by stretches in noise that does
+    not wander."""
+    rng, t = np.random.default_rng(n), np.arange(n) * 0.1
+    for step in (0.0, 0.03, 0.3, 10.0, None):
+        series = 0.3 * t - 7.0 + noise_of(rng, 250, n, time * n, step)
+        found = [measures.line_drift(t, row) for row in series]
+        margins = [one.margin for one in found]
+        hits = np.abs([one.value - 0.3 for one in found]) < margins
+        assert np.mean(hits) > 0.93, step
+        stretches = np.median(measures.drift(t, series).margin)
+        assert np.median(margins) < (0.7 if step == 0.0 else 1.2) * stretches, step
+    assert measures.line_drift(t[:7], t[:7]).error == np.inf
+
+
 def test_deviation_about_the_line():
     """Locks out a drift that passes for scatter: about the line the deviation is the noise's, with
     and without a drift."""
@@ -491,6 +508,26 @@ def unfinished(tmp_path, monkeypatch):
     signal.signal(signal.SIGTERM, before)
     for one in running(str(worker)):
         os.kill(one, signal.SIGKILL)
+
+
+@pytest.mark.timeout(60)
+def test_ranks_end_with_a_harness_that_is_killed():
+    """Locks out ranks that go on when the harness was killed: another process that shares its runs
+    does the same run again, in the same folder."""
+    code = (
+        "import subprocess, sys, time; from validation.running import run\n"
+        "with run.started([sys.executable, '-c', 'import time; time.sleep(50)']) as process:\n"
+        "    print(process.pid, flush=True); time.sleep(50)"
+    )
+    how: dict = {"stdout": subprocess.PIPE, "text": True, "cwd": ROOT}
+    with subprocess.Popen([sys.executable, "-c", code], **how) as harness:
+        assert harness.stdout
+        begun = int(harness.stdout.readline())
+        harness.kill()
+    until = time.monotonic() + 10
+    while running("time.sleep(50)"):
+        assert time.monotonic() < until, f"process {begun} is left"
+        time.sleep(0.1)
 
 
 @pytest.mark.timeout(60)

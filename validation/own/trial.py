@@ -12,21 +12,25 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from scipy import special
 
-from validation.own import finding, shapes
+from validation.own import finding, schemes, shapes
 from validation.own.system import Own
 from validation.running import machine, rounds, run
 from validation.running.store import Store
 from validation.scenes.integrators import OURS, Integrator
 from validation.statistics import measures, structure
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import CONFIDENCE, Estimate, margin
 from validation.statistics.structure import Motion
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
-FRAMES, FEW, MANY = 200, 20, 20_000  # of a run, and of one with more than so many atoms
+FRAMES, MOST = 200, 1000  # of a run, and of one with many steps
+APART = 50  # steps between the frames of such a run
+ATOMS, FEW = 2_000_000, 20  # in all frames of a run at most, but so many frames at least
 SETTLES = 0.25  # of the frames are left out
 SAMPLES = 8  # of the energy between two frames, at most
 LEAST = 400  # steps of a run
@@ -67,7 +71,10 @@ TARGETS = {
     ),
 }
 COUNTED = "what its thermostat or barostat does to the energy is not counted"
-HEATED = 0.1  # the default drift with a thermostat, which takes out 1,000 times as much
+# the default drift with a thermostat: what GROMACS allows by default, 0.005 kJ/mol per ps and atom
+# (verlet-buffer-tolerance), of rigid water at 300 K.  With a damping time of 1 ps it heats by 0.2 %
+HEATED = 1.0
+NONE = Estimate(0.0)
 
 
 @dataclass(frozen=True)
@@ -101,9 +108,16 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
     out of the default ones.
 
     Raises:
-        LookupError: there is no such target; the message lists all.
+        LookupError: there is no such target; the message lists all. Or the script's atoms are at
+            rest, and nothing can be told.
     """
     state = own.found.state
+    if not shapes.temperature(own) > 0:
+        raise LookupError(
+            f"the atoms are at rest at '{schemes.plain(own.said['run'])}', so there is no "
+            "temperature to measure errors by: give them velocities (velocity all create T SEED), "
+            "and let them come to equilibrium"
+        )
     for name in wanted:
         if name not in TARGETS:
             known = "; ".join(f"{key}: {what}" for key, (_, _, what, _) in TARGETS.items())
@@ -214,32 +228,33 @@ def trial(
         with store.locked("plan"):
             make = partial(_plan, own, every, minutes, out, ranks, silence, meter)
             lengths = Lengths(**store.once("plan", origin, make))
-        results: dict[Point, run.Result] = {}
+        failed: dict[Point, str | None] = {}
         names, begin = {one.name: one for one in every}, time.monotonic()
         for name in store.shared(names):
             one = names[name]
             if time.monotonic() - begin > LATE * 60 * minutes:
                 summary["late"] = True
                 break
-            if _skipped(one, every, results, own, out, lengths, ranks, silence):
+            if _skipped(one, every, failed, own, out, lengths, ranks, silence):
                 continue
             job = _job(own, one, out, lengths, ranks, silence)
             meter.begin(f"{one.integrator.label}, {one.dt:g} {own.units.time}", 1)
-            results[one] = run.once(job, failures=True)
-            meter.end(results[one].error)
-            if results[one].interrupted:
+            result = run.once(job, failures=True)
+            failed[one] = failure(own, result)
+            meter.end(result.error)
+            if result.interrupted:
                 raise KeyboardInterrupt
     except KeyboardInterrupt:
         summary["interrupted"] = True
         if "lengths" not in locals():
             return summary
     summary["time"] = lengths.time
-    found = {}
+    found, rest = {}, shapes.freedom_of_turning(own)
     for one in every:
         job = _job(own, one, out, lengths, ranks, silence)
         if run.is_there(job, failures=True):
-            found[one] = run.collect(job.directory)
-    summary["points"] = _rows(own, every, found, held, lengths, wanted)
+            found[one] = _done(own, one, run.collect(job.directory), rest)
+    summary["points"] = _rows(own, every, found, held, wanted)
     return summary
 
 
@@ -268,7 +283,8 @@ def _plan(own, every, minutes, out, ranks, silence, meter) -> dict:
     left = max(0.2 * 60 * minutes, 60 * minutes - startup * len(every))
     long = left / (step * sum(1 / one.dt for one in every))
     long = max(long, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
-    frames = FEW if len(own.found.body) > MANY else FRAMES
+    most = max(FEW, ATOMS // len(own.found.body))
+    frames = min(most, MOST, max(FRAMES, int(long / max(one.dt for one in every) / APART)))
     return {"time": long, "frames": frames, "step": step}
 
 
@@ -281,15 +297,14 @@ def _job(own, one, out, lengths, ranks, silence) -> run.Job:
     return run.job(own.scene, one.integrator, directory, runs, dt=one.dt, every=every, **how)
 
 
-def _skipped(one, every, results, own, out, lengths, ranks, silence) -> bool:
+def _skipped(one, every, failed, own, out, lengths, ranks, silence) -> bool:
     """Whether a shorter step of the same integrator has failed, here or in another process."""
     for other in every:
         if other.integrator is one.integrator and other.dt < one.dt:
-            result = results.get(other)
-            if result is None:
-                job = _job(own, other, out, lengths, ranks, silence)
-                result = run.collect(job.directory) if run.is_there(job, failures=True) else None
-            if result is not None and failure(own, result):
+            job = _job(own, other, out, lengths, ranks, silence)
+            if other not in failed and run.is_there(job, failures=True):
+                failed[other] = failure(own, run.collect(job.directory))
+            if failed.get(other):
                 return True
     return False
 
@@ -306,22 +321,33 @@ def failure(own: Own, result: run.Result) -> str | None:
     return f"it heats: the temperature is {kelvin[bad][0]:.4g} at step {step:.0f}"
 
 
-def _rows(own, every, found, held, lengths, wanted) -> list[dict]:
+class _Done(NamedTuple):
+    """What is kept of a run: its positions would be too much memory."""
+
+    failed: str | None
+    seconds: list[float]  # of a step, in order
+    numbers: dict
+
+
+def _done(own, one, result, rest) -> _Done:
+    failed = failure(own, result)
+    spent = [timing.seconds / timing.steps for timing in result.timings]
+    return _Done(failed, spent, {} if failed else _numbers(own, one, result, rest))
+
+
+def _rows(own, every, found, held, wanted) -> list[dict]:
     """A row for each point, as ``sweep.choice`` takes them."""
-    failed = {one: failure(own, result) for one, result in found.items()}
-    rest = shapes.freedom_of_turning(own)
-    numbers = {
-        one: _numbers(own, one, result, rest) for one, result in found.items() if not failed[one]
-    }
+    failed = {one: done.failed for one, done in found.items()}
+    numbers = {one: done.numbers for one, done in found.items() if not done.failed}
     rows = []
     for one in every:
-        integrator, result = one.integrator, found.get(one)
+        integrator, done = one.integrator, found.get(one)
         fails = [
             f"{other.dt:g}: {failed[other]}"
             for other in every
             if other.integrator is integrator and other.dt <= one.dt and failed.get(other)
         ]
-        if result is None and not fails:
+        if done is None and not fails:
             continue
         row: dict = {
             "integrator": integrator.name,
@@ -336,12 +362,14 @@ def _rows(own, every, found, held, lengths, wanted) -> list[dict]:
             "errors": {},
             "signed": {},
         }
-        if not fails and result is not None:
-            spent = [timing.seconds / timing.steps for timing in result.timings]
+        if not fails and done is not None:
             per = NS.get(own.scene.units, 1e3) / one.dt
-            parts = np.array_split(np.array(spent) * per, 5)
+            parts = np.array_split(np.array(done.seconds) * per, 5)
             row["cost"] = measures.spread(float(part.mean()) for part in parts if len(part))
-            signed = _errors(own, numbers[one], numbers.get(held), one == held, lengths)
+            alike = {
+                other.dt: said for other, said in numbers.items() if other.integrator is integrator
+            }
+            signed = _errors(own, one.dt, alike, numbers.get(held), one == held)
             row["signed"] = {name: error.plain() for name, error in signed.items()}
             row["errors"] = {
                 name: Estimate(abs(error.value), error.error, error.freedom).plain()
@@ -366,9 +394,7 @@ def _numbers(own, one, result, rest) -> dict:
         "conserved": thermo.get("Econserve", thermo["TotEng"]),
         "potential": measures.mean(thermo["PotEng"] / own.bodies),
         "kinetic": float(np.std(thermo["KinEng"])),
-        "apart": measures.mean(moving - turning) if turning is not None else None,
-        "moving": measures.mean(moving),
-        "turning": measures.mean(turning) if turning is not None else None,
+        "kinds": _kinds(own, moving, turning),
         "freedom": 2 * thermo["KinEng"].mean() / (own.said["boltzmann"] * thermo["Temp"].mean()),
     }
     if "Density" in thermo:
@@ -402,23 +428,72 @@ def _temperatures(own, motion, frames, rest) -> tuple[np.ndarray, np.ndarray | N
     return moving * scale / freedom, turning * scale / rest if rest else None
 
 
-def _errors(own, mine, held, is_reference, lengths) -> dict[str, Estimate]:
-    """By the names of `TARGETS`; of the reference only what needs no other."""
-    kelvin, energy = shapes.temperature(own), shapes.thermal(own)
+def _kinds(own, moving, turning) -> list[Estimate]:
+    """By which part of it temperatures differ: of translation from that of rotation, and of either
+    from the thermostat's."""
+    kelvin = shapes.temperature(own)
+    series = [] if turning is None else [moving - turning]
+    if own.found.state.temp:
+        series += [one - kelvin for one in (moving, turning) if one is not None]
+    return [measures.mean(one / kelvin) for one in series]
+
+
+def by_law(dt: float, found: Mapping[float, Estimate], held: Estimate = NONE) -> Estimate:
+    """An error that grows as the square of the time step: from the run with this step, and from
+    those with longer ones.
+
+    The errors of means have even powers of the step only, for integrators are reversible.  So a
+    longer step, whose error is larger, tells the error of a shorter one best.  The longest steps
+    are left out until the others are one square law within their error bars (chi-squared): theirs
+    grow faster, or have another cause.
+
+    Args:
+        found: of each step the mean.
+        held: what the mean would be without an error.
+    """
+    steps = sorted(other for other in found if other >= dt)
+    factors = np.array([(dt / other) ** 2 for other in steps])
+    off = factors * [found[other].value - held.value for other in steps]
+    errors = factors * [_normal(found[other]) for other in steps]
+    every = np.hypot(errors, factors * _normal(held))
+    for number in range(len(steps), 1, -1):
+        if not errors[:number].all():
+            continue
+        weights = errors[:number] ** -2.0
+        own = weights.sum() ** -0.5
+        weights *= own**2
+        mean = weights @ off[:number]
+        chi = np.sum(((off[:number] - mean) / every[:number]) ** 2)
+        if special.chdtrc(number - 1, chi) > 1 - CONFIDENCE:
+            shared = weights @ factors[:number] * _normal(held)
+            return Estimate(float(mean), float(np.hypot(own, shared)))
+    return measures.difference(found[dt], held)
+
+
+def _normal(one: Estimate) -> float:
+    """The standard error of a normal variable with the same margin."""
+    return one.margin / margin(1.0)
+
+
+def _errors(own, dt, alike, held, is_reference) -> dict[str, Estimate]:
+    """By the names of `TARGETS`; of the reference only what needs no other.
+
+    Args:
+        alike: of each step of this integrator what `_numbers` says.
+    """
+    mine, energy = alike[dt], shapes.thermal(own)
     per = NS.get(own.scene.units, 1e3)
-    drift = measures.drift(mine["time"], mine["conserved"])
+    drift = measures.line_drift(mine["time"], mine["conserved"])
     found = {"drift": drift.times(per / (energy * mine["freedom"]))}
     # of successive samples: what a thermostat's noise adds up to does not count
     square = measures.mean(np.diff(mine["conserved"]) ** 2 / 2)
     sd = np.sqrt(max(square.value, 1e-300))
     fluctuation = Estimate(sd, square.error / (2 * sd), square.freedom)
     found["energy"] = fluctuation.times(1 / max(mine["kinetic"], 1e-300))
-    kinds = [] if mine["apart"] is None else [mine["apart"].times(1 / kelvin)]
-    if own.found.state.temp:
-        for one in (mine["moving"], mine["turning"]):
-            if one is not None:
-                off = Estimate(one.value - kelvin, one.error, one.freedom)
-                kinds.append(off.times(1 / kelvin))
+    kinds = [
+        by_law(dt, {other: numbers["kinds"][k] for other, numbers in alike.items()})
+        for k in range(len(mine["kinds"]))
+    ]
     if kinds:
         found["temperature"] = max(kinds, key=lambda one: abs(one.value) + one.margin)
     if held is None:
@@ -433,11 +508,11 @@ def _errors(own, mine, held, is_reference, lengths) -> dict[str, Estimate]:
             noise = float(np.sqrt((half**2).mean() / len(half)))
             found["rdf"] = Estimate(0.0, noise, len(half) - 1)
         return found
-    off = measures.difference(mine["potential"], held["potential"])
-    found["potential"] = off.times(1 / energy)
-    if "density" in mine:
-        off = measures.difference(mine["density"], held["density"])
-        found["density"] = off.times(1 / held["density"].value)
+    for name in ("potential", "density"):
+        if name in mine:
+            scale = energy if name == "potential" else held[name].value
+            means = {other: numbers[name] for other, numbers in alike.items()}
+            found[name] = by_law(dt, means, held[name]).times(1 / scale)
     if "rdf" in mine and mine["rdf"].shape == held["rdf"].shape:
         found["rdf"] = measures.without_noise(mine["rdf"] - held["rdf"])
     return found

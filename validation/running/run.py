@@ -4,6 +4,7 @@ A crash, a hang or a bad command ends that run only: its ``Result`` says why.
 """
 
 import contextlib
+import ctypes
 import json
 import os
 import re
@@ -29,6 +30,8 @@ RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid
 THERMO = "thermo_style custom step time temp press pe ke etotal"
 LOOK = 0.2  # s between two looks at a running job
 COMPILING, COMPILES = 600.0, " compiles its loops, once"  # s that a first use may need, its words
+SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
+_libc = ctypes.CDLL(None)  # here: between fork and exec nothing is loaded
 GRACE = 5.0  # s that processes have to end after SIGTERM
 
 
@@ -336,7 +339,12 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
     for one in taken:
         signal.signal(one, stop)
     try:
-        process = subprocess.Popen(words, stdin=subprocess.DEVNULL, start_new_session=True, **more)
+        how: dict = {
+            "stdin": subprocess.DEVNULL,
+            "start_new_session": True,
+            "preexec_fn": _ends_with_us,
+        }
+        process = subprocess.Popen(words, **how, **more)
         try:
             try:
                 stop.open()
@@ -350,6 +358,12 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
             signal.signal(one, signal.default_int_handler)
     if stop.waits:
         raise KeyboardInterrupt
+
+
+def _ends_with_us() -> None:
+    """In a new process: it gets SIGTERM when this one is killed.  Else it would go on, and write
+    where another process of the harness does the same run again."""
+    _libc.prctl(SET_DEATH_SIGNAL, signal.SIGTERM)
 
 
 class _Stop:
