@@ -337,7 +337,7 @@ class Integrator:
             self._build()
         self._bind()
         if anew:
-            if self.streams:
+            if self.streams:  # velocities are those that bodies have where the box has them
                 self.bodies.settle(self.lammps)
                 self._take_velocities()
             self.passes.do("turn")
@@ -791,7 +791,7 @@ class Integrator:
         index, v = self.bodies.index, self.lammps.per_atom("v", columns=3)
         expected = np.empty_like(v)
         step.set_velocities.bind_to(self.bodies.cells, atom_v=expected)()
-        if self.streams:
+        if self.streams and not self.is_over:
             deform.speed_up.bind_to(self.bodies.cells, atom_v=expected, sign=1.0)()
         return self.communicator.any(not np.array_equal(expected[index], v[index]))
 
@@ -808,6 +808,8 @@ class Integrator:
         due = [fix.id for fix in self.late if step % fix.nevery == 0]
         if not due or not self._velocities_changed():
             return
+        if self.streams:
+            deform.speed_up.bind_to(self.passes.cells, sign=-1.0)()
         self._take_velocities()
         self.set_velocities()
         self.reports.forget()
@@ -816,8 +818,6 @@ class Integrator:
     def _take_velocities(self):
         """Have the bodies move as their atoms do, but for those of an infile; collective."""
         bodies = self.bodies
-        if self.streams:
-            deform.speed_up.bind_to(self.passes.cells, sign=-1.0)()
         kept = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
         spins = None
         if bodies.spin:
@@ -833,6 +833,9 @@ class Integrator:
             if not self.host.velocities_set:
                 self.set_velocities()
             self.take_changed_velocities(self.lammps.step)
+            if self.streams:  # a body has one velocity between runs, wherever its atoms are
+                self.bodies.settle(self.lammps)
+                step.set_velocities.bind_to(self.passes.cells)()
             self.reports.forget()
             self.phase = Phase.OVER
 
