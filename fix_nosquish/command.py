@@ -58,7 +58,7 @@ OWN_KEYWORDS = {
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
 _ELSEWHERE = {
     "langevin": "fix_nosquish.NVT has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
-    "bodyforces": "bodies have the forces of all fixes on their atoms",
+    "bodyforces": "it is a word of fix_modify, behind this fix",
     **dict.fromkeys(
         ("temp", "tchain", "thermostat", "seed", "separate"),
         "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",

@@ -395,9 +395,7 @@ class Integrator:
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
-        bodies.bind(
-            self.lammps, self.membership, self.host.rate if self.streams else np.zeros(6)
-        )
+        bodies.bind(self.lammps, self.membership, self.host.rate if self.streams else np.zeros(6))
         self.host.carry(self.lammps, bodies)
         self.host.point()
         bodies.note()

@@ -46,6 +46,15 @@ def weigh(state: F2, wrench: F2, gravity: F1):
             wrench[row, b] += state[MASS, b] * gravity[row]
 
 
+def _follow_box(integrator, cells):
+    """The lists of loops behind a change of the box by another fix."""
+    if integrator.told_box is None:
+        return {}
+    told = cells | {"told_box": Cell(F1, integrator.told_box)}
+    follows = deform.stream if integrator.streams else deform.deform
+    return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
+
+
 class Passes:
     """The lists of loops of a run.
 
@@ -143,12 +152,7 @@ class Passes:
             self.lists["cell"] = [*moves, *after] if moves else []
         if integrator.flips:
             self.lists["flip"] = integrator.flip_loops(cells)
-        if integrator.told_box is not None:
-            told = cells | {"told_box": Cell(F1, integrator.told_box)}
-            follows = deform.stream if integrator.streams else deform.deform
-            self.lists["deform"] = [follows.bind_to(told)]
-            self.lists["flipped"] = [deform.flipped.bind_to(told)]
-        self.lists |= integrator.own_lists(cells)
+        self.lists |= _follow_box(integrator, cells) | integrator.own_lists(cells)
         if integrator.middle:
             self.lists["virial"] = [*gather, *self.lists["virial"]]
 

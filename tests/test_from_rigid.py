@@ -235,13 +235,14 @@ def test_gravity_that_is_refused(refused, system, name, respa, says):
     refused(script, says, system.files)
 
 
+@pytest.mark.parametrize("suffix", ["omp", "opt"])
 @pytest.mark.parametrize("words", ["NVE all molecule", "NVT all molecule temp 1 1 1 seed 5"])
-def test_suffix_omp(both, words):
-    """Locks out bodies that miss forces, or virial, of styles that use threads."""
+def test_suffix(both, words, suffix):
+    """Locks out bodies that miss forces, or virial, of styles that a suffix chooses."""
     fix = f'fix 1 all python/move "fix_nosquish.{words}"\n'
     pair = "pair_style lj/cut 2.5\npair_coeff * * 1.0 1.0\n"
     end = f"{pair}{fix}{THERMO.format('press')}run 40"
-    ours, plain = both(f"suffix omp\n{end}", f"suffix off\n{end}", first="package omp 2")
+    ours, plain = both(f"suffix {suffix}\n{end}", f"suffix off\n{end}", first="package omp 2")
     assert_alike(ours, plain, ["PotEng", "KinEng", "Press"])
 
 

@@ -16,8 +16,6 @@ PRINT = "thermo_style custom step pe c_peculiar {}\nthermo_modify format float %
 PRINT = "compute peculiar all temp/deform\n" + PRINT
 
 
-
-
 @pytest.fixture
 def flow(run_lammps, tmp_path):
     """A function that runs a system in shear flow, and gives unwrapped places and velocities in the
@@ -33,7 +31,11 @@ def flow(run_lammps, tmp_path):
         done = run_lammps(script, files=system.files, ranks=ranks)
         last = (tmp_path / "end").read_text().split("ITEM: ATOMS")[-1]
         rows = np.loadtxt(last.splitlines()[1:])
-        return rows[:, 3:6], rows[:, 6:9], read_thermo(re.split("^FLOWS$", done.log, flags=re.M)[-1])
+        return (
+            rows[:, 3:6],
+            rows[:, 6:9],
+            read_thermo(re.split("^FLOWS$", done.log, flags=re.M)[-1]),
+        )
 
     return run
 

@@ -143,8 +143,8 @@ class Host:
 
     def set_bodies(self, body, mass):
         self._lent = body, mass
-        for name, array in ("body", body), ("masstotal", mass):
-            place = None if array is None else _as(name, array.ctypes.data)
+        for name, lent in ("body", body), ("masstotal", mass):
+            place = None if lent is None else _as(name, lent.ctypes.data)
             setattr(self._bridge, name, place)
 
     def set_array_rows(self, n):
