@@ -184,10 +184,15 @@ class Bodies:
 
     # ------------------------------------------------------------- after LAMMPS has moved atoms
 
-    def bind(self, lammps, membership):
-        """Bind the pass that follows the atoms of this LAMMPS."""
+    def bind(self, lammps, membership, rate):
+        """Bind the pass that follows the atoms of this LAMMPS.
+
+        Args:
+            rate: see `migration.Box`.
+        """
         masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         self.cells |= {name: Cell(migration.follow.kinds[name]) for name in migration.Box._fields}
+        self.cells["rate"].set(rate)
         bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
         follows = LOCATE | ARRANGE | NOTE | SETTLE
         self.following = migration.follow.bind_to(bound, what=follows)
@@ -237,6 +242,16 @@ class Bodies:
         if self._following_fewer():
             self._communicator.agree(self._off())
 
+    def settle(self, lammps):
+        """Find which atoms LAMMPS has in another periodic image than their bodies; collective.
+
+        Raises:
+            RunError: as `follow`.
+        """
+        self._know_box(lammps.box)
+        if self._settle():
+            self._communicator.agree(self._off())
+
     def refuse_moved_atoms(self, lammps):
         """End the run if an atom is not where its body has it; collective.
 
@@ -278,9 +293,10 @@ class Bodies:
         if box is not self._box:
             self._box = box
             near = np.inf if self.loose else OFF_BODY * box.size
-            values = box.h, box.inverse, box.lo, box.wrap, near
-            for name, value in zip(migration.Box._fields, values, strict=True):
+            known = {"h": box.h, "inverse": box.inverse, "lo": box.lo, "periodic": box.wrap}
+            for name, value in known.items():
                 self.cells[name].set(copy(value))  # a barostat changes what loops have
+            self.cells["near"].set(near)
 
     def _off(self):
         """What to say of the atom that is off its body, None for none on this rank."""

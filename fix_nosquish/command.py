@@ -19,6 +19,7 @@ KEYWORDS = {
     "output": "N, a whole number of at least 1, and " + _FILE,
     "points": "the ID of a group, whose atoms are in no body",
     "mol": "the ID of a molecule template, as fix deposit, pour or gcmc names it",
+    "gravity": "the ID of a fix gravity with its word disable, which gives the bodies' weight",
 }
 ROTORS = "exact", "split"
 _NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
@@ -57,9 +58,7 @@ OWN_KEYWORDS = {
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
 _ELSEWHERE = {
     "langevin": "fix_nosquish.NVT has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
-    "gravity": "use fix gravity before this fix, without its word disable: "
-    "what it does to the atoms of a body adds up to the weight of the body",
-    "bodyforces": "bodies have the forces of all fixes on their atoms",
+    "bodyforces": "it is a word of fix_modify, behind this fix",
     **dict.fromkeys(
         ("temp", "tchain", "thermostat", "seed", "separate"),
         "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
@@ -109,6 +108,7 @@ class Command:
         output: (N, file) for the table of bodies every N steps, None for none.
         points: ID of the group whose atoms move as points, each by itself; None for none.
         mol: ID of the molecule template of which fixes insert bodies, None for none.
+        gravity: ID of the fix gravity that gives the bodies' weight, None for none.
         temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, None for none.
         steps: those of a trajectory, None for none.  mix: a word for a number.
         shadow: every how many steps the shadow energy is wanted, None for never.
@@ -140,6 +140,7 @@ class Command:
     output: tuple | None = None
     points: str | None = None
     mol: str | None = None
+    gravity: str | None = None
     temp: tuple | None = None
     steps: int | None = None
     shadow: int | None = None
@@ -395,7 +396,7 @@ _READ = {  # what the words behind a keyword give
     "reinit": lambda words, expected: words.choice(("no", "yes"), expected),
     "infile": _Words.take,
     "output": lambda words, expected: (words.whole(expected), words.take(expected)),
-    **dict.fromkeys(("points", "mol", "dilate"), _Words.take),
+    **dict.fromkeys(("points", "mol", "gravity", "dilate"), _Words.take),
     "temp": lambda words, expected: words.numbers(3, expected),
     "temp T": lambda words, expected: words.numbers(1, expected),
     "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),

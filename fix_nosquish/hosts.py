@@ -38,7 +38,11 @@ class Host(Protocol):
             where LAMMPS has none.
         stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
             argument; None where LAMMPS does not give it.
-        told_box: (9,) what the passes `deform` take; None where LAMMPS does not call them.
+        told_box: (9,) what the passes `deform` and `flipped` take; None where LAMMPS does not call
+            them.
+        rate: (6,) how fast the box vectors' components change by fix deform, xx yy zz yz xz xy.
+        streams: the bit of the group whose velocities change at periodic faces by these rates, as
+            with its remap v; 0 for none.
         command: the words of LAMMPS's last command; none where they are not known.
     """
 
@@ -63,6 +67,9 @@ class Host(Protocol):
     forces_virial: np.ndarray | None
     set_box: np.ndarray | None
     flip_box: np.ndarray | None
+    told_box: np.ndarray | None
+    rate: np.ndarray | None
+    streams: int
     turn_atom: np.ndarray | None
     command: Sequence[str]
 
@@ -82,6 +89,9 @@ class Host(Protocol):
 
     def removed_freedom(self, fix_id, group):
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
+
+    def gravity(self, fix_id):
+        """The acceleration that another fix gives, (3,), as it is at any time; None if none."""
 
     def advice(self, removed):
         """Lines for the log, on what to add to the input so that temp and press are right."""

@@ -127,6 +127,8 @@ class Integrator:
             and says whether the state stays; if not, `renewed` is called when the forces are known
             where it goes back to.  It may have begin_trajectory, for the step host.begins.
         thermostat: whether it keeps a temperature, so that no other fix may.
+        crosses: whether bodies may get another velocity where they cross a face, as with remap v of
+            fix deform.
         every: the box changes in the steps after the multiples of this; 0 for never.
         flips: whether tilts of the box change, so that it may take other vectors of its lattice.
         flip_loops: a method that binds the list of loops that do so, before atoms go to other
@@ -150,6 +152,8 @@ class Integrator:
         late: other fixes that act at the end of a step, and so may change velocities.
         told_box: the host's, if another fix changes the box in this run and bodies move with it;
             else None.
+        streams: whether it is with remap v that this happens.
+        gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities, velocities_every: whether something may read the atoms' velocities
             between the halves of a step, and every how many steps at its end.
     """
@@ -163,9 +167,10 @@ class Integrator:
     kick: compiled.Loop
     start: compiled.Loop | None
 
-    host = parameters = told_box = None
+    host = parameters = told_box = gravity = None
     unprepared = ""
     every, modules, flips, needs_energy = 0, (), False, False
+    crosses = streams = False
     own_warnings = ()
     follows_atoms = True
     virial = virial_per_atom = None
@@ -326,11 +331,15 @@ class Integrator:
         # nor are the groups: deleted ones leave their bits to others
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self._look_at_fixes()
+        self._refuse_streams()
         anew = self.command.reinit or not self._ran
         if anew:
             self._build()
         self._bind()
         if anew:
+            if self.streams:  # velocities are those that bodies have where the box has them
+                self.bodies.settle(self.lammps)
+                self._take_velocities()
             self.passes.do("turn")
             self.set_velocities()
         self._refuse_second_integrator()
@@ -360,6 +369,7 @@ class Integrator:
         changes = [fix for fix in fixes if fix.box_change]
         deforms = changes and self.respa_dt is None and all(map(_deforms, changes))
         self.told_box = self.host.told_box if deforms and not self.every else None
+        self.streams = self.told_box is not None and bool(self.host.streams)
         if self.told_box is not None:
             compiled.load(self.communicator, deform.__name__)
         self._box_may_change = unknown or (bool(changes) and self.told_box is None)
@@ -385,7 +395,7 @@ class Integrator:
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
-        bodies.bind(self.lammps, self.membership)
+        bodies.bind(self.lammps, self.membership, self.host.rate if self.streams else np.zeros(6))
         self.host.carry(self.lammps, bodies)
         self.host.point()
         bodies.note()
@@ -402,7 +412,46 @@ class Integrator:
         """How the rotation is split, as operations have it."""
         return EXACT if self.exact else self.command.mrot
 
+    def _weight(self):
+        """What the fix of keyword gravity gives; collective."""
+        name = self.command.gravity
+        if not name:
+            return None
+        found = self.host.gravity(name)
+        problem = (
+            "with run_style respa: use fix gravity without its word disable"
+            if self.lammps.respa_dt is not None
+            else "with a LAMMPS's own fix python/move: use fix gravity without its word disable"
+            if not self.host.follows
+            else f"for '{name}', which is no fix gravity: define that first"
+            if found is None
+            else None
+        )
+        if problem:
+            raise self.command.wrong(f"keyword gravity does not serve {problem}")
+        return found
+
+    def _refuse_streams(self):
+        """End the run if bodies cannot cross faces as with remap v of fix deform; collective."""
+        if not self.streams:
+            return
+        if not self.crosses or self.needs_energy:
+            raise RunError(
+                "fix deform has remap v, with which bodies get another velocity at periodic faces: "
+                f"{type(self).__name__} does not do so. Use fix_nosquish.NVE without keyword "
+                "shadow, and fix langevin with fix_modify temp for a temperature",
+                everywhere=True,
+            )
+        atoms = self.membership.atoms()
+        if self.communicator.any((self.lammps.groups[atoms] & self.host.streams == 0).any()):
+            raise RunError(
+                "fix deform has remap v for a group that lacks atoms of the bodies: "
+                "give it group all",
+                everywhere=True,
+            )
+
     def _bind(self):
+        self.gravity = self._weight()
         own = [0.0] * PARAMETERS
         own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
         self.mask = self._switches.mask(self.bodies)
@@ -702,7 +751,7 @@ class Integrator:
         if ((box.h != known) & held).any():
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
-                "in a run they do so with fix deform alone, with its remap x and flip no, and "
+                "in a run they do so with fix deform alone, with its remap x or v, and "
                 "run_style verlet, and with fix_nosquish.NPT or NPH, not with npt, nph or "
                 "box/relax. The box may change between runs: bodies keep their shape when the next "
                 "run makes them anew, with reinit yes and without infile or 'pre no'",
@@ -740,6 +789,8 @@ class Integrator:
         index, v = self.bodies.index, self.lammps.per_atom("v", columns=3)
         expected = np.empty_like(v)
         step.set_velocities.bind_to(self.bodies.cells, atom_v=expected)()
+        if self.streams and not self.is_over:
+            deform.speed_up.bind_to(self.bodies.cells, atom_v=expected, sign=1.0)()
         return self.communicator.any(not np.array_equal(expected[index], v[index]))
 
     def _say_ignored(self, why):
@@ -755,15 +806,21 @@ class Integrator:
         due = [fix.id for fix in self.late if step % fix.nevery == 0]
         if not due or not self._velocities_changed():
             return
+        if self.streams:
+            deform.speed_up.bind_to(self.passes.cells, sign=-1.0)()
+        self._take_velocities()
+        self.set_velocities()
+        self.reports.forget()
+        self.reports.say_taken_over(step, due)
+
+    def _take_velocities(self):
+        """Have the bodies move as their atoms do, but for those of an infile; collective."""
         bodies = self.bodies
         kept = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
         spins = None
         if bodies.spin:
             spins = particles_of(self.lammps, self.shapes(), bodies.index).momentum
         bodies.take_velocities(self.lammps, spins, (kept, bodies.momenta()[:, kept]))
-        self.set_velocities()
-        self.reports.forget()
-        self.reports.say_taken_over(step, due)
 
     @hook
     def post_run(self):
@@ -774,6 +831,9 @@ class Integrator:
             if not self.host.velocities_set:
                 self.set_velocities()
             self.take_changed_velocities(self.lammps.step)
+            if self.streams:  # a body has one velocity between runs, wherever its atoms are
+                self.bodies.settle(self.lammps)
+                step.set_velocities.bind_to(self.passes.cells)()
             self.reports.forget()
             self.phase = Phase.OVER
 

@@ -17,6 +17,7 @@ from .block import (
     OWN,
     Layout,
     Q,
+    V,
     X,
     at,
     take,
@@ -122,13 +123,15 @@ class Atoms(NamedTuple):
 
 class Box(NamedTuple):
     """The periodic box: its vectors in columns, their inverse (3, 3), its origin, 1.0 where
-    periodic, and how far an atom may be from where its body has it."""
+    periodic, how far an atom may be from where its body has it, and by how much another periodic
+    image is faster (xx yy zz yz xz xy), which is not zero where images stream past each other."""
 
     h: F2
     inverse: F2
     lo: F1
     periodic: F1
     near: F
+    rate: F1
 
 
 @inlined
@@ -390,6 +393,16 @@ def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
 
 
 @inlined
+def faster(rate, n1, n2, n3):
+    """By how much the image that is so many box vectors away is faster."""
+    return (
+        rate[0] * n1 + rate[5] * n2 + rate[4] * n3,
+        rate[1] * n2 + rate[3] * n3,
+        rate[2] * n3,
+    )
+
+
+@inlined
 def take_into_box(state, box):
     """Take the bodies into the box, which their image flags count."""
     h, inverse, lo, periodic = box.h, box.inverse, box.lo, box.periodic
@@ -402,6 +415,10 @@ def take_into_box(state, box):
             state[X, b] -= h[0, 0] * n1 + h[0, 1] * n2 + h[0, 2] * n3
             state[X + 1, b] -= h[1, 1] * n2 + h[1, 2] * n3
             state[X + 2, b] -= h[2, 2] * n3
+            vx, vy, vz = faster(box.rate, n1, n2, n3)
+            state[V, b] -= vx
+            state[V + 1, b] -= vy
+            state[V + 2, b] -= vz
             state[IMAGE, b] += n1
             state[IMAGE + 1, b] += n2
             state[IMAGE + 2, b] += n3

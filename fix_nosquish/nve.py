@@ -22,6 +22,7 @@ class NVE(Integrator):
         "B": Operation(kick),
     }
     method, splits, keywords = "NO_SQUISH", True, ("shadow",)
+    crosses = True
 
     def __init__(self, ptr, words):
         super().__init__(ptr, words)

@@ -23,7 +23,8 @@ class OwnFix:
     """
 
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
-    begins = energy_step = stop = turn_atom = None
+    begins = energy_step = stop = turn_atom = rate = None
+    streams = 0
     calls_setup = follows = velocities_set = False
     command = ()  # not known
     ghost_velocity = True  # not known: velocities at the half step may be read
@@ -54,6 +55,9 @@ class OwnFix:
 
     def removed_freedom(self, fix_id, group):
         return 0
+
+    def gravity(self, fix_id):
+        return None
 
     def advice(self, removed):
         return (

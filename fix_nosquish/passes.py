@@ -13,6 +13,7 @@
     flip         where tilts change, the box takes vectors of its lattice that are less tilted
     turn         the orientations of atoms that have one
     deform       another fix has changed the box: bodies move with it
+    flipped      it has taken other vectors of the same lattice for the box
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
@@ -22,7 +23,7 @@ The plugin does them by itself; with a LAMMPS's own fix python/move, Python does
 import numpy as np
 
 from . import deform, extended, step, virial
-from .block import ALL, BLOCK_ROWS, DIVIDED, LANES, WHOLE
+from .block import ALL, BLOCK_ROWS, DIVIDED, LANES, MASS, WHOLE
 from .bodies import aligned
 from .compiled import F1, F2, F64, Cell, F, I, loop
 from .sharing import ADD, combine, give
@@ -36,6 +37,23 @@ def switch_off(wrench: F2, mask: F2):
     for row in range(6):
         for b in range(wrench.shape[1]):
             wrench[row, b] *= mask[row, b if mask.shape[1] > 1 else 0]
+
+
+@loop
+def weigh(state: F2, wrench: F2, gravity: F1):
+    """Add the bodies' weight, by an acceleration (3,), to their forces."""
+    for row in range(3):
+        for b in range(wrench.shape[1]):
+            wrench[row, b] += state[MASS, b] * gravity[row]
+
+
+def _follow_box(integrator, cells):
+    """The lists of loops behind a change of the box by another fix."""
+    if integrator.told_box is None:
+        return {}
+    told = cells | {"told_box": Cell(F1, integrator.told_box)}
+    follows = deform.stream if integrator.streams else deform.deform
+    return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
 
 
 class Passes:
@@ -99,16 +117,20 @@ class Passes:
         if bodies.spin:
             gather.append(extended.add_torques.bind_to(cells))
         gather += [*shared, *added]
+        if integrator.gravity is not None:
+            gather.append(weigh.bind_to(cells, gravity=integrator.gravity))
         if mask is not None:
             gather.append(switch_off.bind_to(cells))
         velocities = [bind(step.set_velocities, cells)]
+        if integrator.streams:
+            velocities.append(deform.speed_up.bind_to(cells, sign=1.0))
         turn = []
         if bodies.oriented:
             to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
             turn = [extended.turn.bind_to(cells, **to)]
         if bodies.spin:
             velocities.append(extended.set_spins.bind_to(cells))
-        if mask is not None or bodies.spin:
+        if mask is not None or bodies.spin or integrator.gravity is not None:
             whole = [*gather, *before, advance(True)]
         elif several:  # messages are under way while the bodies that need none move
             how = KEEPS if half_step_velocities else GATHERS
@@ -135,10 +157,7 @@ class Passes:
             self.lists["cell"] = [*moves, *after] if moves else []
         if integrator.flips:
             self.lists["flip"] = integrator.flip_loops(cells)
-        if integrator.told_box is not None:
-            told = cells | {"told_box": Cell(F1, integrator.told_box)}
-            self.lists["deform"] = [deform.deform.bind_to(told)]
-        self.lists |= integrator.own_lists(cells)
+        self.lists |= _follow_box(integrator, cells) | integrator.own_lists(cells)
         if integrator.middle:
             self.lists["virial"] = [*gather, *self.lists["virial"]]
 

@@ -71,12 +71,40 @@ def test_shapes_stay(run_lammps, tmp_path, words, ranks):
 
 
 @pytest.mark.parametrize(
-    "words", ["xy erate 1", "x erate 0.3 remap v", "x erate 0.3 remap none"], ids=lambda w: w[-6:]
+    "words, change, says",
+    [
+        ("NVE all molecule", "all deform 1 x erate 0.3 remap none", "with its remap x or v"),
+        ("NVE all molecule", "all deform 1 xy wiggle 1 5 remap v", "bodies follow constant ones"),
+        ("NVE all molecule", "some deform 1 xy erate 0.3 remap v", "lacks atoms of the bodies"),
+        ("NVE all molecule shadow 5", "all deform 1 xy erate 0.3 remap v", "does not do so"),
+        (
+            "NVT all molecule temp 1 1 1 seed 5",
+            "all deform 1 xy erate 0.3 remap v",
+            "Langevin does not do so",
+        ),
+    ],
+    ids=["none", "wiggle", "group", "shadow", "NVT"],
 )
-def test_other_changes_are_refused(refused, words):
-    """Locks out bodies in other box vectors than LAMMPS's, or that stay behind the box."""
+def test_other_changes_are_refused(refused, words, change, says):
+    """Locks out bodies that stay behind the box, or do not go as its images do."""
     system = mixture(side=3, spacing=2.9, tilt=0.1)
-    fix = 'fix 1 all python/move "fix_nosquish.NVE all molecule"\n'
-    change = f"fix box all deform 1 {words}\n"
-    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix}{change}run 1000\n"
-    refused(script, "with its remap x and flip no", system.files)
+    script = f"{system.setup}\n{SMOOTH}group some id 1 2\ntimestep 0.004\n"
+    script += f'fix 1 all python/move "fix_nosquish.{words}"\nfix box {change}\nrun 1000\n'
+    refused(script, says, system.files)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_flips(simulate, ranks):
+    """Locks out bodies that lose their image where fix deform takes other box vectors: they go as
+    in the box that does not flip, beside LAMMPS's fix rigid."""
+    system = mixture("solid planar single", side=4, spacing=2.0, tilt=0.1)
+    before = f"{SMOOTH}velocity all create 1 9\nchange_box all xy final 3.0 xz final 2.0\n"
+    change = "fix box all deform 1 xy erate 3 xz erate -1 yz erate 2"
+    how = {"before": before, "dt": 0.002}
+    ours, theirs = (
+        simulate(system, f"{fix}\n{change}", 200, ranks=n, **how)
+        for fix, n in ((LIKE_LAMMPS, ranks), (RIGID, 1))
+    )
+    for name in "PotEng", "Temp":
+        assert np.abs(ours.thermo[name] - theirs.thermo[name]).max() < 1e-7
+    assert np.abs(ours.v - theirs.v).max() < 1e-7

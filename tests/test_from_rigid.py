@@ -166,45 +166,83 @@ def test_bodyforces_late(both):
     end = f"{PUSH}{{}}{THERMO.format('')}run 20\nrun 20"
     ours, theirs = both(f"{OURS}\n{end.format(late)}", f"{THEIRS}\n{end.format(late)}")
     assert_alike(ours, theirs, ["PotEng", "KinEng"])
-    plain, early = both(
-        f"{OURS}\n{THERMO.format('')}run 20\nrun 20",
-        f"{THEIRS}\n{end.format('fix_modify 1 bodyforces early' + chr(10))}",
-    )
-    assert_alike(plain[2:], early[2:], ["PotEng", "KinEng"])  # as from-rigid.md has it
-    assert np.abs(ours["KinEng"][-1] / plain["KinEng"][-1] - 1) > 1e-4
-
-
-def test_bodyforces_early_is_refused(refused, system):
-    """Locks out forces that bodies get although the script says that they do not."""
-    script = f"{system.setup}\n{OURS}\n{PUSH}fix_modify 1 bodyforces early\nrun 0\n"
-    refused(script, "bodyforces early: expected late, which is so", system.files)
+    plain, _ = both(f"{OURS}\n{THERMO.format('')}run 20", f"{THEIRS}\n{THERMO.format('')}run 20")
+    assert np.abs(ours["KinEng"][2] / plain["KinEng"][2] - 1) > 1e-4
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_gravity(both, ranks):
-    """Locks out a weight of bodies that is not that of fix rigid's keyword gravity."""
+def test_bodyforces_early(both, ranks):
+    """Locks out forces of fixes behind this one that bodies get although the script says that they
+    do not, and forces of fixes before it that they do not get."""
+    early = f"fix_modify 1 bodyforces early\n{THERMO.format('')}run 20\nrun 20"
+    before = PUSH.replace("push", "before").replace("some", "few").replace("3.0", "1.5")
+    ours, theirs = both(
+        f"{before}{OURS}\n{PUSH}{early}", f"{before}{THEIRS}\n{PUSH}{early}", ranks=ranks
+    )
+    assert_alike(ours, theirs, ["PotEng", "KinEng"])
+    plain, _ = both(f"{OURS}\n{PUSH}{early}", f"{THEIRS}\n{PUSH}{early}", ranks=ranks)
+    assert np.abs(ours["KinEng"][2] / plain["KinEng"][2] - 1) > 1e-4
+
+
+@pytest.mark.parametrize(
+    "word, says",
+    [("soon", "bodyforces soon: expected early or late"), ("early", "not for run_style respa")],
+)
+def test_bodyforces_that_are_refused(refused, system, word, says):
+    """Locks out words that mean nothing, and forces of levels that are not those of the bodies."""
+    respa = "run_style respa 2 2 pair 1\n" if word == "early" else ""
+    script = f"{system.setup}\n{OURS}\n{PUSH}{respa}fix_modify 1 bodyforces {word}\nrun 0\n"
+    refused(script, says, system.files)
+
+
+def test_fix_modify_temp_and_press(both):
+    """Locks out a script for rigid/npt that ends at its line fix_modify, or one that is believed to
+    have an effect."""
+    fix = "NPH all molecule iso 0 0 1"
+    fix = f'fix 1 all python/move "fix_nosquish.{fix}"\n'
+    end = f"{THERMO.format('vol')}run 20"
+    line = "compute t all temp\nfix_modify 1 temp t press thermo_press\n"
+    ours, plain = both(f"{fix}{line}{end}", f"{fix}{end}")
+    assert_alike(ours, plain, ["PotEng", "KinEng", "Volume"])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("disable", ["", " disable"], ids=["fix", "keyword"])
+def test_gravity(both, disable, ranks):
+    """Locks out a weight of bodies that is not that of fix rigid's keyword gravity, by this keyword
+    or by fix gravity alone."""
     weight = "fix g all gravity 2.0 vector 1 -1 0.5"
-    end = f"{THERMO.format('')}run 40"
+    end = f"{THERMO.format('')}run 20\nrun 20"
+    ours = OURS[:-1] + ' gravity g"' if disable else OURS
     tables = both(
-        f"{weight}\n{OURS}\n{end}", f"{weight} disable\n{THEIRS} gravity g\n{end}", ranks=ranks
+        f"{weight}{disable}\n{ours}\n{end}",
+        f"{weight} disable\n{THEIRS} gravity g\n{end}",
+        ranks=ranks,
     )
     assert_alike(*tables, ["PotEng", "KinEng"])
     assert np.ptp(tables[0]["KinEng"] + tables[0]["PotEng"]) > 1
 
 
-def test_gravity_is_refused(refused, system):
-    """Locks out a keyword gravity without a word on what serves."""
-    script = f'{system.setup}\nfix g all gravity 1 vector 0 0 -1\n{OURS[:-1]} gravity g"\nrun 0\n'
-    refused(script, "use fix gravity before this fix, without its word disable", system.files)
+@pytest.mark.parametrize(
+    "name, respa, says",
+    [("h", "", "'h', which is no fix gravity"), ("g", "run_style respa 2 2 pair 1\n", "run_style")],
+    ids=["none", "respa"],
+)
+def test_gravity_that_is_refused(refused, system, name, respa, says):
+    """Locks out bodies without the weight that is asked for, or with that of several levels."""
+    line = f'{OURS[:-1]} gravity {name}"'
+    script = f"{system.setup}\nfix g all gravity 1 vector 0 0 -1 disable\n{respa}{line}\nrun 0\n"
+    refused(script, says, system.files)
 
 
+@pytest.mark.parametrize("suffix", ["omp", "opt"])
 @pytest.mark.parametrize("words", ["NVE all molecule", "NVT all molecule temp 1 1 1 seed 5"])
-def test_suffix_omp(both, words):
-    """Locks out bodies that miss forces, or virial, of styles that use threads."""
+def test_suffix(both, words, suffix):
+    """Locks out bodies that miss forces, or virial, of styles that a suffix chooses."""
     fix = f'fix 1 all python/move "fix_nosquish.{words}"\n'
     pair = "pair_style lj/cut 2.5\npair_coeff * * 1.0 1.0\n"
     end = f"{pair}{fix}{THERMO.format('press')}run 40"
-    ours, plain = both(f"suffix omp\n{end}", f"suffix off\n{end}", first="package omp 2")
+    ours, plain = both(f"suffix {suffix}\n{end}", f"suffix off\n{end}", first="package omp 2")
     assert_alike(ours, plain, ["PotEng", "KinEng", "Press"])
 
 

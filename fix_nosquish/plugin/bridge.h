@@ -98,8 +98,11 @@ struct Bridge {
   const Pass *cell;
   const Pass *flip;
   const Pass *deform;       // behind a change of the box by another fix
+  const Pass *flipped;      // behind its change to other vectors of the same lattice
   double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
-  double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform
+  double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform and flipped
+  double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
+  int32_t streams;     // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
   int64_t *arrays;    // cells for LAMMPS's arrays
   const int64_t *index;    // cells of the bodies; null if there are none
   const int64_t *body_of;
@@ -117,6 +120,7 @@ struct Bridge {
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
   int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
+  int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
   int (*particles)(void *fix, double *numbers);    // of each local atom 7: see extended.py; 0 if its style is not known
   int64_t (*turn)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
   // methods of the instance, null where it has none

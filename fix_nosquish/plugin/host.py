@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.ctypeslib import as_array
 
+from ..compiled import array
 from .structs import Bridge, FixFacts
 
 # lists of passes, and their names in `passes`
@@ -20,6 +21,7 @@ LISTS = {
     "cell": "cell",
     "flip": "flip",
     "deform": "deform",
+    "flipped": "flipped",
 }
 
 
@@ -67,6 +69,7 @@ class Host:
     vflag, changes = _shared("vflag", int), _shared("changes", int)
     changes_box = _shared("changes_box", int)
     begins, energy_step = _shared("begins", int), _shared("energy_step", int)
+    streams = _shared("streams", int)
     renews, energy = _shared("renews", int), _shared("energy", float)
     ghost_velocity = _asked("ghost_velocity")
 
@@ -78,6 +81,7 @@ class Host:
         self._last_step = bridge.last_step.contents
         self.forces_virial = as_array(bridge.forces_virial, (6,))
         self.told_box = as_array(bridge.told_box, (9,))
+        self.rate = as_array(bridge.rate, (6,))
         self.set_box, self.flip_box, self.stop, self.turn_atom = (
             np.array([cast(function, c_void_p).value, bridge.fix or 0])
             for function in (bridge.set_box, bridge.flip_box, bridge.stop, bridge.turn)
@@ -122,6 +126,10 @@ class Host:
     def removed_freedom(self, fix_id, group):
         return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())
 
+    def gravity(self, fix_id):
+        address = self._bridge.gravity(self._bridge.fix, fix_id.encode())
+        return array(address, (3,), float) if address else None
+
     def advice(self, removed):
         return ()
 
@@ -135,8 +143,8 @@ class Host:
 
     def set_bodies(self, body, mass):
         self._lent = body, mass
-        for name, array in ("body", body), ("masstotal", mass):
-            place = None if array is None else _as(name, array.ctypes.data)
+        for name, lent in ("body", body), ("masstotal", mass):
+            place = None if lent is None else _as(name, lent.ctypes.data)
             setattr(self._bridge, name, place)
 
     def set_array_rows(self, n):

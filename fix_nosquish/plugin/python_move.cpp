@@ -151,6 +151,7 @@ class FixPythonMove : public Fix {
   void setup_post_neighbor() override { post_neighbor(); }
   void post_neighbor() override;
   void pre_exchange() override;
+  void post_force(int) override;
   void initial_integrate(int) override;
   void final_integrate() override;
   void initial_integrate_respa(int, int, int) override;
@@ -179,6 +180,8 @@ class FixPythonMove : public Fix {
   Bridge bridge;
   MPI_Comm failing;    // for ranks whose Python failed
   bool respa = false, stopped = false;
+  bool early = false;    // bodies have the forces of the fixes before this one
+  std::vector<double> early_force, early_torque;
   std::vector<int> extensive;
   std::vector<double> kept_box;
   // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has
@@ -186,6 +189,7 @@ class FixPythonMove : public Fix {
   int64_t *origin = nullptr;
   std::vector<double> arrived;
   double forces_virial[6] = {}, told_box[9] = {};
+  double kept_rate[6] = {};    // how fast fix deform's box vectors change, as a run begins
   Particles particles;
   std::string command;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
@@ -199,6 +203,8 @@ class FixPythonMove : public Fix {
   void set_cell(int, const void *, int64_t, int64_t);
   void make_virial_per_atom();
   std::vector<double> box() const;
+  void tell_box();
+  void stream_with_box();
   bool run(const Pass *);
   int64_t set_box(const double *);
   int64_t flip_box(const double *);
@@ -275,6 +281,12 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     return (int64_t) 0;
   };
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
+  bridge.gravity = [](void *fix, const char *other) {
+    int dimension;
+    Fix *found = self(fix)->modify->get_fix_by_id(other);
+    return reinterpret_cast<int64_t>(found ? found->extract("gvec", dimension) : nullptr);
+  };
+  bridge.rate = domain->h_rate;
   bridge.forces_virial = forces_virial;
   bridge.told_box = told_box;
   bridge.natoms = -1;
@@ -355,14 +367,25 @@ int FixPythonMove::setmask()
       (bridge.post_run ? POST_RUN : 0);
 }
 
-// Rigid bodies have the forces of all fixes, which LAMMPS's rigid fixes call late.
+// bodyforces: rigid bodies have the forces of all fixes (late), or of those before this one (early). temp and press: what
+// LAMMPS's barostats take from these computes, a class that changes the box finds by itself.
 
 int FixPythonMove::modify_param(int narg, char **arg)
 {
-  if (!bridge.follows_atoms || narg < 2 || strcmp(arg[0], "bodyforces") != 0) return 0;
-  if (strcmp(arg[1], "late") != 0)
-    error->all(FLERR, problem("bodyforces " + std::string(arg[1]) + ": expected late, which is so without this command, too. Bodies have "
-                              "the forces of all fixes on their atoms: give a fix whose forces they are not to have a group without them"));
+  if (!bridge.follows_atoms || narg < 2) return 0;
+  const std::string word = arg[0], value = arg[1];
+  if (word == "temp" || word == "press") {
+    if (!bridge.changes_box) return 0;
+    if (comm->me == 0)
+      error->warning(FLERR, problem("fix_modify " + word + " " + value + " has no effect: temperature and pressure are those of what "
+                                    "this fix moves, and of the atoms that its box takes along"));
+    return 2;
+  }
+  if (word != "bodyforces") return 0;
+  if (value != "early" && value != "late") error->all(FLERR, problem("bodyforces " + value + ": expected early or late"));
+  early = value == "early";
+  int &mask = modify->fmask[modify->find_fix(id)];
+  mask = early ? mask | POST_FORCE : mask & ~POST_FORCE;
   return 2;
 }
 
@@ -371,7 +394,13 @@ void FixPythonMove::init()
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     error->all(FLERR, problem("its class has no methods for run_style respa"));
+  if (respa && early) error->all(FLERR, problem("bodyforces early is not for run_style respa: use run_style verlet"));
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
+  bridge.streams = domain->deform_vremap ? domain->deform_groupbit : 0;
+  if (bridge.streams) {
+    for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it finds its rates, perhaps behind this fix
+    std::copy_n(domain->h_rate, 6, kept_rate);
+  }
   call(bridge.init);
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
   if (bridge.needs_energy) {
@@ -384,6 +413,7 @@ void FixPythonMove::setup(int vflag)
 {
   v_init(vflag);
   take_virial();
+  if (early) post_force(vflag);
   call_with_virial(bridge.setup, vflag);
 }
 
@@ -394,11 +424,29 @@ void FixPythonMove::min_setup(int vflag)
 
 void FixPythonMove::post_neighbor()
 {
+  if (bridge.flipped && box() != kept_box) {    // by fix deform
+    point();
+    tell_box();
+    if (run(bridge.flipped)) kept_box = box();
+  }
   if (bridge.follow && box() == kept_box) {
     point();
     if (run(bridge.follow)) return;    // if not, Python does it all again, and says why
   }
   call(bridge.post_neighbor);
+}
+
+// Keep the forces of now for the bodies: fixes behind this one add theirs to LAMMPS's own arrays.
+
+void FixPythonMove::post_force(int)
+{
+  auto keep = [this](int cell, std::vector<double> &kept, double **array) {
+    if (!array || !atom->nlocal) return;
+    kept.assign(array[0], array[0] + 3 * atom->nlocal);
+    set_cell(cell, kept.data(), atom->nlocal, 3);
+  };
+  keep(F, early_force, atom->f);
+  keep(TORQUE, early_torque, atom->torque);
 }
 
 // The lists are built anew: the time for other box vectors, if these are better.
@@ -413,6 +461,7 @@ void FixPythonMove::initial_integrate(int vflag)
   if (!bridge.initial_integrate) end_run("the Python that holds its class has shut down");
   flush_log();
   v_init(vflag);
+  stream_with_box();
   bridge.vflag = vflag;
   const bool waits = bridge.phase == WAITING, for_python = update->ntimestep == bridge.begins;
   if (for_python) bridge.energy = potential();
@@ -501,11 +550,13 @@ void *FixPythonMove::extract(const char *name, int &dim)
 
 void FixPythonMove::end_of_step()
 {
+  stream_with_box();
   if (respa) call_with_virial(bridge.end_of_step);
 }
 
 void FixPythonMove::post_run()
 {
+  stream_with_box();
   call(bridge.post_run);
   if (stopped) timer->reset_timeout();    // else no later run would begin
   stopped = false;
@@ -549,10 +600,26 @@ void FixPythonMove::reset_dt()
 void FixPythonMove::deform(int behind)
 {
   if (!behind || !bridge.deform) return;    // if it cannot follow, it finds another box than it knows
+  tell_box();
+  run(bridge.deform);
+  kept_box = box();
+}
+
+void FixPythonMove::tell_box()
+{
   const auto now = box();
   std::copy(now.begin(), now.end(), told_box);
-  run(bridge.deform);
-  kept_box = now;
+}
+
+// With remap v fix deform changes the box alone, and does not tell.
+
+void FixPythonMove::stream_with_box()
+{
+  if (!bridge.streams || !bridge.deform || box() == kept_box) return;
+  if (!std::equal(kept_rate, kept_rate + 6, domain->h_rate))
+    error->all(FLERR, problem("fix deform has other rates now than when the run began: with remap v bodies follow constant ones, "
+                              "as of erate, vel, delta, scale or final"));
+  deform(1);
 }
 
 bigint FixPythonMove::dof(int igroup)
