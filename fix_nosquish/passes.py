@@ -57,6 +57,7 @@ class Passes:
         begins: cell, whether the motion begins with what stands before it in the splitting; with
             respa each level begins by itself.
         mask: cell.
+        threads: the `Threads`.
     """
 
     def __init__(
@@ -72,7 +73,8 @@ class Passes:
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
-        self.cells, bind = cells, Threads(lammps, cells).bind
+        self.cells, self.threads = cells, Threads(lammps, cells)
+        bind = self.threads.bind
         sums = {"sums": "parameters", "count": len(integrator.parameters)}
 
         def kick(ends):
@@ -124,9 +126,7 @@ class Passes:
             "kick": [*gather, kick(ends=False)],
             "velocities": velocities,
             "turn": turn,
-            "virial": [
-                bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)
-            ],
+            "virial": [bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)],
             "follow": [bodies.following],
         }
         self.lists["end"] = [] if integrator.middle else self.lists["close"]

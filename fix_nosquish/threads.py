@@ -15,7 +15,7 @@ from .block import LANES, LINE
 from .bodies import aligned
 from .compiled import F1, F2, F64, I1, I2, L1, L2, Cell, I, address, call, loop
 
-LEAST = 32  # blocks; with fewer, one thread does all: waking others takes as long
+LEAST = 16  # blocks for each thread; with fewer, one does all: waking others takes as long
 INT = 0xFFFFFFFF  # of what `call` gives, where a function gives an int
 
 
@@ -30,13 +30,14 @@ def work(function: I, tables: L1, results: L1, thread_number: I, team_size: I):
 
 @loop
 def share(
-    blocks: I2, rounds: I1, parts: L2, parallel: I, worker: I, worker_table: I, function: I,
-    whole_table: I, results: L1, sums: F1, copies: F2,
+    blocks: I2, rounds: I1, parts: L2, least: I, parallel: I, worker: I, worker_table: I,
+    function: I, whole_table: I, results: L1, sums: F1, copies: F2,
 ) -> I:  # fmt: skip
     """Run a loop on all threads, each with a part of the blocks that has as many bodies and atoms.
 
     Args:
         parts: (threads, 3) out: the cells of the parts of `blocks`.
+        least: with fewer blocks one thread does all.
         parallel: OpenMP's function that has each thread call another one.
         worker, worker_table: that one, and its cells.
         function, whole_table: the loop, and its cells for all blocks.
@@ -45,7 +46,7 @@ def share(
         the sum of what it returns.
     """
     n, threads, begin = blocks.shape[0] - 1, parts.shape[0], 0
-    if n < LEAST:
+    if n < least:
         return call(function, whole_table)
     total = blocks[n, 0] + rounds[blocks[n, 1]]
     for t in range(threads):
@@ -78,16 +79,20 @@ class Threads:
     Args:
         lammps: the `Lammps`.
         cells: dictionary of the cells that loops are bound to.
+
+    Attributes:
+        size: how many they are.
+        parts: (size, 3), if there are several: the cells of their parts of the blocks.
     """
 
     def __init__(self, lammps, cells):
         self.openmp, self.size = lammps.openmp, lammps.threads
         if self.size > 1:
             rows = cells["block"].array.shape[0]
-            self._parts = np.zeros((self.size, 3), np.int64)
+            self.parts = np.zeros((self.size, 3), np.int64)
             self._own = [
                 {"blocks": Cell(I2, numbers=part), "block": Cell(F64, aligned((rows, LANES)))}
-                for part in self._parts
+                for part in self.parts
             ]
 
     def bind(self, loop, cells, sums="", count=0, **more):
@@ -110,9 +115,10 @@ class Threads:
         tables = np.array([table_of(part) for part in of_parts])
         worker = work.bind(function, tables, results, thread_number, team_size)
         shared = share.bind_to(
-            cells, parts=self._parts, parallel=parallel, worker=worker.func.address,
-            worker_table=table_of(worker), function=function, whole_table=table_of(whole),
-            results=results, sums=cells[sums] if sums else np.empty(0), copies=copies,
+            cells, parts=self.parts, least=LEAST * self.size, parallel=parallel,
+            worker=worker.func.address, worker_table=table_of(worker), function=function,
+            whole_table=table_of(whole), results=results,
+            sums=cells[sums] if sums else np.empty(0), copies=copies,
         )  # fmt: skip
         shared.kept = whole, of_parts, worker
         return shared
