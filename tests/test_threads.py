@@ -44,7 +44,7 @@ FIX = 'fix 1 all python/move "few.{}"'
 MIXTURE = mixture(side=5, spacing=2.9, temperature=2.0)
 BOX = f"{MIXTURE.setup}\n{SMOOTH}timestep 0.004\n"
 GROUPS = "group left molecule 1:40\ngroup middle molecule 41:90\ngroup right molecule 91:124\n"
-SPHERES = f"{particles('dipole')}\nreplicate 2 2 1\ntimestep 0.001\n"
+SPHERES = f"{particles('dipole')}\nreplicate 2 2 2\ntimestep 0.001\n"
 TEMPERATURE, CELL = "all molecule temp 2 2 2e-1", "iso 12e-2 12e-2 2e-1 every"
 # lines before the fix, its words, and whether each body goes its way by itself; else all depend on
 # a sum over them, which is rounded otherwise
