@@ -32,6 +32,7 @@ from . import (
     sharing,
     step,
     thermo,
+    threads,
     turnover,
     virial,
 )
@@ -217,6 +218,8 @@ class Integrator:
         modules = [step, migration, sharing, virial, passes]
         if self.communicator.size > 1 or self.host:
             modules.append(lookup)
+        if self.lammps.threads > 1:
+            modules.append(threads)
         names = [module.__name__ for module in modules]
         compiled.load(
             self.communicator,

@@ -9,7 +9,7 @@ from systems import mixture
 from test_extended import setup as particles
 from test_nvt import SMOOTH
 
-# threads have a part of few bodies, too, where LEAST is 0; the log tells how many blocks each had
+# threads have a part of few bodies, too; and the log tells how many blocks each had last
 FEW = """
 import fix_nosquish
 from fix_nosquish import threads
@@ -34,7 +34,8 @@ END = f"""
 compute       own all stress/atom NULL virial
 dump          end all custom {STEPS} end.* id xu yu zu vx vy vz c_own[1] c_own[5]
 dump_modify   end sort id format float %.17g
-thermo_style  custom step temp pe press f_1
+compute       force all pressure NULL virial
+thermo_style  custom step pe c_force c_force[4] f_1
 thermo        {STEPS // 3}
 thermo_modify format float %.17g norm no
 run           {STEPS}
@@ -64,12 +65,14 @@ CASES = {
 
 @pytest.fixture
 def run(run_lammps, tmp_path):
-    """A function that runs a script on so many threads; it gives the atoms at the end, the thermo
+    """A function that runs a script on so many threads (what the environment says, if ""); it
+    gives the atoms at the end, the thermo
     table, and how many blocks each thread of rank 0 had."""
 
-    def run(threads, script, files=None, **how):
-        files = {"few.py": FEW, **MIXTURE.files, **(files or {})}
-        done = run_lammps(f"package omp {threads}\n{script}", files=files, **how)
+    def run(threads, script, few=FEW, **how):
+        files = {"few.py": few, **MIXTURE.files}
+        first = threads and f"package omp {threads}\n"
+        done = run_lammps(f"{first}{script}", files=files, **how)
         blocks = re.findall(r"BLOCKS (.*)", done.log)
         blocks = [int(number) for number in blocks[-1].split()] if blocks else []
         return np.loadtxt(tmp_path / f"end.{STEPS}", skiprows=9), done.thermo, blocks
@@ -83,15 +86,12 @@ def test_threads_change_no_trajectory(run, name, ranks):
     """Locks out threads that share memory to work with, that leave out bodies or do some twice, or
     that miss the atoms in another periodic image; and sums, as of the virial, that lack a part."""
     before, words, alone = CASES[name]
-    # with spheres, compute temp has less than no degrees of freedom, as beside fix rigid
-    end = END.replace("temp pe press", "pe") if name == "spheres" else END
-    script = f"{before}{FIX.format(words)}{end}"
+    script = f"{before}{FIX.format(words)}{END}"
     atoms, thermo, blocks = run(1, script, ranks=ranks)
     assert not blocks
     for threads in (2, 4) if ranks == 1 else (3,):
         others, other_thermo, blocks = run(threads, script, ranks=ranks)
-        assert len(blocks) == threads, blocks
-        assert sum(number > 0 for number in blocks) > 1
+        assert len(blocks) == threads and sum(number > 0 for number in blocks) > 1, blocks
         if alone:
             np.testing.assert_array_equal(others[:, :7], atoms[:, :7])
         np.testing.assert_allclose(others, atoms, rtol=1e-9, atol=1e-9)
@@ -109,6 +109,16 @@ def test_number_of_threads_changes(run):
     assert not none and len(blocks) == 3
 
 
+def test_fewer_threads_than_asked_for(run):
+    """Locks out bodies that stand still where OpenMP gives fewer threads than LAMMPS counts."""
+    before, words, _ = CASES["nve"]
+    script = f"{before}{FIX.format(words)}{END}"
+    limit = ["env", "OMP_NUM_THREADS=3", "OMP_THREAD_LIMIT=2", *LAUNCHERS["lmp"]]
+    (atoms, *_), (others, _, blocks) = run(1, script), run("", script, launcher=limit)
+    np.testing.assert_array_equal(others[:, :7], atoms[:, :7])
+    assert len(blocks) == 3
+
+
 @pytest.mark.parametrize("molecule", [1, 125])
 def test_what_one_thread_finds_ends_the_run(refused, molecule):
     """Locks out bad forces on a body of one thread, the first or the last, that go unseen."""
@@ -122,7 +132,5 @@ def test_what_one_thread_finds_ends_the_run(refused, molecule):
 def test_few_bodies_have_one_thread(run):
     """Locks out threads that are woken where that takes longer than the bodies do."""
     before, words, _ = CASES["nve"]
-    script = f"{before}{FIX.format(words)}{END}"
-    few = FEW.replace("threads.LEAST = 0", "pass")
-    blocks = run(2, script, files={"few.py": few}, launcher=LAUNCHERS["lmp"])[2]
-    assert blocks == [-1, -1]  # as they were made
+    few = FEW.replace("threads.LEAST = 0", "threads.LEAST = 16")
+    assert run(2, f"{before}{FIX.format(words)}{END}", few=few)[2] == [-1, -1]
