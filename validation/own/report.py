@@ -137,19 +137,20 @@ def _above(point, name, most) -> float:
 
 
 def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
-    """The answer without the targets that no run is long enough for."""
+    """The answer without the target that no run is long enough for, if it is only one."""
     hidden = {
         name: min(bound(one, name) for one in perhaps)
         for name, most in wanted.items()
         if all(bound(one, name) > most for one in perhaps)
     }
     rest = {name: most for name, most in wanted.items() if name not in hidden}
-    best = choose(points, rest).best if hidden and rest else None
+    best = choose(points, rest).best if len(hidden) == 1 and rest else None
     if best:
-        known = ", ".join(f"{name} below {least:.2g}" for name, least in hidden.items())
+        name, least = next(iter(hidden.items()))
         yield (
-            f"Runs so short cannot tell {known}. But for that, {best['label']} with {best['dt']:g} "
-            f"{time} is the fastest within the targets, by {SURE}: {_within(best, rest)}."
+            f"Runs so short cannot tell {name} below {least:.2g}. But for that, {best['label']} "
+            f"with {best['dt']:g} {time} is the fastest within the targets, by {SURE}: "
+            f"{_within(best, rest)}."
         )
 
 
