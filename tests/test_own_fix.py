@@ -117,7 +117,8 @@ def run_water(run_lammps, tmp_path, known):
         key = script, str(launcher), ranks, own_ranks
         if key not in known:
             how = dict(launcher=launcher or debian(ranks), ranks=own_ranks)
-            done = run_lammps(script, files={"data.ice": ice(), "few.py": FEW}, **how)
+            few = FEW.replace("post_run", "final_integrate")  # LAMMPS's own fix does not call that
+            done = run_lammps(script, files={"data.ice": ice(), "few.py": few}, **how)
             known[key] = done, np.loadtxt(tmp_path / "dump.end", skiprows=9)[:, 1:]
         return known[key]
 
@@ -258,7 +259,7 @@ LATER = (
     "atoms at one point",
     "two fixes claim an atom",
     "box changed by a barostat",
-    "box deformed by velocities",
+    "box deformed alone",
     "force that becomes infinite",
     "run that explodes",
     "overlap at the start",
