@@ -86,7 +86,7 @@ class Threads:
     """
 
     def __init__(self, lammps, cells):
-        self.openmp, self.size = lammps.openmp, lammps.threads
+        self._openmp, self.size = lammps.openmp, lammps.threads
         if self.size > 1:
             rows = cells["block"].array.shape[0]
             self.parts = np.zeros((self.size, 3), np.int64)
@@ -105,12 +105,11 @@ class Threads:
         if self.size == 1:
             return whole
         copies = aligned((self.size, count + LINE))
-        added = [{sums: Cell(F1, copy[:count])} if sums else {} for copy in copies]
         of_parts = [
-            loop.bind_to(cells, **own, **sums, **more)
-            for own, sums in zip(self._own, added, strict=True)
+            loop.bind_to(cells, **own, **({sums: Cell(F1, copy[:count])} if sums else {}), **more)
+            for own, copy in zip(self._own, copies, strict=True)
         ]
-        parallel, thread_number, team_size = self.openmp
+        parallel, thread_number, team_size = self._openmp
         function, results = whole.func.address, np.zeros(self.size, np.int64)
         tables = np.array([table_of(part) for part in of_parts])
         worker = work.bind(function, tables, results, thread_number, team_size)
