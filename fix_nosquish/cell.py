@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from .block import IMAGE, Layout, Q, at, take
 from .compiled import F1, F2, L1, I, address, call, inlined, loop
-from .migration import Box
+from .migration import Box, reflag
 from .step import displaced, rotation_matrices
 
 # what can change: three axes, three tilts; matrices are upper triangular, in the order of this
@@ -188,9 +188,7 @@ def flip(state: F2, cell: Barostat, box: Box) -> I:
     for i in range(3):  # the inverse of the flips acts from the left
         inverse[1, i] -= yz * inverse[2, i]
         inverse[0, i] -= xy * inverse[1, i] + xz * inverse[2, i]
-    for b in range(state.shape[1]):
-        state[IMAGE + 1, b] -= yz * state[IMAGE + 2, b]
-        state[IMAGE, b] -= xy * state[IMAGE + 1, b] + xz * state[IMAGE + 2, b]
+    reflag(state, IMAGE, xy, xz, yz)
     tell_box(h, lo, new)
     new[9], new[10], new[11] = xy, xz, yz
     call(cell.flip_box[0], cell.flip_box[1], address(new))

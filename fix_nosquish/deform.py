@@ -10,7 +10,7 @@ from math import floor
 from .block import IMAGE, Images, Layout, Q, X, take
 from .cell import three_of
 from .compiled import F1, F2, F, I, inlined, loop
-from .migration import OF_BODY, Box, faster
+from .migration import OF_BODY, Box, coordinates, faster, reflag, vector
 from .step import move_to_images, place
 
 
@@ -18,22 +18,6 @@ from .step import move_to_images, place
 def edges(told_box):
     """How long a box is along x, y and z."""
     return told_box[3] - told_box[0], told_box[4] - told_box[1], told_box[5] - told_box[2]
-
-
-@inlined
-def coordinates(inverse, x, y, z):
-    """A vector in units of the box vectors."""
-    return (
-        inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z,
-        inverse[1, 1] * y + inverse[1, 2] * z,
-        inverse[2, 2] * z,
-    )
-
-
-@inlined
-def vector(h, u, v, w):
-    """The vector that has these coordinates."""
-    return h[0, 0] * u + h[0, 1] * v + h[0, 2] * w, h[1, 1] * v + h[1, 2] * w, h[2, 2] * w
 
 
 @inlined
@@ -105,14 +89,6 @@ def speed_up(layout: Layout, images: Images, box: Box, atom_v: F2, sign: F):
         atom_v[i, 0] += sign * vx
         atom_v[i, 1] += sign * vy
         atom_v[i, 2] += sign * vz
-
-
-@inlined
-def reflag(images, row, xy, xz, yz):
-    """Count the new vectors in three rows of image flags, from this row on, of each column."""
-    for b in range(images.shape[1]):
-        images[row + 1, b] -= yz * images[row + 2, b]
-        images[row, b] -= xy * images[row + 1, b] + xz * images[row + 2, b]
 
 
 @loop

@@ -393,6 +393,30 @@ def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
 
 
 @inlined
+def coordinates(inverse, x, y, z):
+    """A vector in units of the box vectors."""
+    return (
+        inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z,
+        inverse[1, 1] * y + inverse[1, 2] * z,
+        inverse[2, 2] * z,
+    )
+
+
+@inlined
+def vector(h, u, v, w):
+    """The vector that has these coordinates."""
+    return h[0, 0] * u + h[0, 1] * v + h[0, 2] * w, h[1, 1] * v + h[1, 2] * w, h[2, 2] * w
+
+
+@inlined
+def reflag(images, row, xy, xz, yz):
+    """Count the new vectors in three rows of image flags, from this row on, of each column."""
+    for b in range(images.shape[1]):
+        images[row + 1, b] -= yz * images[row + 2, b]
+        images[row, b] -= xy * images[row + 1, b] + xz * images[row + 2, b]
+
+
+@inlined
 def faster(rate, n1, n2, n3):
     """By how much the image that is so many box vectors away is faster."""
     return (
@@ -408,13 +432,13 @@ def take_into_box(state, box):
     h, inverse, lo, periodic = box.h, box.inverse, box.lo, box.periodic
     for b in range(state.shape[1]):
         x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
-        n1 = periodic[0] * floor(inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z)
-        n2 = periodic[1] * floor(inverse[1, 1] * y + inverse[1, 2] * z)
-        n3 = periodic[2] * floor(inverse[2, 2] * z)
+        u, v, w = coordinates(inverse, x, y, z)
+        n1, n2, n3 = periodic[0] * floor(u), periodic[1] * floor(v), periodic[2] * floor(w)
         if n1 != 0.0 or n2 != 0.0 or n3 != 0.0:
-            state[X, b] -= h[0, 0] * n1 + h[0, 1] * n2 + h[0, 2] * n3
-            state[X + 1, b] -= h[1, 1] * n2 + h[1, 2] * n3
-            state[X + 2, b] -= h[2, 2] * n3
+            x, y, z = vector(h, n1, n2, n3)
+            state[X, b] -= x
+            state[X + 1, b] -= y
+            state[X + 2, b] -= z
             vx, vy, vz = faster(box.rate, n1, n2, n3)
             state[V, b] -= vx
             state[V + 1, b] -= vy
@@ -450,15 +474,9 @@ def settle(layout, bodies, aways, box, atom_x, off):
                     block[ATOM + c, b] = atom_x[i, c] - block[ATOM + c, b]
             for b in range(rounds[r + 1] - j):
                 x, y, z = three(block, ATOM, b)
-                n1 = periodic[0] * floor(
-                    inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z + 0.5
-                )
-                n2 = periodic[1] * floor(inverse[1, 1] * y + inverse[1, 2] * z + 0.5)
-                n3 = periodic[2] * floor(inverse[2, 2] * z + 0.5)
-                write(block, OWN, b, (
-                    h[0, 0] * n1 + h[0, 1] * n2 + h[0, 2] * n3, h[1, 1] * n2 + h[1, 2] * n3,
-                    h[2, 2] * n3,
-                ))  # fmt: skip
+                u, v, w = coordinates(inverse, x, y, z)
+                n1, n2 = periodic[0] * floor(u + 0.5), periodic[1] * floor(v + 0.5)
+                write(block, OWN, b, vector(h, n1, n2, periodic[2] * floor(w + 0.5)))
             for b in range(rounds[r + 1] - j):
                 (x, y, z), (sx, sy, sz) = three(block, ATOM, b), three(block, OWN, b)
                 if sx != 0.0 or sy != 0.0 or sz != 0.0:
