@@ -184,15 +184,10 @@ class Bodies:
 
     # ------------------------------------------------------------- after LAMMPS has moved atoms
 
-    def bind(self, lammps, membership, rate):
-        """Bind the pass that follows the atoms of this LAMMPS.
-
-        Args:
-            rate: see `migration.Box`.
-        """
+    def bind(self, lammps, membership):
+        """Bind the pass that follows the atoms of this LAMMPS."""
         masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         self.cells |= {name: Cell(migration.follow.kinds[name]) for name in migration.Box._fields}
-        self.cells["rate"].set(rate)
         bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
         follows = LOCATE | ARRANGE | NOTE | SETTLE
         self.following = migration.follow.bind_to(bound, what=follows)

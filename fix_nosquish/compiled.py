@@ -408,6 +408,10 @@ class Module:
         return beside, Path(cache, __package__, _hash(str(beside.parent)), beside.name)
 
 
+# LLVM works when all functions are one: see `lower._simplify`
+NUMBA = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+
+
 def in_processes(program, modules):
     """What `lower` or `compile` makes of modules, by their names, in at most four processes.
 
@@ -423,7 +427,7 @@ def in_processes(program, modules):
     processes = [
         subprocess.Popen(
             [sys.executable, "-m", f"{__package__}.{program}", *names],
-            env=os.environ | path,
+            env=os.environ | path | NUMBA,  # a user's module may import numba
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

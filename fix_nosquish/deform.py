@@ -10,8 +10,10 @@ from math import floor
 from .block import IMAGE, Images, Layout, Q, X, take
 from .cell import three_of
 from .compiled import F1, F2, F, I, inlined, loop
-from .migration import OF_BODY, Box, coordinates, faster, reflag, vector
+from .migration import OF_BODY, Box, cartesian, fractional, image_velocity, reflag
 from .step import move_to_images, place
+
+SAME_LATTICE = 1e-9  # of a box vector, by which a tilt may miss the lattice
 
 
 @inlined
@@ -24,7 +26,7 @@ def edges(told_box):
 def images_of(inverse, shift, a):
     """How many box vectors the image is away in which LAMMPS has an atom."""
     x, y, z = three_of(shift[a], 0)
-    u, v, w = coordinates(inverse, x, y, z)
+    u, v, w = fractional(inverse, x, y, z)
     return floor(u + 0.5), floor(v + 0.5), floor(w + 0.5)
 
 
@@ -44,7 +46,7 @@ def know(images, box, told_box):
         box.lo[k] = told_box[k]
     for a in range(shift.shape[0]):
         n1, n2, n3 = three_of(shift[a], 0)
-        shift[a, 0], shift[a, 1], shift[a, 2] = vector(h, n1, n2, n3)
+        shift[a, 0], shift[a, 1], shift[a, 2] = cartesian(h, n1, n2, n3)
 
 
 @loop
@@ -57,10 +59,10 @@ def deform(layout: Layout, images: Images, box: Box, told_box: F1, atom_x: F2):
     lo, state = box.lo, layout.state
     for b in range(state.shape[1]):
         x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
-        state[X, b], state[X + 1, b], state[X + 2, b] = coordinates(box.inverse, x, y, z)
+        state[X, b], state[X + 1, b], state[X + 2, b] = fractional(box.inverse, x, y, z)
     know(images, box, told_box)
     for b in range(state.shape[1]):
-        x, y, z = vector(box.h, state[X, b], state[X + 1, b], state[X + 2, b])
+        x, y, z = cartesian(box.h, state[X, b], state[X + 1, b], state[X + 2, b])
         state[X, b], state[X + 1, b], state[X + 2, b] = lo[0] + x, lo[1] + y, lo[2] + z
     for k in range(layout.blocks.shape[0] - 1):
         take(layout, k, X, Q + 4, X)
@@ -85,7 +87,7 @@ def speed_up(layout: Layout, images: Images, box: Box, atom_v: F2, sign: F):
     for a in range(images.aways[0]):
         i = layout.index[images.away[a]]
         n1, n2, n3 = images_of(box.inverse, images.shift, a)
-        vx, vy, vz = faster(box.rate, n1, n2, n3)
+        vx, vy, vz = image_velocity(box.rate, n1, n2, n3)
         atom_v[i, 0] += sign * vx
         atom_v[i, 1] += sign * vy
         atom_v[i, 2] += sign * vz
@@ -105,9 +107,12 @@ def flipped(layout: Layout, images: Images, box: Box, told_box: F1, arrived: F2)
     xx, yy, zz = edges(told_box)
     if xx != h[0, 0] or yy != h[1, 1] or zz != h[2, 2]:
         return 1
-    xy = floor((told_box[6] - h[0, 1]) / xx + 0.5)
-    yz = floor((told_box[8] - h[1, 2]) / yy + 0.5)
-    xz = floor((told_box[7] - h[0, 2] - yz * h[0, 1]) / xx + 0.5)
+    u, v = (told_box[6] - h[0, 1]) / xx, (told_box[8] - h[1, 2]) / yy
+    xy, yz = floor(u + 0.5), floor(v + 0.5)
+    w = (told_box[7] - h[0, 2] - yz * h[0, 1]) / xx
+    xz = floor(w + 0.5)
+    if not max(abs(u - xy), max(abs(v - yz), abs(w - xz))) < SAME_LATTICE:
+        return 1
     reflag(layout.state, IMAGE, xy, xz, yz)
     reflag(arrived.T, OF_BODY + IMAGE, xy, xz, yz)
     know(images, box, told_box)

@@ -41,8 +41,8 @@ class Host(Protocol):
         told_box: (9,) what the passes `deform` and `flipped` take; None where LAMMPS does not call
             them.
         rate: (6,) how fast the box vectors' components change by fix deform, xx yy zz yz xz xy.
-        streams: the bit of the group whose velocities change at periodic faces by these rates, as
-            with its remap v; 0 for none.
+        stream_group: the bit of the group whose velocities change at periodic faces by these rates,
+            as with its remap v; 0 for none.
         command: the words of LAMMPS's last command; none where they are not known.
     """
 
@@ -69,7 +69,7 @@ class Host(Protocol):
     flip_box: np.ndarray | None
     told_box: np.ndarray | None
     rate: np.ndarray | None
-    streams: int
+    stream_group: int
     turn_atom: np.ndarray | None
     command: Sequence[str]
 

@@ -182,6 +182,7 @@ class Integrator:
         if not vars(cls).keys().isdisjoint(("splitting", "operations", "rows", "starts")):
             cls.advance, cls.go_on, cls.kick = step.make_loops(cls)
             cls.start = cls.starts and step.make_start(cls)
+            cls.crosses = vars(cls).get("crosses", False)  # of each motion by itself
 
     def own_parameters(self):
         return ()
@@ -345,6 +346,8 @@ class Integrator:
                 self._take_velocities()
             self.passes.do("turn")
             self.set_velocities()
+            if self.streams and not self.lammps.running:  # but a file is written, between runs
+                self._set_plain_velocities()
         self._refuse_second_integrator()
         self.reset_dt()
         self.reports.open()
@@ -372,7 +375,7 @@ class Integrator:
         changes = [fix for fix in fixes if fix.box_change]
         deforms = changes and self.respa_dt is None and all(map(_deforms, changes))
         self.told_box = self.host.told_box if deforms and not self.every else None
-        self.streams = self.told_box is not None and bool(self.host.streams)
+        self.streams = self.told_box is not None and bool(self.host.stream_group)
         if self.told_box is not None:
             compiled.load(self.communicator, deform.__name__)
         self._box_may_change = unknown or (bool(changes) and self.told_box is None)
@@ -398,7 +401,7 @@ class Integrator:
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
-        bodies.bind(self.lammps, self.membership, self.host.rate if self.streams else np.zeros(6))
+        bodies.bind(self.lammps, self.membership)
         self.host.carry(self.lammps, bodies)
         self.host.point()
         bodies.note()
@@ -422,11 +425,14 @@ class Integrator:
             return None
         found = self.host.gravity(name)
         problem = (
-            "with run_style respa: use fix gravity without its word disable"
+            "hybrid Monte Carlo and keyword shadow, whose energy would lack the weight's: "
+            f"use fix {name} without its word disable, and fix_modify {name} energy yes"
+            if self.needs_energy
+            else "with run_style respa: use fix gravity without its word disable"
             if self.lammps.respa_dt is not None
             else "with a LAMMPS's own fix python/move: use fix gravity without its word disable"
             if not self.host.follows
-            else f"for '{name}', which is no fix gravity: define that first"
+            else f"for '{name}', which is no fix gravity that stands before this fix"
             if found is None
             else None
         )
@@ -445,8 +451,8 @@ class Integrator:
                 "shadow, and fix langevin with fix_modify temp for a temperature",
                 everywhere=True,
             )
-        atoms = self.membership.atoms()
-        if self.communicator.any((self.lammps.groups[atoms] & self.host.streams == 0).any()):
+        atoms, streams = self.membership.atoms(), self.host.stream_group & 0xFFFFFFFF
+        if self.communicator.any((self.lammps.groups[atoms] & streams == 0).any()):
             raise RunError(
                 "fix deform has remap v for a group that lacks atoms of the bodies: "
                 "give it group all",
@@ -455,6 +461,7 @@ class Integrator:
 
     def _bind(self):
         self.gravity = self._weight()
+        self.bodies.cells["rate"].set(self.host.rate if self.streams else np.zeros(6))
         own = [0.0] * PARAMETERS
         own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
         self.mask = self._switches.mask(self.bodies)
@@ -548,7 +555,8 @@ class Integrator:
             self.start.bind_to(self.passes.cells)()
         self._started = True
         if self._ran and not self.command.reinit:
-            self._say_ignored("reinit no")
+            if not self.streams:  # where LAMMPS has just taken an atom into the box, it is faster
+                self._say_ignored("reinit no")
             self.set_velocities()
         self.phase, self._ran = self.ended, True
         if vflag:
@@ -699,8 +707,8 @@ class Integrator:
             self._refuse_new_box(self.lammps.box.periodic)
             self.host.point()
             self.bodies.refuse_moved_atoms(self.lammps)
-            self.phase = self.ended
             self._say_ignored("pre no")
+            self.phase = self.ended
         elif self.late:
             self.take_changed_velocities(self.lammps.step - 1)
         self.host.vflag = vflag
@@ -787,6 +795,10 @@ class Integrator:
         self.passes.do("velocities")
         self.host.velocities_set = self.phase != Phase.HALF
 
+    def _set_plain_velocities(self):
+        """As `set_velocities`, but of the body itself, in whatever image of it an atom is."""
+        step.set_velocities.bind_to(self.passes.cells)()
+
     def _velocities_changed(self):
         """Whether the atoms' velocities are not those of the bodies, on any rank; collective."""
         index, v = self.bodies.index, self.lammps.per_atom("v", columns=3)
@@ -836,7 +848,7 @@ class Integrator:
             self.take_changed_velocities(self.lammps.step)
             if self.streams:  # a body has one velocity between runs, wherever its atoms are
                 self.bodies.settle(self.lammps)
-                step.set_velocities.bind_to(self.passes.cells)()
+                self._set_plain_velocities()
             self.reports.forget()
             self.phase = Phase.OVER
 

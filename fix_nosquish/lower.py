@@ -11,16 +11,15 @@ import gc
 import math
 import os
 
-# LLVM works when all functions are one: see `_simplify`
-os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+from . import compiled
+
+os.environ |= compiled.NUMBA  # before numba is imported
 
 from llvmlite import binding as llvm
 from llvmlite import ir
 from numba import carray, cfunc, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic, overload
-
-from . import compiled
 
 CELLS = types.CPointer(types.CPointer(types.int64))
 OPTIONS = {

@@ -393,8 +393,8 @@ def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
 
 
 @inlined
-def coordinates(inverse, x, y, z):
-    """A vector in units of the box vectors."""
+def fractional(inverse, x, y, z):
+    """The fractional coordinates of a vector: in units of the box vectors."""
     return (
         inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z,
         inverse[1, 1] * y + inverse[1, 2] * z,
@@ -403,8 +403,8 @@ def coordinates(inverse, x, y, z):
 
 
 @inlined
-def vector(h, u, v, w):
-    """The vector that has these coordinates."""
+def cartesian(h, u, v, w):
+    """The vector that has these fractional coordinates."""
     return h[0, 0] * u + h[0, 1] * v + h[0, 2] * w, h[1, 1] * v + h[1, 2] * w, h[2, 2] * w
 
 
@@ -417,8 +417,8 @@ def reflag(images, row, xy, xz, yz):
 
 
 @inlined
-def faster(rate, n1, n2, n3):
-    """By how much the image that is so many box vectors away is faster."""
+def image_velocity(rate, n1, n2, n3):
+    """The velocity of the image that is so many box vectors away, less that of the box itself."""
     return (
         rate[0] * n1 + rate[5] * n2 + rate[4] * n3,
         rate[1] * n2 + rate[3] * n3,
@@ -432,14 +432,14 @@ def take_into_box(state, box):
     h, inverse, lo, periodic = box.h, box.inverse, box.lo, box.periodic
     for b in range(state.shape[1]):
         x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
-        u, v, w = coordinates(inverse, x, y, z)
+        u, v, w = fractional(inverse, x, y, z)
         n1, n2, n3 = periodic[0] * floor(u), periodic[1] * floor(v), periodic[2] * floor(w)
         if n1 != 0.0 or n2 != 0.0 or n3 != 0.0:
-            x, y, z = vector(h, n1, n2, n3)
+            x, y, z = cartesian(h, n1, n2, n3)
             state[X, b] -= x
             state[X + 1, b] -= y
             state[X + 2, b] -= z
-            vx, vy, vz = faster(box.rate, n1, n2, n3)
+            vx, vy, vz = image_velocity(box.rate, n1, n2, n3)
             state[V, b] -= vx
             state[V + 1, b] -= vy
             state[V + 2, b] -= vz
@@ -474,9 +474,9 @@ def settle(layout, bodies, aways, box, atom_x, off):
                     block[ATOM + c, b] = atom_x[i, c] - block[ATOM + c, b]
             for b in range(rounds[r + 1] - j):
                 x, y, z = three(block, ATOM, b)
-                u, v, w = coordinates(inverse, x, y, z)
+                u, v, w = fractional(inverse, x, y, z)
                 n1, n2 = periodic[0] * floor(u + 0.5), periodic[1] * floor(v + 0.5)
-                write(block, OWN, b, vector(h, n1, n2, periodic[2] * floor(w + 0.5)))
+                write(block, OWN, b, cartesian(h, n1, n2, periodic[2] * floor(w + 0.5)))
             for b in range(rounds[r + 1] - j):
                 (x, y, z), (sx, sy, sz) = three(block, ATOM, b), three(block, OWN, b)
                 if sx != 0.0 or sy != 0.0 or sz != 0.0:

@@ -24,7 +24,7 @@ class OwnFix:
 
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
     begins = energy_step = stop = turn_atom = rate = None
-    streams = 0
+    stream_group = 0
     calls_setup = follows = velocities_set = False
     command = ()  # not known
     ghost_velocity = True  # not known: velocities at the half step may be read

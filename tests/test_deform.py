@@ -74,6 +74,7 @@ def test_shapes_stay(run_lammps, tmp_path, words, ranks):
     "words, change, says",
     [
         ("NVE all molecule", "all deform 1 x erate 0.3 remap none", "with its remap x or v"),
+        ("NVE all molecule", "all deform 1 xy erate 0.01 remap none", "with its remap x or v"),
         ("NVE all molecule", "all deform 1 xy wiggle 1 5 remap v", "bodies follow constant ones"),
         ("NVE all molecule", "some deform 1 xy erate 0.3 remap v", "lacks atoms of the bodies"),
         ("NVE all molecule shadow 5", "all deform 1 xy erate 0.3 remap v", "does not do so"),
@@ -82,11 +83,17 @@ def test_shapes_stay(run_lammps, tmp_path, words, ranks):
             "all deform 1 xy erate 0.3 remap v",
             "Langevin does not do so",
         ),
+        (
+            "MatubayasiNakahara all molecule",
+            "all deform 1 xy erate 0.3 remap v",
+            "MatubayasiNakahara does not do so",
+        ),
     ],
-    ids=["none", "wiggle", "group", "shadow", "NVT"],
+    ids=["none", "tilt", "wiggle", "group", "shadow", "NVT", "derived"],
 )
 def test_other_changes_are_refused(refused, words, change, says):
-    """Locks out bodies that stay behind the box, or do not go as its images do."""
+    """Locks out bodies that stay behind the box, or do not go as its images do: also where the
+    change is taken for one to other vectors of the lattice, or the class is derived from NVE."""
     system = mixture(side=3, spacing=2.9, tilt=0.1)
     script = f"{system.setup}\n{SMOOTH}group some id 1 2\ntimestep 0.004\n"
     script += f'fix 1 all python/move "fix_nosquish.{words}"\nfix box {change}\nrun 1000\n'

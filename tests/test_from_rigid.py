@@ -184,6 +184,16 @@ def test_bodyforces_early(both, ranks):
     assert np.abs(ours["KinEng"][2] / plain["KinEng"][2] - 1) > 1e-4
 
 
+def test_bodyforces_early_in_runs_in_a_row(both):
+    """Locks out forces of fixes behind this one in the half step that one run leaves to the next,
+    where that does not compute the forces anew."""
+    fix = 'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 1 seed 5"'
+    early = f"{fix}\n{PUSH}fix_modify 1 bodyforces early\n{THERMO.format('')}"
+    one, other = both(f"{early}run 20 pre yes\nrun 20 pre no", f"{early}run 40")
+    for name in "PotEng", "KinEng":
+        assert one[name][-1] == pytest.approx(other[name][-1], rel=1e-12)
+
+
 @pytest.mark.parametrize(
     "word, says",
     [("soon", "bodyforces soon: expected early or late"), ("early", "not for run_style respa")],
@@ -223,16 +233,25 @@ def test_gravity(both, disable, ranks):
     assert np.ptp(tables[0]["KinEng"] + tables[0]["PotEng"]) > 1
 
 
+GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable"
+
+
 @pytest.mark.parametrize(
-    "name, respa, says",
-    [("h", "", "'h', which is no fix gravity"), ("g", "run_style respa 2 2 pair 1\n", "run_style")],
-    ids=["none", "respa"],
+    "before, words, after, says",
+    [
+        (GRAVITY, "NVE all molecule gravity h", "", "'h', which is no fix gravity"),
+        ("", "NVE all molecule gravity g", GRAVITY, "that stands before this fix"),
+        (f"{GRAVITY}\nrun_style respa 2 2 pair 1", "NVE all molecule gravity g", "", "run_style"),
+        (GRAVITY, "NVE all molecule gravity g shadow 5", "", "fix_modify g energy yes"),
+        (GRAVITY, "HMC all molecule temp 1 steps 1 seed 5 gravity g", "", "fix_modify g energy"),
+    ],
+    ids=["none", "behind", "respa", "shadow", "HMC"],
 )
-def test_gravity_that_is_refused(refused, system, name, respa, says):
-    """Locks out bodies without the weight that is asked for, or with that of several levels."""
-    line = f'{OURS[:-1]} gravity {name}"'
-    script = f"{system.setup}\nfix g all gravity 1 vector 0 0 -1 disable\n{respa}{line}\nrun 0\n"
-    refused(script, says, system.files)
+def test_gravity_that_is_refused(refused, system, before, words, after, says):
+    """Locks out bodies without the weight that is asked for, or with that of several levels, and a
+    test of an energy without that of the weight."""
+    line = f'fix 1 all python/move "fix_nosquish.{words}"'
+    refused(f"{system.setup}\n{before}\n{line}\n{after}\nrun 0\n", says, system.files)
 
 
 @pytest.mark.parametrize("suffix", ["omp", "opt"])

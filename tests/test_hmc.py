@@ -83,17 +83,17 @@ def test_rejected(run_lammps, tmp_path, case, ranks):
         system = mixture("planar pair row single", side=4, spacing=2.9, dimension=2)
     else:
         system = mixture(side=3, spacing=2.9, tilt=0.3 if case == "tilt" else 0.0)
-    words = "temp 400 steps 800 seed 7 mix v_none"
+    words = "temp 400 steps 400 seed 7 mix v_none"
     before, group, flat = "", "all", ""
     if case == "points":
         before, group, words = POINTS, "stiff", f"{words} points loose"
     if case == "plane":
         flat = "fix 2 all enforce2d\n"
-    words = fix(words, "mine.Rejects", group) + flat + thermo("press f_1[1] f_1[7]", 400)
+    words = fix(words, "mine.Rejects", group) + flat + thermo("press f_1[1] f_1[7]", 200)
     away_from_faces = f"displace_atoms all move 0.1 0.1 {0.0 if flat else 0.1}\n"
     script = f"{system.setup}\n{away_from_faces}{SMOOTH}{before}velocity all create 400 9\n"
     script += "fix push all addforce 0.3 0 0\nfix_modify push energy yes\n"
-    script += f"timestep 0.001\n{words}{dump(400)}run 800\n"
+    script += f"timestep 0.0015\n{words}{dump(200)}run 400\n"
     done = run_lammps(script, files=system.files | {"mine.py": MINE}, ranks=ranks)
     start, away, end = frames(tmp_path)
     of_start, of_away, of_end = done.thermo

@@ -377,6 +377,8 @@ def test_time_that_others_had_is_no_cost(tmp_path, monkeypatch):
 def test_the_verb_runs(tmp_path, monkeypatch):
     """Locks out a verb that fails, runs that are done twice, a folder that forgets what an earlier
     command has left, and a Ctrl-C that loses it."""
+    monkeypatch.setattr(runs, "ROUNDS", 2)
+    monkeypatch.setattr(runs, "SECONDS", 0.02)
     words = ["sampling", "water", "--ps", "0.05", "--out", str(tmp_path), "--only"]
     assert __main__.main([*words, "langevin-20", "shake+langevin", "hmc", "--dt", "1,2"]) == 0
     files = {path.name for path in tmp_path.iterdir()}

@@ -110,3 +110,40 @@ def test_shapes_stay(flow):
         one, two = (x[system.molecule == k] for x in (start, end))
         gaps = [np.linalg.norm(x[:, None] - x, axis=2) for x in (one, two)]
         assert np.abs(gaps[0] - gaps[1]).max() < 1e-10
+
+
+@pytest.fixture
+def ends(run_lammps, tmp_path):
+    """A function that runs lines with bodies that faces cut, and gives where atoms are and their
+    velocities in the last step."""
+    system = mixture("solid planar pair single", side=3, spacing=2.2, tilt=0.1)
+
+    def run(lines):
+        script = f"{system.setup}\n{SMOOTH}velocity all create 4 9\ntimestep 0.002\n{lines}"
+        log = run_lammps(script, files=system.files).log
+        assert "without effect" not in log and "not rigid motion" not in log.rpartition("PART")[2]
+        last = (tmp_path / "end").read_text().split("ITEM: ATOMS")[-1]
+        return np.loadtxt(last.splitlines()[1:])[:, 3:]
+
+    return run
+
+
+@pytest.mark.parametrize("first, then", [("", "v"), ("v", "x")])
+def test_each_run_has_its_own_rates(ends, first, then):
+    """Locks out the rates of an earlier run where the bodies are not made anew, and a word on
+    changed velocities that nobody has changed."""
+    flow = "fix box all deform 1 xy erate 0.5 remap {}\n"
+    begin = flow.format(first) + "run 40\nunfix box\n" if first else "run 40\n"
+    found = []
+    for reinit in "yes", "no":
+        lines = f'{OURS[:-2]} reinit {reinit}"\n{begin}print PART\n{flow.format(then)}'
+        found.append(ends(lines + KEPT.format(20) + "run 60\n"))
+    assert np.abs(found[0] - found[1]).max() < 1e-9
+
+
+@pytest.mark.parametrize("more", ["pre no", "every 25 'write_restart kept'"])
+def test_runs_in_a_row(ends, more):
+    """Locks out velocities of images that a file, or the next run, takes for the bodies' own."""
+    lines = f"{FLOW.format(0.5)}{OURS}{KEPT.format(25)}run 25\nprint PART\n"
+    alone, together = (ends(f"{lines}run {words}\n") for words in ("75", f"75 {more}"))
+    assert np.abs(alone - together).max() < 1e-9

@@ -83,7 +83,7 @@ def test_shapes_of_a_box(run_lammps, words):
         f"fix_nosquish.NPT all molecule temp {KT:g} {KT:g} 5e-1 seed 771 tri 0 0 1 every 2 {words}"
     )
     script = f'{setup}fix 1 all python/move "{line}"\n' + thermo("lx ly lz xy xz yz", 300)
-    rows = run_lammps(f"{script}run 60000\n", files=files, timeout=600).thermo[10:]
+    rows = run_lammps(f"{script}run 40000\n", files=files, timeout=600).thermo[10:]
     for k, name in enumerate(("Lx", "Ly", "Lz")):
         free = power + 1 - k
         squares = stiff * rows[name] ** 2

@@ -102,7 +102,7 @@ struct Bridge {
   double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
   double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform and flipped
   double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
-  int32_t streams;     // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
+  int32_t stream_group;    // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
   int64_t *arrays;    // cells for LAMMPS's arrays
   const int64_t *index;    // cells of the bodies; null if there are none
   const int64_t *body_of;
@@ -134,7 +134,7 @@ struct Bridge {
   int (*initial_integrate_respa)(int vflag, int ilevel, int iloop);
   int (*final_integrate_respa)(int ilevel, int iloop);
   int (*reset_dt)();
-  int (*end_of_step)();    // with run_style respa only
+  int (*end_of_step)();    // called with run_style respa only
   int (*post_run)();
   int (*write_restart_file)(const char *name);
   int (*write_restart)();    // have restart_state ready

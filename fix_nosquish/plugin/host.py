@@ -69,7 +69,7 @@ class Host:
     vflag, changes = _shared("vflag", int), _shared("changes", int)
     changes_box = _shared("changes_box", int)
     begins, energy_step = _shared("begins", int), _shared("energy_step", int)
-    streams = _shared("streams", int)
+    stream_group = _shared("stream_group", int)
     renews, energy = _shared("renews", int), _shared("energy", float)
     ghost_velocity = _asked("ghost_velocity")
 

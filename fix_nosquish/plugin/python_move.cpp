@@ -283,8 +283,10 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.gravity = [](void *fix, const char *other) {
     int dimension;
-    Fix *found = self(fix)->modify->get_fix_by_id(other);
-    return reinterpret_cast<int64_t>(found ? found->extract("gvec", dimension) : nullptr);
+    Modify &all = *self(fix)->modify;
+    const int at = all.find_fix(other);    // behind this fix it does not know its variables' values when this one begins
+    const bool before = at >= 0 && at < all.find_fix(self(fix)->id);
+    return reinterpret_cast<int64_t>(before ? all.fix[at]->extract("gvec", dimension) : nullptr);
   };
   bridge.rate = domain->h_rate;
   bridge.forces_virial = forces_virial;
@@ -396,8 +398,8 @@ void FixPythonMove::init()
     error->all(FLERR, problem("its class has no methods for run_style respa"));
   if (respa && early) error->all(FLERR, problem("bodyforces early is not for run_style respa: use run_style verlet"));
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
-  bridge.streams = domain->deform_vremap ? domain->deform_groupbit : 0;
-  if (bridge.streams) {
+  bridge.stream_group = domain->deform_vremap ? domain->deform_groupbit : 0;
+  if (bridge.stream_group) {
     for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it finds its rates, perhaps behind this fix
     std::copy_n(domain->h_rate, 6, kept_rate);
   }
@@ -546,7 +548,7 @@ void *FixPythonMove::extract(const char *name, int &dim)
   return nullptr;
 }
 
-// Verlet needs no such call: its final_integrate is as late.
+// Verlet ends its step in final_integrate, but fix deform changes the box behind that.
 
 void FixPythonMove::end_of_step()
 {
@@ -615,7 +617,7 @@ void FixPythonMove::tell_box()
 
 void FixPythonMove::stream_with_box()
 {
-  if (!bridge.streams || !bridge.deform || box() == kept_box) return;
+  if (!bridge.stream_group || !bridge.deform || box() == kept_box) return;
   if (!std::equal(kept_rate, kept_rate + 6, domain->h_rate))
     error->all(FLERR, problem("fix deform has other rates now than when the run began: with remap v bodies follow constant ones, "
                               "as of erate, vel, delta, scale or final"));
@@ -696,10 +698,14 @@ void FixPythonMove::point()
 {
   const int64_t n = atom->nlocal, width = bridge.carries;
   auto vectors = [this, n](int cell, double **array) { set_cell(cell, array && n ? array[0] : nullptr, array ? n : 0, 3); };
+  auto forces = [this, n, vectors](int cell, std::vector<double> &kept, double **array) {
+    if (early && array && n && (int64_t) kept.size() == 3 * n) set_cell(cell, kept.data(), n, 3);
+    else vectors(cell, array);
+  };
   vectors(X, atom->x);
   vectors(V, atom->v);
-  vectors(F, atom->f);
-  vectors(TORQUE, atom->torque);
+  forces(F, early_force, atom->f);
+  forces(TORQUE, early_torque, atom->torque);
   vectors(OMEGA, atom->omega);
   set_cell(GROUPS, atom->mask, n, 0);
   set_cell(ORIGINS, origin, n, 0);

@@ -369,7 +369,8 @@ def _rows(own, every, found, held, wanted) -> list[dict]:
             alike = {
                 other.dt: said for other, said in numbers.items() if other.integrator is integrator
             }
-            signed = _errors(own, one.dt, alike, numbers.get(held), one == held)
+            finer = held.dt if held.integrator is integrator else 0.0
+            signed = _errors(own, one.dt, alike, numbers.get(held), finer, one == held)
             row["signed"] = {name: error.plain() for name, error in signed.items()}
             row["errors"] = {
                 name: Estimate(abs(error.value), error.error, error.freedom).plain()
@@ -438,7 +439,9 @@ def _kinds(own, moving, turning) -> list[Estimate]:
     return [measures.mean(one / kelvin) for one in series]
 
 
-def by_law(dt: float, found: Mapping[float, Estimate], held: Estimate = NONE) -> Estimate:
+def by_law(
+    dt: float, found: Mapping[float, Estimate], held: Estimate = NONE, finer: float = 0.0
+) -> Estimate:
     """An error that grows as the square of the time step: from the run with this step, and from
     those with longer ones.
 
@@ -449,10 +452,11 @@ def by_law(dt: float, found: Mapping[float, Estimate], held: Estimate = NONE) ->
 
     Args:
         found: of each step the mean.
-        held: what the mean would be without an error.
+        held: what the mean would be without an error, or, of the same integrator, with a step that
+            is so much ``finer``.
     """
-    steps = sorted(other for other in found if other >= dt)
-    factors = np.array([(dt / other) ** 2 for other in steps])
+    steps = sorted(other for other in found if other >= dt and other != finer)
+    factors = np.array([dt**2 / (other**2 - finer**2) for other in steps])
     off = factors * [found[other].value - held.value for other in steps]
     errors = factors * [_normal(found[other]) for other in steps]
     every = np.hypot(errors, factors * _normal(held))
@@ -467,7 +471,7 @@ def by_law(dt: float, found: Mapping[float, Estimate], held: Estimate = NONE) ->
         if special.chdtrc(number - 1, chi) > 1 - CONFIDENCE:
             shared = weights @ factors[:number] * _normal(held)
             return Estimate(float(mean), float(np.hypot(own, shared)))
-    return measures.difference(found[dt], held)
+    return measures.difference(found[dt], held).times(float(factors[0]))
 
 
 def _normal(one: Estimate) -> float:
@@ -475,11 +479,12 @@ def _normal(one: Estimate) -> float:
     return one.margin / margin(1.0)
 
 
-def _errors(own, dt, alike, held, is_reference) -> dict[str, Estimate]:
+def _errors(own, dt, alike, held, finer, is_reference) -> dict[str, Estimate]:
     """By the names of `TARGETS`; of the reference only what needs no other.
 
     Args:
         alike: of each step of this integrator what `_numbers` says.
+        held, finer: see `by_law`.
     """
     mine, energy = alike[dt], shapes.thermal(own)
     per = NS.get(own.scene.units, 1e3)
@@ -512,7 +517,7 @@ def _errors(own, dt, alike, held, is_reference) -> dict[str, Estimate]:
         if name in mine:
             scale = energy if name == "potential" else held[name].value
             means = {other: numbers[name] for other, numbers in alike.items()}
-            found[name] = by_law(dt, means, held[name]).times(1 / scale)
+            found[name] = by_law(dt, means, held[name], finer).times(1 / scale)
     if "rdf" in mine and mine["rdf"].shape == held["rdf"].shape:
         found["rdf"] = measures.without_noise(mine["rdf"] - held["rdf"])
     return found
