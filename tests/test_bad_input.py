@@ -136,7 +136,19 @@ CASES = {
         ("v_body", "too large an ID", "2^52"),
         before="variable body atom 1e20*(id-9)",
     ),
+    "variable that one rank cannot evaluate": Case(
+        "all custom v_body",
+        ("variable body cannot be evaluated",),
+        before="variable body atom 10/(id-5)",
+    ),
     # the atoms
+    "atoms without IDs": Case(
+        "some molecule points loose",
+        ("needs atom IDs", "atom_modify id no"),
+        before="clear\natom_style atomic\natom_modify id no map none\nregion r block 0 9 0 9 0 9\n"
+        "create_box 1 r\ncreate_atoms 1 random 20 5 NULL\nmass 1 1\npair_style zero 2\n"
+        "pair_coeff * *\ngroup some empty\ngroup loose union all",
+    ),
     "group deleted between runs": Case(
         "all group 2 a b",
         ("no group 'a'", "define it before the fix"),

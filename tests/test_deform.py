@@ -100,6 +100,15 @@ def test_other_changes_are_refused(refused, words, change, says):
     refused(script, says, system.files)
 
 
+def test_a_box_that_was_deformed_is_known(run_lammps):
+    """Locks out the refusal of a box with which the bodies moved, in a run that keeps them."""
+    system = mixture(side=3, spacing=2.9, tilt=0.1)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n"
+    script += 'fix 1 all python/move "fix_nosquish.NVE all molecule reinit no"\n'
+    script += "fix box all deform 1 x erate 0.1 remap x\nrun 50\nunfix box\nrun 50\n"
+    run_lammps(script, files=system.files)
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_flips(simulate, ranks):
     """Locks out bodies that lose their image where fix deform takes other box vectors: they go as

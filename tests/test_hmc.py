@@ -319,6 +319,29 @@ def test_refused(refused, other, says, ranks):
     refused(f"{system.setup}\n{groups}{other}\n{words}run 10\n", says, system.files, ranks=ranks)
 
 
+@pytest.mark.parametrize(
+    ("runs", "says"),
+    [
+        ("run 15 pre no", "the run ends in step 35, within a trajectory"),
+        ("reset_timestep 0\nrun 20 pre no", "step 1 does not follow the last trajectory"),
+    ],
+)
+def test_runs_that_go_on_are_refused(refused, runs, says):
+    """Locks out steps that are not tested, where a run goes on without anything anew."""
+    system = mixture(side=2)
+    words = fix("temp 2 steps 10 seed 5")
+    refused(f"{system.setup}\n{words}run 20\n{runs}\n", says, system.files)
+
+
+def test_a_run_that_is_halted(run_lammps):
+    """Locks out steps without a test and without a word, where another fix ends the run."""
+    system = mixture(side=2)
+    halt = "variable now equal step\nfix 2 all halt 5 v_now >= 15 error continue\n"
+    words = fix("temp 2 steps 10 seed 5")
+    done = run_lammps(f"{system.setup}\n{words}{halt}run 40\n", files=system.files)
+    assert "WARNING: the run has ended in step 15, within a trajectory" in done.log
+
+
 def test_others_that_are_harmless(run_lammps):
     """Locks out the refusal of fixes that only read, or whose energy is tested."""
     system = mixture(side=2)

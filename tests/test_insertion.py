@@ -178,6 +178,14 @@ def test_table_and_switches(compared, tmp_path):
     assert [(steps == step).sum() for step in (0, 50, 100, 150)] == [4, 11, 16, 16]
 
 
+def test_thermostat_beside_switches(compared):
+    """Locks out degrees of freedom of the bodies that there were, where forces of one are off."""
+    words = "temp 1 1 1e-1 seed 4928 thermostat csvr force 1 off off off"
+    fix = f'fix 1 mols python/move "fix_nosquish.NVT mols molecule mol bent {words}"'
+    ((thermo, _),) = compared(fix, changes=DEPOSIT, run="run 150", first=MOLECULES.format(4))
+    assert thermo["Atoms"][-1] > thermo["Atoms"][0]
+
+
 # the same, of spheres
 SPHERES = (
     MOLECULE.replace("3 2\n", "3 1\n").replace("2 2\n", "2 1\n")

@@ -135,6 +135,19 @@ def test_areas_of_a_gas(run_lammps):
     assert stats.kstest(rows["Volume"], "gamma", (9 + 1, 0, 2.0 / 0.35)).pvalue > 1e-3
 
 
+def test_files_before_bodies_move(run_lammps, tmp_path):
+    """Locks out a data file that cannot be written before there is a temperature, and a piston
+    whose inertia is that of another one than when the run begins."""
+    system = mixture(side=2, spacing=2.9)
+    begin = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix('NPH')}"
+    heat, ends = "velocity all set 0 0 0\nWRITEvelocity all create 2 7 loop geom\n", []
+    for write in "", "write_data early\n":
+        script = f"{begin}{heat.replace('WRITE', write)}run 50\n{DUMP.format('end')}"
+        run_lammps(script, files=system.files)
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_allclose(*ends, rtol=1e-9, atol=1e-9)
+
+
 def test_what_is_not_of_this_step(refused):
     """Locks out a virial of another step, after a change of the step's number."""
     system = mixture(side=2, spacing=2.9)

@@ -139,6 +139,21 @@ def test_continued(run_lammps, tmp_path):
     assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
 
 
+def test_forces_that_the_virial_lacks(run_lammps):
+    """Locks out a box that follows a pressure without what a field does within bodies, and says
+    nothing."""
+    system = mixture("pair", side=2)
+    field = "variable pull atom 5.0*(-1)^id\nfix 2 all addforce v_pull 0 0\n"
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{field}{fix('seed 5')}"
+    told = {
+        words: run_lammps(f"{script}{words}run 10\n", files=system.files).log
+        for words in ("", "fix_modify 2 virial yes\n")
+    }
+    says = "WARNING: fix 2 (style addforce) changes forces, and the virial lacks these"
+    assert [log.count(says) for log in told.values()] == [1, 0]
+    assert "use 'fix_modify 2 virial yes'" in told[""]
+
+
 @pytest.mark.parametrize(
     ("lines", "says"),
     [
@@ -149,6 +164,11 @@ def test_continued(run_lammps, tmp_path):
         ("group loose molecule 1\ngroup stiff subtract all loose", "atoms are in no body"),
         ("change_box all boundary p p f", "there is no pressure along z, which is not periodic"),
         ("run_style respa 2 2 pair 2", "use run_style verlet"),
+        (
+            "group loose molecule 1\ngroup stiff subtract all loose\n"
+            'fix 2 loose python/move "fix_nosquish.NVE loose molecule"',
+            "would not follow the box that this fix changes",
+        ),
     ],
 )
 def test_refused(refused, lines, says):
@@ -173,6 +193,7 @@ def test_refused(refused, lines, says):
         ("x 1 1 1 couple xy compressibility 1", "and the same numbers"),
         ("x 1 1 1 x 1 1 1 compressibility 1", "keyword x stands twice"),
         ("iso 1 1 0 compressibility 1", "PDAMP is 0, and must be above zero"),
+        ("iso 1 1 1 compressibility 0", "keyword compressibility is 0, and must be above zero"),
         ("aniso 1 1 1 couple yx", "'yx' was given where one of none, xyz"),
         ("iso 1 1 1 compressibility 1 force * off on on", "for a box that does not change"),
     ],

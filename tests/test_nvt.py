@@ -354,6 +354,47 @@ def test_continued(run_lammps, tmp_path, name):
     np.testing.assert_allclose(conserved, conserved[0], rtol=1e-10)
 
 
+def test_files_that_are_kept_change_nothing(run_lammps, tmp_path):
+    """Locks out a second run that begins with the state of the last periodic restart file."""
+    system = mixture(side=3, spacing=2.9)
+    words = fix(THERMOSTATS["nh"], "2 2 2e-1") + thermo("econserve", 50)
+    ends, conserved = [], []
+    for files in "", "restart 30 one two\n":
+        script = f"{system.setup}\ntimestep 0.004\n{words}{files}run 50\nrun 50\n"
+        rows = run_lammps(f"{script}{DUMP.format('end')}", files=system.files).thermo
+        conserved.append(rows["Econserve"])
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_array_equal(*ends)
+    np.testing.assert_array_equal(*conserved)
+
+
+@pytest.mark.parametrize("restarts", [False, True], ids=["run", "restart"])
+def test_noise_does_not_repeat(run_lammps, tmp_path, restarts):
+    """Locks out random numbers that repeat where the step counter goes back: free bodies that
+    forget their velocities fast would have the same ones again."""
+    system = mixture(side=4)
+    words = f"{FREE}timestep 0.01\n{fix(THERMOSTATS['langevin'], '2 2 1e-2')}"
+    script = f"{system.setup}\n{words}run 20\n{DUMP.format('one')}"
+    if restarts:
+        script += "write_restart kept\nclear\nread_restart kept\nneighbor 0.4 bin\n"
+    again = "run 20\n" if not restarts else f"{words}run 20\n"
+    script += f"reset_timestep 0\n{again}{DUMP.format('two')}"
+    run_lammps(script, files=system.files)
+    (_, one, *_), (_, two, *_) = motion(tmp_path / "one"), motion(tmp_path / "two")
+    assert abs(np.corrcoef(one.ravel(), two.ravel())[0, 1]) < 0.4  # 192 numbers
+
+
+def test_energy_between_runs(run_lammps):
+    """Locks out a kinetic energy that is made of the forces of atoms that are gone."""
+    system = mixture(side=2, spacing=2.9)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix(THERMOSTATS['csvr'], '2 2 2e-1')}"
+    script += f"{thermo('f_1', 20)}run 40\nprint 'LEFT $(f_1:%.12g)'\n"
+    script += "delete_atoms group all\nprint 'LEFT $(f_1:%.12g)'\n"
+    done = run_lammps(script, files=system.files)
+    told = [float(one) for one in re.findall(r"^LEFT (\S+)", done.log, re.M)]
+    assert told == pytest.approx([done.thermo["f_1"][-1]] * 2, rel=1e-10)
+
+
 def test_restart_of_another_thermostat(run_lammps):
     """Locks out a chain that is filled with what another thermostat has left."""
     system = mixture(side=2, spacing=2.9)
@@ -426,6 +467,19 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
     assert total.mean() == pytest.approx(goal, rel=0.05)
 
 
+def test_momentum_that_is_not_kept(run_lammps):
+    """Locks out a momentum that is counted out though springs of the atoms' own hold it: a single
+    point on one has three degrees of freedom, and the temperature."""
+    script = (
+        "units lj\nregion box block -9 9 -9 9 -9 9\ncreate_box 1 box\ncreate_atoms 1 single 0 0 0\n"
+        "mass 1 1\npair_style zero 2.5\npair_coeff * *\nvelocity all set 1 1 1\ntimestep 0.05\n"
+        'fix tie all spring/self 1\nfix 1 all python/move "fix_nosquish.NVT all single '
+        f'temp 2 2 5e-1 seed 5 thermostat csvr"\n{thermo("f_1[1]", 50)}run 20000\n'
+    )
+    kinetic = run_lammps(script).thermo["f_1[1]"][20:]
+    assert stats.kstest(kinetic, "gamma", (1.5, 0, 2.0)).pvalue > 1e-3, kinetic.mean()
+
+
 # ------------------------------------------------------------------ what is refused
 
 
@@ -466,12 +520,19 @@ def test_bad_words(refused, words, says):
         ("fix 2 all langevin 2 2 1 5", "fix 2 (style langevin) keeps a temperature of atom"),
         ("fix 2 all temp/csvr 2 2 1 5", "fix 2 (style temp/csvr) keeps a temperature of atom"),
         ("velocity all set 0 0 0\npair_style zero 2.5\npair_coeff * *", "the bodies are at rest"),
+        ("torque * off off on", "keyword torque has one component off and another one on"),
+        ("pre no", "the step counter has gone back"),
     ],
 )
 def test_refused(refused, other, says, ranks):
-    """Locks out two thermostats on the same atoms, and the scaling of velocities that are zero."""
-    system = mixture(side=2)
-    script = f"{system.setup}\n{other}\n{fix(THERMOSTATS['csvr'])}run 5\n"
+    """Locks out two thermostats on the same atoms, the scaling of velocities that are zero, half of
+    a rotation without a thermostat, and noise that repeats."""
+    system, words, end = mixture(side=2), THERMOSTATS["csvr"], "run 5\n"
+    if other.startswith("torque"):
+        words, other = f"{words} {other}", ""
+    if other == "pre no":
+        other, end = "", "run 5\nreset_timestep 0\nrun 5 pre no\n"
+    script = f"{system.setup}\n{other}\n{fix(words)}{end}"
     refused(script, says, system.files, ranks=ranks)
 
 
