@@ -226,6 +226,20 @@ BETWEEN = {
 
 
 @pytest.mark.parametrize("between", BETWEEN)
+def test_groups_with_other_bits(run_lammps, tmp_path):
+    """Locks out bodies that are lost because their groups were deleted and made anew."""
+    system, ends = mixture(side=2, spacing=2.9), []
+    groups = "group a molecule 1\ngroup b molecule 2\n"
+    others = "group a delete\ngroup b delete\ngroup c molecule 3\ngroup d molecule 4\n"
+    line = 'fix 1 all python/move "fix_nosquish.NVE all group 2 a b reinit no"\n'
+    for between in "", others + groups:
+        script = f"{system.setup}\n{groups}{line}timestep 0.004\nrun 20\n{between}run 20\n"
+        script += "write_dump all custom end id x y z modify sort id format float %.17g\n"
+        run_lammps(script, files=system.files)
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_array_equal(*ends)
+
+
 @pytest.mark.parametrize("reinit, ranks", [("yes", 1), ("no", 2)])
 def test_reinit(simulate, reinit, between, ranks):
     """Locks out reinit no that takes velocities from the atoms (or leaves theirs in the printed
