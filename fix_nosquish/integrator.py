@@ -348,7 +348,7 @@ class Integrator:
                 self._take_velocities()
             self.passes.do("turn")
             self.set_velocities()
-            if self.streams and not self.lammps.running:  # but a file is written, between runs
+            if self.streams and not self._runs:
                 self._set_plain_velocities()
         self._refuse_second_integrator()
         self.reset_dt()
@@ -357,6 +357,12 @@ class Integrator:
         if not self.host.calls_setup:
             self.reports.say(self.host.has_virial)
         self._tell_count()
+
+    @property
+    def _runs(self):
+        """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
+        write_restart, also where command run names them."""
+        return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
 
     def acts_on_bodies(self, fix):
         """Whether atoms of the bodies are in another fix's group; collective."""

@@ -136,16 +136,11 @@ CASES = {
         ("v_body", "too large an ID", "2^52"),
         before="variable body atom 1e20*(id-9)",
     ),
-    "variable that one rank cannot evaluate": Case(
-        "all custom v_body",
-        ("variable body cannot be evaluated",),
-        before="variable body atom 10/(id-5)",
-    ),
     # the atoms
     "atoms without IDs": Case(
-        "some molecule points loose",
+        "some single points loose",
         ("needs atom IDs", "atom_modify id no"),
-        before="clear\natom_style atomic\natom_modify id no map none\nregion r block 0 9 0 9 0 9\n"
+        before="clear\natom_style atomic\natom_modify id no\nregion r block 0 9 0 9 0 9\n"
         "create_box 1 r\ncreate_atoms 1 random 20 5 NULL\nmass 1 1\npair_style zero 2\n"
         "pair_coeff * *\ngroup some empty\ngroup loose union all",
     ),
@@ -324,6 +319,14 @@ def test_ends_on_two_ranks(run_case, tmp_path, name):
     """Locks out a hang, a message per rank, a bare traceback and a silently wrong run,
     for each wrong input."""
     assert_ended(run_case(CASES[name], ranks=2), CASES[name].expected, tmp_path)
+
+
+def test_variable_that_one_rank_cannot_evaluate(run_case):
+    """Locks out ranks that wait for the one that ends, with LAMMPS's message and ours."""
+    case = Case("all custom v_body", before="variable body atom 10/(id-5)")
+    run = run_case(case, ranks=2)
+    assert run.code != 0 and "Divide by 0 in variable formula" in run.screen
+    assert run.screen.count("variable body cannot be evaluated") == 1
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@ end."""
 
 import csv
 import json
+import os
 import re
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from validation.bench import bandwidth, goals, plan
 from validation.bench import figures as bench_figures
 from validation.bench import measure as bench
 from validation.bench import report as bench_report
-from validation.running import lammps_log, machine, rounds, run
+from validation.running import lammps_log, machine, rounds, run, startup
 from validation.scenes import SCENES, Scene, integrators
 from validation.scenes.integrators import BENCHMARKED, INTEGRATORS, Integrator
 
@@ -303,3 +304,11 @@ def test_constraints_only_where_they_hold_the_bodies():
         for style in ("rigid/nve/small", "rigid/nve")
     )
     assert "comm_modify cutoff 7.0" in small and not any("comm_modify" in line for line in whole)
+
+
+def test_a_start_is_timed(tmp_path):
+    """Locks out a start that cannot be timed on one core, and a harness that stays on that core."""
+    cores = os.sched_getaffinity(0)
+    wall, cpu = startup._start(SCENES["water"], startup.PLAIN, tmp_path, 1)
+    assert 0 < cpu < 1.1 * wall  # as on one core
+    assert os.sched_getaffinity(0) == cores

@@ -323,7 +323,10 @@ def test_refused(refused, other, says, ranks):
     ("runs", "says"),
     [
         ("run 15 pre no", "the run ends in step 35, within a trajectory"),
-        ("reset_timestep 0\nrun 20 pre no", "step 1 does not follow the last trajectory"),
+        (
+            "thermo_style custom step\nreset_timestep 0\nrun 20 pre no",
+            "step 1 does not follow the last trajectory",
+        ),
     ],
 )
 def test_runs_that_go_on_are_refused(refused, runs, says):

@@ -213,19 +213,7 @@ def test_bad_words_in_the_plane(simulate, tmp_path, words, said):
 
 # ---- reinit
 
-BETWEEN = {
-    "nothing": "run 20",
-    "velocities scaled": "velocity all scale 2.5\nrun 20",
-    "velocities new": (
-        "variable w atom sin(id)\nvelocity all set v_w NULL v_w\nrun 20\n"
-        "velocity all set 0.1 0 0 sum yes\nrun 20"
-    ),
-    "another time step": "timestep 0.001\nrun 20",
-    "pre no": "velocity all scale 2.5\nrun 20 pre no",
-}
 
-
-@pytest.mark.parametrize("between", BETWEEN)
 def test_groups_with_other_bits(run_lammps, tmp_path):
     """Locks out bodies that are lost because their groups were deleted and made anew."""
     system, ends = mixture(side=2, spacing=2.9), []
@@ -240,6 +228,19 @@ def test_groups_with_other_bits(run_lammps, tmp_path):
     np.testing.assert_array_equal(*ends)
 
 
+BETWEEN = {
+    "nothing": "run 20",
+    "velocities scaled": "velocity all scale 2.5\nrun 20",
+    "velocities new": (
+        "variable w atom sin(id)\nvelocity all set v_w NULL v_w\nrun 20\n"
+        "velocity all set 0.1 0 0 sum yes\nrun 20"
+    ),
+    "another time step": "timestep 0.001\nrun 20",
+    "pre no": "velocity all scale 2.5\nrun 20 pre no",
+}
+
+
+@pytest.mark.parametrize("between", BETWEEN)
 @pytest.mark.parametrize("reinit, ranks", [("yes", 1), ("no", 2)])
 def test_reinit(simulate, reinit, between, ranks):
     """Locks out reinit no that takes velocities from the atoms (or leaves theirs in the printed

@@ -141,9 +141,8 @@ def test_each_run_has_its_own_rates(ends, first, then):
     assert np.abs(found[0] - found[1]).max() < 1e-9
 
 
-@pytest.mark.parametrize("more", ["pre no", "every 25 'write_restart kept'"])
-def test_runs_in_a_row(ends, more):
+def test_files_between_runs(ends):
     """Locks out velocities of images that a file, or the next run, takes for the bodies' own."""
-    lines = f"{FLOW.format(0.5)}{OURS}{KEPT.format(25)}run 25\nprint PART\n"
-    alone, together = (ends(f"{lines}run {words}\n") for words in ("75", f"75 {more}"))
+    lines = f"{FLOW.format(0.5)}{OURS}{KEPT.format(25)}run 25\nprint PART\nrun 75 every 25 "
+    alone, together = (ends(f"{lines}'{what}'\n") for what in ("print x", "write_restart kept"))
     assert np.abs(alone - together).max() < 1e-9

@@ -86,16 +86,18 @@ def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tup
         command = [run.mpirun(), "-np", str(ranks), *command]
     cache = str(place / "cache")
     own = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": cache, "NUMBA_CACHE_DIR": cache}
-    quiet: dict = {"stdout": subprocess.DEVNULL}
-    if ranks == 1:
-        core = min(os.sched_getaffinity(0))
-        quiet["preexec_fn"] = lambda: os.sched_setaffinity(0, {core})
+    cores = os.sched_getaffinity(0)
     environment = {"OMP_NUM_THREADS": "1", **os.environ, **own}
-    begin = time.perf_counter()
-    quiet |= {"cwd": scene.folder, "env": environment}
-    with open(said, "w") as stderr, run.started(command, stderr=stderr, **quiet) as process:
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
+    how: dict = {"stdout": subprocess.DEVNULL, "cwd": scene.folder, "env": environment}
+    if ranks == 1:
+        os.sched_setaffinity(0, {min(cores)})  # which the process inherits
+    try:
+        begin = time.perf_counter()
+        with open(said, "w") as stderr, run.started(command, stderr=stderr, **how) as process:
+            _, status, used = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+    finally:
+        os.sched_setaffinity(0, cores)
     times = time.perf_counter() - begin, used.ru_utime + used.ru_stime
     if process.returncode:
         told = said.read_text().strip().replace("\n", " ")
