@@ -384,17 +384,6 @@ def test_noise_does_not_repeat(run_lammps, tmp_path, restarts):
     assert abs(np.corrcoef(one.ravel(), two.ravel())[0, 1]) < 0.4  # 192 numbers
 
 
-def test_energy_between_runs(run_lammps):
-    """Locks out a kinetic energy that is made of the forces of atoms that are gone."""
-    system = mixture(side=2, spacing=2.9)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix(THERMOSTATS['csvr'], '2 2 2e-1')}"
-    script += f"{thermo('f_1', 20)}run 40\nprint 'LEFT $(f_1:%.12g)'\n"
-    script += "delete_atoms group all\nprint 'LEFT $(f_1:%.12g)'\n"
-    done = run_lammps(script, files=system.files)
-    told = [float(one) for one in re.findall(r"^LEFT (\S+)", done.log, re.M)]
-    assert told == pytest.approx([done.thermo["f_1"][-1]] * 2, rel=1e-10)
-
-
 def test_restart_of_another_thermostat(run_lammps):
     """Locks out a chain that is filled with what another thermostat has left."""
     system = mixture(side=2, spacing=2.9)

@@ -137,7 +137,7 @@ def test_each_run_has_its_own_rates(ends, first, then):
     found = []
     for reinit in "yes", "no":
         lines = f'{OURS[:-2]} reinit {reinit}"\n{begin}print PART\n{flow.format(then)}'
-        found.append(ends(lines + KEPT.format(20) + "run 60\n"))
+        found.append(ends(lines + KEPT.format(20) + "run 200\n"))
     assert np.abs(found[0] - found[1]).max() < 1e-9
 
 
