@@ -13,6 +13,7 @@ import numpy as np
 from . import block, migration
 from .communicator import ALONE
 from .compiled import F2, Cell, I
+from .errors import RunError
 from .frames import angular_momentum, quaternion_momentum, rotation_matrix
 from .membership import POINTS
 from .memory import Memory
@@ -187,7 +188,8 @@ class Bodies:
     def bind(self, lammps, membership):
         """Bind the pass that follows the atoms of this LAMMPS."""
         masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
-        self.cells |= {name: Cell(migration.follow.kinds[name]) for name in migration.Box._fields}
+        for name in migration.Box._fields:
+            self.cells.setdefault(name, Cell(migration.follow.kinds[name]))
         bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
         follows = LOCATE | ARRANGE | NOTE | SETTLE
         self.following = migration.follow.bind_to(bound, what=follows)
@@ -207,7 +209,7 @@ class Bodies:
         Raises:
             RunError: if atoms stand where this fix has not put them.
         """
-        self._know_box(lammps.box)
+        self.know_box(lammps.box)
         problem = self.following()
         if problem == migration.OFF:
             self._communicator.agree(self._off())
@@ -234,8 +236,15 @@ class Bodies:
                 -2 - len(arrived.array) - np.arange(len(rows))
             )
             arrived.set(np.concatenate([arrived.array, rows]))
-        if self._following_fewer():
+        problem = self._following_fewer()
+        if problem == migration.OFF:
             self._communicator.agree(self._off())
+        elif problem:
+            raise RunError(
+                f"atoms came into bodies by step {lammps.step} that this fix does not know: "
+                "unfix it and define it again",
+                everywhere=True,
+            )
 
     def settle(self, lammps):
         """Find which atoms LAMMPS has in another periodic image than their bodies; collective.
@@ -243,7 +252,7 @@ class Bodies:
         Raises:
             RunError: as `follow`.
         """
-        self._know_box(lammps.box)
+        self.know_box(lammps.box)
         if self._settle():
             self._communicator.agree(self._off())
 
@@ -284,10 +293,11 @@ class Bodies:
         ids, natoms, q = of_bodies[0].astype(np.int64), of_bodies[1], of_bodies[2:]
         return Former(here | came, ids, natoms, q, displace, followed)
 
-    def _know_box(self, box):
+    def know_box(self, box):
+        """The bodies are in this `lammps.Box` now."""
         if box is not self._box:
             self._box = box
-            near = np.inf if self.loose else OFF_BODY * box.size
+            near = np.inf if self.loose else OFF_BODY * box.size + 8 * np.spacing(box.farthest)
             known = {"h": box.h, "inverse": box.inverse, "lo": box.lo, "periodic": box.wrap}
             for name, value in known.items():
                 self.cells[name].set(copy(value))  # a barostat changes what loops have

@@ -300,6 +300,9 @@ def _members(lammps, communicator, membership, shapes, atoms):
         if error.everywhere:
             raise
         problem = str(error)
+    else:
+        if (tag <= 0).any():
+            problem = "the fix needs atom IDs, which this script turns off (atom_modify id no)"
     communicator.agree(problem)
     if not membership.command.mol and not communicator.count(len(atoms)):
         raise RunError(

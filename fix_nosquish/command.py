@@ -395,7 +395,7 @@ _READ = {  # what the words behind a keyword give
     "rotor": lambda words, expected: words.one_of(ROTORS, expected),
     "reinit": lambda words, expected: words.choice(("no", "yes"), expected),
     "infile": _Words.take,
-    "output": lambda words, expected: (words.whole(expected), words.take(expected)),
+    "output": lambda words, expected: (words.whole(expected, 2**31), words.take(expected)),
     **dict.fromkeys(("points", "mol", "gravity", "dilate"), _Words.take),
     "temp": lambda words, expected: words.numbers(3, expected),
     "temp T": lambda words, expected: words.numbers(1, expected),

@@ -418,7 +418,9 @@ def in_processes(program, modules):
     Raises:
         RuntimeError: with what a process says that cannot do it.
     """
-    groups = [(0, []) for _ in range(min(4, len(os.sched_getaffinity(0)), len(modules)))]
+    allowed = getattr(os, "sched_getaffinity", None)  # not on macOS
+    cores = len(allowed(0)) if allowed else os.cpu_count() or 1
+    groups = [(0, []) for _ in range(min(4, cores, len(modules)))]
     for one in sorted(modules, key=Module.weight, reverse=True):
         weight, names = groups.pop(0)
         groups.append((weight + one.weight(), [*names, one.name]))

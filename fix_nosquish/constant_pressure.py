@@ -23,12 +23,16 @@ from .cell import (
 from .command import PRESSURES, TILTS
 from .compiled import F1, L1, Cell
 from .errors import RunError
+from .integrator import READERS
 from .nvt import NVT
 
 AXES = "xyz"
 # parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
 # a box that follows the fast fluctuations of a liquid's pressure in long jumps is too restless
 PARTS, FEWEST_PARTS = 50, 20
+# fixes that change forces, but not the mean of what these do within bodies, or not along an axis
+# that can change
+_HARMLESS = (*READERS, "langevin", "temp/", "viscous", "gravity", "enforce2d", "property/", "wall/")
 COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
 
 
@@ -53,6 +57,7 @@ class ConstantPressure(NVT):
 
     def own_parameters(self):
         self._refuse()
+        self.own_warnings = tuple(self._warnings_of_forces())
         self._choose_every()
         return super().own_parameters()
 
@@ -63,13 +68,33 @@ class ConstantPressure(NVT):
         self.every = self.command.every or max(1, int(usual))
         self.host.changes_box = self.every
         parts = damping / (self.every * dt)
-        self.own_warnings = ()
         if self.command.every and parts < FEWEST_PARTS:
-            self.own_warnings = (
+            self.own_warnings += (
                 f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
                 f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
                 "break. Give keyword every a smaller number, or leave it out",
             )
+
+    def _warnings_of_forces(self):
+        """Lines on fixes whose forces LAMMPS's virial lacks; collective.
+
+        The pressure takes from it what all forces do within bodies, and on atoms that stay.
+        """
+        for fix in self._fixes:
+            harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
+            if not fix.post_force or fix.virial_in_press or harmless:
+                continue
+            if self.acts_on_bodies(fix) or (self.has_others and self._hits_what_stays(fix)):
+                remedy = (
+                    f"use 'fix_modify {fix.id} virial yes'"
+                    if fix.has_virial
+                    else "it has none that fix_modify could add: use constant volume, or take the "
+                    "mean of a run without the fix"
+                )
+                yield (
+                    f"WARNING: fix {fix.id} (style {fix.style}) changes forces, and the virial "
+                    f"lacks these: the box follows a wrong pressure: {remedy}"
+                )
 
     def complaint(self, found):
         if found == OUT_OF_BOUNDS:
@@ -91,6 +116,14 @@ class ConstantPressure(NVT):
                 "package where its plugin serves, or use fix_nosquish.NVT or NVE",
                 everywhere=True,
             )
+        for mate in self.mates:
+            if mate is not self:
+                raise RunError(
+                    f'fix {mate.host.fix_id} ("{mate.command.text}") has bodies, too, which would '
+                    "not follow the box that this fix changes: have one fix move all bodies, or "
+                    "move what else there is by a fix of LAMMPS's",
+                    everywhere=True,
+                )
         outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
         if outside and not self.command.dilate:
             raise RunError(
@@ -128,19 +161,23 @@ class ConstantPressure(NVT):
 
     def _refuse_changed_forces(self):
         """Raise an error if forces on atoms that stay are not those of LAMMPS's virial."""
-        lammps, dilated = self.lammps, self.lammps.group_bit(self.command.dilate)
-        stays = (lammps.groups & dilated) == 0
-        stays[self.bodies.index] = False
         for fix in self._fixes:
             changes = fix.style.startswith(("setforce", "aveforce", "freeze"))
-            hit = stays & (lammps.groups & np.uint32(fix.groupbit & 0xFFFFFFFF) != 0)
-            if changes and self.communicator.any(hit.any()):
+            if changes and self._hits_what_stays(fix):
                 raise RunError(
                     f"fix {fix.id} changes forces on atoms that stay where they are when the box "
                     "changes, and the pressure needs these forces: leave that fix out (atoms that "
                     "no fix integrates do not move), or have keyword dilate take the atoms along",
                     everywhere=True,
                 )
+
+    def _hits_what_stays(self, fix):
+        """Whether a fix acts on atoms that stay where they are when the box changes; collective."""
+        groups = self.lammps.groups
+        stays = (groups & self.lammps.group_bit(self.command.dilate)) == 0
+        stays[self.bodies.index] = False
+        hit = stays & (groups & np.uint32(fix.groupbit & 0xFFFFFFFF) != 0)
+        return self.communicator.any(hit.any())
 
     def loops_of_others(self, cells):
         """Loops for atoms that are in no body: what they say of the pressure, and what moves them

@@ -247,6 +247,7 @@ class StochasticCell(ConstantPressure):
         numbers, lammps = super().own_numbers(), self.lammps
         if self.command.compressibility:
             compressibility = lammps.number(self.command.compressibility)
+            self.command.refuse_unless_positive("keyword compressibility", compressibility)
         elif lammps.units in _PER_ATM:
             compressibility = COMPRESSIBILITY * _PER_ATM[lammps.units]
         else:

@@ -26,7 +26,7 @@ from .block import IMAGE, MASS, ROWS, Images, Layout, P, Q, V, X, kind_of, put, 
 from .compiled import F1, F2, I, inlined, loop
 from .errors import RunError
 from .hosts import hook
-from .integrator import READERS, Integrator
+from .integrator import READERS, Integrator, Phase
 from .langevin import WORK, thermalise
 from .nve import NVE
 from .nvt import ALL_BODIES, KEY_0, KEY_1, KT, STEP, key_of
@@ -36,7 +36,8 @@ from .step import move_to_images, place
 # rows of the state: where a body was, X to P, and its image flags
 WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
 KEPT = WAS_IMAGE + 3 - ROWS
-KIND, TRIED, ACCEPTED, CHANGE, LAST = range(5)  # numbers of a restart file
+# numbers of a restart file
+KIND, TRIED, ACCEPTED, CHANGE, LAST, TIMES_BACK, WAS_AT = range(7)
 # fixes without an energy that change nothing of the bodies
 _HARMLESS = (*READERS, "property/", "balance", "enforce2d")
 
@@ -92,8 +93,9 @@ class HMC(NVE):
     A trajectory ends in each step that is a multiple of N.
 
     Attributes:
-        restart_state: (5,) a number for what it is, how many trajectories were tried and accepted,
-            and of the last one the change of the energy and whether it was accepted.
+        restart_state: (7,) a number for what it is, how many trajectories were tried and accepted,
+            of the last one the change of the energy and whether it was accepted; how often the step
+            counter has gone back, and where it was.
 
     Raises:
         RunError: for a temperature or a share of noise that cannot be, for a run that ends within a
@@ -103,11 +105,11 @@ class HMC(NVE):
     keywords = "temp T", "steps", "seed", "mix", "moments"
     kept, work, respa, needs_energy = KEPT, WORK, False, True
     method = "hybrid Monte Carlo with NO_SQUISH"
-    kind: ClassVar = float(crc32(b"HMC"))
+    kind: ClassVar = float(crc32(b"HMC 7"))
 
     def __init__(self, ptr, words):
         super().__init__(ptr, words)
-        self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0])
+        self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
 
     def own_parameters(self):
         self._refuse()
@@ -120,16 +122,32 @@ class HMC(NVE):
         if not 0 < mix <= 1:
             raise command.wrong(f"keyword mix is {mix:g}, and must be above 0 and at most 1")
         self._plan(lammps.step)
-        last = self.host.last_step
-        if lammps.running and last > lammps.step and last % command.steps:
-            raise RunError(
-                f"the run ends in step {last}, within a trajectory, which would not be tested: "
-                f"have it end in a multiple of {command.steps}, the number of keyword steps",
-                everywhere=True,
-            )
+        if lammps.running and self.host.last_step > lammps.step:
+            self._refuse_part()
+        self.restart_state[TIMES_BACK] += lammps.step < self.restart_state[WAS_AT]
         kt = lammps.boltz / lammps.mvv2e * temperature
         rate = -0.5 * log1p(-mix) if mix < 1 else inf  # of friction for a time of 1
-        return rate, kt, kt, kt, -1.0, 0.0, *key_of(command), 0.0
+        key = key_of(command, self.restart_state[TIMES_BACK])
+        return rate, kt, kt, kt, -1.0, 0.0, *key, 0.0
+
+    def _refuse_part(self):
+        """End a run that would end within a trajectory."""
+        last, steps = self.host.last_step, self.command.steps
+        if last % steps:
+            raise RunError(
+                f"the run ends in step {last}, within a trajectory, which would not be tested: "
+                f"have it end in a multiple of {steps}, the number of keyword steps",
+                everywhere=True,
+            )
+
+    def resumed(self):
+        self._refuse_part()
+        if self.lammps.step != self.host.begins:
+            raise RunError(
+                f"step {self.lammps.step} does not follow the last trajectory: "
+                "begin the run with 'pre yes'",
+                everywhere=True,
+            )
 
     def own_lists(self, cells):
         return {"draw": [draw_momenta.bind_to(cells)], "back": [go_back.bind_to(cells)]}
@@ -205,7 +223,7 @@ class HMC(NVE):
         step, key_0, key_1 = (int(parameters[k]) for k in (STEP, KEY_0, KEY_1))
         word, *_ = words(0.0, step, 0, key_0, key_1 | ALL_BODIES)
         accepted = change <= self.lammps.mvv2e * parameters[KT] * minus_log(word)
-        state[[CHANGE, LAST]] = change, accepted
+        state[[CHANGE, LAST, WAS_AT]] = change, accepted, self.lammps.step
         state[[TRIED, ACCEPTED]] += 1, accepted
         self._plan(self.lammps.step)
         if not accepted:
@@ -213,6 +231,16 @@ class HMC(NVE):
             self.do("turn")
             self.host.renews = True
         return accepted
+
+    @hook
+    def post_run(self):
+        """As of `Integrator`; a run that something else has ended may end within a trajectory."""
+        if self.phase != Phase.NEW and self.lammps.step >= self.host.begins:
+            self.host.log(
+                f"WARNING: the run has ended in step {self.lammps.step}, within a trajectory: its "
+                "steps were not tested, and count as if they were accepted\n"
+            )
+        super().post_run()
 
     def renewed(self):
         """The forces are known where the bodies have gone back to."""

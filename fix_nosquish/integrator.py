@@ -339,6 +339,8 @@ class Integrator:
         anew = self.command.reinit or not self._ran
         if anew:
             self._build()
+        else:
+            self.bodies.bind(self.lammps, self.membership)
         self._bind()
         if anew:
             if self.streams:  # velocities are those that bodies have where the box has them
@@ -346,7 +348,7 @@ class Integrator:
                 self._take_velocities()
             self.passes.do("turn")
             self.set_velocities()
-            if self.streams and not self.lammps.running:  # but a file is written, between runs
+            if self.streams and not self._runs:
                 self._set_plain_velocities()
         self._refuse_second_integrator()
         self.reset_dt()
@@ -355,6 +357,17 @@ class Integrator:
         if not self.host.calls_setup:
             self.reports.say(self.host.has_virial)
         self._tell_count()
+
+    @property
+    def _runs(self):
+        """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
+        write_restart, also where command run names them."""
+        return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
+
+    def acts_on_bodies(self, fix):
+        """Whether atoms of the bodies are in another fix's group; collective."""
+        groups = self.lammps.groups[self.membership.atoms()]
+        return self.communicator.any((groups & np.uint32(fix.groupbit & 0xFFFFFFFF) != 0).any())
 
     def _tell_count(self):
         self.host.set_array_rows(self.communicator.count(self.bodies.listed.sum()))
@@ -402,6 +415,7 @@ class Integrator:
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
         bodies.bind(self.lammps, self.membership)
+        bodies.know_box(self.lammps.box)
         self.host.carry(self.lammps, bodies)
         self.host.point()
         bodies.note()
@@ -628,20 +642,24 @@ class Integrator:
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
-                f"{type(self).__name__} does not do in a run: use fix_nosquish.NVE or NVT, or "
-                "insert and delete between runs, with reinit yes",
+                f"{type(self).__name__} does not do in a run: use fix_nosquish.NVE or NVT, without "
+                "keyword shadow, or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
         if lines:
             self.host.log("\n".join([*lines, ""]))
         self.exact = self._choose_rotor()
         self.parameters[MROT] = self._mrot
+        self.mask = self._switches.mask(self.bodies)
         self.turned_over()
         self._tell_count()
         self.reports.forget()
 
     def turned_over(self):
         """There are other bodies than before, in a run; collective."""
+
+    def resumed(self):
+        """A run begins by 'pre no', which asks for nothing anew; collective."""
 
     @hook
     def final_integrate(self):
@@ -707,6 +725,7 @@ class Integrator:
             self._refuse_new_box(self.lammps.box.periodic)
             self.host.point()
             self.bodies.refuse_moved_atoms(self.lammps)
+            self.resumed()
             self._say_ignored("pre no")
             self.phase = self.ended
         elif self.late:
@@ -758,8 +777,7 @@ class Integrator:
         box = self.lammps.box
         if box is self._box or self.every:
             return
-        known = self._box.h if self.told_box is None else self.bodies.cells["h"].array
-        if ((box.h != known) & held).any():
+        if ((box.h != self.bodies.cells["h"].array) & held).any():
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
                 "in a run they do so with fix deform alone, with its remap x or v, and "
@@ -850,6 +868,8 @@ class Integrator:
                 self.bodies.settle(self.lammps)
                 self._set_plain_velocities()
             self.reports.forget()
+            if self.middle:
+                self.reports.end_run()
             self.phase = Phase.OVER
 
     # ------------------------------------------------------------- one step of run_style respa

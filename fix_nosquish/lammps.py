@@ -259,12 +259,7 @@ class Lammps:
     @property
     def tags(self):
         """Atom IDs, (natoms,)."""
-        tags = self.per_atom("id", self.tagint)
-        if tags is None:
-            raise RunError(
-                "the fix needs atom IDs, which this script turns off (atom_modify id no)"
-            )
-        return tags
+        return self.per_atom("id", self.tagint)
 
     @property
     def masses(self):
@@ -422,7 +417,9 @@ class Lammps:
             self.handle, name.encode(), group and group.encode()
         )
         if not address:
-            raise RunError(f"variable {name} cannot be evaluated", everywhere=True)
+            # an atom's value may be the trouble of its rank alone
+            everywhere = style != _ATOM_STYLE
+            raise RunError(f"variable {name} cannot be evaluated", everywhere=everywhere)
         return address
 
     @property

@@ -28,8 +28,14 @@ from .philox import words
 # next one is; key of the random numbers; the energy that this rank has given to the bodies
 RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, HEAT, COMMON = range(PARAMETERS, PARAMETERS + 10)
 BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
+# numbers of a restart file: what they are; the energy that the bodies have given; how often the
+# step counter has gone back, and where it was; the thermostat's own
+KIND, ENERGY, TIMES_BACK, WAS_AT, OWN = range(5)
 # the system's draws: of translation and of rotation, or both; of the barostat
 OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
+
+# fixes that push what they act on from a place of their own
+PUSHING = "wall", "indent", "spring/self", "addforce", "setforce", "aveforce", "gravity", "drag"
 
 
 @inlined
@@ -53,9 +59,12 @@ def prepare(parameters, step, begin_step, end_step):
     return part
 
 
-def key_of(command):
-    """The key of a fix's random numbers: bodies of two fixes may have the same IDs."""
+def key_of(command, times_back):
+    """The key of a fix's random numbers: bodies of two fixes may have the same IDs, and a step
+    counter that has gone back, so many times, counts steps that there were."""
     whose = " ".join((command.group, command.style, *command.arguments))
+    if times_back:
+        whose += f", {times_back:.0f}"
     return command.seed or 0, crc32(whose.encode()) & 0xFFFFFFFE
 
 
@@ -75,8 +84,8 @@ class NVT(Integrator):
 
     Attributes:
         keeps_momentum: whether the thermostat leaves the total momentum at zero.
-        restart_state: (n,) what goes to a restart file and comes from there: which thermostat, the
-            energy that it has taken (or nan, for no restart), and what it has besides.
+        restart_state: (n,) what goes to a restart file and comes from there, see KIND; its energy
+            is nan if nothing has come.
 
     Raises:
         RunError: for words that do not go together, if the bodies are at rest, and if no motion is
@@ -97,7 +106,7 @@ class NVT(Integrator):
 
     def __init__(self, ptr, words):
         super().__init__(ptr, words)
-        self.restart_state = np.array([self.kind, np.nan, *self.own_state()])
+        self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, *self.own_state()])
         self._energy = 0.0  # given before this run, in all
 
     def own_state(self):
@@ -107,7 +116,7 @@ class NVT(Integrator):
     @property
     def kind(self):
         """A number for what its own state is of."""
-        return 1.0 + crc32(" ".join(map(str, self.own_words)).encode())
+        return 1.0 + crc32(" ".join(map(str, (OWN, *self.own_words))).encode())
 
     @property
     def own_words(self):
@@ -127,7 +136,7 @@ class NVT(Integrator):
         free = np.array([mask[:dimension].sum(axis=0), of_rotation * turns])[:, owned].sum(axis=1)
         missing = dimension * owned.sum() - free[0] + len(lammps.groups) - len(bodies.index)
         *free, missing = self.communicator.total(np.array([*free, missing]))
-        held = dimension if self.keeps_momentum and not missing else 0
+        held = dimension if self.keeps_momentum and not (missing or self._is_pushed) else 0
         if not sum(free) > held and not self.command.mol:
             raise RunError(
                 f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
@@ -135,6 +144,12 @@ class NVT(Integrator):
                 everywhere=True,
             )
         return np.array([max(free[0] - held, 0.0), free[1]])
+
+    @property
+    def _is_pushed(self):
+        """Whether something outside pushes the bodies, so that their momentum changes."""
+        fixes = (fix for fix in self._fixes if fix.style.startswith(PUSHING))
+        return self.gravity is not None or any(map(self.acts_on_bodies, fixes))
 
     def temperature(self):
         """The temperature at the begin and at the end of the run, and the rate of damping."""
@@ -151,20 +166,42 @@ class NVT(Integrator):
                 "so TSTART and TSTOP must be the same",
                 everywhere=True,
             )
-        if self.restart_state[0] != self.kind:
+        self._refuse_parts_of_rotations()
+        state = self.restart_state
+        if state[KIND] != self.kind:
             self.host.log(
                 "WARNING: the restart file has the state of another thermostat or barostat: "
                 "this one begins anew\n"
             )
-        elif np.isfinite(self.restart_state[1]):
-            self._energy, self.own_state()[:] = self.restart_state[1], self.restart_state[2:]
-        elif self.parameters is not None:
-            self._energy = self.energy()
-        self.restart_state[:2] = self.kind, np.nan  # of no more use
+            state[KIND] = self.kind
+        elif self.parameters is not None:  # what a restart file got meanwhile is of an earlier step
+            self._energy, state[WAS_AT] = self.energy(), self.parameters[STEP]
+        elif np.isfinite(state[ENERGY]):
+            self._energy, self.own_state()[:] = state[ENERGY], state[OWN:]
+        state[TIMES_BACK] += self.lammps.step < state[WAS_AT]
         unit = self.lammps.boltz / self.lammps.mvv2e
-        return (
-            rate, unit * start, unit * stop, unit * start, -1.0, 0.0, *key_of(command), 0.0,
-        )  # fmt: skip
+        key = key_of(command, state[TIMES_BACK])
+        return rate, unit * start, unit * stop, unit * start, -1.0, 0.0, *key, 0.0
+
+    def _refuse_parts_of_rotations(self):
+        """End the run if some but not all components of a torque act; collective."""
+        if self.mask is None or self.lammps.dimension == 2:
+            return
+        if self.communicator.any((self.mask[3:] != self.mask[3]).any()):
+            raise RunError(
+                "keyword torque has one component off and another one on, and a thermostat acts on "
+                "the whole rotation of a body, or not at all: switch off all three, or use "
+                "fix_nosquish.NVE",
+                everywhere=True,
+            )
+
+    def resumed(self):
+        if self.command.seed is not None and self.lammps.step <= self.parameters[STEP]:
+            raise RunError(
+                "the step counter has gone back, and with it random numbers: "
+                "begin the run with 'pre yes', which takes others",
+                everywhere=True,
+            )
 
     def own_cells(self):
         begin, end = self.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
@@ -189,4 +226,5 @@ class NVT(Integrator):
     def write_restart(self):
         """LAMMPS writes a restart file: have the state ready for it; collective."""
         if self.passes:  # else it is what the last restart file had
-            self.restart_state[:] = self.kind, self.energy(), *self.own_state()
+            self.restart_state[[ENERGY, WAS_AT]] = self.energy(), self.lammps.step
+            self.restart_state[OWN:] = self.own_state()

@@ -36,6 +36,7 @@ class Reports:
             None,
         )  # no circle: it goes when LAMMPS lets go
         self._said, self._warned, self._heard, self._known = None, set(), False, {}
+        self._gained_at_end = 0.0
 
     def begin(self):
         """A run begins."""
@@ -194,13 +195,20 @@ class Reports:
         state, now = self._state, self.energies()[:2].sum()
 
         def closed(bodies):
-            if not (state.phase == state.ended or state.is_over) or not state.middle:
+            if state.middle and state.is_over:  # LAMMPS's atoms may be other ones now
+                return now + self._gained_at_end
+            if not state.middle or state.phase != state.ended:
                 return now
             with _as_they_are(bodies):
                 state.do("close")
                 return thermo.energies(bodies, state.communicator, state.lammps)[:2].sum()
 
         return self._once("kinetic", closed), now
+
+    def end_run(self):
+        """A run is over: keep what is to be known between runs; collective."""
+        end, middle = self.kinetic_at_end()
+        self._gained_at_end = end - middle
 
     def array(self):
         """What fix rigid gives as its global array: see `output.global_array`; collective."""

@@ -26,6 +26,9 @@ struct FixFacts {
   int32_t constrains;     // it takes degrees of freedom, and moves no atoms
   int32_t has_energy;     // of its forces
   int32_t energy_in_pe;   // as fix_modify energy says
+  int32_t post_force;     // it may change forces
+  int32_t has_virial;     // it knows the virial of its forces
+  int32_t virial_in_press;    // as fix_modify virial says
 };
 
 // A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an

@@ -41,6 +41,9 @@ class OtherFix(NamedTuple):
     constrains: bool  # it takes degrees of freedom, and moves no atoms by itself
     has_energy: bool  # it knows the energy of its forces
     energy_in_pe: bool  # which fix_modify energy adds to the potential energy
+    post_force: bool  # it may change forces
+    has_virial: bool  # it knows the virial of its forces
+    virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
 
 
 def _shared(name, kind):

