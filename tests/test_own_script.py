@@ -284,6 +284,9 @@ def test_a_run_without_steps_is_none(staged):
     told = {"run 0": False, "run 5": True, "run 5 upto": False, "minimize 0 0 1 1": False,
             "run 9 upto": True, "rerun a dump x": False, "tad 1": True}  # fmt: skip
     assert {line: script.takes_time(line, 5) for line in told} == told
+    then = ["fix h a spring/self 5", "fix 2 a nve", "run 9", "fix k b spring/self 1"]
+    (late,) = system._late(then)  # it is said what is not where the script has it
+    assert late.endswith(": fix h a spring/self 5.") and not system._late(then[3:])
     assert script.without_step("read_dump a 5 x y format native") == (
         "read_dump a 5 x y timestep no format native"
     )
