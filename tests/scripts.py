@@ -214,6 +214,54 @@ run 100
     return script
 
 
+def staged(folder):
+    """Two bodies of two atoms and three points, moved by one of ours in other words than usual,
+    behind a run on which groups, springs and a variable depend."""
+    script = folder / "in.staged"
+    script.write_text(
+        """units lj
+atom_style molecular
+region box block 0 9 0 9 0 9
+create_box 1 box
+create_atoms 1 single 1 1 1
+create_atoms 1 single 2 1 1
+create_atoms 1 single 6 4 4
+create_atoms 1 single 6 4.8 4
+create_atoms 1 single 1 4 1
+create_atoms 1 single 1 5 7
+create_atoms 1 single 1 7 3
+mass 1 1
+set atom 1*2 mol 1
+set atom 3*4 mol 2
+group bodies id 1:4
+group points id 5:7
+pair_style zero 2.0
+pair_coeff * *
+velocity all create 1 33
+velocity points set 1 0 0
+timestep 0.01
+fix early points nve
+run 250
+unfix early
+variable seen equal $(step+0*pe)
+region right block 3 INF INF INF INF INF
+group there region right
+fix hold there spring/self 5
+fix_modify hold energy yes
+variable T equal 1.5
+fix 1 all python/move "fix_nosquish.NVE bodies molecule"
+fix 1 all python/move &
+  "fix_nosquish.NVT bodies molecule moments equal 6 temp v_T v_T 1 seed 7 points points"
+fix_modify 1 virial yes
+run 0
+velocity all scale 1.5
+change_box all z final 0 10
+run 100
+"""
+    )
+    return script
+
+
 def solute(folder):
     """Rigid water and a flexible molecule of four atoms, two of whose bonds shake holds, as it
     holds a protein's bonds of hydrogen."""

@@ -4,10 +4,11 @@ Held against LAMMPS itself, which runs the same script as it is, and against wha
 scripts that `scripts` writes.
 """
 
+import fcntl
 import json
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +25,14 @@ from validation.__main__ import main
 from validation.bodies import command as bodies
 from validation.bodies import parts
 from validation.check import measure as check
+from validation.ensembles.lengths import Lengths, One
+from validation.ensembles.plan import SCHEMES
+from validation.ensembles.runs import Runs
 from validation.own import finding, lists, report, schemes, script, shapes, stress, system, trial
 from validation.own.finding import Unclear
-from validation.running import lammps_log, run, startup
+from validation.running import lammps_log, machine, run, startup
+from validation.running.store import Store
+from validation.scenes import SCENES
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
@@ -214,6 +220,9 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     path = scripts.rings(tmp_path)
     (tmp_path / "notes").write_text("of no command")
     first = take(path, tmp_path / "out")
+    ask, folder = first.ask, first.scene.folder.parent
+    assert system._known(ask, folder, 1, everything=False)
+    assert not system._known(ask, folder, 1, everything=True)  # bodies stops at another run
     names = {one.name for one in first.scene.folder.iterdir()}
     assert names == {"rings.data", "state.dump", "bodies.npy"}
     (tmp_path / "notes").write_text("changed")
@@ -229,7 +238,197 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     assert again.atoms["mass"][0] == 14.5
 
 
+def test_runs_follow_from_all_files_of_the_script(tmp_path):
+    """Locks out results of a file that is another one now, in a folder below, above or anywhere;
+    and a copy of one that is above, outside of the output folder."""
+    home = tmp_path / "a" / "b"
+    (home / "parts").mkdir(parents=True)
+    files = home / "parts" / "sub.mol", tmp_path / "up.mol", tmp_path / "whole.mol"
+    for file in files:
+        file.write_text("one\n\n1 atoms\n\nCoords\n\n1 0 0 0\n\nTypes\n\n1 1\n")
+    names = "parts/sub.mol", "../../up.mol", str(files[2])
+    more = "".join(f"molecule m{n} {name}\n" for n, name in enumerate(names))
+    path = home / "in.files"
+    path.write_text(GAS + more + "fix 1 a rigid/nve single\nrun 1\n")
+    out = tmp_path / "out"
+    own = take(path, out)
+    one = own.integrators[own.reference]
+    keys = {machine.origin(own.scene, one)}
+    for file in files:
+        file.write_text(file.read_text() + "\n")
+        scene = replace(own.scene, origin=system._contents(own.said["files"]))
+        keys.add(machine.origin(scene, one))
+    assert len(keys) == 4
+    assert machine.origin(take(path, out).scene, one) in keys - {machine.origin(own.scene, one)}
+    assert [one.name for one in out.rglob("*.mol")] == ["sub.mol"]
+
+
+# ---- runs before the one that is compared
+
+
+@pytest.fixture(scope="module")
+def staged(tmp_path_factory):
+    """(its script, what the harness makes of it, its folder)."""
+    folder = tmp_path_factory.mktemp("staged")
+    path = scripts.staged(folder)
+    return path, take(path, folder / "out"), folder
+
+
+def test_a_run_without_steps_is_none(staged):
+    """Locks out run 0 as the run, before velocities are scaled; and commands that need what an
+    earlier run gives, which the first reading passes over."""
+    _, own, _ = staged
+    assert own.said["run"] == "run 100" and own.said["skipped"] == 2
+    assert "variable seen equal 250" in own.scene.setup
+    assert own.said["temperature"] == pytest.approx(1.5)
+    told = {"run 0": False, "run 5": True, "run 5 upto": False, "minimize 0 0 1 1": False,
+            "run 9 upto": True, "rerun a dump x": False, "tad 1": True}  # fmt: skip
+    assert {line: script.takes_time(line, 5) for line in told} == told
+    then = ["fix h a spring/self 5", "fix 2 a nve", "run 9", "fix k b spring/self 1"]
+    (late,) = system._late(then)  # it is said what is not where the script has it
+    assert late.endswith(": fix h a spring/self 5.") and not system._late(then[3:])
+    assert script.without_step("read_dump a 5 x y format native") == (
+        "read_dump a 5 x y timestep no format native"
+    )
+
+
+def test_a_script_with_ours_is_read_as_ours_is(staged):
+    """Locks out the fix's group for the class's, points that nobody moves, `moments equal 6` as one
+    word, a variable's temperature, the first line of a fix that is defined twice, and a lost
+    fix_modify."""
+    _, own, folder = staged
+    found = own.found
+    assert (found.group, found.points, found.rest) == ("bodies", "points", True)
+    assert found.body.tolist() == [1, 1, 2, 2, 0, 0, 0]
+    assert found.state == finding.State(("15e-1", "15e-1", "1"))
+    assert found.dropped == ("moments equal 6",)
+    assert shapes.temperature(own) == 1.5
+    assert not any("fix_nosquish" in line for line in (*own.scene.setup, *own.scene.then))
+    yours = own.integrators["yours"]
+    assert yours.then == ("fix_modify 1 virial yes",)
+    assert any("own integrator only: fix_modify 1 virial yes." in line for line in own.notes)
+    rows, _ = check._starts(own, folder / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows)
+    held = replace(found, constraints="b 1")
+    lines = next(schemes._constrained(held)).commands(own.scene)
+    assert lines[0] == "group own_all union bodies points" and "own_all nvt" in lines[1]
+
+
+def test_commands_behind_a_run_find_atoms_where_it_left_them(staged):
+    """Locks out groups, and springs' ends, of the places before that run; and steps that do not
+    begin at 0, by which samples are left out."""
+    _, own, folder = staged
+    more = ["variable n equal count(there)", 'print "there are $n"']
+    how = {"dt": own.scene.dt, "every": 1, "more": more}
+    result = run.run(run.job(own.scene, own.integrators["yours"], folder / "run", [2], **how))
+    assert result.error is None
+    assert "there are 5\n" in (folder / "run" / "log.lammps").read_text()
+    assert result.thermo["PotEng"][0] == pytest.approx(0, abs=1e-20)
+    assert result.thermo["Step"].tolist() == [0, 1, 2]
+    assert [line for line in own.scene.then if line.startswith("change_box")] == []
+    assert any("Steps count from 0 here, and from 250" in line for line in own.notes)
+    known = Path(own.scene.body_property)
+    bodies, types = np.load(known)
+    np.save(known, [bodies, types + 1])
+    again = run.run(run.job(own.scene, own.integrators["yours"], folder / "ids", [0], **how))
+    assert "other IDs than when the script was read" in again.error
+    np.save(known, [bodies, types])
+
+
+def test_a_later_run_of_what_shake_holds(tmp_path, monkeypatch):
+    """Locks out the state of rigid velocities at a step where nobody finds it; one that is half
+    written, or that two processes write at once."""
+    path = scripts.spce(tmp_path, lines="run 5", number=3)
+    seen, once = [], run.run
+
+    def watched(job):
+        with Store(tmp_path / "out", "").locked("script", fcntl.LOCK_EX | fcntl.LOCK_NB) as free:
+            seen.append(free)
+        if len(seen) == 1:
+            Path(job.directory).mkdir()
+            (Path(job.directory) / "state.dump").write_text("half")
+            raise KeyboardInterrupt
+        return once(job)
+
+    monkeypatch.setattr(system.run, "run", watched)
+    with pytest.raises(KeyboardInterrupt):
+        take(path, tmp_path / "out", at=2)
+    own = take(path, tmp_path / "out", at=2)
+    monkeypatch.undo()
+    assert seen == [False, False] and own.said["step"] == 5
+    shake = own.integrators["shake"]
+    how = {"dt": own.scene.dt, "every": 1}
+    result = run.run(run.job(own.scene, shake, tmp_path / "shake", [2], **how))
+    assert result.error is None and result.thermo["Step"].tolist() == [0, 1, 2]
+
+
+def test_what_a_run_changes_is_changed_once_in_two_dimensions(tmp_path):
+    """Locks out a ramp that begins anew in each part of a run, and coordinates that LAMMPS refuses
+    to read in two dimensions."""
+    flat = GAS.replace("units lj\n", "units lj\ndimension 2\n").replace("6 0 6\n", "6 -0.5 0.5\n")
+    flat = flat.replace("1 1\ncreate", "1 0\ncreate").replace(" 4\n", " 0\n")
+    flat = flat.replace("group b id 3 0\n", "group b id 3 4\n")
+    path = tmp_path / "in.flat"
+    path.write_text(
+        flat + "velocity all create 1 5\nfix plane all enforce2d\nfix 1 a rigid/nve single\n"
+        "fix box all deform 1 x delta 0 3 remap none\nrun 10\n"
+    )
+    own = take(path, tmp_path / "out")
+    how = {"dt": 0.001, "every": 0}
+    job = run.job(own.scene, own.integrators[own.reference], tmp_path / "run", [10, 20], **how)
+    result = run.run(job)
+    assert result.error is None
+    assert result.positions.cells[:, 0, 0] == pytest.approx([6, 7, 9])
+    ramp = finding.State(("300", "300.0", "1"), (("iso", "1", "2", "9"), ("x", "1", "1", "9")))
+    assert ramp.ramps == ["iso from 1 to 2"]
+    with pytest.raises(SystemExit, match=r"in\.flat: 'run 10' changes iso from 1 to 2, so means"):
+        system.refuse_ramps(replace(own, found=replace(own.found, state=ramp)))
+
+
+def test_a_failure_of_the_machine_is_no_result(tmp_path):
+    """Locks out a full disk that is a run's result for ever."""
+    job = run.Job(str(tmp_path), str(tmp_path), [], [1], None)
+    (tmp_path / "job.json").write_text(json.dumps(asdict(job)))
+    kept = {
+        "ERROR on proc 0: Lost atoms": True,
+        "'ERROR on proc 1: Fix 1 python/move: the force'": True,
+        f"{run.HUNG} for 9 s, ended": True,
+        "[Errno 28] No space left on device": False,
+        "ERROR: Cannot open dump file x: No space left on device": False,
+        "MemoryError": False,
+    }
+    for text, result in kept.items():
+        (tmp_path / "error.txt").write_text(text)
+        assert run.is_there(job, failures=True) is result, text
+
+
+def test_a_start_has_no_longer_step_than_the_script(tmp_path):
+    """Locks out a start of `sampling` that breaks, of a script whose step is a short one."""
+    scene, starter = SCENES["water"], SCHEMES["langevin-5"]
+    for dt, steps in ((0.5, 40), (4.0, 10)):
+        runs = Runs(replace(scene, dt=dt), starter, Lengths(0.02), tmp_path, 9.0, lambda *_: [])
+        job = runs.start(1)
+        assert f"timestep {min(dt, 2.0)}" in job.commands and job.runs == [steps]
+        one = One("x", "x", starter, dt, 1)
+        assert any(f'state.dump" {steps} x' in line for line in runs.job(one).commands)
+
+
 # ---- what is found
+
+
+def test_atoms_with_molecule_id_0_are_a_body():
+    """Locks out atoms that are taken for free, while all rigid fixes weld them into one body."""
+    atoms = {"molecule": np.array([0, 3, 3, 0, 1]), "mask": np.array([1, 1, 1, 1, 0])}
+    said = {"groups": ["all"], "run": "run 1", "skipped": 0, "step": 0, "left_out": []}
+    body = finding.numbers(said, atoms, "all", ["molecule"])
+    assert body.tolist() == [1, 2, 2, 1, 0]
+    line = "fix 1 all rigid/nve molecule"
+    found = finding.Found(
+        ("1",), (line,), "rigid/nve", "rigid", "all", "molecule", finding.State(), body
+    )
+    assert any(
+        "The 2 atoms with molecule-ID 0" in one for one in schemes.summary(found, said, atoms)
+    )
 
 
 def test_numbers_of_a_fix_python_move_have_no_point():
@@ -594,7 +793,12 @@ def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
     """Locks out a data file that LAMMPS or our fix does not read as it was meant, or bodies of one
     kind that differ: flexible water, distorted, becomes bodies of one shape."""
     path = scripts.spce(tmp_path, fix="fix move all nve", number=3)
-    text = path.read_text()
+    field = tmp_path / "parts" / "spce.ff"  # the data file's coefficients have to go with it
+    field.write_text(field.read_text().replace("bond_style harmonic\nbond_coeff 1 0 1.0\n", ""))
+    with open(tmp_path / "parts" / "spce.data", "a") as file:
+        file.write("\nBond Coeffs # harmonic\n\n1 0 1.0\n")
+    text = path.read_text().replace("read_data", "bond_style harmonic\nread_data")
+    path.write_text(text)
     assert main(["bodies", str(path), "--out", str(tmp_path / "out")]) == 0
     assert "27 × water" in capsys.readouterr().out
     (tmp_path / "spce.data").write_bytes((tmp_path / "out" / "spce.data").read_bytes())

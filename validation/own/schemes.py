@@ -1,16 +1,19 @@
 """Integrators in the place of a script's own: all that keep the same temperature and pressure."""
 
+import itertools
 import re
 from collections.abc import Iterator, Mapping
-from decimal import Decimal, InvalidOperation
+
+import numpy as np
 
 from validation.own.finding import Found, State, style_of
-from validation.own.script import texts, words
+from validation.own.script import texts, undotted, words
 from validation.scenes.integrators import OURS, Integrator
 
 SEED = 4928
 TOLERANCE = "1e-4"
 REST = "own_rest"  # group of the atoms that the script's fixes move, and that are in no body
+ALL = "own_all"  # these and the bodies
 YOURS = "yours"
 
 
@@ -23,6 +26,9 @@ def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]
     """
     made = [*_ours(found, units), *_rigid(found), *_constrained(found)]
     notes = []
+    if found.modified:
+        told = "; ".join(map(plain, found.modified))
+        notes.append(f"For the script's own integrator only: {told}.")
     if not found.constraints:
         notes.append(f"No shake: {found.why or 'it does not hold these bodies'}.")
     if found.kind == "plain":  # the script's own moves other bodies: it has none
@@ -37,7 +43,7 @@ def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]
 def _done(one, found):
     """What an integrator's commands are to LAMMPS; words in quotes may stand with more spaces."""
     lines = (line.format(group=found.group, bodies=found.bodies) for line in one.lines)
-    return [[word.split() for word in texts(line)] for line in lines]
+    return [[word.split() for word in texts(line)] for line in (*lines, *one.then)]
 
 
 def _literal(line: str) -> str:
@@ -48,23 +54,12 @@ def _yours(found: Found) -> Integrator:
     styles = " + ".join(dict.fromkeys(_called(line) for line in found.lines))
     label = f"yours: {styles}"
     whole = found.kind == "rigid" and "small" in found.style
-    return Integrator(YOURS, label, tuple(map(_literal, found.lines)), whole, found.kind)
+    lines = tuple(map(_literal, found.lines))
+    return Integrator(YOURS, label, lines, whole, found.kind, then=found.modified)
 
 
 def _called(line):
     return texts(line)[4].split()[0] if style_of(line) == "python/move" else style_of(line)
-
-
-def undotted(word: str) -> str:
-    """A number as the words of fix python/move take it: without a point."""
-    if "." not in word:
-        return word
-    try:
-        _, digits, exponent = Decimal(word).normalize().as_tuple()
-    except InvalidOperation:
-        return word
-    sign = "-" if word.startswith("-") else ""
-    return f"{sign}{''.join(map(str, digits))}" + (f"e{exponent}" if exponent else "")
 
 
 def _words(state, plain=False) -> str:
@@ -76,24 +71,23 @@ def _words(state, plain=False) -> str:
     return "".join(" " + (one if plain else undotted(one)) for one in told)
 
 
-def _rest(found: Found) -> list[str]:
-    """Commands for the atoms that are in no body."""
+def _rest(found: Found) -> tuple[list[str], list[str]]:
+    """Commands that make the group of the atoms that are in no body, and those that move them."""
     if not found.rest:
-        return []
-    own = texts(found.mover)
-    state = found.state
-    style = "nvt" if state.temp else "nve"
-    heat = _words(type(state)(state.temp), plain=True)
-    lines = [f"group {REST} subtract {own[2]} {{group}}"]
-    if state.press:
-        lines.append(f"fix {REST} {REST} {style}{heat}")
+        return [], []
+    state, group, made = found.state, found.points, []
+    if not group:
+        group, made = REST, [f"group {REST} subtract {texts(found.mover)[2]} {{group}}"]
+    if state.press or found.points:
+        style, heat = "nvt" if state.temp else "nve", _words(type(state)(state.temp), plain=True)
+        moves = [f"fix {REST} {group} {style}{heat}"]
     else:  # its own words
         head = [f"fix {REST} {REST}", *(one.quoted for one in words(found.mover)[3:])]
-        lines.append(_literal(" ".join(head)))
+        moves = [_literal(" ".join(head))]
     if found.holder:
         head = [f"fix own_held {REST}", *(one.quoted for one in words(found.holder)[3:])]
-        lines.append(_literal(" ".join(head)))
-    return lines
+        moves.append(_literal(" ".join(head)))
+    return made, moves
 
 
 def plain(line: str) -> str:
@@ -106,9 +100,10 @@ def _id(found):
 
 
 def _ours(found: Found, units: str) -> Iterator[Integrator]:
-    state, rest, points = found.state, _rest(found), ""
-    if state.press and found.rest:
-        rest, points = rest[:1], f" points {REST}"
+    state, (made, moves), points = found.state, _rest(found), ""
+    rest = [*made, *moves]
+    if found.rest and (state.press or found.points):
+        rest, points = made, f" points {found.points or REST}"
         if found.holder:  # atoms that shake holds are no free points
             return
     name = state.ensemble.upper()
@@ -136,7 +131,7 @@ def _kinds(state: State, units: str) -> list[tuple[str, str]]:
 
 
 def _rigid(found: Found) -> Iterator[Integrator]:
-    state, rest = found.state, _rest(found)
+    state, rest = found.state, [*itertools.chain(*_rest(found))]
     if state.press and found.rest and found.holder:
         return
     small = found.bodies.split()[0] in ("molecule", "custom")
@@ -169,7 +164,9 @@ def _constrained(found: Found) -> Iterator[Integrator]:
     if not found.constraints:
         return
     state = found.state
-    group = texts(found.mover)[2] if found.mover else found.group
+    group, made = texts(found.mover)[2] if found.mover else found.group, []
+    if found.points:
+        group, made = ALL, [f"group {ALL} union {{group}} {found.points}"]
     of = texts(found.holder)[2] if found.holder else found.group
     move = f"fix {_id(found)} {_literal(group)} {state.ensemble}" + _words(state, plain=True)
     held = f"fix own_held {of} {{style}} {TOLERANCE} 100 0 {found.constraints}"
@@ -179,30 +176,45 @@ def _constrained(found: Found) -> Iterator[Integrator]:
         hold = held.format(style=style)
         # rattle corrects the velocities that the other has set; a box that changes wants shake
         # before it
-        lines = (hold, move) if state.press else (move, hold)
+        lines = (*made, hold, move) if state.press else (*made, move, hold)
         label = f"{style} {TOLERANCE} + {state.ensemble}"
         tolerance = float(TOLERANCE)
         yield Integrator(style, label, lines, kind="constraints", tolerance=tolerance)
 
 
-def summary(found: Found, said: Mapping) -> list[str]:
+def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> list[str]:
     """What was found, in sentences."""
-    bodies, atoms = int(found.body.max()), int((found.body > 0).sum())
+    bodies, inside = int(found.body.max()), found.body > 0
     told = " and ".join(f"fix {one} ({_called(line)})" for one, line in zip(found.ids, found.lines))
     moves = "moves" if len(found.ids) == 1 else "move"
     lines = [
-        f"At '{plain(said['run'])}' {told} {moves} {bodies:,} bodies of {atoms:,} "
+        f"At '{plain(said['run'])}' {told} {moves} {bodies:,} bodies of {inside.sum():,} "
         f"atoms: group {found.group}, body style {found.bodies}; {len(found.body):,} atoms in all.",
         f"Ensemble: {found.state.ensemble.upper()}"
         + (f" ({_words(found.state, plain=True).strip()})" if found.state.temp else "")
         + ". All else of the script stays.",
     ]
-    if found.rest:
+    if found.state.ramps:
+        told = " and ".join(found.state.ramps)
+        lines.append(f"A run changes {told}: here each does, however short it is.")
+    if found.bodies == "molecule" and (stray := (atoms["molecule"][inside] == 0).sum()) > 1:
+        lines.append(
+            f"The {stray:,} atoms with molecule-ID 0 are one rigid body, as in LAMMPS: give every "
+            "body a molecule-ID of its own, or leave these atoms out of the group."
+        )
+    if found.points:
+        lines.append(
+            f"Atoms of group {found.points}, in no body, move, too: with ours as its points, with "
+            "others by a fix of their own."
+        )
+    elif found.rest:
         lines.append("The other atoms that these fixes move keep their integrator.")
     if found.dropped:
         lines.append(f"Keywords of it that others do not have: {', '.join(found.dropped)}.")
     if said["skipped"]:
-        lines.append(f"{said['skipped']} runs before it were done as they are.")
+        lines.append(f"{said['skipped']} runs or minimizations before it were done as they are.")
+    if said["step"]:
+        lines.append(f"Steps count from 0 here, and from {said['step']:,} in the script.")
     if said["left_out"]:
         some = "; ".join(map(plain, said["left_out"][:6])) + " ..." * (len(said["left_out"]) > 6)
         lines.append(f"Left out, for they write files: {some}.")

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from decimal import Decimal, InvalidOperation
 from typing import NamedTuple
 
 # a run begins, or something that LAMMPS does step by step
@@ -11,6 +12,8 @@ RUNS = frozenset(
         *("prd", "tad", "hyper"),
     )
 )
+# of these, in which no time passes
+STILL = frozenset(("minimize", "rerun", "neb", "neb/spin"))
 # they only tell, or write: they are neither done nor kept
 TOLD = frozenset(
     (
@@ -22,10 +25,22 @@ TOLD = frozenset(
 # their effect is in the state of the atoms, which runs begin with, or the harness says it anew
 DONE = frozenset(
     (
-        *("run", "minimize", "rerun", "velocity", "displace_atoms", "shell"),
+        *RUNS,
+        *("velocity", "displace_atoms", "shell"),
         *("thermo", "thermo_style", "thermo_modify", "timestep", "reset_timestep"),
     )
 )
+# they change the atoms or the box, by where atoms are
+CHANGES = frozenset(
+    (
+        *("set", "create_atoms", "delete_atoms", "create_bonds", "delete_bonds", "change_box"),
+        *("replicate", "read_dump", "reset_atoms", "reset_atom_ids"),
+    )
+)
+# what they do depends on where atoms are
+PLACED = CHANGES | {"group", "fix", "compute"}
+# fixes that remember where atoms were when they were made
+REMEMBERS = "spring/self", "store/state", "move", "recenter", "tmd", "poems", "rigid"
 # they only read the files that they name, so a link is enough
 READS = frozenset(("read_data", "read_restart", "read_dump", "molecule", "include", "jump"))
 
@@ -54,6 +69,46 @@ def words(line: str) -> list[Word]:
 def texts(line: str) -> list[str]:
     """The words of a command, without quotes."""
     return [word.text for word in words(line)]
+
+
+def takes_time(line: str, step: int) -> bool:
+    """Whether time passes in a command of `RUNS` that stands at this step: not in ``run 0``."""
+    word, *rest = texts(line)
+    if word != "run":
+        return word not in STILL
+    return int(rest[0]) > step * ("upto" in rest)
+
+
+def remembers(line: str) -> bool:
+    """Whether a command makes something that depends on where atoms are then, to the end."""
+    word, *rest = texts(line)
+    if word == "fix":
+        return rest[2].startswith(REMEMBERS)
+    if word == "group":
+        return rest[1] in ("region", "variable")
+    return word in CHANGES
+
+
+def without_step(line: str) -> str:
+    """A command ``read_dump`` that leaves the counter of steps as it is; others as they are."""
+    found = words(line)
+    if found[0].text != "read_dump" or any(one.text == "timestep" for one in found):
+        return line
+    told = [one.quoted for one in found]
+    at = told.index("format") if "format" in told else len(told)  # which LAMMPS wants last
+    return " ".join((*told[:at], "timestep no", *told[at:]))
+
+
+def undotted(word: str) -> str:
+    """A number as the words of fix python/move take it: without a point."""
+    if "." not in word:
+        return word
+    try:
+        _, digits, exponent = Decimal(word).normalize().as_tuple()
+    except InvalidOperation:
+        return word
+    sign = "-" if word.startswith("-") else ""
+    return f"{sign}{''.join(map(str, digits))}" + (f"e{exponent}" if exponent else "")
 
 
 def lines(text: str) -> Iterator[str]:

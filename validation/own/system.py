@@ -12,7 +12,7 @@ import shutil
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ import numpy as np
 from validation import command_line
 from validation.own import finding, schemes
 from validation.own.finding import Found, Unclear
-from validation.own.script import DONE, texts
+from validation.own.script import CHANGES, DONE, RUNS, remembers, texts
 from validation.running import machine, run, store
 from validation.scenes import Scene, starts
 from validation.scenes.integrators import Integrator
@@ -130,22 +130,40 @@ def take(
     Raises:
         SystemExit: with one message, what is wrong and the way out.
     """
-    said, atoms, folder = read(ask, out, ranks, silence)
-    name = Path(ask.script).name
-    try:
-        found = finding.find(said, atoms, ask.fix, ask.group, ask.bodies)
-    except Unclear as unclear:
-        raise SystemExit(f"{name}: {unclear}") from None
-    those, reference, more = schemes.schemes(found, said["units"])
-    if not any(one.kind == "ours" for one in those):
-        more.append("None of ours: atoms that shake holds cannot share a box with our barostat.")
-    scene = _scene(ask, folder, said, found)
-    if found.kind in ("constraints", "plain"):
-        scene = _at_rest(scene, those, folder, ranks, silence)
-    notes = (*schemes.summary(found, said), *more)
+    with _locked(out):
+        said, atoms, folder = _reading(ask, out, ranks, silence)
+        name = Path(ask.script).name
+        try:
+            found = finding.find(said, atoms, ask.fix, ask.group, ask.bodies)
+        except Unclear as unclear:
+            raise SystemExit(f"{name}: {unclear}") from None
+        those, reference, more = schemes.schemes(found, said["units"])
+        if not any(one.kind == "ours" for one in those):
+            more.append(
+                "None of ours: atoms that shake holds cannot share a box with our barostat."
+            )
+        scene, late = _scene(ask, folder, said, atoms, found)
+        if found.kind in ("constraints", "plain"):
+            scene = _at_rest(scene, those, folder, ranks, silence)
+    notes = (*schemes.summary(found, said, atoms), *more, *late)
     for line in notes:
         tell(line)
     return Own(ask, scene, {one.name: one for one in those}, reference, found, said, atoms, notes)
+
+
+def refuse_ramps(own: Own) -> None:
+    """Refuse a script whose temperature or pressure changes in its run, for what is measured by
+    means.
+
+    Raises:
+        SystemExit: with one message.
+    """
+    if own.found.state.ramps:
+        raise SystemExit(
+            f"{own.scene.subject}: '{schemes.plain(own.said['run'])}' changes "
+            f"{' and '.join(own.found.state.ramps)}, so means do not tell what a step does: give a "
+            "run that keeps them. 'check', 'compare' and 'bench' take this one"
+        )
 
 
 def read(
@@ -156,16 +174,26 @@ def read(
     Args:
         everything: stop at the first run whatever moves atoms there.
     """
+    with _locked(out):
+        return _reading(ask, out, ranks, silence, everything)
+
+
+def _locked(out: Path):
+    """A context in which no other process reads a script in this output folder."""
+    return store.Store(out, "validation.own.system").locked("script")
+
+
+def _reading(ask, out, ranks, silence, everything=False):
     if not Path(ask.script).is_file():
         raise SystemExit(f"there is no script {ask.script}, and no scene of that name")
     folder = (out / "script").resolve()
-    with store.Store(out, "validation.own.system").locked("script"):
-        said = _known(ask, folder, ranks) or _read(ask, folder, ranks, silence, everything)
+    how = ranks, everything
+    said = _known(ask, folder, *how) or _read(ask, folder, *how, silence)
     with np.load(folder / "atoms.npz") as file:
         return said, dict(file), folder
 
 
-def without_fixes(said: Mapping, folder: Path) -> list[str]:
+def without_fixes(said: Mapping) -> list[str]:
     """The script's commands without fixes that act in runs, and the state of the atoms."""
     kept = [
         line
@@ -173,26 +201,30 @@ def without_fixes(said: Mapping, folder: Path) -> list[str]:
         if texts(line)[0] not in (*DONE, "fix", "fix_modify", "unfix")
         or texts(line)[3:4] in (["property/atom"], ["cmap"])
     ]
-    return [*kept, _state(folder / "inputs" / "state.dump", said["step"])]
+    return [*kept, said["state"]]
 
 
-def _known(ask: Ask, folder: Path, ranks: int) -> dict | None:
+def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
     """What was read before, if nothing has changed since."""
     try:
         kept = json.loads((folder / "known.json").read_text())
-        same = kept["origin"] == _origin(ask, ranks, kept["files"])
+        same = kept["origin"] == _origin(ask, ranks, everything, kept["files"])
         return json.loads((folder / "read.json").read_text()) if same else None
     except (OSError, ValueError, KeyError):
         return None
 
 
-def _origin(ask, ranks, files) -> str:
-    code = store.code_of("validation.own.system")
-    found = [machine.contents(Path(file)) for file in files]
-    return store.digest(asdict(ask), ranks, code, machine.versions(), files, found)
+def _origin(ask, ranks, everything, files) -> str:
+    code, found = store.code_of("validation.own.system"), _contents(files)
+    return store.digest(asdict(ask), ranks, everything, code, machine.versions(), files, found)
 
 
-def _read(ask: Ask, folder: Path, ranks: int, silence: float, everything: bool) -> dict:
+def _contents(files) -> str:
+    """Hash of what is in the user's files that a script reads, in whatever folders they are."""
+    return store.digest([machine.contents(Path(file)) for file in files])
+
+
+def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) -> dict:
     shutil.rmtree(folder, ignore_errors=True)
     (folder / "inputs").mkdir(parents=True)
     plain = {
@@ -200,7 +232,8 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float, everything: bool) 
         "inputs": str(folder / "inputs"),
         "variables": ask.variables,
         "fix": ask.fix,
-        "any": everything or bool(ask.group or ask.bodies),
+        "any": bool(ask.group or ask.bodies),
+        "everything": everything,
         "at": ask.at,
     }
     (folder / "ask.json").write_text(json.dumps(plain))
@@ -224,35 +257,34 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float, everything: bool) 
         why = error.read_text() if error.exists() else f"ended, see {folder / 'output.txt'}"
         raise SystemExit(f"{Path(ask.script).name}: {run.one_line(why)}")
     said = json.loads((folder / "read.json").read_text())
-    files = [ask.script, *said["files"]]
-    kept = {"files": files, "origin": _origin(ask, ranks, files)}
+    files = said["files"]
+    kept = {"files": files, "origin": _origin(ask, ranks, everything, files)}
     (folder / "known.json").write_text(json.dumps(kept))
     return said
 
 
-def _scene(ask: Ask, folder: Path, said: Mapping, found: Found) -> Scene:
-    """The script's commands, with a gap where the found fixes were."""
-    commands = [*said["commands"]]
-    first = len(commands)
+def _scene(
+    ask: Ask, folder: Path, said: Mapping, atoms: Mapping[str, np.ndarray], found: Found
+) -> tuple[Scene, list[str]]:
+    """The script's commands, with a gap where the found fixes were; and what is to be said."""
+    commands: list[str] = said["commands"]
+    first, gone = len(commands), set[int]()
     for one in found.ids:
-        at = max(i for i, line in enumerate(commands) if texts(line)[:2] == ["fix", one])
-        commands[at:] = [
-            line
-            for i, line in enumerate(commands[at:])
-            if i and texts(line)[:2] != ["fix_modify", one]
-        ]
-        first = min(first, at)
+        own = [i for i, line in enumerate(commands) if texts(line)[1:2] == [one]]
+        ended = max((i for i in own if texts(commands[i])[0] == "unfix"), default=-1)
+        gone |= {i for i in own if i > ended and texts(commands[i])[0] in ("fix", "fix_modify")}
+        first = min(first, max(i for i in own if texts(commands[i])[0] == "fix"))
     if found.kind == "plain" or ask.group:
         first = len(commands)
-    before, then = (
-        [line for line in part if texts(line)[0] not in DONE]
-        for part in (commands[:first], commands[first:])
-    )
-    restart = next((i for i, line in enumerate(before) if line.startswith("read_restart")), None)
-    before.insert(1 + (len(before) if restart is None else restart), run.RESET)
-    if restart is None:  # steps begin at 0, or the script resets them
-        before.remove(run.RESET)
-        before.insert(_box(before), run.RESET)
+    states = said["states"]
+    # behind the state that runs begin with, these would change it a second time
+    changes = [
+        i for i, line in enumerate(commands) if texts(line)[0] in CHANGES and line not in states
+    ]
+    first = max([first, *(i + 1 for i in changes)])
+    kept = [i for i, line in enumerate(commands) if i not in gone and texts(line)[0] not in DONE]
+    before, then = ([commands[i] for i in kept if (i < first) == early] for early in (True, False))
+    before.insert(_box(before), run.RESET)  # before fixes that forbid it
     lost = [line for line in said["commands"] if line.startswith("thermo_modify")]
     output = [
         f"thermo_modify lost {words[words.index('lost') + 1]}"
@@ -260,13 +292,14 @@ def _scene(ask: Ask, folder: Path, said: Mapping, found: Found) -> Scene:
         if "lost" in words
     ]
     inputs = folder / "inputs"
-    np.save(inputs / "bodies.npy", found.body.astype(np.int32))
-    number, atoms = int(found.body.max()), len(found.body)
-    return Scene(
+    known = np.array([found.body, atoms["type"]], dtype=np.int32)
+    _keep(known, folder, inputs / "bodies.npy")
+    number = int(found.body.max())
+    scene = Scene(
         name=ask.name,
-        title=f"{Path(ask.script).name}: {number:,} bodies, {atoms:,} atoms",
+        title=f"{Path(ask.script).name}: {number:,} bodies, {len(found.body):,} atoms",
         folder=inputs,
-        setup=(*before, *found.setup, _state(inputs / "state.dump", said["step"])),
+        setup=(*before, *found.setup, said["state"]),
         group=found.group,
         bodies=found.bodies,
         constraints=found.constraints,
@@ -276,10 +309,34 @@ def _scene(ask: Ask, folder: Path, said: Mapping, found: Found) -> Scene:
         unit=number,
         sizes=(number,),
         subject=Path(ask.script).name,
-        then=tuple(then),
+        then=tuple(line for line in then if line not in states),
         columns=("econserve", "density"),
         output=tuple(output),
+        dimension=said["dimension"],
+        origin=_contents(said["files"]),
     )
+    return scene, _late([commands[i] for i in range(first, len(commands)) if i not in gone])
+
+
+def _keep(array: np.ndarray, folder: Path, path: Path) -> None:
+    """Write an array, whole or not at all: runs of another process may read it."""
+    part = folder / f"{path.name}.part"
+    with open(part, "wb") as file:
+        np.save(file, array)
+    part.replace(path)
+
+
+def _late(then: Sequence[str]) -> list[str]:
+    """What is to be said of commands between the bodies' fix and an earlier run of it."""
+    last = max((i for i, line in enumerate(then) if texts(line)[0] in RUNS), default=0)
+    late = [line for line in then[:last] if remembers(line)]
+    if not late:
+        return []
+    some = "; ".join(map(schemes.plain, late[:6])) + " ..." * (len(late) > 6)
+    return [
+        "These stand before earlier runs, and find atoms here where the run that is compared "
+        f"begins: {some}."
+    ]
 
 
 def _box(commands) -> int:
@@ -288,22 +345,18 @@ def _box(commands) -> int:
     return 1 + max(i for i, line in enumerate(commands) if texts(line)[0] in makes)
 
 
-def _state(dump: Path, step: int) -> str:
-    """The command that gives the atoms of a scene what a dump has, and the box."""
-    return starts.read(dump, step).replace("box no", "box yes")
-
-
 def _at_rest(scene, those, folder, ranks, silence) -> Scene:
     """The scene with velocities of rigid bodies: what all integrators make of the script's."""
     ours = next((one for one in those if one.kind in ("ours", "rigid")), None)
     if ours is None:
         return scene
-    state = scene.folder / "bodies.dump"
+    state, made = scene.folder / "bodies.dump", folder / "bodies" / "state.dump"
     if not state.exists():
         how: dict = {"dt": scene.dt, "every": 0, "ranks": ranks, "silence": silence}
-        more = starts.to_dump(state, 1)
-        result = run.run(run.job(scene, ours, folder / "bodies", [0], more=more, **how))
+        more = starts.to_dump(made, 1)
+        result = run.run(run.job(scene, ours, made.parent, [0], more=more, **how))
         if result.error:
-            state.unlink(missing_ok=True)
             raise SystemExit(f"{scene.subject}: {ours.label} cannot begin: {result.error}")
-    return replace(scene, setup=(*scene.setup[:-1], _state(state, 0)))
+        made.replace(state)
+    begun = starts.read(state, 0, scene.dimension, box=True)
+    return replace(scene, setup=(*scene.setup[:-1], begun))

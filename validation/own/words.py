@@ -35,6 +35,7 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
     ask, out = system.begin(arguments, script)
     silence = arguments.silence or 120.0
     own = system.take(ask, out, arguments.ranks, silence)
+    system.refuse_ramps(own)
     only = arguments.only and [
         one.name for one in command_line.chosen_of(own.integrators, arguments.only)
     ]

@@ -16,6 +16,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from errno import ENOSPC
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -32,6 +33,7 @@ LOOK = 0.2  # s between two looks at a running job
 COMPILING, COMPILES = 600.0, " compiles its loops, once"  # s that a first use may need, its words
 SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
 _libc = ctypes.CDLL(None)  # here: between fork and exec nothing is loaded
+HUNG = "no sign of life"  # begins the message of a run that hung
 GRACE = 5.0  # s that processes have to end after SIGTERM
 
 
@@ -164,6 +166,7 @@ def job(
         *(scene.others if integrator.kind != "free" else []),
         *integrator.commands(scene),
         *scene.then,
+        *integrator.then,
         *thermo(*scene.columns),
         *scene.output,
         f"thermo {every}",
@@ -217,9 +220,7 @@ def run(
         try:
             with started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process:
                 if watch(process, directory / "log.lammps", job.silence, on_step):
-                    (directory / "error.txt").write_text(
-                        f"no sign of life for {job.silence:g} s, ended"
-                    )
+                    (directory / "error.txt").write_text(f"{HUNG} for {job.silence:g} s, ended")
         except KeyboardInterrupt:
             interrupted = True
     result = collect(directory)
@@ -241,14 +242,21 @@ def is_there(job: Job, failures: bool = False) -> bool:
 
     Args:
         failures: whether a run that LAMMPS or a fix ended with a message, or that hung for no less
-            than ``job.silence``, counts as complete; one that was killed does not.
+            than ``job.silence``, counts as complete; one that was killed does not, nor one that
+            the machine ended, as by a full disk.
     """
     directory = Path(job.directory)
     if not (directory / "job.json").exists():
         return False
     known = Job(**json.loads((directory / "job.json").read_text()))
-    failed = failures and (directory / "error.txt").exists() and known.silence >= job.silence
+    failed = failures and _lasts(directory) and known.silence >= job.silence
     return known == job and (failed or (directory / "done.json").exists())
+
+
+def _lasts(directory: Path) -> bool:
+    """Whether a run failed by what it is: LAMMPS says so, or a fix through it, or it hung."""
+    message = _read(directory / "error.txt")
+    return bool(re.match(rf"'?ERROR|{HUNG}", message)) and os.strerror(ENOSPC) not in message
 
 
 INTERRUPTED = "interrupted"

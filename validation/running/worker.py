@@ -5,7 +5,8 @@ what is measured is the installed fix_nosquish, found by LAMMPS as a user's woul
 
 The job (written by ``run.py``) holds ``folder``, ``commands``, ``setups`` (how often
 `run 0` is timed), ``runs`` (a list of numbers of steps, done one after the other as one
-trajectory), ``body_property`` and ``motion``.  Left beside job.json:
+trajectory, over all of which what a fix changes in a run is changed once), ``body_property`` and
+``motion``.  Left beside job.json:
 
     log.lammps      LAMMPS's log
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
@@ -43,8 +44,21 @@ def gather(lmp: lammps, name: str, kind: int, count: int) -> np.ndarray:
 
 
 def bodies_of(lmp: lammps, name: str) -> np.ndarray:
-    """The number of each atom's body, in order of atom ID; every rank must call."""
-    return np.load(name) if name.endswith(".npy") else gather(lmp, name, 0, 1)
+    """The number of each atom's body, in order of atom ID; every rank must call.
+
+    Raises:
+        ValueError: a file that tells it knows the atoms by other IDs.
+    """
+    if not name.endswith(".npy"):
+        return gather(lmp, name, 0, 1)
+    bodies, types = np.load(name)
+    if not np.array_equal(types, gather(lmp, "type", 0, 1)):
+        raise ValueError(
+            "atoms have other IDs than when the script was read, as reset_atoms and delete_atoms "
+            "give them by where atoms are: write_data behind these, and give a script that reads "
+            "that file"
+        )
+    return bodies
 
 
 def geometry(lmp: lammps) -> tuple[list[list[float]], np.ndarray]:
@@ -92,9 +106,12 @@ def work(job: dict, out: Path) -> None:
     cell, periodic = geometry(lmp)
     cells = [cell]
     seconds["runs"] = []
+    begin = lmp.extract_global("ntimestep")
+    whole = f"start {begin} stop {begin + sum(job['runs'])}"  # of ramps, as of a temperature
     for index, steps in enumerate(job["runs"]):
         last = index == len(job["runs"]) - 1
-        seconds["runs"].append(timed(f"run {steps}" + (" pre no" if index else ""), counted=last))
+        command = f"run {steps} {whole}" + " pre no" * bool(index)
+        seconds["runs"].append(timed(command, counted=last))
         for name, values in kept.items():
             values.append(gather(lmp, name, 1, 3))
         cells.append(geometry(lmp)[0])

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from validation.command_line import chosen
-from validation.ensembles.lengths import Lengths, One, folder
+from validation.ensembles.lengths import Lengths, One, folder, step_of_starts
 from validation.ensembles.schemes import (
     MOVES,
     SEED,
@@ -141,7 +141,8 @@ class Case:
 
     def total(self, points: Collection[Point], lengths: Lengths) -> int:
         """Steps of all runs together."""
-        return lengths.total((self.schemes[one.scheme], one.dt) for one in points)
+        each = ((self.schemes[one.scheme], one.dt) for one in points)
+        return lengths.total(each, step_of_starts(self.scene))
 
     def prints(self, lengths: Lengths) -> Callable[[Scheme, float, Path], list[str]]:
         """LAMMPS commands of a run, see `runs.Runs`."""

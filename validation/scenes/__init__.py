@@ -28,8 +28,8 @@ class Scene:
         bodies: body style as fix rigid's command has it.
         constraints: the same bodies in the words of fix shake; None if it cannot hold them.
         body_property: per-atom integer that tells the bodies apart, as
-            ``gather_atoms`` names it, or a file (.npy) that has it of each atom, in order of ID;
-            0 is no body.
+            ``gather_atoms`` names it, or a file (.npy) that has it and the type of each atom, as
+            rows, in order of ID; 0 is no body.
         others: LAMMPS commands that move the atoms in no body.
         units: as LAMMPS calls them, see ``units``.
         dt: a usual time step, in these units.
@@ -42,6 +42,8 @@ class Scene:
         then: LAMMPS commands behind the fix that moves the bodies.
         columns: of the thermodynamic output, beside the usual ones.
         output: LAMMPS commands behind those of the output.
+        dimension: of space, 2 or 3.
+        origin: hash of what it follows from beside its folder's files and these attributes.
     """
 
     name: str
@@ -63,6 +65,8 @@ class Scene:
     then: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
     output: tuple[str, ...] = ()
+    dimension: int = 3
+    origin: str = ""
 
     def on_mesh(self, accuracy: str) -> "Scene":
         """The scene with another accuracy of its PPPM; without effect on one that has none."""

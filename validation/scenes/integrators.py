@@ -20,6 +20,7 @@ class Integrator:
         whole_bodies: whether a rank's atoms and ghost atoms must hold the whole of each body.
         kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes) or ``constraints`` (shake, rattle).
         tolerance: of constraints, relative; None for others.
+        then: LAMMPS commands behind the scene's own, that ask for this integrator.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Integrator:
     whole_bodies: bool = False
     kind: str = "ours"
     tolerance: float | None = None
+    then: tuple[str, ...] = ()
 
     def can_run(self, scene: Scene) -> bool:
         """Whether this integrator knows how to hold the scene's bodies."""

@@ -47,11 +47,20 @@ def to_dump(dump: Path | str, every: int) -> list[str]:
     return [f'dump state all custom {every} "{dump}" id {STATE}', f"dump_modify state {EXACT}"]
 
 
-def read(dump: Path | str, step: int) -> str:
-    """The LAMMPS command that gives the atoms of a scene what a dump of them all has."""
-    return f'read_dump "{dump}" {step} {STATE} box no replace yes format native'
+def read(dump: Path | str, step: int, dimension: int = 3, box: bool = False) -> str:
+    """The LAMMPS command that gives the atoms of a scene what a dump of them all has.
+
+    The counter of steps stays: the step only tells which snapshot of the dump is meant.
+
+    Args:
+        dimension: in two LAMMPS refuses what is said of z.
+        box: whether the box becomes that of the dump, too.
+    """
+    fields = STATE if dimension == 3 else " ".join(one for one in STATE.split() if "z" not in one)
+    sized = "yes" if box else "no"
+    return f'read_dump "{dump}" {step} {fields} box {sized} replace yes timestep no format native'
 
 
 def from_dump(scene: Scene, dump: Path | str, step: int) -> Scene:
     """The scene with positions, images and velocities from a dump of all atoms."""
-    return replace(scene, setup=(*scene.setup, read(dump, step)))
+    return replace(scene, setup=(*scene.setup, read(dump, step, scene.dimension)))

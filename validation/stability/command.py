@@ -100,6 +100,7 @@ def _script(arguments: Namespace, path: str) -> int:
     run_by.launch_by(arguments.launch)
     ask, out = system.begin(arguments, path)
     own = system.take(ask, out, 1, arguments.silence)
+    system.refuse_ramps(own)
     some = command_line.chosen_of(own.integrators, arguments.only)
     screen = console.console()
     with console.Meter(screen, len(some) * (len(stress.LONGER) + 4), "runs") as meter:
