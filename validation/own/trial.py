@@ -35,7 +35,10 @@ FRAMES, MOST = 200, 1000  # of a run, and of one with many steps
 APART = 50  # steps between the frames of such a run
 ATOMS, FEW = 2_000_000, 20  # in all frames of a run at most, but so many frames at least
 SETTLES = 0.25  # of the frames are left out
-SPAN = 96  # of the script's steps: changes of the energy in it count beside a thermostat
+# of the script's steps: the energy's changes in it count.  Errors of the step are as large as they
+# get by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
+# steps: the standard deviation of a whole run is mostly this
+SPAN = 96
 PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in it; more than one for so many in all
 LEAST = 400  # steps of a run
 LATE = 1.5  # of the budget: then no further run begins
@@ -61,7 +64,7 @@ TARGETS = {
     "energy": (
         0.2,
         "of the kinetic energy's standard deviation",
-        "fluctuation of the energy that is to be kept: {fluctuation}",
+        "change of the energy that is to be kept in {span}, rms, over √2",
         "a fifth, the old rule for a step that is short enough",
     ),
     "potential": (
@@ -77,11 +80,6 @@ TARGETS = {
         "rms of g(r) of the bodies' heaviest atoms",
         "less than the width of a line in a figure of g(r)",
     ),
-}
-FLUCTUATION = {
-    False: "its standard deviation about the line of its drift",
-    # what the noise of a thermostat adds up to does not count
-    True: "its rms change in {span}, over √2",
 }
 COUNTED = (
     "what {fixes} does to the energy is not counted; of a fix that adds a force, 'fix_modify ID "
@@ -180,9 +178,7 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
 
 def _about(own: Own, wanted: Mapping[str, float]) -> dict[str, dict]:
     """What each target is, in words, and its default for this script."""
-    span = f"{SPAN * own.scene.dt:g} {own.units.time}"
-    fluctuation = FLUCTUATION[_is_noisy(own)].format(span=span)
-    words = {"ns": name_of_ns(own), "fluctuation": fluctuation}
+    words = {"ns": name_of_ns(own), "span": f"{SPAN * own.scene.dt:g} {own.units.time}"}
     found = {}
     for name in wanted:
         usual, *texts = TARGETS[name]
@@ -197,11 +193,6 @@ def judged(point: Mapping, wanted: Mapping[str, float]) -> dict[str, float]:
     """The targets that a row of `trial` has errors for."""
     lost = ENERGIES if point["uncounted"] else ()
     return {name: most for name, most in wanted.items() if name not in lost}
-
-
-def _is_noisy(own) -> bool:
-    """Whether a thermostat or barostat acts on the energy that is to be kept."""
-    return own.found.state.ensemble != "nve"
 
 
 def _has_rdf(own):
@@ -612,17 +603,14 @@ def _errors(own, one, alike, held, finer) -> dict[str, Estimate]:
 
 
 def _of_energy(own, mine) -> dict[str, Estimate]:
-    """What the energy that is to be kept does; see `FLUCTUATION`."""
+    """What the energy that is to be kept does: its drift, and its change in `SPAN`."""
     time, energy, kt = mine["time"], mine["conserved"], shapes.thermal(own)
     drift = measures.line_drift(time, energy).times(_steps(own, 1.0) / (kt * mine["freedom"]))
-    if _is_noisy(own):
-        lag = max(1, round(SPAN * own.scene.dt / (time[1] - time[0])))
-        square = measures.mean((energy[lag:] - energy[:-lag]) ** 2 / 2)
-        sd = np.sqrt(max(square.value, 1e-300))
-        fluctuation = Estimate(sd, square.error / (2 * sd), square.freedom)
-    else:
-        fluctuation = measures.about_line(time, energy)
-    return {"drift": drift, "energy": fluctuation.times(1 / max(mine["kinetic"], 1e-300))}
+    lag = max(1, round(SPAN * own.scene.dt / (time[1] - time[0])))
+    square = measures.mean((energy[lag:] - energy[:-lag]) ** 2 / 2)
+    change = np.sqrt(max(square.value, 1e-300))
+    rms = Estimate(change, square.error / (2 * change), square.freedom)
+    return {"drift": drift, "energy": rms.times(1 / max(mine["kinetic"], 1e-300))}
 
 
 def _of_rdf(dt, alike, held, finer) -> Estimate | None:
