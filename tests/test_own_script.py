@@ -715,8 +715,11 @@ def test_sizes_and_nearest_atoms_of_large_bodies(taken):
     for number, seed in ((1, 0), (60, 1), (300, 2)):  # atoms of each body
         random = np.random.default_rng(seed)
         body = np.arange(len(places)) // number + 1
-        body[:20] = 0
         x = random.uniform(0, edge, size=places.shape)
+        if number != 60:
+            body[:20] = 0
+        else:  # dense ones, each far from the next: the nearest are of the same body
+            x = edge * body[:, None] / (1 + body.max()) + random.uniform(0, 0.5, size=x.shape)
         x[1] = x[0] + 1e-4  # bonded, and in no body
         bonds = np.array([[1, 1, 2]])
         made = replace(own, found=replace(own.found, body=body),
