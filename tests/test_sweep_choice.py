@@ -1,8 +1,8 @@
 """Choices of a sweep against a search over everything, and what advise and the page say of them."""
 
 import csv
-import itertools
 import json
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -14,6 +14,7 @@ from validation import __main__
 from validation.pages import console
 from validation.scenes import SCENES
 from validation.scenes.integrators import SWEPT
+from validation.statistics.estimate import Estimate
 from validation.sweep import choice as sweep_choice
 from validation.sweep import figures as sweep_figures
 from validation.sweep import plan as sweep_plan
@@ -159,16 +160,30 @@ def by_hand(points, targets):
     with every other: sets of places in the list."""
     verdicts = []
     for one in points:
-        sure, never = not one["failed"], bool(one["failed"])
+        never = bool(one["failed"])
         for measure, target in targets.items():
             found = one["errors"].get(measure)
             if found is None or found["error"] is None:
-                sure = False
                 continue
-            sure &= found["value"] + NORMAL * found["error"] <= target
             never |= found["value"] - NORMAL * found["error"] > target
-        verdicts.append((sure, never))
-    good = [n for n, (sure, _) in enumerate(verdicts) if sure and points[n]["cost"]]
+        verdicts.append(never)
+    known = [
+        n
+        for n, never in enumerate(verdicts)
+        if not never
+        and points[n]["cost"]
+        and all((points[n]["errors"].get(name) or {"error": None})["error"] for name in targets)
+    ]
+    known.sort(key=lambda n: (points[n]["cost"]["min"], -points[n]["dt"], points[n]["integrator"]))
+    good = []
+    for k, n in enumerate(known, 1):  # by mistake one of them passes in 5 % of cases at most
+        wide = NormalDist().inv_cdf(1 - 0.05 / (k * (k + 1)))
+        found = points[n]["errors"]
+        if all(
+            found[name]["value"] + wide * found[name]["error"] <= most
+            for name, most in targets.items()
+        ):
+            good.append(n)
     first = [
         n for n in good if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in good)
     ]
@@ -186,7 +201,7 @@ def by_hand(points, targets):
     ]
     perhaps = [
         n
-        for n, (sure, never) in enumerate(verdicts)
+        for n, never in enumerate(verdicts)
         if not never
         and n not in good
         and (points[n]["cost"] is None or points[n]["cost"]["min"] <= usual)
@@ -278,7 +293,14 @@ def test_choice_is_that_of_a_search():
 
 WRONG = {
     "an error bar counts for nothing": lambda patch: patch.setattr(
-        "validation.statistics.estimate.margin", lambda error, freedom=None: 0.0
+        sweep_choice, "margin", lambda error, freedom, confidence: 0.0
+    ),
+    "each is judged as if it were the only one": lambda patch: patch.setattr(
+        sweep_choice,
+        "levels",
+        lambda points, targets, right=sweep_choice.levels: [
+            (one, 0.95) for one, _ in right(points, targets)
+        ],
     ),
     "a failed point may be chosen": lambda patch: patch.setattr(
         sweep_choice,
@@ -286,9 +308,7 @@ WRONG = {
         lambda one, targets, right=sweep_choice.meets: right(one | {"failed": None}, targets),
     ),
     "no telling is good enough": lambda patch: patch.setattr(
-        sweep_choice,
-        "meets",
-        lambda one, targets, right=sweep_choice.meets: right(one, targets) is not False,
+        sweep_choice, "bound", lambda one, measure, confidence=0.95: 0.0
     ),
     "an unknown error bar is none": lambda patch: patch.setattr(
         sweep_choice,
@@ -299,8 +319,8 @@ WRONG = {
     ),
     "a measure that was not taken is good": lambda patch: patch.setattr(
         sweep_choice,
-        "_within",
-        lambda found, target, right=sweep_choice._within: found is None or right(found, target),
+        "_known",
+        lambda one, measure, right=sweep_choice._known: right(one, measure) or Estimate(0.0),
     ),
     "a tie goes to the fastest": lambda patch: patch.setattr(
         sweep_choice, "_by_words", sweep_choice._by_cost
@@ -334,33 +354,32 @@ def test_worse_and_failed_points_change_nothing(seed):
                 name: (3 * found["value"], found["error"] and 3 * found["error"])
                 for name, found in one["errors"].items()
             }
-            worse = point("d", one["dt"], [1.01 * time for time in one["cost"]["values"]], **errors)
+            times = [1.01 * time for time in one["cost"]["values"]]
+            if before.fastest and min(times) <= before.fastest["cost"]["median"]:
+                continue  # it could be the fastest, and is one more that is chosen among
+            worse = point("d", one["dt"], times, **errors)
             assert sweep_choice.choose([worse, *points], targets).best == before.best
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_front_is_what_is_chosen(seed):
-    """Locks out a front with a beaten point or without a chosen one, and a ladder that misses a
-    choice or starts where something is met."""
+def test_front_has_what_no_other_beats(seed):
+    """Locks out a front with a beaten point or without one that none beats, and a ladder that
+    misses a choice or starts where something is met."""
     points = some_points(np.random.default_rng(100 + seed))
-    chosen = [
-        sweep_choice.choose(points, {"x": target}).best for target in np.geomspace(1e-3, 1e3, 400)
+    front, bound = sweep_choice.front(points, "x"), sweep_choice.bound
+    timed = [one for one in points if one["cost"] and np.isfinite(bound(one, "x"))]
+    timed.sort(key=lambda one: one["cost"]["min"])
+    assert front == [
+        one
+        for n, one in enumerate(timed)
+        if all(bound(one, "x") < bound(other, "x") for other in timed[:n])
     ]
-    front = sweep_choice.front(points, "x")
-    assert [one for one, _ in itertools.groupby(chosen[::-1]) if one] == front
-    for slow, fast in itertools.combinations(front[::-1], 2):
-        assert slow["cost"]["min"] > fast["cost"]["min"] and sweep_choice.bound(
-            slow, "x"
-        ) < sweep_choice.bound(fast, "x")
     rungs = sweep_choice._rungs(points, "x")
     assert rungs == sorted(set(rungs)) and all(
         f"{rung:e}"[0] in "125" and rung == float(f"{rung:.0e}") for rung in rungs
     )
     if front:
-        assert (
-            sweep_choice.choose(points, {"x": rungs[0]}).best is None
-            and sweep_choice.choose(points, {"x": rungs[1]}).best is not None
-        )
+        assert sweep_choice.choose(points, {"x": rungs[0]}).best is None
         assert sweep_choice.choose(points, {"x": rungs[-1]}).best is front[0]
     known = [
         one["errors"]["x"]
@@ -383,6 +402,25 @@ def test_front_is_what_is_chosen(seed):
             and choice.best is own.best is None
             and "not resolved" in choice.verdict
         )
+
+
+@pytest.mark.parametrize("most", [0.95, None])
+def test_the_one_of_many_that_is_named_is_good(most, monkeypatch):
+    """Locks out a choice among many candidates just above the target that names one of them in more
+    than one of twenty cases, for some pass by chance; and a test that would not see it."""
+    if most:
+        WRONG["each is judged as if it were the only one"](monkeypatch)
+    random, names = np.random.default_rng(20), []
+    for _ in range(1000):
+        values = 1.01 + 0.1 * random.normal(size=30)
+        many = [point("bad", n, [n], x=(value, 0.1)) for n, value in enumerate(values, 1)]
+        good = point("good", 1.0, [99.0], x=(0.4 + 0.1 * random.normal(), 0.1))
+        best = sweep_choice.choose([good, *many], {"x": 1.0}).best
+        names.append(best and best["integrator"])
+    if most:
+        assert names.count("bad") > 0.4 * len(names)
+    else:
+        assert names.count("bad") <= 0.05 * len(names) and names.count("good") > 0.5 * len(names)
 
 
 def test_a_bar_across_the_target_is_not_met():
@@ -474,7 +512,7 @@ def test_advice_is_the_choice(capsys, folder):
         {"energy_sd": 0.3, "position": 1e-4},
         {"energy_sd": 5.0, "drift": 3e-5},
         {"drift": 0.002},
-        {"drift": 2.2e-5},
+        {"drift": 2.3e-5},
     ):
         status, text = advise(
             capsys, folder, *(f"{name}={value}" for name, value in targets.items())

@@ -3,6 +3,7 @@
 From the state at the script's run, and from some steps with each integrator.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -109,11 +110,13 @@ def _script(own):
     yield Check("script", "atoms", "that no fix moves", idle, high=0, note=note)
     note = f"two of these fixes move the same atoms: {', '.join(movers)}"
     yield Check("script", "atoms", "that two fixes move", twice, high=0, note=note)
+    pairs = _computed(own)
     note = f"these forces cost time and do nothing: {_exclusion(own)}"
+    if pairs is None:
+        note = "the script's neigh_modify exclude leaves out a part of them: this is not counted"
     yield Check(
-        "script", "forces within bodies", "pairs of atoms that have them", _computed(own), high=0,
-        note=note,
-    )  # fmt: skip
+        "script", "forces within bodies", "pairs of atoms that have them", pairs, high=0, note=note
+    )
     heats = [
         one
         for one, line in own.said["fixes"].items()
@@ -142,19 +145,64 @@ def _exclusion(own) -> str:
     )
 
 
-def _computed(own):
-    """Pairs of atoms within bodies whose forces are computed: without exclusions all but those that
-    bonds tell, as far as their factors of special_bonds are 0."""
-    excluding = False
-    for line in map(texts, own.said["commands"]):
-        if line[0] == "neigh_modify" and "exclude" in line[1:-1]:
-            excluding = line[line.index("exclude") + 1] != "none"
-    sizes = np.bincount(own.found.body)[1:].astype(np.int64)
-    if excluding:
+def _computed(own) -> int | None:
+    """Pairs of atoms within bodies whose forces are computed: all but those that bonds tell, as far
+    as their factors of special_bonds are 0; none where an exclusion leaves all of them out, and
+    None where it leaves out a part."""
+    left_out = [_left_out(own, words) for words in exclusions(own.said["commands"])]
+    if True in left_out:
         return 0
-    left_out = np.all(np.array(own.said["special"]) == 0, axis=0)
+    if None in left_out:
+        return None
+    sizes = np.bincount(own.found.body)[1:].astype(np.int64)
+    zero = np.all(np.array(own.said["special"]) == 0, axis=0)
     near = finding.bonded_pairs(own.atoms.get("bonds", np.empty((0, 3), int)), own.found.body)
-    return int(np.sum(sizes * (sizes - 1) // 2) - sum(near[left_out[1:]]))
+    return int(np.sum(sizes * (sizes - 1) // 2) - sum(near[zero[1:]]))
+
+
+def exclusions(commands: Iterable[str]) -> list[list[str]]:
+    """The words behind ``exclude`` of all neigh_modify that are in force."""
+    found: list[list[str]] = []
+    for words in map(texts, commands):
+        for at, word in enumerate(words if words[0] == "neigh_modify" else ()):
+            if word == "exclude":
+                found = [] if words[at + 1] == "none" else [*found, words[at + 1 : at + 4]]
+    return found
+
+
+def _left_out(own, words: Sequence[str]) -> bool | None:
+    """Whether an exclusion leaves out all pairs within bodies; False for none of them, None for a
+    part, or if this is not known."""
+    kind, *names = words
+    inside = own.found.body > 0
+    try:
+        if kind in ("molecule/intra", "molecule"):
+            here = there = shapes.in_group(own, names[0])
+            body, molecule = own.found.body[inside], np.asarray(own.atoms["molecule"])[inside]
+            pairs = np.unique(np.stack([body, molecule]), axis=1)
+            whole = pairs.shape[1] == own.found.body.max()  # each body in one molecule
+        elif kind in ("group", "type"):
+            here, there = (_named(own, kind, name) for name in names[:2])
+            whole = True
+        else:
+            return None
+    except (ValueError, KeyError):  # a group that is no more, or a range of types
+        return None
+    if whole and (here & there)[inside].all():
+        return True
+    count = own.found.body.max() + 1
+    one, other, both = (
+        np.bincount(own.found.body[some & inside], minlength=count)
+        for some in (here, there, here & there)
+    )
+    return None if (one * other > both).any() else False
+
+
+def _named(own, kind: str, name: str) -> np.ndarray:
+    """The mask of the atoms of a group or a type."""
+    if kind == "type":
+        return np.asarray(own.atoms["type"]) == int(name)
+    return shapes.in_group(own, name)
 
 
 def _starts(own, out, ranks, silence, meter):

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.own.trial import TARGETS
 from validation.pages.figures import INK, MARKS, OURS, Drawn, draw_each, panels
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import Estimate
@@ -52,7 +51,7 @@ def errors(summary: dict) -> Drawn:
                 color=colour, marker=marker, ms=5, lw=1, capsize=2, label=label,
             )  # fmt: skip
         axis.axhline(0, color=INK, lw=0.6)
-        unit = TARGETS[name][1].replace("{ns}", summary["ns"])
+        unit = summary["about"][name]["unit"]
         axis.set_title(f"{name}, {unit}".strip(", "), loc="left", fontsize=10, fontweight="bold")
         axis.set_xlabel(f"step ({time})")
     handles = axes[0].get_legend_handles_labels()
@@ -65,7 +64,7 @@ def errors(summary: dict) -> Drawn:
 
 def cost(summary: dict) -> Drawn:
     """Cost against the step."""
-    points = [one for one in summary["points"] if one["cost"]]
+    points = [one for one in summary["points"] if one["rough"]]
     if not points:
         return None
     labels = {one["integrator"]: one["label"] for one in points}
@@ -74,11 +73,17 @@ def cost(summary: dict) -> Drawn:
     for key, label in labels.items():
         own = [one for one in points if one["integrator"] == key]
         colour, marker = styles[key]
+        rough = [one["rough"]["min"] for one in own]
+        axis.plot([one["dt"] for one in own], rough, color=colour, lw=1, ls=":")
+        timed = [one for one in own if one["cost"]]
         axis.plot(
-            [one["dt"] for one in own], [one["cost"]["min"] for one in own],
+            [one["dt"] for one in timed], [one["cost"]["min"] for one in timed],
             color=colour, marker=marker, ms=5, lw=1, label=label,
         )  # fmt: skip
     axis.set(xscale="log", yscale="log", xlabel=f"step ({UNITS[summary['units']].time})")
     axis.set_ylabel(f"s per {summary['ns']}")
     axis.legend(frameon=False, fontsize=8.5)
-    return figure, "What the runs cost on this machine: the least of their parts."
+    return figure, (
+        "Cost on this machine. Points: timed in turn, without samples, the least of some rounds. "
+        "Dotted: the runs themselves, with samples, the least of their parts."
+    )

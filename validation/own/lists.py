@@ -9,11 +9,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
 
+from validation.own import turns
 from validation.own.script import texts
 from validation.own.system import Own
 from validation.own.trial import NS
-from validation.running import machine, rounds, run
-from validation.running.store import Store
+from validation.running import rounds, run
+from validation.statistics import measures
 
 FACTORS = 1.0, 1.5, 2.0  # of the script's skin
 ROUNDS = 4
@@ -62,42 +63,28 @@ def tried(
     Raises:
         KeyboardInterrupt: after a Ctrl-C.
     """
-    one, dt = own.integrators[best["integrator"]], best["dt"]
+    integrator, dt = own.integrators[best["integrator"]], best["dt"]
     skin, style = skin_of(own)
     loop = best["cost"]["min"] * dt / NS.get(own.scene.units, 1e3)
     seconds = SHARE * 60 * minutes / total() / rounds.SEGMENTS
     if seconds < LEAST * loop:
         return []
     runs = rounds.lengths(loop, seconds).runs
-    skins = [f"{factor * skin:g}" for factor in FACTORS]
-    origin = machine.origin(own.scene, one)
-
-    def make(name: str, number: int) -> run.Job:
-        folder = out / "runs" / "lists" / f"{name}-{number}"
-        how: dict = {"ranks": ranks, "silence": silence, "keeps": "nothing", "origin": origin}
-        more = [_command(name, style)]
-        return run.job(own.scene, one, folder, runs, dt=dt, every=0, more=more, **how)
-
-    def measure() -> dict:
-        labels = {name: f"skin of {name} {own.units.length}" for name in skins}
-        found, _, interrupted = rounds.in_turn(labels, make, ROUNDS, meter)
-        if interrupted:
-            raise KeyboardInterrupt
-        usual = found[skins[0]]
-        return {name: rounds.ratio(times, usual, "loop") for name, times in found.items()}
-
-    store = Store(out / "records", "validation.own.lists")
-    record = store.once("lists", store.origin(origin, runs, ranks, dt, skins), measure)
-    return [
-        Tried(
-            command=_command(name, style),
-            median=ratio["median"],
-            min=ratio["min"],
-            max=ratio["max"],
-        )
-        for name, ratio in record.items()
-        if ratio
-    ]
+    commands = [_command(f"{factor * skin:g}", style) for factor in FACTORS]
+    some = {
+        one.split()[1]: turns.Timed(f"{one}, {dt:g} {own.units.time}", integrator, dt, runs, (one,))
+        for one in commands
+    }
+    found = turns.loops(own, "lists", some, ROUNDS, out, ranks, silence, meter)
+    usual, *_ = found.values()
+    made = []
+    for command, times in zip(commands, found.values()):
+        ratios = [one / first for one, first in zip(times, usual)]
+        if ratios:
+            ratio = measures.spread(ratios)
+            low, median, high = (ratio[name] for name in ("min", "median", "max"))
+            made.append(Tried(command=command, median=median, min=low, max=high))
+    return made
 
 
 def _command(skin: str, style: str) -> str:

@@ -6,15 +6,15 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.own import lists
+from validation.own import counted, lists
 from validation.own.figures import draw
-from validation.own.trial import TARGETS
+from validation.own.trial import ENERGIES, judged
 from validation.pages import report
 from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
-from validation.statistics.estimate import SURE, Estimate
-from validation.sweep.choice import Choice, bound, choose, each, meets, nearest
+from validation.statistics.estimate import SURE, Estimate, margin
+from validation.sweep.choice import Choice, bound, choose, levels, meets, nearest
 
 EACH = "Each integrator's fastest step"
 SKINS = "Skins of the neighbour lists, with the advised step"
@@ -23,9 +23,36 @@ SKINS = "Skins of the neighbour lists, with the advised step"
 def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     """The fastest point within the targets, what is to be said of it, and lines for the script."""
     wanted, time = summary["targets"], UNITS[summary["units"]].time
-    points = [one for one in summary["points"] if not one["is_reference"]]
+    asked = [one for one in summary["points"] if one["asked"]]
+    if not any(one["cost"] for one in asked):  # of a Ctrl-C
+        asked = _roughly(asked)
+    points = [one for one in asked if judged(one, wanted) == wanted]
+    rest = [one for one in asked if judged(one, wanted) != wanted]
     choice = choose(points, wanted)
-    return choice, list(_told(summary, points, choice, wanted, time)), _lines(summary, choice)
+    told = list(_told(summary, points, choice, wanted, time)) if points or not rest else []
+    told += _uncounted(summary, rest, wanted, time)
+    return choice, told, _lines(summary, choice)
+
+
+def _roughly(points) -> list:
+    """With costs of the runs themselves where there are no others."""
+    return [one | {"cost": one["cost"] or one["rough"]} for one in points]
+
+
+def _uncounted(summary, points, wanted, time) -> Iterator[str]:
+    """Of those whose energy says nothing, the fastest that is good by the other targets."""
+    if not points:
+        return
+    labels = ", ".join(dict.fromkeys(one["label"] for one in points))
+    lost = " and ".join(name for name in ENERGIES if name in wanted)
+    yield f"Of {labels} nobody knows {lost}: {counted.WHY}."
+    rest = judged(points[0], wanted)
+    best = choose(points, rest).best if rest else None
+    if best:
+        yield (
+            f"But for that, {best['label']} with {best['dt']:g} {time} is within the targets: "
+            f"{_within(best, rest)}. It takes {_cost(best)} s per {summary['ns']}."
+        )
 
 
 def _told(summary, points, choice, wanted, time) -> Iterator[str]:
@@ -38,7 +65,7 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
     if best is None:
         yield from _none(summary, points, choice, wanted, time)
         return
-    sure = f"Sure by {SURE}" if meets(best, wanted) else "Not sure by itself"
+    sure = f"Sure by {SURE}" if choice.sure else "Not sure by itself"
     yield (
         f"{best['label']} with a step of {best['dt']:g} {time}: {_cost(best)} s per "
         f"{summary['ns']}, on {ranks_of(summary['ranks'])}. {sure}: {_within(best, wanted)}."
@@ -46,7 +73,8 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
     longer = [
         one for one in points if one["integrator"] == best["integrator"] and one["dt"] > best["dt"]
     ]
-    unknown = [one for one in longer if meets(one, wanted) is None]
+    bad = [one for one in longer if meets(one, wanted) is False]
+    unknown = [one for one in longer if one in choice.perhaps and one not in bad]
     if not longer:
         yield (
             "This was the longest step that was tried: a longer one may be fine, too. Try it: "
@@ -58,9 +86,9 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
             f"Whether {some} {time} would do cannot be told from runs so short: a larger --budget "
             "tells."
         )
-    else:
-        bad = min(longer, key=lambda one: one["dt"])
-        yield f"With {bad['dt']:g} {time}: {_why_not(bad, wanted)}."
+    elif bad:
+        first = min(bad, key=lambda one: one["dt"])
+        yield f"With {first['dt']:g} {time}: {_why_not(first, wanted)}."
     if choice.ties:
         some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.ties[:4])
         yield f"As fast, within the spread of the timings: {some}."
@@ -90,7 +118,8 @@ def _none(summary, points, choice, wanted, time):
         some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.perhaps[:4])
         yield (
             f"Not sure: no step is within the targets by {SURE}, but these may be: {some}. Their "
-            f"error bars reach across a target. {_longer(summary, choice.perhaps, wanted)}"
+            "error bars, which are wider for a choice among several, reach across a target. "
+            f"{_longer(summary, points, choice.perhaps, wanted)}"
         )
         yield from _resolved(points, choice.perhaps, wanted, time)
     else:
@@ -111,12 +140,14 @@ def _none(summary, points, choice, wanted, time):
         yield f"The nearest: {one['label']}, {one['dt']:g} {time}: {_within(one, wanted)}."
 
 
-def _longer(summary, perhaps, wanted) -> str:
+def _longer(summary, points, perhaps, wanted) -> str:
     """The budget that tells whether one of the points is within the targets, as errors are now."""
+    confidence = {id(point): level for point, level in levels(points, wanted)}
     factors = [
-        max((_above(point, name, most) for name, most in wanted.items()), default=math.inf)
+        max(_above(point, name, most, confidence[id(point)]) for name, most in wanted.items())
         for point in perhaps
-    ]
+        if id(point) in confidence
+    ] or [math.inf]
     factor = min(factors)
     other = "a target that short runs can tell: --target NAME=VALUE"
     if not math.isfinite(factor):
@@ -126,14 +157,11 @@ def _longer(summary, perhaps, wanted) -> str:
     return f"About --budget {minutes} tells, in so many minutes. Or give {other}."
 
 
-def _above(point, name, most) -> float:
+def _above(point, name, most, confidence) -> float:
     """How many times longer runs have an error bar that does not reach across the target."""
-    found = point["errors"].get(name)
-    if not found:
-        return math.inf
-    one = Estimate.of(found)
+    one = Estimate.of(point["errors"][name])
     room = most - (one.value if one.value > one.margin else 0.0)
-    return (one.margin / room) ** 2 if room > 0 else math.inf
+    return (margin(one.error, one.freedom, confidence) / room) ** 2 if room > 0 else math.inf
 
 
 def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
@@ -174,8 +202,10 @@ def _why_not(point, wanted) -> str:
 
 
 def _cost(point) -> str:
-    cost = point["cost"]
-    return f"{cost['min']:.3g} ({cost['median']:.3g})" if cost else "–"
+    cost, rough = point["cost"], point["rough"]
+    if cost and cost != rough:
+        return f"{cost['min']:.3g} ({cost['median']:.3g})"
+    return f"≈ {rough['min']:.2g}" if rough else "–"
 
 
 def _lines(summary, choice) -> list[str]:
@@ -187,14 +217,15 @@ def _lines(summary, choice) -> list[str]:
 def tables(summary: dict) -> list[Table]:
     """Each integrator's longest good step, and all points."""
     wanted, units = summary["targets"], UNITS[summary["units"]]
-    points = [one for one in summary["points"] if not one["is_reference"]]
+    points = _roughly(one for one in summary["points"] if one["asked"])
     columns = [*(f"{name}, ≤ {most:g}" for name, most in wanted.items()), ""]
     heads = ("integrator", f"step, {units.time}", f"s per {summary['ns']}", *columns)
     longest = []
-    for name, own in each(points, wanted).items():
+    for name in dict.fromkeys(one["integrator"] for one in points):
         mine = [one for one in points if one["integrator"] == name]
-        near = nearest(mine, wanted)
-        one = own.best or (near[0] if near else mine[0])
+        some = judged(mine[0], wanted)
+        near = nearest(mine, some) if some else None
+        one = choose(mine, some).best or (near[0] if near else mine[0])
         longest.append(_row(one, wanted))
     every = [_row(one, wanted) for one in summary["points"]]
     skins = [(one["command"], _ratio(one)) for one in summary.get("lists", ())]
@@ -207,13 +238,17 @@ def tables(summary: dict) -> list[Table]:
 
 
 def _row(point, wanted):
-    verdict = {True: "met", False: "not met", None: "cannot tell"}[meets(point, wanted)]
+    some = judged(point, wanted)
+    met = meets(point, some) if some else None
+    verdict = {True: "met", False: "not met", None: "cannot tell"}[met]
+    if some != wanted and met is not None:
+        verdict += " by the rest"
     errors = (point["errors"].get(name) for name in wanted)
     texts = [Estimate.of(one).text() if one else "–" for one in errors]
     if point["failed"]:
         verdict = f"fails at {point['failed']}"
     elif point["is_reference"]:
-        verdict = "reference"
+        verdict = f"reference, {verdict}" if point["asked"] else "reference"
     return [point["label"], f"{point['dt']:g}", _cost(point), *texts, verdict]
 
 
@@ -226,6 +261,7 @@ def write(summary: dict, out: Path) -> None:
             "integrator": one["label"],
             "step": one["dt"],
             "cost": one["cost"] and one["cost"]["min"],
+            "cost with samples": one["rough"] and one["rough"]["min"],
             **{
                 name + part: (getattr(Estimate.of(found), key) if found else None)
                 for name in wanted
@@ -236,16 +272,10 @@ def write(summary: dict, out: Path) -> None:
         }
         for one in summary["points"]
     ]
-    about = [(name, *TARGETS[name], most) for name, most in wanted.items()]
-    about = [tuple(_ns(text, summary) for text in one) for one in about]
-    values: dict = {"told": told, "lines": lines, "shown": tables(summary), "about": about}
+    values: dict = {"told": told, "lines": lines, "shown": tables(summary)}
     figures = draw(summary, out)
     files = {"table": report.frame(rows)}
     report.write(summary, out, files, "own.html", figures, **values)
-
-
-def _ns(text, summary):
-    return text.replace("{ns}", summary["ns"]) if isinstance(text, str) else text
 
 
 def show(console: Console, summary: dict, out: Path) -> bool:

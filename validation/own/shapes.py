@@ -16,7 +16,9 @@ from validation.statistics import measures
 
 THIN = 1e-7  # of its largest moment: a smaller one counts as zero, as in fix_nosquish
 # (kinetic energy in LAMMPS's units) over (mass x velocity^2), which LAMMPS calls mvv2e
-MVV2E = {"real": 2390.0573615334906, "metal": 1.0364269e-4, "electron": 1.0699e-3}
+MVV2E = {"real": 2390.0573615334906, "metal": 1.0364269e-4, "electron": 1.06657236}
+PAIRS, SWEEPS = 100, 5  # atoms of a body whose pairs are all looked at; ways across a larger one
+NEAR, MOST, AT_ONCE = 8, 512, 5_000_000  # neighbours of an atom; of all atoms at a time
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class Kind:
         name: its atoms' types with their numbers, as "2:1 1:2".
         number: of bodies.  atoms: of each.
         shape: in a word.  freedom: degrees of freedom of each.
-        mass, size: of each; its largest distance between two atoms.
+        mass, size: of each; its largest distance between two atoms, see `width`.
         moments: (3,) principal moments, the largest first, means.
         scatter: largest relative deviation of a body's moment from the mean.
         angle: rms angle that one turns in a step at the temperature about its fastest axis.
@@ -110,7 +112,6 @@ def kinds(own: Own, made: Bodies) -> list[Kind]:
             mine = keys == key
             own_moments = moments[mine]
             mean = own_moments.mean(axis=0)
-            width = np.linalg.norm(r[mine][:, :, None] - r[mine][:, None], axis=3).max()
             shape, freedom = _shape(mean, flat)
             least = (
                 mean[0] if flat else mean[mean > THIN * max(mean[0], 1e-300)].min(initial=np.inf)
@@ -121,7 +122,7 @@ def kinds(own: Own, made: Bodies) -> list[Kind]:
             number, atoms = group[mine].shape
             found.append(
                 Kind(
-                    *(str(key), number, atoms, shape, freedom, mass, float(width)),
+                    *(str(key), number, atoms, shape, freedom, mass, width(r[mine])),
                     *(tuple(map(float, mean)), float(off), float(turning)),
                 )
             )
@@ -138,6 +139,26 @@ def _shape(moments, flat) -> tuple[str, int]:
     if abs(moments[0] - moments[1] - moments[2]) < 1e-3 * moments[0]:
         return "planar", 6
     return "three-dimensional", 6
+
+
+def width(r: np.ndarray) -> float:
+    """The largest distance between two atoms of a body.
+
+    Of bodies of more than `PAIRS` atoms it is looked for from the centre to the farthest atom, from
+    there to the farthest one, and so on: so it can be too small by some per cent.
+
+    Args:
+        r: (bodies, n, 3), atoms about their centres.
+    """
+    number, n, _ = r.shape
+    if n <= PAIRS:
+        turned = (np.roll(r, shift, axis=1) for shift in range(1, n // 2 + 1))
+        return max((float(np.linalg.norm(r - one, axis=2).max()) for one in turned), default=0.0)
+    end, apart = np.zeros((number, 3)), np.zeros(number)
+    for _ in range(SWEEPS):
+        far = np.linalg.norm(r - end[:, None], axis=2)
+        end, apart = r[np.arange(number), far.argmax(axis=1)], far.max(axis=1)
+    return float(apart.max())
 
 
 def freedom_of_turning(own: Own) -> int:
@@ -202,34 +223,52 @@ def fastest(own: Own, made: Bodies) -> dict[str, float]:
 
 
 def nearest(own: Own) -> tuple[float, int, int] | None:
-    """The nearest two atoms of different bodies (or of none): distance and IDs."""
+    """The nearest two atoms of different bodies (or of none) that are not bonded: distance and IDs.
+
+    An atom deep in a large body, with `MOST` nearer ones of its own, is left out.
+    """
     cell, periodic = np.array(own.said["cell"]), own.said["periodic"]
     if not np.allclose(cell, np.diag(np.diag(cell))):
         return None
     x = own.atoms["x"] - own.atoms["x"].min(axis=0)
     box = np.where(periodic, np.diag(cell), 0.0)
     x = np.where(periodic, np.mod(own.atoms["x"], np.diag(cell)), x)
-    number = min(len(x), 1 + int(np.bincount(own.found.body)[1:].max()))
-    tree = cKDTree(x, boxsize=box)
-    apart, other = map(np.asarray, tree.query(x, k=max(2, number + 1)))
-    body = own.found.body
-    alien = (body[:, None] != body[np.minimum(other, len(x) - 1)]) | (body[:, None] == 0)
-    alien &= other != np.arange(len(x))[:, None]
-    apart = np.where(alien & (other < len(x)), apart, np.inf)
-    bonded = own.atoms.get("bonds")
-    if bonded is not None and len(bonded):
-        pairs = {frozenset(row) for row in bonded[:, 1:]}
-        for i, j in zip(*np.nonzero(np.isfinite(apart) & (apart < 2 * apart.min()))):
-            if frozenset((i + 1, other[i, j] + 1)) in pairs:
-                apart[i, j] = np.inf
-    i, j = np.unravel_index(np.argmin(apart), apart.shape)
-    return float(apart[i, j]), int(i) + 1, int(other[i, j]) + 1
+    tree, number, body = cKDTree(x, boxsize=box), len(x), own.found.body
+    bonds = np.sort(np.asarray(own.atoms.get("bonds", np.empty((0, 3), int)))[:, 1:] - 1, axis=1)
+    bonded = bonds @ (number, 1)
+    best, left, k = (np.inf, 0, 0), np.arange(number), min(NEAR, number)
+    while len(left):
+        rest = []
+        for some in np.array_split(left, -(-len(left) * k // AT_ONCE)):
+            apart, other = map(np.asarray, tree.query(x[some], k=np.arange(1, k + 1)))
+            own_body = ((body[other] == body[some, None]) & (body[other] > 0)) | (
+                other == some[:, None]
+            )
+            pairs = np.minimum(other, some[:, None]) * number + np.maximum(other, some[:, None])
+            free = np.where(own_body | np.isin(pairs, bonded), np.inf, apart)
+            i, j = np.unravel_index(np.argmin(free), free.shape)
+            if free[i, j] < best[0]:
+                best = float(free[i, j]), int(some[i]), int(other[i, j])
+            rest.append(some[apart[:, -1] < best[0]])
+        left = np.concatenate(rest)
+        if k == min(MOST, number):
+            break
+        k = min(4 * k, MOST, number)
+    return (best[0], best[1] + 1, best[2] + 1) if np.isfinite(best[0]) else None
 
 
 def acted_on(own: Own, line: str) -> np.ndarray:
     """The mask of the atoms that a fix with this command acts on, those of its group."""
-    group = texts(line)[2]
-    return own.atoms["mask"] & (1 << own.said["groups"].index(group)) != 0
+    return in_group(own, texts(line)[2])
+
+
+def in_group(own: Own, name: str) -> np.ndarray:
+    """The mask of a group's atoms.
+
+    Raises:
+        ValueError: there is no such group.
+    """
+    return own.atoms["mask"] & (1 << own.said["groups"].index(name)) != 0
 
 
 def moved(own: Own) -> Mapping[str, np.ndarray]:

@@ -2,11 +2,13 @@
 
 A point is an integrator with a time step.  All begin with the same state and last the same time;
 of each the first part is left out.  Means are held against those of ours with half of the script's
-step.  An integrator's longer steps are left out when one has failed.
+step.  An integrator's longer steps are left out when one has failed.  At the end what could be
+advised is timed in turn, without samples.
 
 Several processes with the same command share the points, through locks in the folder.
 """
 
+import math
 import time
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from validation.own import finding, schemes, shapes
+from validation.own import counted, schemes, shapes, turns
 from validation.own.system import Own
 from validation.running import machine, rounds, run
 from validation.running.store import Store
@@ -25,6 +27,7 @@ from validation.scenes.integrators import OURS, Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import CONFIDENCE, Estimate, margin
 from validation.statistics.structure import Motion
+from validation.sweep.choice import choose, least, meets
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
@@ -32,10 +35,18 @@ FRAMES, MOST = 200, 1000  # of a run, and of one with many steps
 APART = 50  # steps between the frames of such a run
 ATOMS, FEW = 2_000_000, 20  # in all frames of a run at most, but so many frames at least
 SETTLES = 0.25  # of the frames are left out
-SAMPLES = 8  # of the energy between two frames, at most
+# of the script's steps: the energy's changes in it count.  Errors of the step are as large as they
+# get by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
+# steps: the standard deviation of a whole run is mostly this
+SPAN = 96
+PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in it; more than one for so many in all
 LEAST = 400  # steps of a run
 LATE = 1.5  # of the budget: then no further run begins
 BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
+ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
+# what is timed costs so many times the fastest good one at most, by the runs; else so many points
+SLOWER, FASTEST = 1.25, 6
+ENERGIES = "drift", "energy"  # targets that econserve tells
 NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
 TARGETS = {
     "drift": (
@@ -52,8 +63,8 @@ TARGETS = {
     ),
     "energy": (
         0.2,
-        "of the kinetic energy's",
-        "fluctuation of the energy that is to be kept",
+        "of the kinetic energy's standard deviation",
+        "change of the energy that is to be kept in {span}, rms, over √2",
         "a fifth, the old rule for a step that is short enough",
     ),
     "potential": (
@@ -70,10 +81,13 @@ TARGETS = {
         "less than the width of a line in a figure of g(r)",
     ),
 }
-COUNTED = "what its thermostat or barostat does to the energy is not counted"
+COUNTED = (
+    "what {fixes} does to the energy is not counted; of a fix that adds a force, 'fix_modify ID "
+    "energy yes' has LAMMPS count it, if it can"
+)
 # the default drift with a thermostat: what GROMACS allows by default, 0.005 kJ/mol per ps and atom
 # (verlet-buffer-tolerance), of rigid water at 300 K.  With a damping time of 1 ps it heats by 0.2 %
-HEATED = 1.0
+HEATED, WHY_HEATED = 1.0, "as much as GROMACS allows by default; the thermostat takes it out"
 NONE = Estimate(0.0)
 
 
@@ -92,15 +106,29 @@ class Point:
 
 @dataclass(frozen=True)
 class Lengths:
-    """How long runs are: ``time`` of each in the script's units, of so many ``frames``."""
+    """How long runs are: ``time`` of each in the script's units, of so many ``frames`` at most."""
 
     time: float
     frames: int
     step: float  # s of a step, as it was measured once
+    dt: float  # the script's
+
+    @property
+    def sample(self) -> float:
+        """Time between two samples of the energy: `SPAN`, or a part of it."""
+        span = SPAN * self.dt
+        parts = next((one for one in PARTS if one * self.time <= MANY * span), 1)
+        return min(span / parts, self.time / self.frames)
+
+    def every(self, dt: float) -> int:
+        """Steps between two samples."""
+        return max(1, round(self.sample / dt))
 
     def runs(self, dt: float) -> list[int]:
         """Steps between frames."""
-        return [max(1, round(self.time / dt / self.frames))] * self.frames
+        samples = math.ceil(self.time / self.frames / self.sample * (1 - 1e-9))
+        frames = max(FEW, round(self.time / (samples * self.sample)))
+        return [samples * self.every(dt)] * frames
 
 
 def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
@@ -125,8 +153,9 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
     found = {name: default for name, (default, *_) in TARGETS.items()}
     if state.temp:
         found["drift"] = HEATED
-    if not _is_counted(own):
-        del found["drift"], found["energy"]
+    lacking = counted.lacking(own)
+    if lacking:
+        found = {name: most for name, most in found.items() if name not in ENERGIES}
     if not state.press:
         del found["density"]
     if not _has_rdf(own):
@@ -135,10 +164,11 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
         del found["potential"]
     missing = [name for name in wanted if name not in found]
     if missing:
+        fixes = f"fix {' and fix '.join(lacking)}"
         raise LookupError(
             f"{missing[0]} says nothing of this script: "
             + {
-                **dict.fromkeys(("drift", "energy"), COUNTED),
+                **dict.fromkeys(ENERGIES, COUNTED.format(fixes=fixes)),
                 "density": "its box does not change",
                 "rdf": "its box is not periodic, or has less than ten bodies",
             }[missing[0]]
@@ -146,12 +176,23 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
     return {name: wanted.get(name, most) for name, most in found.items()}
 
 
-def _is_counted(own):
-    """Whether what thermostats and barostats give and take is in econserve: not that of a fix that
-    stays, as fix langevin without tally and fix press/berendsen do."""
-    others = own.said["fixes"].items()
-    styles = [finding.style_of(line) for one, line in others if one not in own.found.ids]
-    return not any(one == "langevin" or one.startswith(("temp/", "press/")) for one in styles)
+def _about(own: Own, wanted: Mapping[str, float]) -> dict[str, dict]:
+    """What each target is, in words, and its default for this script."""
+    words = {"ns": name_of_ns(own), "span": f"{SPAN * own.scene.dt:g} {own.units.time}"}
+    found = {}
+    for name in wanted:
+        usual, *texts = TARGETS[name]
+        unit, what, why = (text.format(**words) for text in texts)
+        if name == "drift" and own.found.state.temp:
+            usual, why = HEATED, WHY_HEATED
+        found[name] = {"default": usual, "unit": unit, "what": what, "why": why}
+    return found
+
+
+def judged(point: Mapping, wanted: Mapping[str, float]) -> dict[str, float]:
+    """The targets that a row of `trial` has errors for."""
+    lost = ENERGIES if point["uncounted"] else ()
+    return {name: most for name, most in wanted.items() if name not in lost}
 
 
 def _has_rdf(own):
@@ -177,8 +218,8 @@ def reference(own: Own) -> Point:
 
 
 def total(some: Collection[Point]) -> int:
-    """Runs that a meter counts."""
-    return len(some) + 2
+    """Runs that a meter counts, about."""
+    return len(some) + 2 + ROUNDS * min(len(some), FASTEST)
 
 
 def trial(
@@ -218,6 +259,7 @@ def trial(
         "reference": held.dt,
         "minutes": minutes,
         "targets": dict(wanted),
+        "about": _about(own, wanted),
         "interrupted": False,
         "late": False,
         "points": [],
@@ -227,7 +269,7 @@ def trial(
     try:
         with store.locked("plan"):
             make = partial(_plan, own, every, minutes, out, ranks, silence, meter)
-            lengths = Lengths(**store.once("plan", origin, make))
+            lengths = Lengths(dt=own.scene.dt, **store.once("plan", origin, make))
         failed: dict[Point, str | None] = {}
         names, begin = {one.name: one for one in every}, time.monotonic()
         for name in store.shared(names):
@@ -254,8 +296,50 @@ def trial(
         job = _job(own, one, out, lengths, ranks, silence)
         if run.is_there(job, failures=True):
             found[one] = _done(own, one, run.collect(job.directory), rest)
-    summary["points"] = _rows(own, every, found, held, wanted)
+    summary["points"] = rows = _rows(own, every, some, found, held, wanted)
+    if not summary["interrupted"]:
+        try:
+            _time(own, _candidates(rows, wanted), out, ranks, silence, meter)
+        except KeyboardInterrupt:
+            summary["interrupted"] = True
     return summary
+
+
+def _candidates(rows: list, wanted: Mapping[str, float]) -> list:
+    """The rows that could be advised, by what the runs themselves took."""
+    found = []
+    for row in rows:
+        own = judged(row, wanted)
+        if row["asked"] and row["rough"] and own and meets(row, own) is not False:
+            found.append(row)
+    found.sort(key=lambda row: row["rough"]["min"])
+    best = choose([row | {"cost": row["rough"]} for row in found], wanted).fastest
+    if best is None:
+        return found[:FASTEST]
+    return [row for row in found if row["rough"]["min"] <= SLOWER * least(best)]
+
+
+def _time(own, rows, out, ranks, silence, meter) -> None:
+    """Give rows their costs, which are timed in turn and without samples."""
+    if not rows:
+        return
+    by_name, some = {}, {}
+    for row in rows:
+        one = Point(own.integrators[row["integrator"]], row["dt"])
+        runs = rounds.lengths(row["rough"]["min"] / _steps(own, one.dt), SECONDS).runs
+        label = f"{row['label']}, {row['dt']:g} {own.units.time}, timed"
+        by_name[one.name] = row
+        some[one.name] = turns.Timed(label, one.integrator, one.dt, runs)
+    found = turns.loops(own, "timed", some, ROUNDS, out, ranks, silence, meter)
+    for name, row in by_name.items():
+        if found[name]:
+            steps = _steps(own, row["dt"])
+            row["cost"] = measures.spread(loop * steps for loop in found[name])
+
+
+def _steps(own, dt) -> float:
+    """Of the time that costs are told of."""
+    return NS.get(own.scene.units, 1e3) / dt
 
 
 def name_of_ns(own: Own) -> str:
@@ -292,7 +376,7 @@ def _job(own, one, out, lengths, ranks, silence) -> run.Job:
     runs = lengths.runs(one.dt)
     origin = machine.origin(own.scene, one.integrator)
     how: dict = {"ranks": ranks, "silence": silence, "keeps": "motion", "origin": origin}
-    every = max(1, runs[0] // SAMPLES)
+    every = lengths.every(one.dt)
     directory = out / "runs" / one.name
     return run.job(own.scene, one.integrator, directory, runs, dt=one.dt, every=every, **how)
 
@@ -335,8 +419,8 @@ def _done(own, one, result, rest) -> _Done:
     return _Done(failed, spent, {} if failed else _numbers(own, one, result, rest))
 
 
-def _rows(own, every, found, held, wanted) -> list[dict]:
-    """A row for each point, as ``sweep.choice`` takes them."""
+def _rows(own, every, some, found, held, wanted) -> list[dict]:
+    """A row for each point, as ``sweep.choice`` takes them; ``some`` are those that are wanted."""
     failed = {one: done.failed for one, done in found.items()}
     numbers = {one: done.numbers for one, done in found.items() if not done.failed}
     rows = []
@@ -353,24 +437,27 @@ def _rows(own, every, found, held, wanted) -> list[dict]:
             "integrator": integrator.name,
             "label": integrator.label,
             "ours": integrator.kind == "ours",
-            "lines": integrator.commands(own.scene),
+            "lines": [*own.found.setup, *integrator.commands(own.scene)],
             "dt": one.dt,
             "starts": 1,
             "failed": fails[0] if fails else None,
             "is_reference": one == held,
+            "asked": one in some,
+            "uncounted": counted.wrongly(integrator),
+            "rough": None,  # its cost by its run, with samples
             "cost": None,
             "errors": {},
             "signed": {},
         }
         if not fails and done is not None:
-            per = NS.get(own.scene.units, 1e3) / one.dt
-            parts = np.array_split(np.array(done.seconds) * per, 5)
-            row["cost"] = measures.spread(float(part.mean()) for part in parts if len(part))
+            spent = np.array(done.seconds) * _steps(own, one.dt)
+            parts = np.array_split(spent, 5)
+            row["rough"] = measures.spread(float(part.mean()) for part in parts if len(part))
             alike = {
                 other.dt: said for other, said in numbers.items() if other.integrator is integrator
             }
             finer = held.dt if held.integrator is integrator else 0.0
-            signed = _errors(own, one.dt, alike, numbers.get(held), finer, one == held)
+            signed = _errors(own, one, alike, numbers.get(held), finer)
             row["signed"] = {name: error.plain() for name, error in signed.items()}
             row["errors"] = {
                 name: Estimate(abs(error.value), error.error, error.freedom).plain()
@@ -441,7 +528,7 @@ def _kinds(own, moving, turning) -> list[Estimate]:
 
 def by_law(
     dt: float, found: Mapping[float, Estimate], held: Estimate = NONE, finer: float = 0.0
-) -> Estimate:
+) -> Estimate | None:
     """An error that grows as the square of the time step: from the run with this step, and from
     those with longer ones.
 
@@ -452,10 +539,15 @@ def by_law(
 
     Args:
         found: of each step the mean.
-        held: what the mean would be without an error, or, of the same integrator, with a step that
-            is so much ``finer``.
+        held: what the mean would be without an error, or, of the same integrator, with a step of
+            ``finer``, whose own error follows from all other steps.
+
+    Returns:
+        None if no step tells it.
     """
-    steps = sorted(other for other in found if other >= dt and other != finer)
+    steps = sorted(other for other in found if other != finer and (other >= dt or dt == finer))
+    if not steps:
+        return None
     factors = np.array([dt**2 / (other**2 - finer**2) for other in steps])
     off = factors * [found[other].value - held.value for other in steps]
     errors = factors * [_normal(found[other]) for other in steps]
@@ -471,7 +563,7 @@ def by_law(
         if special.chdtrc(number - 1, chi) > 1 - CONFIDENCE:
             shared = weights @ factors[:number] * _normal(held)
             return Estimate(float(mean), float(np.hypot(own, shared)))
-    return measures.difference(found[dt], held).times(float(factors[0]))
+    return measures.difference(found[steps[0]], held).times(float(factors[0]))
 
 
 def _normal(one: Estimate) -> float:
@@ -479,45 +571,56 @@ def _normal(one: Estimate) -> float:
     return one.margin / margin(1.0)
 
 
-def _errors(own, dt, alike, held, finer, is_reference) -> dict[str, Estimate]:
-    """By the names of `TARGETS`; of the reference only what needs no other.
+def _errors(own, one, alike, held, finer) -> dict[str, Estimate]:
+    """By the names of `TARGETS`; without those that cannot be told.
 
     Args:
         alike: of each step of this integrator what `_numbers` says.
         held, finer: see `by_law`.
     """
-    mine, energy = alike[dt], shapes.thermal(own)
-    per = NS.get(own.scene.units, 1e3)
-    drift = measures.line_drift(mine["time"], mine["conserved"])
-    found = {"drift": drift.times(per / (energy * mine["freedom"]))}
-    # of successive samples: what a thermostat's noise adds up to does not count
-    square = measures.mean(np.diff(mine["conserved"]) ** 2 / 2)
-    sd = np.sqrt(max(square.value, 1e-300))
-    fluctuation = Estimate(sd, square.error / (2 * sd), square.freedom)
-    found["energy"] = fluctuation.times(1 / max(mine["kinetic"], 1e-300))
-    kinds = [
+    dt, mine, energy = one.dt, alike[one.dt], shapes.thermal(own)
+    found = {} if counted.wrongly(one.integrator) else _of_energy(own, mine)
+    series = [
         by_law(dt, {other: numbers["kinds"][k] for other, numbers in alike.items()})
         for k in range(len(mine["kinds"]))
     ]
+    kinds = [one for one in series if one]
     if kinds:
         found["temperature"] = max(kinds, key=lambda one: abs(one.value) + one.margin)
     if held is None:
-        return found
-    if is_reference:  # its distance from itself is what its own mean is not known by
-        for name in ("potential", "density"):
-            if name in mine:
-                scale = energy if name == "potential" else mine[name].value
-                found[name] = mine[name]._replace(value=0.0).times(1 / scale)
-        if "rdf" in mine:
-            half = mine["rdf"] - mine["rdf"].mean(axis=0)
-            noise = float(np.sqrt((half**2).mean() / len(half)))
-            found["rdf"] = Estimate(0.0, noise, len(half) - 1)
         return found
     for name in ("potential", "density"):
         if name in mine:
             scale = energy if name == "potential" else held[name].value
             means = {other: numbers[name] for other, numbers in alike.items()}
-            found[name] = by_law(dt, means, held[name], finer).times(1 / scale)
-    if "rdf" in mine and mine["rdf"].shape == held["rdf"].shape:
-        found["rdf"] = measures.without_noise(mine["rdf"] - held["rdf"])
+            error = by_law(dt, means, held[name], finer)
+            if error:
+                found[name] = error.times(1 / scale)
+    error = _of_rdf(dt, alike, held, finer) if "rdf" in mine else None
+    if error:
+        found["rdf"] = error
     return found
+
+
+def _of_energy(own, mine) -> dict[str, Estimate]:
+    """What the energy that is to be kept does: its drift, and its change in `SPAN`."""
+    time, energy, kt = mine["time"], mine["conserved"], shapes.thermal(own)
+    drift = measures.line_drift(time, energy).times(_steps(own, 1.0) / (kt * mine["freedom"]))
+    lag = max(1, round(SPAN * own.scene.dt / (time[1] - time[0])))
+    square = measures.mean((energy[lag:] - energy[:-lag]) ** 2 / 2)
+    change = np.sqrt(max(square.value, 1e-300))
+    rms = Estimate(change, square.error / (2 * change), square.freedom)
+    return {"drift": drift, "energy": rms.times(1 / max(mine["kinetic"], 1e-300))}
+
+
+def _of_rdf(dt, alike, held, finer) -> Estimate | None:
+    """The rms error of g(r), by the square law where the other one is of the same integrator; of
+    that one from the next longer step, or the longest one."""
+    other = dt
+    if dt == finer:
+        steps = [one for one in alike if one != finer]
+        other = min((one for one in steps if one > finer), default=max(steps, default=None))
+    if other is None or alike[other]["rdf"].shape != held["rdf"].shape:
+        return None
+    apart = measures.without_noise(alike[other]["rdf"] - held["rdf"])
+    return apart.times(dt**2 / abs(other**2 - finer**2))

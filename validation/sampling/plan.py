@@ -21,11 +21,12 @@ from validation.ensembles.schemes import (
     prints,
     state,
 )
+from validation.own import counted
 from validation.own import schemes as own_schemes
 from validation.own.system import Own
 from validation.running import run
 from validation.scenes import TEMPERATURE, Scene, peptide, smooth_water
-from validation.scenes.integrators import OURS, constrained, nosquish, rigid
+from validation.scenes.integrators import OURS, Integrator, constrained, nosquish, rigid
 from validation.scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
 from validation.statistics.limit import Model
 
@@ -390,9 +391,19 @@ def of_script(own: Own) -> Case:
     for name, one in own.integrators.items():
         seed = f"seed {own_schemes.SEED}"
         lines = tuple(line.replace(seed, f"seed {SEED}") for line in one.lines)
+        held = _held(own, one)
         steps = tuple(factor * scene.dt for factor in OWN_FACTORS)
-        made[name] = Scheme(replace(one, lines=lines), temperature=temperature, steps=steps)
+        made[name] = Scheme(replace(one, lines=lines), held, temperature, steps=steps)
         if "rigid/n" not in one.label:
             models[name] = Model(2 * scene.dt)
     starter = made.get(OURS, made[own.reference])
     return Case(scene, temperature, made, models, starter, (Point(own.reference, scene.dt),))
+
+
+def _held(own: Own, one: Integrator) -> int:
+    """Degrees of freedom of the total momentum that an integrator keeps at zero: all, unless it has
+    random forces, or something else acts on the atoms."""
+    words = " ".join(one.lines)
+    random = "langevin" in words or ("fix_nosquish" in words and " thermostat " not in words)
+    alone = (own.found.body > 0).all() and all(own.said["periodic"]) and not counted.acting(own)
+    return 0 if random or not alone else own.said["dimension"]

@@ -15,12 +15,12 @@ CONFIDENCE = 0.95  # of the interval value ± margin
 SURE = f"{100 * CONFIDENCE:g} %"  # the same as text
 
 
-def margin(error: float, freedom: float | None = None) -> float:
-    """Half the width of the `CONFIDENCE` interval.
+def margin(error: float, freedom: float | None = None, confidence: float = CONFIDENCE) -> float:
+    """Half the width of the interval of this confidence.
 
     The standard error times Student's t for these degrees of freedom; None for a normal variable.
     """
-    quantile = (1 + CONFIDENCE) / 2
+    quantile = (1 + confidence) / 2
     return error * float(
         special.ndtri(quantile) if freedom is None else special.stdtrit(freedom, quantile)
     )

@@ -1,6 +1,10 @@
 """Which measured point of a sweep is the fastest that is accurate enough.  Pure functions; nothing
 between two points is guessed.
 
+The one that is named has been chosen by its error, among several.  So that it is within the targets
+in 95 % of cases all the same, points are judged by wider margins the more faster ones there are
+that could have been named, see `levels`.
+
 A point is one integrator with one time step, as ``measure`` tells it in plain data.  Targets are a
 dictionary from measure to the largest error that is good enough, in the measure's unit.
 """
@@ -15,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from validation.scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
 from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import CONFIDENCE, Estimate, margin
 
 if TYPE_CHECKING:  # it reads inputs, which only a checkout has
     from validation.sweep.plan import Measured
@@ -34,12 +38,13 @@ class Choice:
     # the simplest of the fastest and those that tie with it; None if none meets all targets for
     # sure; see also `_plain`
     best: Measured | None
-    # that meets all targets for sure with the smallest least run time
+    # that meets all targets for sure, by its level, with the smallest least run time
     fastest: Measured | None = None
     # the others that do, and whose least run time is not above its median, from the fastest
     ties: tuple[Measured, ...] = ()
     # those as fast as the best one of which there is no telling, or which are not timed
     perhaps: tuple[Measured, ...] = ()
+    sure: bool = False  # whether the best one is among those that meet all targets for sure
     resolved: bool = True  # whether the targets are not below the `resolution`
 
     @property
@@ -59,10 +64,12 @@ def _known(point, measure):
     return Estimate.of(found)
 
 
-def bound(point: Measured, measure: str) -> float:
-    """What an error is at most for sure: value + its 95 % margin; infinite if it is not known."""
+def bound(point: Measured, measure: str, confidence: float = CONFIDENCE) -> float:
+    """What an error is at most for sure: value + its margin; infinite if it is not known."""
     found = _known(point, measure)
-    most = found.value + found.margin if found else math.inf
+    if found is None:
+        return math.inf
+    most = found.value + margin(found.error, found.freedom, confidence)
     return most if math.isfinite(most) else math.inf
 
 
@@ -93,18 +100,38 @@ def _within(found, target):
     return Check("", "", "", **found, high=target).holds
 
 
+def levels(points: Iterable[Measured], targets: Targets) -> list[tuple[Measured, float]]:
+    """The points that could be named, from the fastest, and the confidence that each is judged by.
+
+    These are timed, have error bars of all targets, and are not above one for sure.  The k-th may
+    pass by mistake in 5 % / (k (k + 1)) of cases: in less than 5 % all together (union bound).  The
+    first one has the usual margin, for errors below zero are no mistake.
+    """
+    timed = [one for one in points if one["cost"] and meets(one, targets) is not False]
+    able = [one for one in timed if all(math.isfinite(bound(one, name)) for name in targets)]
+    able.sort(key=_by_cost)
+    return [(one, 1 - 2 * (1 - CONFIDENCE) / (k * (k + 1))) for k, one in enumerate(able, 1)]
+
+
 def choose(points: Iterable[Measured], targets: Targets) -> Choice:
     """The `Choice` among points."""
-    verdicts = [(point, meets(point, targets)) for point in points]
-    good = sorted((point for point, met in verdicts if met and point["cost"]), key=_by_cost)
+    points = list(points)
+    good = [
+        point
+        for point, level in levels(points, targets)
+        if all(bound(point, name, level) <= most for name, most in targets.items())
+    ]
     usual = good[0]["cost"]["median"] if good and good[0]["cost"] else math.inf
-    unsure = [point for point, met in verdicts if met is None or (met and not point["cost"])]
+    passed = {id(point) for point in good}
+    unsure = [one for one in points if id(one) not in passed and meets(one, targets) is not False]
     perhaps = [one for one in unsure if not one["cost"] or least(one) <= usual]
     tied = [point for point in good if least(point) <= usual]
     best = _plain(min(tied, key=_by_words, default=None), perhaps, targets)
     ties = tuple(point for point in tied if point is not best)
+    sure = best is not None and id(best) in passed
     perhaps = sorted((point for point in perhaps if point is not best), key=_by_cost)
-    return Choice(dict(targets), best, good[0] if good else None, ties, tuple(perhaps))
+    fastest = good[0] if good else None
+    return Choice(dict(targets), best, fastest, ties, tuple(perhaps), sure)
 
 
 def _plain(best, perhaps, targets):
@@ -120,7 +147,7 @@ def _plain(best, perhaps, targets):
 
     for point in perhaps:
         same = point["integrator"] == OURS and point["dt"] == best["dt"]
-        if same and point["cost"] and meets(point, targets) is None and as_good(point):
+        if same and point["cost"] and as_good(point):
             return point
     return best
 
@@ -154,8 +181,8 @@ def resolution(points: Iterable[Measured], measure: str) -> float:
 
 
 def front(points: Iterable[Measured], measure: str) -> list[Measured]:
-    """The points that no other one beats in both run time and `bound`, from the fastest: those that
-    are chosen for some target; none of `CHECKS`."""
+    """The points that no other one beats in both run time and `bound`, from the fastest; none of
+    `CHECKS`."""
     found, lowest = [], math.inf
     timed = [point for point in points if point["cost"] and measure not in CHECKS]
     for point in sorted(timed, key=_by_cost):

@@ -1,0 +1,67 @@
+"""What LAMMPS's ``econserve`` lacks, or has too much of, with a script's fixes."""
+
+import re
+from collections.abc import Iterable
+
+from validation.own import finding
+from validation.own.script import texts
+from validation.own.system import Own
+from validation.scenes.integrators import Integrator
+
+# first words of the styles of fixes that act on atoms beside an integrator.  What they give is in
+# econserve only with `fix_modify ID energy yes`, which LAMMPS refuses where they do not tell it;
+# that of thermostats and barostats is not, or not in all versions
+BATHS = frozenset(("langevin", "press", "temp"))
+ACT = BATHS | frozenset(
+    (
+        *("addforce", "addtorque", "aveforce", "colvars", "deform", "drag", "efield", "ehex"),
+        *("flow", "freeze", "gld", "gle", "gravity", "heat", "hyper", "indent", "lineforce"),
+        *("oneway", "orient", "planeforce", "propel", "restrain", "setforce", "smd", "spring"),
+        *("srd", "thermal", "ti", "tmd", "ttm", "viscosity", "viscous", "wall"),
+    )
+)
+# their f_ID has the kinetic energy of translation a second time (small), or the temperature among
+# its energies (the others)
+WRONG = re.compile(r"rigid/n(vt|pt|ph)(/small)?")
+WHY = (
+    "LAMMPS's econserve is not what it keeps (it counts the energy of translation twice, adds a "
+    "temperature, or lacks what its thermostat gives)"
+)
+
+
+def acting(own: Own) -> list[str]:
+    """IDs of the script's fixes that stay and act on atoms, beside those that move them."""
+    others = [one for one in own.said["fixes"] if one not in own.found.ids]
+    return [one for one in others if _first(own, one) in ACT]
+
+
+def lacking(own: Own) -> list[str]:
+    """IDs of these whose work is not in econserve."""
+    counted = _asked(own.said["commands"])
+    return [one for one in acting(own) if one not in counted or _first(own, one) in BATHS]
+
+
+def _first(own, one) -> str:
+    return finding.style_of(own.said["fixes"][one]).split("/")[0]
+
+
+def _asked(commands: Iterable[str]) -> set[str]:
+    """IDs of the fixes whose energy `fix_modify` counts; it is forgotten with the fix."""
+    found = set()
+    for words in map(texts, commands):
+        if words[0] in ("fix", "unfix"):
+            found.discard(words[1])
+        elif words[0] == "fix_modify" and "energy" in words[2:-1]:
+            asks = words[words.index("energy", 2) + 1] in ("yes", "on", "true")
+            (found.add if asks else found.discard)(words[1])
+    return found
+
+
+def wrongly(one: Integrator) -> bool:
+    """Whether econserve says nothing of an integrator's own error, see `WHY`."""
+    lines = [line for line in one.lines if texts(line)[0] == "fix"]
+    return any(
+        WRONG.fullmatch(style) or (style.startswith("rigid") and "langevin" in texts(line))
+        for line in lines
+        for style in [finding.style_of(line)]
+    )
