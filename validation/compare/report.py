@@ -6,6 +6,7 @@ import pandas as pd
 from rich.console import Console
 
 from validation.compare.figures import draw
+from validation.own import counted
 from validation.pages import report
 from validation.pages.said import Cell, Figure, Said, Table, sortable
 from validation.pages.tables import Column, busy, cell, numbers, ranks_of
@@ -83,6 +84,8 @@ def say(summary: dict) -> Said:
     drifts = ((row["label"], Estimate.of(row["drift"])) for row in known)
     sure = [f"{label} {one.text()}" for label, one in drifts if abs(one.value) > one.margin]
     lines.append(f"Energy drifts for sure ({SURE}), {own[2].unit}: {', '.join(sure) or 'none'}.")
+    uncounted = [row["label"] for row in rows if row.get("uncounted")]
+    lines += [f"Energies of {', '.join(uncounted)} are left out: {counted.WHY}."] * bool(uncounted)
     failed = [f"{row['label']}: {status(row)}" for row in rows if row["error"]]
     lines += [f"Failed: {'; '.join(failed)}."] * bool(failed)
     lines += filter(None, [busy(summary)])
