@@ -132,7 +132,8 @@ def _none(summary, points, choice, wanted, time):
     if held and not held["failed"] and meets(held, wanted) is False:
         yield (
             f"Even with {held['dt']:g} {time} there is {_why_not(held, wanted)}: this is no error "
-            "of the step. Is the start in equilibrium? --run N takes a later run of the script."
+            "of the step. Is the start in equilibrium, and do forces end at their cutoff without a "
+            "jump? --run N takes a later run of the script."
         )
     near = nearest(points, wanted)
     if near:
