@@ -813,6 +813,9 @@ def test_the_reference_is_advised_if_its_step_was_asked_for():
     assert every.rows[0][-1].text == "reference, met" and len(longest.rows) == 1
     choice, told, _ = report.answer(summary_of(wanted, held | {"asked": False}))
     assert choice.best is None and told == ["No run is complete, so nothing is known yet."]
+    alone = report.answer(summary_of({"drift": 1.0, "rdf": 0.1}, held))[1]  # no other step
+    assert "another step of the same integrator to tell rdf. But for that" in alone[1]
+    assert not any("inf" in line for line in alone)
 
 
 def test_what_is_timed_could_be_advised():

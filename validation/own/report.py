@@ -132,7 +132,8 @@ def _none(summary, points, choice, wanted, time):
     if held and not held["failed"] and meets(held, wanted) is False:
         yield (
             f"Even with {held['dt']:g} {time} there is {_why_not(held, wanted)}: this is no error "
-            "of the step. Is the start in equilibrium? --run N takes a later run of the script."
+            "of the step. Is the start in equilibrium, and do forces end at their cutoff without a "
+            "jump? --run N takes a later run of the script."
         )
     near = nearest(points, wanted)
     if near:
@@ -175,10 +176,12 @@ def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
     best = choose(points, rest).best if len(hidden) == 1 and rest else None
     if best:
         name, least = next(iter(hidden.items()))
+        told = f"Runs so short cannot tell {name} below {least:.2g}."
+        if not math.isfinite(least):
+            told = f"It takes another step of the same integrator to tell {name}."
         yield (
-            f"Runs so short cannot tell {name} below {least:.2g}. But for that, {best['label']} "
-            f"with {best['dt']:g} {time} is the fastest within the targets, by {SURE}: "
-            f"{_within(best, rest)}."
+            f"{told} But for that, {best['label']} with {best['dt']:g} {time} is the fastest "
+            f"within the targets, by {SURE}: {_within(best, rest)}."
         )
 
 
