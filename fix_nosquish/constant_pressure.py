@@ -176,8 +176,7 @@ class ConstantPressure(NVT):
         groups = self.lammps.groups
         stays = (groups & self.lammps.group_bit(self.command.dilate)) == 0
         stays[self.bodies.index] = False
-        hit = stays & (groups & np.uint32(fix.groupbit & 0xFFFFFFFF) != 0)
-        return self.communicator.any(hit.any())
+        return self.communicator.any(fix.has(groups[stays]).any())
 
     def loops_of_others(self, cells):
         """Loops for atoms that are in no body: what they say of the pressure, and what moves them

@@ -367,7 +367,7 @@ class Integrator:
     def acts_on_bodies(self, fix):
         """Whether atoms of the bodies are in another fix's group; collective."""
         groups = self.lammps.groups[self.membership.atoms()]
-        return self.communicator.any((groups & np.uint32(fix.groupbit & 0xFFFFFFFF) != 0).any())
+        return self.communicator.any(fix.has(groups).any())
 
     def _tell_count(self):
         self.host.set_array_rows(self.communicator.count(self.bodies.listed.sum()))
@@ -520,7 +520,7 @@ class Integrator:
         ids = [[command.group]] + [command.arguments] * (command.style == "group")
         points = [command.points] if command.points else []
         for fix in self._fixes:
-            both = atoms[groups[atoms] & (fix.groupbit & 0xFFFFFFFF) != 0]
+            both = atoms[fix.has(groups[atoms])]
             if fix.time_integrate:
                 if len(both):
                     problem = (

@@ -45,6 +45,10 @@ class OtherFix(NamedTuple):
     has_virial: bool  # it knows the virial of its forces
     virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
 
+    def has(self, groups):
+        """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
+        return groups & np.uint32(self.groupbit & 0xFFFFFFFF) != 0
+
 
 def _shared(name, kind):
     """An attribute in the memory that C++ shares."""
