@@ -11,6 +11,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -39,7 +40,7 @@ from validation.scenes import Scene
 from validation.scenes.data_file import data_file
 from validation.scenes.integrators import Integrator, rigid
 from validation.scenes.units import UNITS
-from validation.statistics import measures
+from validation.statistics import measures, motion
 
 
 def ar1(n, phi, seed):
@@ -418,6 +419,27 @@ def test_timing_table():
     assert (second.seconds, second.steps, second.cpu) == (4.0, 200, 99.4)
 
 
+def test_results_of_a_run_that_was_ended_as_it_wrote(tmp_path):
+    """Locks out a verb that fails where Ctrl-C cut a log or a dump, and half a number read as a
+    whole one."""
+    whole = lammps_log.timings(LOG)[-1]
+    rows = "Section |  min time  |  avg time\nPair    | 1.5        | 2.25\n"
+    for end in range(len(rows) + 1):
+        (*_, last) = lammps_log.timings(f"{LOG}\n{rows[:end]}")
+        more = {"Pair": 2.25} if end == len(rows) else {}
+        assert last.sections == whole.sections | more
+
+    frame = "ITEM: TIMESTEP\n{}\nITEM: NUMBER OF ATOMS\n2\n" + "\n" * 5 + "1 2.5\n2 -12.25\n"
+    first, second = frame.format(0), frame.format(20)
+    dump = tmp_path / "atoms.dump"
+    for end in range(len(first + second) + 1):
+        dump.write_text((first + second)[:end])
+        steps, values = motion.read(dump)
+        count = (end >= len(first)) + (end == len(first + second))
+        assert steps.tolist() == [0, 20][:count] and motion.has_frames(tmp_path) == bool(count)
+        assert values.tolist() == [[[1, 2.5], [2, -12.25]]] * count
+
+
 def test_thermo_table():
     """Locks out the step printed by both of two runs counted twice, and warnings read as rows."""
     table = lammps_log.thermo(LOG)
@@ -531,11 +553,12 @@ def test_ranks_end_with_a_harness_that_is_killed():
 
 
 @pytest.mark.timeout(60)
-@pytest.mark.parametrize("moment", ["begin", "end", "behind"])
+@pytest.mark.parametrize("moment", ["begin", "end", "behind", "again"])
 def test_a_signal_at_a_bad_moment_leaves_no_process(unfinished, monkeypatch, moment):
     """Locks out ranks that go on for ever: a signal came while their mpirun was being started, or
     a second one while they were being ended. And one that is lost, as it came when a run's
-    processes had just ended: the verb would go on with the next run."""
+    processes had just ended: the verb would go on with the next run. And one that comes again soon
+    after, which ends the verb as it writes what it has."""
     popen, kill = subprocess.Popen, os.killpg
 
     def stop():
@@ -550,6 +573,8 @@ def test_a_signal_at_a_bad_moment_leaves_no_process(unfinished, monkeypatch, mom
     def ends(*one):
         stop()
         kill(*one)
+        if moment == "again":
+            threading.Timer(0.3, stop).start()
 
     def watch(*_):
         time.sleep(1)  # until there are ranks
@@ -562,6 +587,7 @@ def test_a_signal_at_a_bad_moment_leaves_no_process(unfinished, monkeypatch, mom
     monkeypatch.setattr(run, "watch", watch)
     try:
         result = run.run(unfinished)
+        time.sleep(0.5 * (moment == "again"))  # at its report
     except KeyboardInterrupt:  # it would end pytest
         pytest.fail("the signal has passed through")
     assert result.interrupted and result.error == run.INTERRUPTED
@@ -584,14 +610,17 @@ def test_a_verb_in_the_background_ends_all_by_a_signal(tmp_path, sign):
 
     words = ["long", "--steps", "100000000", "--only", "nosquish", "--out", str(tmp_path)]
     command = [sys.executable, "-m", "validation", *words]
-    quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    verb = subprocess.Popen(
-        command,
-        cwd=ROOT,
-        start_new_session=True,
-        preexec_fn=in_background,
-        **quiet,
-    )
+    said = tmp_path / "said.txt"
+    with open(said, "w") as output:
+        verb = subprocess.Popen(
+            command,
+            cwd=ROOT,
+            start_new_session=True,
+            preexec_fn=in_background,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+        )
     try:
         until = time.monotonic() + 60
         while not any(tmp_path.rglob("log.lammps")):
@@ -600,7 +629,7 @@ def test_a_verb_in_the_background_ends_all_by_a_signal(tmp_path, sign):
         for _ in range(3):
             verb.send_signal(sign)
             time.sleep(0.02)
-        assert verb.wait(40) == 130
+        assert verb.wait(40) == 130, said.read_text()
         assert not running(str(tmp_path))
     finally:
         for one in {verb.pid, *running(str(tmp_path))}:

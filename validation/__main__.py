@@ -28,7 +28,10 @@ def main(words: list[str] | None = None) -> int:
 
 def process() -> None:
     """Be a process: run the command line's verb, and end with its status."""
-    status = main()
+    try:
+        status = main()
+    except KeyboardInterrupt:  # a second signal, while `main` told of the first
+        status = INTERRUPTED
     # the status is known: a further signal, while Python ends, would end it with another one
     for one in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
         signal.signal(one, signal.SIG_IGN)

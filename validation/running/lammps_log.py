@@ -8,7 +8,7 @@ import numpy as np
 
 _LOOP = re.compile(r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms", re.M)
 _CPU = re.compile(r"^([\d.]+)% CPU use", re.M)
-_SECTION = re.compile(r"^(\w+) +\|(.*)$", re.M)
+_SECTION = re.compile(r"^(\w+) +\|(.*)\n", re.M)
 
 
 def thermo(text: str) -> dict[str, np.ndarray]:

@@ -35,6 +35,7 @@ SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
 _libc = ctypes.CDLL(None)  # here: between fork and exec nothing is loaded
 HUNG = "no sign of life"  # begins the message of a run that hung
 GRACE = 5.0  # s that processes have to end after SIGTERM
+AGAIN = 0.5  # s in which more signals count as the one that came
 
 
 class Meter(Protocol):
@@ -336,7 +337,7 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
 
     Ctrl-C, and the signals that count as one (see ``validation.__main__``), raise KeyboardInterrupt
     in the block, or behind it, and once: while the process begins they wait for it, and more of
-    them do not keep it from being ended.
+    them neither keep it from being ended nor, soon after, its result from being written.
 
     Args:
         more: keywords of Popen.
@@ -362,6 +363,8 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
         finally:
             end(process)
     finally:
+        if stop.came:
+            time.sleep(AGAIN)
         for one in taken:
             signal.signal(one, signal.default_int_handler)
     if stop.waits:
@@ -378,9 +381,10 @@ class _Stop:
     """A signal's handler that raises KeyboardInterrupt once, while it is open; else it waits."""
 
     def __init__(self) -> None:
-        self.raises = self.waits = False
+        self.came = self.raises = self.waits = False
 
     def __call__(self, *_) -> None:
+        self.came = True
         if self.raises:
             self.raises = False
             raise KeyboardInterrupt

@@ -16,8 +16,7 @@ def dump(every: int) -> list[str]:
 def has_frames(folder: Path) -> bool:
     """Whether `dump` left a whole frame."""
     path = Path(folder) / "atoms.dump"
-    lines = path.read_text().splitlines() if path.exists() else []
-    return len(lines) > 3 and len(lines) >= int(lines[3]) + 9
+    return path.exists() and len(read(path)[0]) > 0
 
 
 def frames(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -29,7 +28,7 @@ def frames(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray
 
 def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """A dump of numbers, whole frames only: steps (frames,) and values (frames, atoms, columns)."""
-    lines = path.read_text().splitlines()
+    lines = path.read_text().split("\n")[:-1]  # of a run that was ended the last may be half of one
     n = int(lines[3]) if len(lines) > 3 else 0
     size = n + 9
     count = len(lines) // size
