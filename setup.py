@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import zlib
 from importlib import metadata
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -171,6 +172,8 @@ class BuildPlugin(build_ext):
                 f"the LAMMPS in {headers} is of {version}, and the plugin needs one of {OLDEST} or "
                 "newer: see 'Your own LAMMPS' in docs/ for what an older one can do"
             )
+        # by which its Python side knows it: see structs.py
+        checksum = zlib.crc32((HERE / PLUGIN / "bridge.h").read_bytes()) & 0x7FFFFFFF
         # MPI's old classes for C++, which LAMMPS does not link
         plain_mpi = "-DOMPI_SKIP_MPICXX", "-DMPICH_SKIP_MPICXX"
         sizes = () if own else ["-DLAMMPS_SMALLBIG"]  # an own one's are in lmptype.h, or CXXFLAGS
@@ -178,6 +181,7 @@ class BuildPlugin(build_ext):
             *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
             *shlex.split(os.environ.get("CXXFLAGS", "")),
             *string_flags(headers), *sizes, f"-DCOMPILED_FOR_LAMMPS={version}",
+            f"-DBRIDGE_CHECKSUM={checksum}",
             "-I", str(headers), *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
             *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),
         ]  # fmt: skip

@@ -301,9 +301,11 @@ def load(communicator, *names):
         return
     sent = None
     with communicator.together("the loops cannot be compiled or loaded"):
-        if communicator.rank == 0:
-            sent = _processor(), {name: module.found() for name, module in modules.items()}
-    communicator.rest()  # rank 0 may have to compile
+        try:
+            if communicator.rank == 0:
+                sent = _processor(), {name: module.found() for name, module in modules.items()}
+        finally:
+            communicator.rest()  # while rank 0 compiles
     processor, codes = communicator.share(sent)
     with communicator.together("the loops cannot be compiled or loaded"):
         for name, module in modules.items():
@@ -425,11 +427,14 @@ def in_processes(program, modules):
         weight, names = groups.pop(0)
         groups.append((weight + one.weight(), [*names, one.name]))
         groups.sort(key=operator.itemgetter(0))
-    path = {"PYTHONPATH": os.pathsep.join(sys.path), "MPI4PY_RC_INITIALIZE": "0"}
+    # by this process's path: with -m a folder that LAMMPS runs in would come before the library
+    start = f"import sys; sys.path[:] = {sys.path}; from runpy import run_module as run; "
+    start += f"run({f'{__package__}.{program}'!r}, run_name='__main__')"
+    quiet = {"MPI4PY_RC_INITIALIZE": "0"}
     processes = [
         subprocess.Popen(
-            [sys.executable, "-m", f"{__package__}.{program}", *names],
-            env=os.environ | path | NUMBA,  # a user's module may import numba
+            [sys.executable, "-c", start, *names],
+            env=os.environ | quiet | NUMBA,  # a user's module may import numba
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -150,6 +150,12 @@ class ConstantPressure(NVT):
                 "aniso, or make it triclinic (change_box all triclinic) before the fix line",
                 everywhere=True,
             )
+        if self.host.scalar_pressure and self.axes.tolist() != [0, 0, 0, -1, -1, -1]:
+            raise RunError(
+                "kspace_style msm gives the mean pressure of all axes only, and this box has more "
+                "than one to follow: use iso, or kspace_modify pressure/scalar no",
+                everywhere=True,
+            )
         for part, group in zip((*AXES, *TILTS), self.axes, strict=True):
             fixed = [axis for axis in part if not lammps.box.periodic[AXES.index(axis)]]
             if group >= 0 and fixed:

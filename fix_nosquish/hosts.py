@@ -21,9 +21,12 @@ class Host(Protocol):
         follows: whether LAMMPS takes along with its atoms what is to be known of them.
         has_virial: whether LAMMPS asks for the virial, where that is known early.
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
+        scalar_pressure: whether of the long-range forces only the mean pressure of all axes is
+            known, as with kspace_style msm.
         next_output: the next step for which LAMMPS writes something; None if that is not known.
-        begins, energy_step: the next step that Python begins, and the next one that it ends, with
-            the potential energy, if there are any; None where LAMMPS does not give it.
+        begins, energy_step: the next step that Python begins, and the next one that it ends, if
+            there are any; where the integrator needs it with the potential energy, for which
+            energy_step is None if LAMMPS does not give it.
         energy: that of all atoms there, the same on all ranks.
         renews: whether LAMMPS is to move the bodies' atoms by what is in place of their velocities
             when the method that ends the step returns, to compute the forces there, and to call the
@@ -56,6 +59,7 @@ class Host(Protocol):
     follows: bool
     has_virial: bool
     ghost_velocity: bool
+    scalar_pressure: bool
     next_output: int | None
     begins: int | None
     energy_step: int | None

@@ -126,7 +126,7 @@ class Integrator:
         needs_energy: whether it needs the potential energy at the end of steps that it names, as
             host.energy_step.  Then it has a method take_energy for these, which names the next one
             and says whether the state stays; if not, `renewed` is called when the forces are known
-            where it goes back to.  It may have begin_trajectory, for the step host.begins.
+            where it goes back to.
         thermostat: whether it keeps a temperature, so that no other fix may.
         crosses: whether bodies may get another velocity where they cross a face, as with remap v of
             fix deform.
@@ -208,7 +208,7 @@ class Integrator:
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
         self.number = next(self._numbers)
         self.bodies = self.passes = self.notes = None
-        self._ran = self._lost = False
+        self._ran = self._lost = self._gathers_anew = False
         self.late, self.half_step_velocities, self.velocities_every = [], True, (1,)
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
@@ -287,10 +287,17 @@ class Integrator:
     def of_fix(cls, lmp, fix_id):
         """The integrator of a LAMMPS that the fix of this ID drives."""
         handle = pointer(getattr(lmp, "lmp", lmp))
-        for other in cls._all:
+        every = [other for other in cls._all if other.lammps.handle == handle]
+        for other in every:
             # LAMMPS's own fix tells no ID
-            if other.lammps.handle == handle and other.host.fix_id in (fix_id, None):
+            if other.host.fix_id == fix_id or (other.host.fix_id is None and len(every) == 1):
                 return other
+        if every and every[0].host.fix_id is None:
+            raise RunError(
+                "a LAMMPS's own fix python/move does not tell which of several fixes has the ID "
+                f"{fix_id}: use the keyword output of each",
+                everywhere=True,
+            )
         raise RunError(f"there is no fix {fix_id} of fix_nosquish", everywhere=True)
 
     @property
@@ -378,6 +385,7 @@ class Integrator:
         fixes = self.host.fixes()
         unknown = fixes is None
         self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
+        self._forces_change = unknown or any(fix.post_force for fix in fixes)
         ending = [fix for fix in fixes if fix.end_of_step]
         ending += _swaps(self.host.command, self.lammps.step)
         self.late = [fix for fix in ending if not fix.style.startswith(READERS)]
@@ -551,7 +559,9 @@ class Integrator:
                     "unfix it, or give it a group without the bodies' atoms"
                 )
         for mate in self.mates:
-            both = np.intersect1d(mate.membership.atoms(), atoms) if mate is not self else ()
+            # its own membership may be older than a group that was deleted and made anew
+            theirs = Membership(lammps, self.communicator, mate.command).atoms()
+            both = np.intersect1d(theirs, atoms) if mate is not self else ()
             if len(both):
                 problem = (
                     f"atom {lammps.tags[both[0]]} is claimed by two fixes: "
@@ -577,6 +587,10 @@ class Integrator:
             self.reports.add_constraint_virial()
         if self._pressure_is_due(self.lammps.step):
             self.do("pressure")
+        # LAMMPS asks the fixes behind this one for their forces after it
+        self._gathers_anew = self._forces_change and not self.middle
+        if self._gathers_anew:
+            self.host.begins = self.lammps.step + 1
         self._leave_to_host()
         if self.host.calls_setup:
             self.reports.say(bool(vflag))
@@ -609,6 +623,9 @@ class Integrator:
     def initial_integrate(self, vflag):
         """The first half of a step."""
         self._begin_step(vflag)
+        if self._gathers_anew:
+            self.do("gather")
+            self._gathers_anew = False
         if self.lammps.step == self.host.begins:
             self.begin_trajectory()
         self.do("whole" if self.phase == Phase.WAITING else "begin")
@@ -732,6 +749,9 @@ class Integrator:
             self.take_changed_velocities(self.lammps.step - 1)
         self.host.vflag = vflag
         self.reports.forget()
+
+    def begin_trajectory(self):
+        """The step ``host.begins`` is about to begin; collective."""
 
     def _has_begun(self):
         self.phase, self.host.velocities_set = Phase.HALF, False

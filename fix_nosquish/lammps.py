@@ -120,11 +120,17 @@ class Lammps:
                 "the fix needs a simulation box: define it after read_data or create_box",
                 everywhere=True,
             )
+        if self.setting("bigint") != 8:
+            raise RunError(
+                "a LAMMPS of -DLAMMPS_SMALLSMALL counts steps in 32 bits: build it with "
+                "-DLAMMPS_SMALLBIG, the default",
+                everywhere=True,
+            )
         # these never move while LAMMPS lives
         self._natoms = self._scalar("nlocal", c_int)
         self._dt = self._scalar("dt", c_double)
         self._step = self._scalar("ntimestep", c_int64)
-        self._all_atoms = self._scalar("natoms", {4: c_int, 8: c_int64}[self.setting("bigint")])
+        self._all_atoms = self._scalar("natoms", c_int64)
         # the number of the step for loops, which read it there
         self.step_cell = Cell(L1, array(self._global("ntimestep"), (1,), np.int64))
         self.ftm2v = self._scalar("ftm2v", c_double).value

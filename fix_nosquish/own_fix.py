@@ -25,14 +25,14 @@ class OwnFix:
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
     begins = energy_step = stop = turn_atom = rate = None
     stream_group = 0
-    calls_setup = follows = velocities_set = False
+    calls_setup = follows = velocities_set = scalar_pressure = False
     command = ()  # not known
     ghost_velocity = True  # not known: velocities at the half step may be read
     phase = vflag = changes = 0
 
     def __init__(self, lammps, communicator):
         self.lammps, self.communicator = lammps, communicator
-        self._virial_fix = self._problem = self._said = self._bodies = None
+        self._virial_fix = self._problem = self._bodies = None
         self._builds = 0.0
         self._tags = self._origins = np.empty(0, np.int64)
 
@@ -161,9 +161,9 @@ class OwnFix:
 
     def end(self, error):
         """Print the message once and end the run on all ranks; on one rank, come back."""
-        if self._said is error:
+        if getattr(error, "said", False):
             return
-        self._said = error
+        error.said = True  # not kept here: it holds all that it came through, this object among it
         text, everywhere = str(error), getattr(error, "everywhere", False)
         several = self.communicator.size > 1
         if not isinstance(error, RunError):

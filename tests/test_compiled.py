@@ -1,6 +1,7 @@
 """Compiled loops: what they compute, what they take and refuse,
 and where their machine code is kept."""
 
+import importlib
 import json
 import os
 import shutil
@@ -535,6 +536,20 @@ def test_one_compilation_serves_all(run_lammps, fresh):
             )
     assert not [run.screen for run in runs if begins in run.screen]
     assert files(fresh) == kept
+
+
+def test_compilers_do_not_look_into_the_folder_of_the_run(tmp_path, monkeypatch):
+    """Locks out machine code of a checkout that LAMMPS runs in, kept for the installed package, and
+    a user's file that is run in place of a library's."""
+    here = {"random.py", "copy.py", "select.py", "fix_nosquish/__init__.py"}
+    for name in here:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(f"raise ImportError('{name} of the folder')")
+    name = "fix_nosquish.lookup"
+    importlib.import_module(name)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*filter(None, sys.path), "."])  # as in lmp
+    assert compiled.in_processes("compile", [compiled.MODULES[name]])[name]
 
 
 KEPT = """

@@ -228,6 +228,17 @@ def test_groups_with_other_bits(run_lammps, tmp_path):
     np.testing.assert_array_equal(*ends)
 
 
+def test_groups_of_two_fixes_with_other_bits(run_lammps):
+    """Locks out "claimed by two fixes" of atoms that are not: groups were deleted and made anew in
+    the other order, and a fix still knew the other's by its old bit."""
+    system = mixture(side=2, spacing=2.9)
+    fixes = [f'fix {k} all python/move "fix_nosquish.NVE {k} molecule"\n' for k in "ab"]
+    groups = ["group a molecule 1\n", "group b molecule 2\n"]
+    script = f"{system.setup}\n{''.join(groups + fixes)}timestep 0.004\nrun 2\n"
+    script += f"group a delete\ngroup b delete\n{groups[1]}{groups[0]}run 2\n"
+    run_lammps(script, files=system.files)
+
+
 BETWEEN = {
     "nothing": "run 20",
     "velocities scaled": "velocity all scale 2.5\nrun 20",

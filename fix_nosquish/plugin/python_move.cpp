@@ -67,19 +67,13 @@ template <typename Function> Function *symbol(const char *name)
 }
 
 // The lmp command that started this native lmp only waits for it, and leaves it behind if a signal ends
-// the command alone. Linux can tell the child of its parent's end.
+// the command alone. Linux can tell the child of its parent's end. Another parent may end as it likes.
 
-void end_with_parent(const std::string &executable)
+void end_with_command()
 {
 #ifdef __linux__
-  const auto parents = "/proc/" + std::to_string(getppid()) + "/exe";
-  char *of_parent = realpath(parents.c_str(), nullptr);
-  char *of_python = realpath(executable.c_str(), nullptr);
-  if (of_parent && of_python && strcmp(of_parent, of_python) == 0) prctl(PR_SET_PDEATHSIG, SIGTERM);
-  free(of_parent);
-  free(of_python);
-#else
-  (void) executable;
+  const char *command = getenv("FIX_NOSQUISH_COMMAND");
+  if (command && std::to_string(getppid()) == command) prctl(PR_SET_PDEATHSIG, SIGTERM);
 #endif
 }
 
@@ -100,7 +94,7 @@ std::string start_python()
   const std::string library = both.substr(std::min(both.size(), executable.size() + 1));
   const std::string instead = ": use instead python -m fix_nosquish -in FILE";
 
-  end_with_parent(executable);
+  end_with_command();
   if (!is_initialized) {
     if (library.empty()) return "the Python " + executable + " has no shared libpython" + instead;
     if (!dlopen(library.c_str(), RTLD_NOW | RTLD_GLOBAL)) return dlerror() + instead;
@@ -244,10 +238,10 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (universe->nprocs > 1) MPI_Comm_dup(world, &failing);
 
   const auto obstacle = start_python();
-  if (!obstacle.empty()) error->all(FLERR, problem(obstacle));
+  if (!obstacle.empty()) end_run(obstacle);    // other ranks may have a Python, and wait in it
 
   const std::string target = arg[3];
-  bridge.size = sizeof(Bridge);
+  bridge.checksum = BRIDGE_CHECKSUM;
   bridge.fix = this;
   bridge.lammps = lmp;
   bridge.fix_id = id;
@@ -262,6 +256,10 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     return self(fix)->describe(n, static_cast<FixFacts *>(facts));
   };
   bridge.ghost_velocity = [](void *fix) { return self(fix)->comm->ghost_velocity; };
+  bridge.scalar_pressure = [](void *fix) {
+    const auto kspace = self(fix)->force->kspace;
+    return (int) (kspace && kspace->scalar_pressure_flag);
+  };
   bridge.command = [](void *fix) { return self(fix)->last_command(); };
   bridge.removed_freedom = [](void *fix, const char *other, const char *group) {
     return self(fix)->removed_freedom(other, group);
@@ -474,7 +472,7 @@ void FixPythonMove::initial_integrate(int vflag)
   stream_with_box();
   bridge.vflag = vflag;
   const bool waits = bridge.phase == WAITING, for_python = update->ntimestep == bridge.begins;
-  if (for_python) bridge.energy = potential();
+  if (for_python && bridge.needs_energy) bridge.energy = potential();
   const Pass *passes = for_python ? nullptr : waits ? bridge.whole : bridge.phase == SET ? bridge.begin : nullptr;
   const bool changed = bridge.late && bridge.velocities_set;    // perhaps: Python finds out
   if (passes && !changed && run(passes)) {

@@ -2,6 +2,7 @@
 
 import ctypes
 import re
+import zlib
 from pathlib import Path
 
 _TYPES = {
@@ -47,4 +48,6 @@ def _read(text):
     return found
 
 
-globals().update(_read(Path(__file__).with_name("bridge.h").read_text()))
+_header = Path(__file__).with_name("bridge.h").read_bytes()
+CHECKSUM = zlib.crc32(_header) & 0x7FFFFFFF  # the plugin has that of the file it was compiled with
+globals().update(_read(_header.decode()))
