@@ -161,10 +161,10 @@ PUSH = "group some molecule 2 3 4\nfix push some addforce 3.0 -1.0 0.5\n"
 
 
 def test_bodyforces_late(both):
-    """Locks out forces of fixes behind this one that bodies do not get."""
-    late = "fix_modify 1 bodyforces late\n"
-    end = f"{PUSH}{{}}{THERMO.format('')}run 20\nrun 20"
-    ours, theirs = both(f"{OURS}\n{end.format(late)}", f"{THEIRS}\n{end.format(late)}")
+    """Locks out forces of fixes behind this one that bodies do not get, or not from the start, as
+    with the fix before LAMMPS's."""
+    end = f"fix_modify 1 bodyforces late\n{THERMO.format('')}run 20\nrun 20"
+    ours, theirs = both(f"{OURS}\n{PUSH}{end}", f"{PUSH}{THEIRS}\n{end}")
     assert_alike(ours, theirs, ["PotEng", "KinEng"])
     plain, _ = both(f"{OURS}\n{THERMO.format('')}run 20", f"{THEIRS}\n{THERMO.format('')}run 20")
     assert np.abs(ours["KinEng"][2] / plain["KinEng"][2] - 1) > 1e-4
