@@ -306,7 +306,7 @@ def test_a_run_without_steps_is_none(staged):
     _, own, _ = staged
     assert own.said["run"] == "run 100" and own.said["skipped"] == 2
     assert "variable seen equal 250" in own.scene.setup
-    assert own.said["temperature"] == pytest.approx(1.5)
+    assert own.said["temperature"] == pytest.approx(1.5) and own.said["later"] == []
     told = {"run 0": False, "run 5": True, "run 5 upto": False, "minimize 0 0 1 1": False,
             "run 9 upto": True, "rerun a dump x": False, "tad 1": True}  # fmt: skip
     assert {line: script.takes_time(line, 5) for line in told} == told
@@ -754,6 +754,20 @@ def test_samples_of_the_energy_are_equally_apart(long):
                 span = trial.SPAN * 2.0 / (every * dt)
                 assert span == pytest.approx(round(span)) and 1 <= round(span) <= 8
             assert 1 <= len(runs) <= frames
+
+
+def test_parts_of_a_run_that_are_not_independent_make_no_error_of_g_smaller():
+    """Locks out a step that is advised for a g(r) whose noise was taken for less than it is: of
+    as many parts as a run is cut into, neighbours correlated, the bound holds as often as it
+    says."""
+    random, bins, true = np.random.default_rng(4), 50, 0.02
+    held = []
+    for _ in range(400):
+        noise = random.normal(size=(trial.BLOCKS + 1, bins))
+        off = true + 0.04 * (noise[1:] + 0.6 * noise[:-1])  # neighbours: 0.44
+        found = measures.without_noise(off)
+        held.append(true <= found.value + found.margin)
+    assert np.mean(held) > 0.97
 
 
 def test_integrators_whose_energy_says_nothing(taken):
@@ -1208,6 +1222,29 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
     assert run.launcher(4) == ["srun", "-n", "4", "--exact"]
     run.launch_by(None)
     assert run.launcher(4)[1:] == ["-np", "4"]
+
+
+def test_a_fix_of_ours_acts_on_the_group_of_its_class():
+    """Locks out `check` that counts atoms as moved, or heated, which no fix touches: the class has
+    a group and points of its own, and the fix's group says nothing."""
+    said = {"groups": ["all", "bodies", "points"]}
+    atoms = {"mask": np.array([3, 3, 5, 1])}
+    words = {
+        "rigid molecule": [True] * 4,
+        'python/move "fix_nosquish.NVE bodies molecule"': [True, True, False, False],
+        'python/move "fix_nosquish.HMC bodies molecule temp 1 every 9 seed 5"': [1, 1, 0, 0],
+        'python/move "fix_nosquish.NVT bodies molecule temp 1 1 1 points points seed 5"': [
+            1,
+            1,
+            1,
+            0,
+        ],
+        'python/move "other.Class bodies"': [True] * 4,
+    }
+    for text, wanted in words.items():
+        assert finding.acted_on(said, atoms, f"fix 1 all {text}").tolist() == list(
+            map(bool, wanted)
+        )
 
 
 def test_kinds_of_fixes():

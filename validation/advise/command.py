@@ -7,7 +7,7 @@ from validation import command_line
 from validation.own import words as trial
 from validation.sweep.command import scenes
 
-BUDGET = 5.0  # minutes, of a script
+BUDGET = 8.0  # minutes, of a script
 
 
 def add(verbs: command_line.Verbs) -> None:

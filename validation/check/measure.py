@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.own import finding, shapes
+from validation.own.finding import Unclear
 from validation.own.script import texts
 from validation.own.system import Own
 from validation.running import machine, run
@@ -122,7 +123,7 @@ def _script(own):
         for one, line in own.said["fixes"].items()
         if one not in own.found.ids
         and finding.style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
-        and (shapes.acted_on(own, line) & (own.found.body > 0)).any()
+        and (finding.acted_on(own.said, own.atoms, line) & (own.found.body > 0)).any()
     ]
     number = len(heats) + bool(own.found.state.temp)
     note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
@@ -177,7 +178,7 @@ def _left_out(own, words: Sequence[str]) -> bool | None:
     inside = own.found.body > 0
     try:
         if kind in ("molecule/intra", "molecule"):
-            here = there = shapes.in_group(own, names[0])
+            here = there = _named(own, "group", names[0])
             body, molecule = own.found.body[inside], np.asarray(own.atoms["molecule"])[inside]
             pairs = np.unique(np.stack([body, molecule]), axis=1)
             whole = pairs.shape[1] == own.found.body.max()  # each body in one molecule
@@ -186,7 +187,7 @@ def _left_out(own, words: Sequence[str]) -> bool | None:
             whole = True
         else:
             return None
-    except (ValueError, KeyError):  # a group that is no more, or a range of types
+    except (Unclear, ValueError, KeyError):  # a group that is no more, or a range of types
         return None
     if whole and (here & there)[inside].all():
         return True
@@ -202,7 +203,7 @@ def _named(own, kind: str, name: str) -> np.ndarray:
     """The mask of the atoms of a group or a type."""
     if kind == "type":
         return np.asarray(own.atoms["type"]) == int(name)
-    return shapes.in_group(own, name)
+    return finding.in_group(own.said, own.atoms, name)
 
 
 def _starts(own, out, ranks, silence, meter):

@@ -168,7 +168,7 @@ def find(
     fixes: dict[str, str] = said["fixes"]
     known = holders(fixes, wanted)
     if not known:
-        known = _movers(said, atoms, fixes, _mask(said, atoms, group or "all"))
+        known = _movers(said, atoms, fixes, in_group(said, atoms, group or "all"))
     kinds = {one: kind_of(fixes[one]) for one in known}
     strange = [one for one, kind in kinds.items() if kind is None]
     if strange:
@@ -204,18 +204,45 @@ def _modified(commands: Sequence[str], ids: Collection[str]) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _mask(said, atoms, group: str) -> np.ndarray:
-    """Which atoms are in a group."""
+def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.ndarray:
+    """The mask of a group's atoms.
+
+    Raises:
+        Unclear: there is no such group.
+    """
     if group not in said["groups"]:
         names = ", ".join(said["groups"])
         raise Unclear(f"the script has no group {group} at its run; it has {names}")
     return atoms["mask"] & (1 << said["groups"].index(group)) != 0
 
 
+def acted_on(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
+    """The mask of the atoms that a fix with this command acts on: those of its group; of a class of
+    fix_nosquish those of the class's group, and its points, whatever the fix's group is."""
+    if style_of(line) != "python/move" or not texts(line)[4].startswith("fix_nosquish."):
+        return in_group(said, atoms, texts(line)[2])
+    group, _, keywords = _words_of_ours(line)
+    points = _points(keywords)
+    mask = in_group(said, atoms, group)
+    return mask | in_group(said, atoms, points) if points else mask
+
+
+def _words_of_ours(line: str) -> tuple[str, list[str], list[str]]:
+    """The class's group, the words of the body style, and the keywords."""
+    _, group, *rest = texts(line)[4].split()
+    count = body_words(rest)
+    return group, rest[:count], rest[count:]
+
+
+def _points(keywords: Sequence[str]) -> str:
+    """The group of points that one of ours moves; empty for none."""
+    return next((part[1] for part in _split(keywords) if part[0] == "points"), "")
+
+
 def _movers(said, atoms, fixes, mask) -> list[str]:
     """IDs of fixes that move some of these atoms as points."""
     own = [one for one, line in fixes.items() if kind_of(line) == "plain"]
-    return [one for one in own if (_mask(said, atoms, texts(fixes[one])[2]) & mask).any()]
+    return [one for one in own if (acted_on(said, atoms, fixes[one]) & mask).any()]
 
 
 def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -261,14 +288,14 @@ def body_words(words: Sequence[str]) -> int:
 
 def _of_rigid(said, atoms, one, line, kind) -> Found:
     words, style = texts(line), style_of(line)
-    group, rest = words[2], words[4:]
-    if kind == "ours":  # the class's group counts, whatever the fix's is
-        _, group, *rest = words[4].split()
-    count = body_words(rest)
-    points = next((part[1] for part in _split(rest[count:]) if part[0] == "points"), "")
-    bodies = " ".join(rest[:count])
-    state, kept, dropped = state_of(rest[count:], style)
-    body = numbers(said, atoms, group, rest[:count])
+    if kind == "ours":
+        group, bodies, keywords = _words_of_ours(line)
+    else:
+        count = body_words(words[4:])
+        group, bodies, keywords = words[2], words[4 : 4 + count], words[4 + count :]
+    points = _points(keywords)
+    state, kept, dropped = state_of(keywords, style)
+    body = numbers(said, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
     return Found(
         (one,),
@@ -276,7 +303,7 @@ def _of_rigid(said, atoms, one, line, kind) -> Found:
         words[4].split()[0] if kind == "ours" else style,
         kind,
         group,
-        bodies,
+        " ".join(bodies),
         state,
         body,
         rest=bool(points),
@@ -290,13 +317,13 @@ def _of_rigid(said, atoms, one, line, kind) -> Found:
 
 def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
     """The body of each atom, from 1; 0 for none. Atoms with molecule-ID 0 are one, as in LAMMPS."""
-    mask = _mask(said, atoms, group)
+    mask = in_group(said, atoms, group)
     if bodies[0] == "single":
         return mask.astype(int)
     if bodies[0] == "group":
         found = np.zeros(len(mask), int)
         for number, name in enumerate(bodies[2:], 1):
-            found[_mask(said, atoms, name) & mask] = number
+            found[in_group(said, atoms, name) & mask] = number
         return found
     name = "molecule" if bodies[0] == "molecule" else bodies[1]
     if name not in atoms:
@@ -395,14 +422,14 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     mover = fixes[movers[0]]
     words = texts(mover)
     state, _, dropped = state_of(words[4:], words[3])
-    moved = _mask(said, atoms, words[2])
+    moved = in_group(said, atoms, words[2])
     if not moved[body > 0].all():
         raise Unclear(f"fix {movers[0]} moves a part of the rigid atoms only")
     ids = [own for own in fixes if own == movers[0] or fixes[own] == holder]
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
         held, why = _held_by_shake(atoms, body)
-    free = holder and _held(atoms, _mask(said, atoms, texts(holder)[2]), holder)[body == 0].any()
+    free = holder and _held(atoms, in_group(said, atoms, texts(holder)[2]), holder)[body == 0].any()
     return Found(
         tuple(ids),
         tuple(fixes[own] for own in ids),
@@ -464,7 +491,7 @@ def _held(atoms, mask, line) -> np.ndarray:
 def rigid_clusters(said, atoms, line: str) -> np.ndarray:
     """The bodies that a fix shake makes: whole molecules of two atoms, or of three whose angle is
     held; numbers from 1, 0 for other atoms."""
-    mask = _mask(said, atoms, texts(line)[2])
+    mask = in_group(said, atoms, texts(line)[2])
     held, bent = _held_bonds(atoms, mask, line)
     bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
     number = len(atoms["type"])
@@ -501,7 +528,7 @@ def _group_of(said, atoms, body, group) -> tuple[str, list[str]]:
     """A group of the bodies' atoms, and the commands that make it."""
     inside = body > 0
     for name in [group] if group else said["groups"]:
-        if (_mask(said, atoms, name) == inside).all():
+        if (in_group(said, atoms, name) == inside).all():
             return name, []
     types = np.asarray(atoms["type"])
     own = np.unique(types[inside])

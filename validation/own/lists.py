@@ -18,7 +18,7 @@ from validation.statistics import measures
 
 FACTORS = 1.0, 1.5, 2.0  # of the script's skin
 ROUNDS = 4
-SHARE = 0.3  # of the budget for this
+SHARE = 0.2  # of the budget for this
 LEAST = 100  # steps of a timed segment: in fewer, one more new list is too much of the time
 SKINS = {"lj": 0.3, "si": 0.001, "cgs": 0.1, "micro": 0.1, "nano": 0.1}  # LAMMPS's, by units
 USUAL = 2.0  # with other units
@@ -49,6 +49,11 @@ def skin_of(own: Own) -> tuple[float, str]:
 def total(many: bool = False) -> int:
     """Runs that a meter counts; none for ``many`` integrators, of which none is advised."""
     return 0 if many else ROUNDS * len(FACTORS)
+
+
+def share(many: bool = False) -> float:
+    """Of the budget, for this; as for `total`."""
+    return 0.0 if many else SHARE
 
 
 def tried(

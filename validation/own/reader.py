@@ -11,7 +11,8 @@ run will do), ``everything`` (so will what is none, as a minimization), ``at`` (
 from 1).  Left beside it:
 
     read.json   ``commands`` up to the run, ``fixes`` (ID to its command, at that run), ``run`` (its
-                words), what LAMMPS says of the system, and ``left_out`` (commands that write)
+                words), ``later`` (the runs behind it, as they are written), what LAMMPS says of the
+                system, and ``left_out`` (commands that write)
     atoms.npz   of each atom, in order of ID
     error.txt   why there is nothing of it
 
@@ -94,6 +95,7 @@ class Reader:
         self.moved = False  # atoms, since the last command that depends on where they are
         self.states: list[str] = []  # commands that read where atoms had come to
         self.alone = False  # whether this rank failed, and others may not have
+        self.later: list[str] = []  # runs behind the one that is there, as they are written
         self.skipped, self.done, self.count, self.jump_skip, self.run = 0, 0, 0, False, ""
         self.where = "the script"
         options = ["-log", str(log), "-screen", "none", "-nocite"]
@@ -107,7 +109,14 @@ class Reader:
         while position < len(commands):
             command = commands[position]
             position += 1
-            jump = self.one(command)
+            try:
+                jump = self.one(command)
+            except Stop:
+                words = map(script.texts, commands[position:])
+                self.later += [
+                    " ".join(one) for one in words if one[0] == "run" and one[1:] != ["0"]
+                ]
+                raise
             if jump:
                 name = name if jump.file == "SELF" else jump.file
                 commands, position = self._commands(name), 0
@@ -324,6 +333,8 @@ def read(ask: dict, out: Path) -> None:
         "commands": found.commands,
         "fixes": {one: _with_numbers(lmp, line) for one, line in found.fixes.items()},
         "run": found.run,
+        "later": found.later,
+        "at": ask["at"],
         "states": found.states,
         "skipped": found.done,
         "files": sorted(found.files),

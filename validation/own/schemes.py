@@ -213,6 +213,12 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
         lines.append(f"Keywords of it that others do not have: {', '.join(found.dropped)}.")
     if said["skipped"]:
         lines.append(f"{said['skipped']} runs or minimizations before it were done as they are.")
+    if said["later"]:
+        some = ", ".join(map(repr, said["later"][:3])) + " ..." * (len(said["later"]) > 3)
+        lines.append(
+            f"Behind it the script has {some}: --run {said['at'] + 1} takes the next run in which "
+            "a fix keeps atoms rigid."
+        )
     if said["step"]:
         lines.append(f"Steps count from 0 here, and from {said['step']:,} in the script.")
     if said["left_out"]:

@@ -10,7 +10,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from validation.own import finding
-from validation.own.script import texts
 from validation.own.system import Own
 from validation.statistics import measures
 
@@ -257,20 +256,6 @@ def nearest(own: Own) -> tuple[float, int, int] | None:
     return (best[0], best[1] + 1, best[2] + 1) if np.isfinite(best[0]) else None
 
 
-def acted_on(own: Own, line: str) -> np.ndarray:
-    """The mask of the atoms that a fix with this command acts on, those of its group."""
-    return in_group(own, texts(line)[2])
-
-
-def in_group(own: Own, name: str) -> np.ndarray:
-    """The mask of a group's atoms.
-
-    Raises:
-        ValueError: there is no such group.
-    """
-    return own.atoms["mask"] & (1 << own.said["groups"].index(name)) != 0
-
-
 def moved(own: Own) -> Mapping[str, np.ndarray]:
     """Which atoms each fix of the script moves that is known to move atoms, as masks."""
     found: dict[str, np.ndarray] = {}
@@ -278,5 +263,5 @@ def moved(own: Own) -> Mapping[str, np.ndarray]:
         style = finding.style_of(line)
         mover = style.split("/")[0] in ("nve", "nvt", "npt", "nph", "rigid", "move")
         if mover or style == "python/move" or style.startswith("brownian"):
-            found[one] = acted_on(own, line)
+            found[one] = finding.acted_on(own.said, own.atoms, line)
     return found

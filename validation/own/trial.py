@@ -43,6 +43,9 @@ PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in it; more than one for 
 LEAST = 400  # steps of a run
 LATE = 1.5  # of the budget: then no further run begins
 BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
+# of a run's kept frames, at most, for the noise of g(r).  Few of them make margins wide, the more
+# so for a choice among several; if so many are not independent, their noise counts as error
+BLOCKS = 20
 ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
 # what is timed costs so many times the fastest good one at most, by the runs; else so many points
 SLOWER, FASTEST = 1.25, 6
@@ -364,7 +367,8 @@ def _plan(own, every, minutes, out, ranks, silence, meter) -> dict:
             raise KeyboardInterrupt
         raise SystemExit(f"{own.scene.subject}: {one.integrator.label}: {step.error}")
     startup = 3.0 + 2e-5 * len(own.found.body)
-    left = max(0.2 * 60 * minutes, 60 * minutes - startup * len(every))
+    timed = ROUNDS * min(len(every), FASTEST) * (startup + (1 + rounds.SEGMENTS) * SECONDS)
+    left = max(0.2 * 60 * minutes, 60 * minutes - startup * len(every) - timed)
     long = left / (step * sum(1 / one.dt for one in every))
     long = max(long, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
     most = max(FEW, ATOMS // len(own.found.body))
@@ -491,7 +495,11 @@ def _numbers(own, one, result, rest) -> dict:
         half = REACH * np.min(np.abs(np.diag(own.said["cell"]))) / 2
         ends = 0.3 * own.room, min(half, 2.2 * own.room)
         found["rdf"] = structure.pair_distribution(
-            motion, slice(1 + first, 1 + frames), ends, BIN * own.room
+            motion,
+            slice(1 + first, 1 + frames),
+            ends,
+            BIN * own.room,
+            min(BLOCKS, frames - first),
         )
     return found
 

@@ -45,13 +45,14 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
         arguments.parser.exit(2, f"{error.args[0]}\n")
     points = trial.points(own, only, arguments.steps, many)
     screen = console.console()
-    how = arguments.budget or budget, out, arguments.ranks, silence
+    minutes, how = arguments.budget or budget, (out, arguments.ranks, silence)
     with console.Meter(screen, trial.total(points) + lists.total(many), "runs") as meter:
-        summary = trial.trial(own, points, *how, meter, wanted)
+        mine = minutes * (1 - lists.share(many))
+        summary = trial.trial(own, points, mine, *how, meter, wanted) | {"minutes": minutes}
         best = report.answer(summary)[0].best
         if best and not many and not summary["interrupted"]:
             try:
-                summary["lists"] = lists.tried(own, best, *how, meter)
+                summary["lists"] = lists.tried(own, best, minutes, *how, meter)
             except KeyboardInterrupt:
                 summary["interrupted"] = True
     report.write(summary, out)

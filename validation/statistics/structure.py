@@ -157,13 +157,14 @@ def pair_distribution(
     frames: Sequence[int] | slice,
     reach: Sequence[float] = REACH,
     width: float = BIN,
+    blocks: int = BLOCKS,
 ) -> np.ndarray:
-    """g(r) of the bodies' heaviest atoms, by mdtraj: (``BLOCKS``, bins), of successive parts of the
+    """g(r) of the bodies' heaviest atoms, by mdtraj: (blocks, bins), of successive parts of the
     frames; bins of ``width`` in ``reach``."""
     most = [(group, np.argmax(motion.mass[group], axis=1)) for group in motion.groups]
     heaviest = np.concatenate([group[np.arange(len(group)), at] for group, at in most])
     x = motion.x[frames][:, heaviest]
-    return of_sites(x, motion.cells[frames], reach, width)
+    return of_sites(x, motion.cells[frames], reach, width, blocks)
 
 
 def of_sites(

@@ -110,7 +110,12 @@ def levels(points: Iterable[Measured], targets: Targets) -> list[tuple[Measured,
     timed = [one for one in points if one["cost"] and meets(one, targets) is not False]
     able = [one for one in timed if all(math.isfinite(bound(one, name)) for name in targets)]
     able.sort(key=_by_cost)
-    return [(one, 1 - 2 * (1 - CONFIDENCE) / (k * (k + 1))) for k, one in enumerate(able, 1)]
+    return [(one, _level(k)) for k, one in enumerate(able, 1)]
+
+
+def _level(k: int) -> float:
+    """The confidence that the k-th point is judged by, see `levels`."""
+    return 1 - 2 * (1 - CONFIDENCE) / (k * (k + 1))
 
 
 def choose(points: Iterable[Measured], targets: Targets) -> Choice:
@@ -181,14 +186,30 @@ def resolution(points: Iterable[Measured], measure: str) -> float:
 
 
 def front(points: Iterable[Measured], measure: str) -> list[Measured]:
-    """The points that no other one beats in both run time and `bound`, from the fastest; none of
-    `CHECKS`."""
-    found, lowest = [], math.inf
+    """The points that no other one beats in both run time and the smallest target that they meet
+    for sure, from the fastest; none of `CHECKS`."""
+    return [point for point, _ in _front(points, measure)]
+
+
+def _front(points, measure):
+    """The `front`, each point with the smallest target that it meets for sure.
+
+    That follows from its level, see `levels`: the larger a target is, the more of the faster points
+    could be named, and the wider is the margin.
+    """
+    found, faster, lowest = [], [], math.inf  # faster: what their errors are at least for sure
     timed = [point for point in points if point["cost"] and measure not in CHECKS]
     for point in sorted(timed, key=_by_cost):
-        if bound(point, measure) < lowest:
-            found.append(point)
-            lowest = bound(point, measure)
+        most, before = bound(point, measure), -math.inf
+        while before < most < lowest:
+            before = most
+            most = bound(point, measure, _level(1 + sum(least <= most for least in faster)))
+        if most < lowest:
+            found.append((point, most))
+            lowest = most
+        known = _known(point, measure)
+        if known:
+            faster.append(known.value - known.margin)
     return found
 
 
@@ -201,7 +222,7 @@ def ladder(points: Sequence[Measured], measure: str) -> list[float]:
 
 
 def _rungs(points, measure):
-    bounds = [most for point in front(points, measure) if (most := bound(point, measure)) > 0]
+    bounds = [most for _, most in _front(points, measure) if most > 0]
     if not bounds:
         return []
     first, last = math.log10(min(bounds)), math.log10(max(bounds))

@@ -27,18 +27,7 @@ UNTOLD = (
 
 def write(summary: dict, out: Path) -> None:
     """Write all files into the folder ``out``, of a summary as `gathered` gives it."""
-    scenes = summary["scenes"]
-    ways = {name: fastest(scene["points"], scene["measures"]) for name, scene in scenes.items()}
-    fronts = {name: _fronts(scene) for name, scene in scenes.items()}
-    points = [
-        _point_row(summary["measures"], fronts[name], name, point)
-        for name, scene in scenes.items()
-        for point in scene["points"]
-    ]
-    rows = [
-        _way_row(summary["measures"], name, *way) for name, some in ways.items() for way in some
-    ]
-    tables = {"points": report.frame(points), "fastest": report.frame(rows)}
+    ways, fronts = _ways(summary), _fronts(summary)
     figures: list[tuple[Path, str]] = []
     places = {}
     for name, drawn in draw(summary, out).items():
@@ -48,7 +37,20 @@ def write(summary: dict, out: Path) -> None:
     values |= {"places": places, "fronts": fronts, "mesh": MESH, "least": SAMPLED}
     values |= {"ways": {name: distinct(some) for name, some in ways.items()}}
     values |= {"one_start": ONE_START, "untold": UNTOLD}
-    report.write(summary, out, tables, "sweep.html", figures, **values)
+    files = {name: report.frame(rows) for name, rows in tables(summary).items()}
+    report.write(summary, out, files, "sweep.html", figures, **values)
+
+
+def tables(summary: dict) -> dict[str, list[dict]]:
+    """The rows of points.csv and of fastest.csv."""
+    measures, scenes, fronts = summary["measures"], summary["scenes"], _fronts(summary)
+    points = [
+        _point_row(measures, fronts[name], name, point)
+        for name, scene in scenes.items()
+        for point in scene["points"]
+    ]
+    ways = [_way_row(measures, name, *way) for name, some in _ways(summary).items() for way in some]
+    return {"points": points, "fastest": ways}
 
 
 def gathered(summary: dict, out: Path) -> dict:
@@ -128,12 +130,23 @@ def unit_of(measure: Mapping) -> str:
     return f" ({measure['unit']})" if measure["unit"] else ""
 
 
-def _fronts(scene):
-    """{measure: (integrator, dt) of the points that no other one beats in both run time and
-    error}"""
+def _ways(summary):
+    """{scene: what `choice.fastest` says of it}"""
     return {
-        measure: {(one["integrator"], one["dt"]) for one in front(scene["points"], measure)}
-        for measure in scene["measures"]
+        name: fastest(scene["points"], scene["measures"])
+        for name, scene in summary["scenes"].items()
+    }
+
+
+def _fronts(summary):
+    """{scene: {measure: (integrator, dt) of the points that no other one beats in both run time and
+    error}}"""
+    return {
+        name: {
+            measure: {(one["integrator"], one["dt"]) for one in front(scene["points"], measure)}
+            for measure in scene["measures"]
+        }
+        for name, scene in summary["scenes"].items()
     }
 
 
@@ -170,7 +183,8 @@ def _way_row(measures, scene, measure, target, choice, ours):
     row |= {"a tie with": names(choice.ties), "no telling": names(choice.perhaps)}
     row |= {"ours": own.get("label"), "ours dt (fs)": own.get("dt")}
     return row | {
-        "ours / fastest": own["cost"]["min"] / choice.fastest["cost"]["min"] if own else None
+        # ours may be sure among its own points, and not among all: then there is no fastest
+        "ours / fastest": least(own) / least(choice.fastest) if own and choice.fastest else None
     }
 
 
