@@ -446,6 +446,7 @@ def test_atoms_with_molecule_id_0_are_a_body():
     """Locks out atoms that are taken for free, while all rigid fixes weld them into one body."""
     atoms = {"molecule": np.array([0, 3, 3, 0, 1]), "mask": np.array([1, 1, 1, 1, 0])}
     said = {"groups": ["all"], "run": "run 1", "skipped": 0, "step": 0, "left_out": []}
+    said |= {"later": [], "at": 1}
     body = finding.numbers(said, atoms, "all", ["molecule"])
     assert body.tolist() == [1, 2, 2, 1, 0]
     line = "fix 1 all rigid/nve molecule"

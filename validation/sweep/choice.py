@@ -197,7 +197,8 @@ def _front(points, measure):
     That follows from its level, see `levels`: the larger a target is, the more of the faster points
     could be named, and the wider is the margin.
     """
-    found, faster, lowest = [], [], math.inf  # faster: what their errors are at least for sure
+    found, lowest = [], math.inf
+    faster: list[float] = []  # what the errors of faster points are at least for sure
     timed = [point for point in points if point["cost"] and measure not in CHECKS]
     for point in sorted(timed, key=_by_cost):
         most, before = bound(point, measure), -math.inf

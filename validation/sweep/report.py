@@ -184,7 +184,9 @@ def _way_row(measures, scene, measure, target, choice, ours):
     row |= {"ours": own.get("label"), "ours dt (fs)": own.get("dt")}
     return row | {
         # ours may be sure among its own points, and not among all: then there is no fastest
-        "ours / fastest": least(own) / least(choice.fastest) if own and choice.fastest else None
+        "ours / fastest": (
+            least(ours.best) / least(choice.fastest) if ours.best and choice.fastest else None
+        )
     }
 
 
