@@ -34,7 +34,7 @@ def versions(some: Collection[Point]) -> dict[str, str]:
         SystemExit: one is not here.
     """
     found = {}
-    for engine in (SCHEMES[one.scheme].engine for one in some):
+    for engine in dict.fromkeys(SCHEMES[one.scheme].engine for one in some):
         version = engine.version()
         if version is None:
             others = [name for name, one in SCHEMES.items() if one.engine != engine]
@@ -111,7 +111,9 @@ def engines(
         "settings": asdict(lengths)
         | {"settle": lengths.settle, "sampled_fs": plan.SPARSE * SAMPLED},
         "known": {"command": known["command"], "limits": known["limits"]},
-        "beside": [_beside(row) for row in known["rows"]],
+        "beside": [
+            _beside(row) for row in known["rows"] if row["dt"] <= max(one.dt for one in every)
+        ],
         **told(found, errors, every, lengths, some, known["limits"]),
     }
 
