@@ -479,6 +479,18 @@ def sampling_bounds():
     return _checks(table, {row["part"] for row in table})
 
 
+def engines_bias():
+    """Distances of means in other engines from their limit of small steps."""
+    return _schemes("engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
+
+
+def engines_bounds():
+    """How far limits are from LAMMPS's, and what is known to be within bounds or outside."""
+    table = rows("engines", "checks")
+    told = [one for one in table if one["part"] == "limit" or one["verdict"] != "cannot tell"]
+    return _checks(told, {row["part"] for row in told})
+
+
 # ---- long runs, theory, paper
 
 
@@ -592,7 +604,7 @@ def holding(verb, name="table"):
     verdicts = [row["verdict"] for row in rows(verb, name)]
     count = {verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)}
     others = [f"{verdict}: {found}" for verdict, found in count.items() if verdict != "holds"]
-    text = f"{count['holds']} of {len(verdicts)} statements hold"
+    text = f"{count.get('holds', 0)} of {len(verdicts)} statements hold"
     return text + (f" ({', '.join(others)})." if others else ".")
 
 
@@ -715,6 +727,8 @@ TABLES = [
     sampling_cost,
     sampling_faster,
     sampling_bounds,
+    engines_bias,
+    engines_bounds,
     long_run,
     theory_reversal,
     theory_symplectic,

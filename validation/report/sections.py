@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from validation.bench import report as bench
 from validation.breaks import report as breaks
 from validation.compare import report as compare
+from validation.engines import report as engines
 from validation.ensembles import report as ensembles
 from validation.long import report as long
 from validation.pages.said import Said
@@ -60,6 +61,7 @@ PARTS = (
         "sampling --full",
         sampling.say,
     ),
+    Part("engines", "Averages in other engines", "engines --full", engines.say),
     Part("compare-*", "The same start with all fixes", "compare water", compare.say),
     Part("long-run", "A free body for very many steps", "long", long.say),
     Part("scaling", "What ranks send each other", "scaling", scaling.say),

@@ -353,7 +353,7 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
             "start_new_session": True,
             "preexec_fn": _ends_with_us,
         }
-        process = subprocess.Popen(words, **how, **more)
+        process = subprocess.Popen(words, **how | more)
         try:
             try:
                 stop.open()

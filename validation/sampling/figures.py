@@ -21,6 +21,10 @@ STYLES = SHARED | {  # of schemes: colour, marker; others have a colour of their
     "shake+csvr": ("#d45087", ">"),
     "shake-3+langevin": (THIRD, "P"),
     "shake-4+langevin": ("#e0b08f", "h"),
+    "openmm-langevin-5": ("#b5651d", "p"),
+    "openmm-langevin-20": ("#e8a25c", "h"),
+    "gromacs-sd": ("#1f4e9e", "P"),
+    "gromacs-v-rescale": ("#b00000", "X"),
 }
 LINEAR = 4  # bounds up to which the axis of a bias is linear: steps that are too long go far beyond
 TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core

@@ -362,7 +362,7 @@ def told(found: Found, case: Case, points: Sequence[Point]) -> dict:
             _fill(row, point, good, biases, fits)
             _spend(row, point, found.costs, good, biases, fits, case)
         rows.append(vars(row))
-    limits = {key: _limit(fit) for key, fit in fits.items()}
+    limits = {key: told_limit(fit) for key, fit in fits.items()}
     return {"rows": rows, "limits": limits}
 
 
@@ -373,7 +373,8 @@ def fitted(means: Mapping[Point, Numbers], key: str, case: Case) -> limit.Fit | 
     return limit.fit(some, steps, case.models)
 
 
-def _limit(fit: limit.Fit) -> dict:
+def told_limit(fit: limit.Fit) -> dict:
+    """A limit as plain data: its number, how well the points agree with it, and their weights."""
     told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
     points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
     return fit.limit.plain() | told | {"agrees": fit.agrees, "points": points}

@@ -68,21 +68,22 @@ def parts(summary: dict) -> list[Part]:
 
 def limits(summary: dict) -> list[str]:
     """The limits of small steps, and whether the points agree with a common one."""
-    told = []
-    for key, one in summary["limits"].items():
-        text = f"{BY_KEY[key].title}: the limit of small steps is {Estimate.of(one).text()}"
-        schemes = len({scheme for scheme, *_ in one["points"]})
-        text += f", of {len(one['points'])} points of {schemes} schemes"
-        if one["left"]:
-            agrees = "agree" if one["agrees"] else "do NOT agree"
-            text += f", which {agrees} with it: χ² is {one['chi2']:.1f} with {one['left']} degrees "
-            text += f"of freedom, probability {one['probability']:.2g}"
-        told.append(text + ".")
-    if not told:
-        told.append(
-            "No limit of small steps: it takes a scheme with two short steps, or one without error."
-        )
-    return told
+    told = [of_limit(BY_KEY[key].title, one) for key, one in summary["limits"].items()]
+    return told or [
+        "No limit of small steps: it takes a scheme with two short steps, or one without error."
+    ]
+
+
+def of_limit(name: str, one: dict) -> str:
+    """A limit, of `told_limit`, in a sentence."""
+    text = f"{name}: the limit of small steps is {Estimate.of(one).text()}"
+    schemes = len({scheme for scheme, *_ in one["points"]})
+    text += f", of {len(one['points'])} points of {schemes} schemes"
+    if one["left"]:
+        agrees = "agree" if one["agrees"] else "do NOT agree"
+        text += f", which {agrees} with it: χ² is {one['chi2']:.1f} with {one['left']} degrees "
+        text += f"of freedom, probability {one['probability']:.2g}"
+    return text + "."
 
 
 def _told(summary):
