@@ -1,4 +1,4 @@
-"""``fix python/move`` for a LAMMPS that was built without its PYTHON package.
+"""``fix python/move`` as a LAMMPS plugin.
 
 ``python_move.cpp`` is the fix, ``bridge`` its Python side, ``host`` what a class can ask of it.
 This module is imported whenever LAMMPS starts, so it imports next to nothing.
@@ -12,7 +12,7 @@ import zlib
 
 PLUGIN = "python_moveplugin.so"
 COMPILED_FOR = "compiled_for.txt"  # beside it: the package lammps whose headers it saw
-PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter and its library, for the native lmp
+PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter, its library and version, for the native lmp
 COMMAND = "FIX_NOSQUISH_COMMAND"  # the process of the command lmp, which waits for the native lmp
 OBSTACLE = "FIX_NOSQUISH_OBSTACLE"  # why the plugin cannot be used, with which its fix refuses
 
@@ -74,8 +74,8 @@ def _other_package(place):
 
 
 def python():
-    """What the variable `PYTHON` holds: this interpreter and its library."""
-    return os.pathsep.join((sys.executable or "", _libpython()))
+    """What the variable `PYTHON` holds: this interpreter, its library and its version."""
+    return os.pathsep.join((sys.executable or "", _libpython(), "{}.{}".format(*sys.version_info)))
 
 
 def _libpython():

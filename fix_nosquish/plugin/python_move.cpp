@@ -1,6 +1,6 @@
-/* fix python/move for a LAMMPS that was built without its PYTHON package.
+/* fix python/move, as a LAMMPS plugin.
 
-   A LAMMPS plugin, and a superset of LAMMPS's own fix python/move. The fix line names a Python class,
+   It is a superset of LAMMPS's own fix python/move, which it replaces where LAMMPS was built with its package PYTHON. The fix line names a Python class,
 
        fix ID group python/move "module.class"
 
@@ -43,6 +43,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <dlfcn.h>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <unistd.h>
@@ -77,46 +78,98 @@ void end_with_command()
 #endif
 }
 
+// The Python that has this package, as the environment names it: EXECUTABLE:LIBRARY:VERSION.
+
+struct Interpreter {
+  std::string executable, library, version;
+
+  Interpreter()
+  {
+    const char *setting = getenv("FIX_NOSQUISH_PYTHON");
+    std::istringstream words(setting ? setting : "");
+    for (auto part : {&executable, &library, &version}) std::getline(words, *part, ':');
+  }
+
+  // what is wrong with the Python that is in this process already, or nothing
+  std::string unlike() const
+  {
+    const auto there = version_here();
+    if (version.empty() || there == version) return "";
+    return "this LAMMPS has Python " + there + " inside, and " + executable + " is Python " + version +
+        ": install fix_nosquish for a Python " + there;
+  }
+
+  void name_program() const    // finds the packages of its venv
+  {
+    const auto decode = symbol<wchar_t *(const char *, size_t *)>("Py_DecodeLocale");
+    symbol<void(const wchar_t *)>("Py_SetProgramName")(decode(executable.c_str(), nullptr));
+  }
+
+ private:
+  static std::string version_here()
+  {
+    const std::string full = symbol<const char *()>("Py_GetVersion")();
+    return full.substr(0, full.find('.', full.find('.') + 1));
+  }
+};
+
+bool python_runs()
+{
+  auto is_initialized = symbol<int()>("Py_IsInitialized");
+  return is_initialized && is_initialized();
+}
+
+bool python_waits()    // LAMMPS was built with its package PYTHON
+{
+  return symbol<int()>("Py_IsInitialized") && !python_runs();
+}
+
+// LAMMPS's command python may be the first that needs Python: it shall have the packages of the same venv.
+
+void name_python_early()
+{
+  const Interpreter python;
+  if (python_waits() && !python.executable.empty() && python.unlike().empty()) python.name_program();
+}
+
 // Make sure that Python runs in this process; return what prevents it, or nothing. In a native lmp
-// nothing of Python is there: the lmp command, which is a Python script, leaves the path of its
-// interpreter and of that interpreter's shared library in the environment.
+// nothing of Python is there, or what LAMMPS's package PYTHON brings: the lmp command, which is a Python
+// script, leaves the path of its interpreter and of that interpreter's shared library in the environment.
 
 std::string start_python()
 {
-  auto is_initialized = symbol<int()>("Py_IsInitialized");
-  if (is_initialized && is_initialized()) return "";
+  if (python_runs()) return "";
 
-  const char *setting = getenv("FIX_NOSQUISH_PYTHON");
-  if (!setting)
+  const Interpreter python;
+  if (python.executable.empty())
     return "no Python in this process: start LAMMPS by the command lmp that stands beside the python "
-           "for which fix_nosquish is installed, or by: python -m fix_nosquish -in FILE";
-  const std::string both = setting, executable = both.substr(0, both.find(':'));
-  const std::string library = both.substr(std::min(both.size(), executable.size() + 1));
+           "for which fix_nosquish is installed, or by: python -m fix_nosquish -in FILE. A LAMMPS of "
+           "your own needs first: eval \"$(python -m fix_nosquish.plugin)\"";
   const std::string instead = ": use instead python -m fix_nosquish -in FILE";
 
   end_with_command();
-  if (!is_initialized) {
-    if (library.empty()) return "the Python " + executable + " has no shared libpython" + instead;
-    if (!dlopen(library.c_str(), RTLD_NOW | RTLD_GLOBAL)) return dlerror() + instead;
+  if (!python_waits()) {
+    if (python.library.empty())
+      return "the Python " + python.executable + " has no shared libpython" + instead;
+    if (!dlopen(python.library.c_str(), RTLD_NOW | RTLD_GLOBAL)) return dlerror() + instead;
   }
-  auto decode = symbol<wchar_t *(const char *, size_t *)>("Py_DecodeLocale");
-  auto set_program_name = symbol<void(const wchar_t *)>("Py_SetProgramName");
   auto initialize = symbol<void(int)>("Py_InitializeEx");
   auto run = symbol<int(const char *)>("PyRun_SimpleString");
-  auto let_go = symbol<void *()>("PyEval_SaveThread");
-  if (!decode || !set_program_name || !initialize || !run || !let_go)
-    return "cannot start Python from " + library + instead;
+  if (!initialize || !run || !symbol<void>("Py_SetProgramName"))
+    return "cannot start Python from " + python.library + instead;
+  const auto unlike = python.unlike();
+  if (!unlike.empty()) return unlike;
 
-  set_program_name(decode(executable.c_str(), nullptr));    // finds the packages of its venv
+  python.name_program();
+  // This thread keeps Python's lock: a LAMMPS with the package PYTHON ends Python as one that has it.
   initialize(0);
   // Ctrl-C ends LAMMPS at once, as it does without Python: module signal would change that when a class
   // imports it
   run("import signal as s\n"
       "if s.getsignal(s.SIGINT) is s.default_int_handler: s.signal(s.SIGINT, s.SIG_DFL)\n"
       "del s");
-  // this interpreter is never taken down, so nothing may wait in its buffers
+  // where nothing ends this interpreter, nothing may wait in its buffers
   run("__import__('sys').stdout.reconfigure(line_buffering=True)");
-  let_go();
   return "";
 }
 
@@ -1092,6 +1145,7 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
     return;
   }
   stay_loaded();
+  name_python_early();
   lammpsplugin_t plugin{};
   plugin.version = static_cast<LAMMPS *>(lmp)->version;
   plugin.style = "fix";
