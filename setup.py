@@ -86,6 +86,24 @@ def lammps_headers():
     )
 
 
+def pkg_config(headers):
+    """What CMake has written where it installed LAMMPS, or nothing: its version, and in CFLAGS the
+    sizes of its integers."""
+    prefix = headers.parent.parent
+    for folder in LIBRARIES:
+        for file in sorted((prefix / folder / "pkgconfig").glob("liblammps*.pc")):
+            return dict(re.findall(r"(?m)^(\w+):[ \t]*(.*)$", file.read_text(errors="replace")))
+    return {}
+
+
+def size_flags(headers):
+    """How large LAMMPS's integers are, where that is known; CXXFLAGS may say it, too."""
+    if not own:
+        return ["-DLAMMPS_SMALLBIG"]
+    said = pkg_config(headers).get("Cflags", "")
+    return re.findall(r"-DLAMMPS_(?:SMALL|BIG)(?:SMALL|BIG)\b", said)
+
+
 def lammps_version(headers):
     """The number by which LAMMPS knows its version: 20250722 for the package 2025.7.22.4.0."""
     if not own:
@@ -93,6 +111,9 @@ def lammps_version(headers):
         return year * 10000 + month * 100 + day
     places = (headers / "version.h", headers.parent.parent / "share" / "lammps" / "version.h")
     said = os.environ.get("NOSQUISH_LAMMPS_VERSION", "")
+    number = pkg_config(headers).get("Version", "")
+    if not said and re.fullmatch(r"\d{8}", number):
+        return int(number)
     for place in places:
         if not said and place.is_file():
             line = re.search(r'LAMMPS_VERSION\s+"(.*?)"', place.read_text(errors="replace"))
@@ -100,8 +121,9 @@ def lammps_version(headers):
     date = re.fullmatch(r"(\d+)\s*([A-Z][a-z][a-z])[a-z]*\s*(\d{4})", said.strip())
     if not date or date[2] not in MONTHS:
         refuse(
-            f"the version of the LAMMPS in {headers} is not known, for there is no version.h: set "
-            "NOSQUISH_LAMMPS_VERSION to what its log begins with, such as '22 Jul 2025'"
+            f"the version of the LAMMPS in {headers} is not known: it has no version.h and no "
+            "liblammps.pc: set NOSQUISH_LAMMPS_VERSION to what its log begins with, such as "
+            "'22 Jul 2025'"
         )
     return int(date[3]) * 10000 + (MONTHS.index(date[2]) + 1) * 100 + int(date[1])
 
@@ -176,11 +198,10 @@ class BuildPlugin(build_ext):
         checksum = zlib.crc32((HERE / PLUGIN / "bridge.h").read_bytes()) & 0x7FFFFFFF
         # MPI's old classes for C++, which LAMMPS does not link
         plain_mpi = "-DOMPI_SKIP_MPICXX", "-DMPICH_SKIP_MPICXX"
-        sizes = () if own else ["-DLAMMPS_SMALLBIG"]  # an own one's are in lmptype.h, or CXXFLAGS
         command = [
             *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
             *shlex.split(os.environ.get("CXXFLAGS", "")),
-            *string_flags(headers), *sizes, f"-DCOMPILED_FOR_LAMMPS={version}",
+            *string_flags(headers), *size_flags(headers), f"-DCOMPILED_FOR_LAMMPS={version}",
             f"-DBRIDGE_CHECKSUM={checksum}",
             "-I", str(headers), *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
             *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),

@@ -75,6 +75,15 @@ def tree(place, version):
     return str(place)
 
 
+def prefix(place, number):
+    """A folder with one header of LAMMPS and the version that CMake's install leaves."""
+    (place / "include/lammps").mkdir(parents=True)
+    (place / "include/lammps/fix.h").touch()
+    (place / "lib/pkgconfig").mkdir(parents=True)
+    (place / "lib/pkgconfig/liblammps.pc").write_text(f"Name: liblammps\nVersion: {number}\n")
+    return str(place)
+
+
 @pytest.mark.parametrize(
     "variables, said",
     [
@@ -82,6 +91,7 @@ def tree(place, version):
         (dict(NOSQUISH_LAMMPS="1.2.3"), "NOSQUISH_LAMMPS asks for lammps 1.2.3, but"),
         (dict(NOSQUISH_LAMMPS=str(PREFIX)), "set NOSQUISH_LAMMPS_VERSION to"),
         (dict(NOSQUISH_LAMMPS="{tree 29 Sep 2021}"), "of 20210929, and the plugin needs one of"),
+        (dict(NOSQUISH_LAMMPS="{prefix 20220623}"), "of 20220623, and the plugin needs one of"),
         (dict(NOSQUISH_MPI="nowhere/mpicxx"), "no MPI found (looked for nowhere/mpicxx)"),
         (dict(NOSQUISH_MPI="{empty}"), "or to the folder that holds its mpi.h"),
         (dict(CXX="no_compiler"), "no C++ compiler found (looked for no_compiler)"),
@@ -96,6 +106,8 @@ def test_refusals(tmp_path, variables, said):
             variables = variables | {name: str(tmp_path / "empty")}
         elif value.startswith("{tree"):
             variables = variables | {name: tree(tmp_path, value[6:-1])}
+        elif value.startswith("{prefix"):
+            variables = variables | {name: prefix(tmp_path, value[8:-1])}
     done = build(tmp_path / "build_here", **variables)
     assert done.returncode, done.stdout
     last = done.stdout.strip().split("\n")[-1]
@@ -190,6 +202,48 @@ def test_plugin_of_another_version(tmp_path, run_lammps):
     )
     run = run_lammps(text, files={"data.ice": ice()}, launcher=start, check=False)
     assert run.code and "the compiled plugin is of another version: reinstall" in run.screen
+
+
+OF_LAMMPS = """
+#include <dlfcn.h>
+extern "C" int Py_IsInitialized();
+extern "C" void Py_Finalize();
+extern "C" int MPI_Finalize()
+{
+  if (Py_IsInitialized()) Py_Finalize();
+  return reinterpret_cast<int (*)()>(dlsym(RTLD_NEXT, "MPI_Finalize"))();
+}
+"""
+
+
+def test_python_of_lammps(tmp_path, run_lammps):
+    """Locks out a run that ends by a segfault where LAMMPS was built with its package PYTHON, and
+    packages of another Python in there.  Such a LAMMPS is linked to libpython and ends Python
+    before MPI, as what is put before LAMMPS's libraries here does."""
+    there = of_shell()
+    executable, library, version = there["FIX_NOSQUISH_PYTHON"].split(":")
+    if not library:
+        pytest.skip("this Python has no shared library")
+    (tmp_path / "of_lammps.cpp").write_text(OF_LAMMPS)
+    made = tmp_path / "of_lammps.so"
+    subprocess.run(
+        ["g++", "-shared", "-fPIC", tmp_path / "of_lammps.cpp", library, "-ldl", "-o", made,
+         f"-Wl,-rpath,{Path(library).parent}"],
+        check=True,
+    )  # fmt: skip
+    there["LD_PRELOAD"] = str(made)
+    fix = 'python/move "fix_nosquish.NVE water molecule"'
+    text = SCRIPT.format(fix=fix, forcefield=ROOT / "inputs/water/forcefield.water")
+
+    def run(check):
+        start = ["env", *(f"{name}={value}" for name, value in there.items()), NATIVE, "-in"]
+        return run_lammps(text, files={"data.ice": ice()}, launcher=start, check=check)
+
+    assert len(run(check=True).thermo) == 5
+    there["FIX_NOSQUISH_PYTHON"] = f"{executable}:{library}:3.0"
+    refused = run(check=False)
+    said = f"this LAMMPS has Python {version} inside, and {executable} is Python 3.0"
+    assert refused.code and said in refused.screen, refused.screen
 
 
 def test_another_update(tmp_path, run_lammps):

@@ -243,6 +243,7 @@ class FixPythonMove : public Fix {
   std::string energy_id;    // of a compute pe, for which they tally their energy
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
+  void look_at_accelerators() const;
   const char *last_command();
   int describe(int, FixFacts *) const;
   int64_t removed_freedom(const char *, const char *) const;
@@ -285,6 +286,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     error->all(FLERR, problem("put the class and its words in quotes: \"" + std::string(arg[3]) +
                               " " + arg[4] + " ...\""));
 
+  look_at_accelerators();
   time_integrate = 1;
   dynamic_group_allow = 1;
 
@@ -407,6 +409,21 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     grow_arrays(atom->nmax);
     std::fill_n(origin, atom->nlocal, -1);
   }
+}
+
+// Forces on a graphics card: LAMMPS would bring them for this fix, but nobody has tried. KOKKOS for the host's own cores has
+// the same memory as LAMMPS.
+
+void FixPythonMove::look_at_accelerators() const
+{
+  bool card = !modify->get_fix_by_style("^GPU$").empty();
+  for (const char *api : {"cuda", "hip", "sycl"})
+    card |= lmp->kokkos && lammps_config_accelerator("KOKKOS", "api", api);
+  if (card)
+    error->all(FLERR, problem("forces on a graphics card were never tried with this fix: start LAMMPS without -sf gpu, "
+                              "package gpu, or -k on with a card"));
+  if (lmp->kokkos && comm->me == 0)
+    utils::logmesg(lmp, problem("KOKKOS runs on the host here. Forces are where this fix needs them, and nothing is copied\n"));
 }
 
 FixPythonMove::~FixPythonMove()
