@@ -1,6 +1,7 @@
 """Fixtures and helpers of all tests: write a script, run it in a chosen way, read what comes."""
 
 import contextlib
+import functools
 import os
 import subprocess
 import sys
@@ -19,11 +20,13 @@ ROOT = Path(__file__).resolve().parent.parent
 # for validation: the checkout's, not one that is installed; it puts this behind what is installed
 sys.path.insert(0, str(ROOT))
 sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the pages of results
-pytest.register_assert_rewrite("endings")
+pytest.register_assert_rewrite("endings", "own_scripts")
 
 import quick
+import scripts
 from endings import BENT, SECONDS, SPOIL, assert_ended
 from installed import compile_loops, tested
+from own_scripts import take
 from sessions import Session
 from systems import result, script
 
@@ -160,6 +163,18 @@ def sessions():
     yield session
     for one in open_ones.values():
         one.end()
+
+
+@pytest.fixture(scope="module")
+def taken(tmp_path_factory):
+    """A function that gives what the harness makes of a user's script of `scripts`, once."""
+
+    @functools.cache
+    def make(kind):
+        folder = tmp_path_factory.mktemp(kind)
+        return take(getattr(scripts, kind)(folder), folder / "out")
+
+    return make
 
 
 @pytest.fixture

@@ -57,6 +57,7 @@ def run(arguments: Namespace) -> int:
     from validation.own import system
     from validation.pages import console
     from validation.running import run as run_by
+    from validation.running import store
 
     run_by.launch_by(arguments.launch)
     scripts = [one for one in arguments.parts if command_line.is_script(one, PARTS)]
@@ -68,24 +69,29 @@ def run(arguments: Namespace) -> int:
     ranks = arguments.ranks or (1, 2)
     if scripts:
         ask, out = system.begin(arguments, scripts[0], short)
-        own = system.take(ask, out, ranks[0], arguments.silence)
-        integrators = command_line.chosen_of(own.integrators, arguments.only)
-        names = tuple(one.name for one in integrators)
-        points = [plan.Point(ask.name, n, own.bodies, names, rounds, seconds) for n in ranks]
     else:
-        known = {name: name for name in BENCHMARKED}
-        names = tuple(command_line.chosen_of(known, arguments.only or (SHORT if short else None)))
-        sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
-        points = plan.points(arguments.parts or PARTS, ranks, sizes, names, rounds, seconds)
         out = command_line.folder(arguments, short)
-    screen = console.console()
-    with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
-        how = out, arguments.again, meter, arguments.silence
-        summary = (
-            measure.own(own.scene, integrators, points, *how)
-            if scripts
-            else measure.bench(points, *how)
-        )
+    with store.alone(out):
+        if scripts:
+            own = system.take(ask, out, ranks[0], arguments.silence)
+            integrators = command_line.chosen_of(own.integrators, arguments.only)
+            names = tuple(one.name for one in integrators)
+            points = [plan.Point(ask.name, n, own.bodies, names, rounds, seconds) for n in ranks]
+        else:
+            known = {name: name for name in BENCHMARKED}
+            names = tuple(
+                command_line.chosen_of(known, arguments.only or (SHORT if short else None))
+            )
+            sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
+            points = plan.points(arguments.parts or PARTS, ranks, sizes, names, rounds, seconds)
+        screen = console.console()
+        with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
+            how = out, arguments.again, meter, arguments.silence
+            summary = (
+                measure.own(own.scene, integrators, points, *how)
+                if scripts
+                else measure.bench(points, *how)
+            )
     judged = [] if scripts else goals.judge(summary["points"], summary["starts"])
     summary["goals"] = judged
     report.write(summary, figures.draw(summary, out), out)

@@ -32,13 +32,15 @@ def run(arguments: Namespace) -> int:
     from validation.own import system
     from validation.pages import console
     from validation.running import run as run_by
+    from validation.running import store
 
     run_by.launch_by(arguments.launch)
     ask, out = system.begin(arguments, arguments.scene)
-    own = system.take(ask, out, arguments.ranks, arguments.silence)
-    screen = console.console()
-    with console.Meter(screen, len(own.integrators) * measure.STEPS) as meter:
-        summary = measure.check(own, out, arguments.ranks, arguments.silence, meter)
+    with store.alone(out):
+        own = system.take(ask, out, arguments.ranks, arguments.silence)
+        screen = console.console()
+        with console.Meter(screen, len(own.integrators) * measure.STEPS) as meter:
+            summary = measure.check(own, out, arguments.ranks, arguments.silence, meter)
     report.write(summary, out)
     report.show(screen, summary, out)
     lost = any(one["verdict"] == "does not hold" for one in summary["checks"])

@@ -47,28 +47,33 @@ def run(arguments: Namespace) -> int:
     from validation.own import system
     from validation.pages import console
     from validation.running import run as run_by
+    from validation.running import store
 
     run_by.launch_by(arguments.launch)
-    if command_line.is_script(arguments.scene, _SCENES):
+    script = command_line.is_script(arguments.scene, _SCENES)
+    if script:
         ask, out = system.begin(arguments, arguments.scene)
-        own = system.take(ask, out, arguments.ranks, arguments.silence)
-        scene, known, reference = own.scene, own.integrators, own.reference
-        told: dict = {"ensemble": own.found.state.ensemble, "notes": own.notes}
     else:
-        scene, reference, told = SCENES[arguments.scene], REFERENCE, {}
-        known = {name: one for name, one in INTEGRATORS.items() if one.can_run(scene)}
-        arguments.usual = arguments.usual.replace("SCENE", scene.name)
+        arguments.usual = arguments.usual.replace("SCENE", arguments.scene)
         out = command_line.folder(arguments)
-    integrators = command_line.chosen_of(known, arguments.only)
-    timing = arguments.rounds, arguments.segment, arguments.silence
-    dt = arguments.dt or scene.dt
-    settings = measure.Settings(
-        arguments.ranks, arguments.steps, dt, *timing, reference=reference, **told
-    )
-    screen = console.console()
-    total = len(integrators) * (settings.steps + settings.timing_rounds)
-    with console.Meter(screen, total) as meter:
-        summary, series = measure.compare(scene, integrators, out, settings, meter)
+    with store.alone(out):
+        if script:
+            own = system.take(ask, out, arguments.ranks, arguments.silence)
+            scene, known, reference = own.scene, own.integrators, own.reference
+            told: dict = {"ensemble": own.found.state.ensemble, "notes": own.notes}
+        else:
+            scene, reference, told = SCENES[arguments.scene], REFERENCE, {}
+            known = {name: one for name, one in INTEGRATORS.items() if one.can_run(scene)}
+        integrators = command_line.chosen_of(known, arguments.only)
+        timing = arguments.rounds, arguments.segment, arguments.silence
+        dt = arguments.dt or scene.dt
+        settings = measure.Settings(
+            arguments.ranks, arguments.steps, dt, *timing, reference=reference, **told
+        )
+        screen = console.console()
+        total = len(integrators) * (settings.steps + settings.timing_rounds)
+        with console.Meter(screen, total) as meter:
+            summary, series = measure.compare(scene, integrators, out, settings, meter)
     report.write(summary, series, out)
     report.show(screen, summary, out)
     return command_line.status(

@@ -138,7 +138,13 @@ def _none(summary, points, choice, wanted, time):
     near = nearest(points, wanted)
     if near:
         one = near[0]
-        yield f"The nearest: {one['label']}, {one['dt']:g} {time}: {_within(one, wanted)}."
+        alone = ""
+        if meets(one, wanted):
+            alone = (
+                f" Of it alone this is sure by {SURE}; it is its choice among several that is not, "
+                "for some look good by chance."
+            )
+        yield f"The nearest: {one['label']}, {one['dt']:g} {time}: {_within(one, wanted)}.{alone}"
 
 
 def _longer(summary, points, perhaps, wanted) -> str:

@@ -11,6 +11,7 @@ input itself.)
 """
 
 import ast
+import contextlib
 import fcntl
 import functools
 import hashlib
@@ -119,6 +120,23 @@ class Store:
 
     def _file(self, name: str, origin: str) -> Path:
         return self.folder / f"{name}-{origin[:16]}.json"
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """A context in which no other process measures in an output folder: for verbs that do not share
+    their runs.  Else one would write where the other's LAMMPS is at work, or reads.
+
+    Raises:
+        SystemExit: another one does.
+    """
+    with _Lock(folder / "alone.lock", fcntl.LOCK_EX | fcntl.LOCK_NB) as mine:
+        if not mine:
+            raise SystemExit(
+                f"another command measures in {folder} now: wait for its end, or give another "
+                "folder by --out"
+            )
+        yield
 
 
 class _Lock:

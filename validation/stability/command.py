@@ -96,15 +96,17 @@ def _script(arguments: Namespace, path: str) -> int:
     from validation.own import stress, system  # heavy: not for --help
     from validation.pages import console
     from validation.running import run as run_by
+    from validation.running import store
 
     run_by.launch_by(arguments.launch)
     ask, out = system.begin(arguments, path)
-    own = system.take(ask, out, 1, arguments.silence)
-    system.refuse_ramps(own)
-    some = command_line.chosen_of(own.integrators, arguments.only)
-    screen = console.console()
-    with console.Meter(screen, len(some) * (len(stress.LONGER) + 4), "runs") as meter:
-        summary = stress.stress(own, some, out, arguments.silence, meter)
+    with store.alone(out):
+        own = system.take(ask, out, 1, arguments.silence)
+        system.refuse_ramps(own)
+        some = command_line.chosen_of(own.integrators, arguments.only)
+        screen = console.console()
+        with console.Meter(screen, len(some) * (len(stress.LONGER) + 4), "runs") as meter:
+            summary = stress.stress(own, some, out, arguments.silence, meter)
     stress.write(summary, out)
     stress.show(screen, summary, out)
     ours = {one.label for one in some if one.kind == "ours"}

@@ -1,0 +1,255 @@
+"""What moves the bodies of a user's script, and what the bodies are, held against what is known of
+the scripts that `scripts` writes.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scripts
+from conftest import Silent
+from own_scripts import GAS, refused, take
+from scipy.sparse.csgraph import shortest_path
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation.__main__ import main
+from validation.bodies import command as bodies
+from validation.bodies import parts
+from validation.check import measure as check
+from validation.own import finding, schemes, shapes
+from validation.own.finding import Unclear
+from validation.scenes.integrators import Integrator
+from validation.statistics import measures
+
+
+def test_atoms_with_molecule_id_0_are_a_body():
+    """Locks out atoms that are taken for free, while all rigid fixes weld them into one body."""
+    atoms = {"molecule": np.array([0, 3, 3, 0, 1]), "mask": np.array([1, 1, 1, 1, 0])}
+    said = {"groups": ["all"], "run": "run 1", "skipped": 0, "step": 0, "left_out": [], "later": []}
+    body = finding.numbers(said, atoms, "all", ["molecule"])
+    assert body.tolist() == [1, 2, 2, 1, 0]
+    line = "fix 1 all rigid/nve molecule"
+    found = finding.Found(
+        ("1",), (line,), "rigid/nve", "rigid", "all", "molecule", finding.State(), body
+    )
+    assert any(
+        "The 2 atoms with molecule-ID 0" in one for one in schemes.summary(found, said, atoms)
+    )
+
+
+def test_numbers_of_a_fix_python_move_have_no_point():
+    """Locks out a temperature that our fix reads otherwise."""
+    for word in "298.15", "0.5", "1.0", "300", "1e-3", "2.50", "-1.25", "0.001":
+        plain = schemes.undotted(word)
+        assert "." not in plain and float(plain) == float(word)
+    assert schemes.undotted("v_T") == "v_T"
+
+
+def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
+    """Locks out a rigid part that is none: shake holds a bond of a flexible molecule beside rigid
+    water, as scripts of proteins do. Only the water becomes bodies; all begins with each line."""
+    path = scripts.solute(tmp_path)
+    own = take(path, tmp_path / "out")
+    assert own.bodies == 27
+    assert own.found.rest and own.found.holder
+    assert (own.found.body[-4:] == 0).all()
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows)
+
+
+def test_flexible_water_is_made_rigid_by_options(tmp_path):
+    """Locks out a script without rigid fix that --group and --bodies do not make rigid."""
+    path = scripts.spce(tmp_path, fix="group w type 1 2\nfix move all nve", number=3)
+    assert "no run of the script has a fix" in refused(
+        path.read_text().replace("parts/", f"{tmp_path}/parts/"), tmp_path
+    )
+    own = take(path, tmp_path / "own", group="w", bodies="molecule")
+    assert own.bodies == 27 and own.reference == "nosquish"
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_bodies_by_an_atom_style_variable(ranks, tmp_path):
+    """Locks out bodies that a variable tells and nobody reads, in LAMMPS's examples/rigid, or that
+    are put to the wrong atoms where these are on two ranks."""
+    path = tmp_path / "in.variable"
+    told = "variable b atom 5*(id<=2)+2*(id>2)\n"
+    mapped = GAS.replace("units lj\n", "units lj\natom_modify map yes\n")
+    for one, other in (("1 1 1", "5 4 4"), ("2 1 1", "5 4.8 4"), ("4 4 4", "1 1 1"),
+                       ("4 4.8 4", "2 1 1")):  # fmt: skip
+        mapped = mapped.replace(f"single {one}", f"single  {other}", 1)
+    path.write_text(mapped + told + "fix 1 all rigid/nve custom v_b\nrun 1\n")
+    own = take(path, tmp_path / "out", ranks)
+    assert own.found.body.tolist() == [2, 2, 1, 1]
+    rows, _ = check._starts(own, tmp_path / "out", ranks, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows)
+
+
+def test_shapes_of_known_bodies(tmp_path):
+    """Locks out a moment, a size or a number of degrees of freedom that is not the body's own."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    (kind,) = shapes.kinds(own, shapes.bodies(own))
+    assert (kind.number, kind.atoms, kind.shape, kind.freedom) == (125, 3, "linear", 5)
+    assert kind.size == pytest.approx(2.32, rel=1e-9)
+    assert kind.moments[0] == pytest.approx(2 * 15.999 * 1.16**2, rel=1e-9)
+    kt = 0.0019872067 * 250 / 2390.0573615334906
+    assert kind.angle == pytest.approx(2 * np.sqrt(kt / kind.moments[0]), rel=1e-6)
+
+
+def test_sizes_and_nearest_atoms_of_large_bodies(taken):
+    """Locks out memory that grows as the square of a body's atoms, a size that is not a body's, and
+    nearest atoms that are of one body, bonded, or not the nearest."""
+    random = np.random.default_rng(8)
+    for shape in ((1, 1, 1), (5, 1, 1), (3, 3, 0.01), (1, 0, 0)):
+        small = random.normal(size=(7, 30, 3)) * shape
+        apart = np.linalg.norm(small[:, :, None] - small[:, None], axis=3)
+        assert shapes.width(small) == pytest.approx(apart.max())
+        large = random.uniform(-1, 1, size=(3, 400, 3)) * shape
+        apart = np.linalg.norm(large[:, :, None] - large[:, None], axis=3)
+        assert 0.95 * apart.max() < shapes.width(large) <= apart.max() * (1 + 1e-12)
+    assert shapes.width(np.zeros((5, 1, 3))) == 0.0
+    huge = random.normal(size=(2, 20_000, 3))
+    assert shapes.width(huge) > 2 * np.linalg.norm(huge, axis=2).max() * 0.8
+    own = taken("rings")
+    edge, places = own.said["cell"][0][0], own.atoms["x"]
+    for number, seed in ((1, 0), (60, 1), (300, 2)):  # atoms of each body
+        random = np.random.default_rng(seed)
+        body = np.arange(len(places)) // number + 1
+        x = random.uniform(0, edge, size=places.shape)
+        if number != 60:
+            body[:20] = 0
+        else:  # dense ones, each far from the next: the nearest are of the same body
+            x = edge * body[:, None] / (1 + body.max()) + random.uniform(0, 0.5, size=x.shape)
+        x[1] = x[0] + 1e-4  # bonded, and in no body
+        bonds = np.array([[1, 1, 2]])
+        made = replace(own, found=replace(own.found, body=body),
+                       atoms=own.atoms | {"x": x, "bonds": bonds})  # fmt: skip
+        near = measures.nearest_image(x[:, None] - x, np.array(own.said["cell"]), [True] * 3)
+        apart = np.linalg.norm(near, axis=2)
+        apart[(body[:, None] == body) & (body > 0)] = np.inf
+        apart[np.diag_indices(len(x))] = apart[0, 1] = apart[1, 0] = np.inf
+        distance, i, j = shapes.nearest(made)
+        assert distance == pytest.approx(apart.min()) == pytest.approx(apart[i - 1, j - 1])
+
+
+def test_rigid_parts_are_found_by_their_chemistry(tmp_path):
+    """Locks out a part that is none, or one that is missed: toluene, methylammonium, cyclohexane
+    and water, held against what chemistry says of them."""
+    number, bonds, mass, x = 0, [], [], []
+
+    def atom(element, place, to=None):
+        nonlocal number
+        number += 1
+        mass.append(parts.ELEMENTS[element])
+        x.append(place)
+        if to:
+            bonds.append((1, to, number))
+        return number
+
+    corners = 1.39 * np.array([[np.cos(a), np.sin(a), 0] for a in np.arange(6) * np.pi / 3])
+    ring = [atom("C", place) for place in corners]
+    bonds += [(1, a, b) for a, b in zip(ring, ring[1:] + ring[:1])]
+    hydrogens = [atom("H", 1.8 * place, at) for place, at in zip(corners[1:], ring[1:])]
+    methyl = atom("C", 2.1 * corners[0], ring[0])
+    of_methyl = [atom("H", [3.3, y, z], methyl) for y, z in ((1, 0), (-0.5, 0.9), (-0.5, -0.9))]
+    carbon = atom("C", [10, 0, 0])
+    nitrogen = atom("N", [11.5, 0, 0], carbon)
+    for at in carbon, nitrogen:
+        for place in range(3):
+            atom("H", [10.5 + place, 1, 1], at)
+    chair = [atom("C", place + np.array([0, 10, (-1) ** i / 4])) for i, place in enumerate(corners)]
+    bonds += [(1, a, b) for a, b in zip(chair, chair[1:] + chair[:1])]
+    for at in chair:
+        atom("H", [0, 12, 1], at), atom("H", [0, 12, -1], at)
+    water = [atom("O", [0, 0, 9])]
+    water += [atom("H", [1, 0, 9], water[0]), atom("H", [0, 1, 9], water[0])]
+    atoms = {"mass": np.array(mass), "x": np.array(x, float), "bonds": np.array(bonds)}
+    body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3)
+    assert counts == {"water": 1, "CH3": 2, "NH3": 1, "rings": 1}
+    found = {frozenset(1 + np.flatnonzero(body == one)) for one in range(1, 6)}
+    assert {frozenset(ring + hydrogens), frozenset([methyl, *of_methyl]), frozenset(water)} < found
+    assert body.max() == 5 and not body[np.array(chair) - 1].any()
+    _, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3, ["CH3"])
+    assert counts == {"CH3": 2}
+
+
+def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
+    """Locks out a data file that LAMMPS or our fix does not read as it was meant, or bodies of one
+    kind that differ: flexible water, distorted, becomes bodies of one shape."""
+    path = scripts.spce(tmp_path, fix="fix move all nve", number=3)
+    field = tmp_path / "parts" / "spce.ff"  # the data file's coefficients have to go with it
+    field.write_text(field.read_text().replace("bond_style harmonic\nbond_coeff 1 0 1.0\n", ""))
+    with open(tmp_path / "parts" / "spce.data", "a") as file:
+        file.write("\nBond Coeffs # harmonic\n\n1 0 1.0\n")
+    text = path.read_text().replace("read_data", "bond_style harmonic\nread_data")
+    path.write_text(text)
+    assert main(["bodies", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert "27 × water" in capsys.readouterr().out
+    (tmp_path / "spce.data").write_bytes((tmp_path / "out" / "spce.data").read_bytes())
+    lines = bodies._lines("property", "spce.data")
+    assert "group bodies variable is_in" in lines
+    text = text.replace("read_data parts/spce.data", "\n".join(lines[:4]))
+    text = text.replace("fix move all nve", "\n".join(lines[5:6]))
+    again = tmp_path / "in.again"
+    again.write_text(text)
+    own = take(again, tmp_path / "again")
+    assert own.bodies == 27 and own.found.bodies == "custom i_body"
+    (kind,) = shapes.kinds(own, shapes.bodies(own))
+    assert kind.number == 27 and kind.scatter < 1e-6
+
+
+def test_bonded_pairs():
+    """Locks out pairs that are counted twice, at another distance than the shortest one, or over
+    atoms of other bodies."""
+    rng = np.random.default_rng(5)
+    body = np.repeat([0, 1, 2, 3], [3, 7, 6, 5])
+    bonds = np.unique(np.sort(rng.integers(1, len(body) + 1, size=(22, 2)), axis=1), axis=0)
+    bonds = bonds[bonds[:, 0] < bonds[:, 1]]
+    graph = np.zeros((len(body), len(body)))
+    graph[tuple(bonds.T - 1)] = 1
+    apart = shortest_path(graph, directed=False, unweighted=True)
+    same = (body[:, None] == body) & (body > 0) & np.triu(np.ones_like(graph, dtype=bool), 1)
+    found = finding.bonded_pairs(np.insert(bonds, 0, 1, axis=1), body)
+    assert found.tolist() == [np.sum(apart[same] == one) for one in (1, 2, 3)]
+    assert found.min() > 0
+
+
+def test_a_fix_of_ours_acts_on_the_group_of_its_class():
+    """Locks out `check` that counts atoms as moved, or heated, which no fix touches: the class has
+    a group and points of its own, and the fix's group says nothing."""
+    said = {"groups": ["all", "bodies", "points"]}
+    atoms = {"mask": np.array([3, 3, 5, 1])}
+    words = {
+        "rigid molecule": [True] * 4,
+        'python/move "fix_nosquish.NVE bodies molecule"': [True, True, False, False],
+        'python/move "fix_nosquish.HMC bodies molecule temp 1 every 9 seed 5"': [1, 1, 0, 0],
+        'python/move "fix_nosquish.NVT bodies molecule temp 1 1 1 points points seed 5"': [
+            1,
+            1,
+            1,
+            0,
+        ],
+        'python/move "other.Class bodies"': [True] * 4,
+    }
+    for text, wanted in words.items():
+        assert finding.acted_on(said, atoms, f"fix 1 all {text}").tolist() == list(
+            map(bool, wanted)
+        )
+
+
+def test_kinds_of_fixes():
+    """Locks out a fix that is taken for another kind."""
+    known = {
+        "fix 1 all rigid/nvt/small molecule temp 1 1 1": "rigid",
+        "fix 1 all rigid/small/omp molecule": "rigid",
+        'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 1"': "ours",
+        "fix 1 all python/move other.Class": None,
+        "fix 1 all shake 1e-4 20 0 b 1": "constraints",
+        "fix 1 all npt temp 1 1 1 iso 1 1 1": "plain",
+        "fix 1 all langevin 1 1 1 3": None,
+    }
+    assert {line: finding.kind_of(line) for line in known} == known
+    with pytest.raises(Unclear, match="angles of the box"):
+        finding.state_of(["temp", "1", "1", "1", "tri", "0", "0", "1"], "npt")
+    assert isinstance(Integrator("a", "a", ()), Integrator)

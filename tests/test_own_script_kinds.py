@@ -1,0 +1,67 @@
+"""User's scripts of five kinds: they begin as in LAMMPS, and each integrator moves them."""
+
+import numpy as np
+import pytest
+import scripts
+from conftest import Silent
+from own_scripts import take
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation.check import measure as check
+from validation.running import lammps_log, run
+
+KINDS = ("spce", "co2", "rings", "polymer", "clusters")
+BODIES = {"spce": 64, "co2": 125, "rings": 64, "polymer": 27, "clusters": 64}
+ENSEMBLE = {"spce": "nvt", "co2": "npt", "rings": "nve", "polymer": "nvt", "clusters": "nve"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.timeout(600)
+def test_a_script_is_found_and_begins_as_in_lammps(kind, ranks, tmp_path):
+    """Locks out a scene that is another system than the script's: the first step's energies are
+    those that LAMMPS prints for the script itself, and the user's files are as they were."""
+    path = getattr(scripts, kind)(tmp_path)
+    before = {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()}
+    out = tmp_path / "out"
+    own = take(path, out, ranks)
+    assert own.bodies == BODIES[kind]
+    assert own.found.state.ensemble == ENSEMBLE[kind]
+    assert own.reference in own.integrators
+    how = {"dt": own.scene.dt, "every": 1, "ranks": ranks}
+    yours = own.integrators[own.reference]
+    result = run.run(run.job(own.scene, yours, out / "yours", [2], **how))
+    assert result.error is None
+    after = {one: one.read_bytes() for one in tmp_path.rglob("*")
+             if one.is_file() and out not in one.parents}  # fmt: skip
+    assert before == after
+    log = (out / "script" / "log.lammps").read_text()
+    theirs = lammps_log.thermo(log.replace("thermo_style", ""))
+    energy = theirs["PotEng"][-1] if "PotEng" in theirs else theirs["E_pair"][-1]
+    atoms = len(own.found.body) if own.scene.units == "lj" else 1
+    if kind not in ("polymer", "clusters"):  # there thermo has other energies, too
+        assert result.thermo["PotEng"][0] == pytest.approx(energy * atoms, rel=1e-4)
+    assert result.positions.bodies.max() == own.bodies
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.timeout(900)
+def test_each_integrator_moves_each_kind(kind, tmp_path, monkeypatch):
+    """Locks out a line that LAMMPS or our fix does not take: all integrators do some steps, from
+    the same temperature.
+
+    New memory is full of large numbers, so nobody uses it before it is set (as the keyword
+    langevin of LAMMPS's rigid/small does, of 22 Jul 2025).
+    """
+    monkeypatch.setenv("MALLOC_PERTURB_", "170")
+    path = getattr(scripts, kind)(tmp_path)
+    own = take(path, tmp_path / "out")
+    rows, interrupted = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert not interrupted
+    assert [row["error"] for row in rows] == [None] * len(rows)
+    kelvin = [row["temperature"] for row in rows]
+    assert np.ptp(kelvin) < 1e-3 * np.mean(kelvin)
+    kinds = {one.kind for one in own.integrators.values()}
+    assert kinds >= {"ours", "rigid"} and (kind != "spce" or "constraints" in kinds)

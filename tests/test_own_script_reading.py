@@ -1,0 +1,347 @@
+"""A user's own input script: what is read of it, and that nothing of it changes.
+
+Held against LAMMPS itself, which runs the same script as it is.
+"""
+
+import fcntl
+import json
+import subprocess
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scripts
+from conftest import Silent
+from own_scripts import GAS, refused, take
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation.check import measure as check
+from validation.ensembles.lengths import Lengths, One
+from validation.ensembles.plan import SCHEMES
+from validation.ensembles.runs import Runs
+from validation.own import finding, schemes, script, shapes, system
+from validation.running import machine, run, startup
+from validation.running.store import Store
+from validation.scenes import SCENES
+
+
+def test_lines_words_and_branches_are_lammpss():
+    """Locks out a continued line, a comment in quotes, triple quotes or an elif that LAMMPS reads
+    otherwise."""
+    text = 'print "a # b" # c\nfix 1 &\n  all nve # x\nprint """one\ntwo"""\n\n# nothing\n'
+    assert [script.texts(line) for line in script.lines(text)] == [
+        ["print", "a # b"],
+        ["fix", "1", "all", "nve"],
+        ["print", "one\ntwo"],
+    ]
+    found = script.words("fix p all print 10 \"$x 'y'\" file 'a b.txt'")
+    assert [word.text for word in found][5:] == ["$x 'y'", "file", "a b.txt"]
+    words = script.words('if "$a > 1" then "run 1" "run 2" elif "$a" "run 3" else "jump SELF x"')
+    assert script.branches(words) == [
+        ('"$a > 1"', ["run 1", "run 2"]),
+        ('"$a"', ["run 3"]),
+        (None, ["jump SELF x"]),
+    ]
+    line = "fix m all ave/time 1 5 5 c_t file out.txt mode scalar"
+    assert script.without_files(line) == "fix m all ave/time 1 5 5 c_t mode scalar"
+    assert script.without_files("fix 1 all rigid molecule infile file") != ""
+
+
+def test_the_commands_are_those_that_lammps_does(tmp_path):
+    """Locks out a loop, a jump, a condition or a variable of the command line that is followed
+    otherwise than LAMMPS does: both set the same variable."""
+    (tmp_path / "more.in").write_text('variable text string "${text}+m"\n')
+    path = tmp_path / "in.loop"
+    path.write_text(
+        GAS
+        + """variable text string s
+variable n index 2
+variable i loop $n
+label top
+variable j index a b
+label inner
+variable text string ${text}$i$j
+if "$i == 2 && ($j == a)" then "variable text string ${text}!" "include more.in" elif "$i == 1" &
+  "variable text string ${text}?" else "jump SELF out"
+next j
+jump SELF inner
+next i
+jump SELF top
+label out
+variable t equal 2*$(v_i)
+fix 1 all rigid/nve group 2 a b
+timestep $(v_t/1000)
+print "says ${text} $t"
+run 1
+"""
+    )
+    for more in [], ["-var", "n", "3"]:
+        command = ["lmp", "-in", str(path), "-log", str(tmp_path / "log"), *more]
+        subprocess.run([str(Path(sys.executable).with_name(command[0])), *command[1:]], check=True,
+                       cwd=tmp_path, stdout=subprocess.DEVNULL)  # fmt: skip
+        log = (tmp_path / "log").read_text()
+        told = next(line for line in log.splitlines() if line.startswith("says ")).split()[1:]
+        variables = (("n", "3"),) if more else ()
+        own = take(path, tmp_path / "out", variables=variables)
+        last = [one for one in own.scene.setup if one.startswith("variable text")][-1]
+        assert last.split()[-1] == told[0]
+        assert own.scene.dt == float(told[1]) / 1000
+
+
+def test_scripts_are_read_with_the_package_that_is_installed():
+    """Locks out the checkout's fix_nosquish in its place, which is not what users' runs have, and
+    compiles its loops anew."""
+    code = (
+        f"import runpy; runpy.run_path({str(system.READER)!r}, run_name='reader')\n"
+        "import fix_nosquish; print(fix_nosquish.__file__)"
+    )
+    how = {"capture_output": True, "text": True, "timeout": 100, "check": True, "cwd": "/"}
+    done = subprocess.run([sys.executable, "-c", code], **how)
+    assert Path(done.stdout.split()[-1]).resolve().parent == startup.package().resolve()
+
+
+def test_outputs_are_left_out_and_walls_stay(tmp_path):
+    """Locks out a file that the script would write, or a fix of the script's that is lost."""
+    own = take(scripts.clusters(tmp_path), tmp_path / "out")
+    lines = [*own.scene.setup, *own.scene.then]
+    assert any("wall/lj93" in line for line in lines) and "fix_modify wall energy yes" in lines
+    assert not any("means.txt" in line for line in lines)
+    assert any("means.txt" in line for line in own.said["left_out"])
+    assert not list(tmp_path.rglob("means.txt"))
+
+
+def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
+    """Locks out a stale reading, and one that is done again for nothing, which would begin all runs
+    from another state."""
+    path = scripts.rings(tmp_path)
+    (tmp_path / "notes").write_text("of no command")
+    first = take(path, tmp_path / "out")
+    ask, folder = first.ask, first.scene.folder.parent
+    assert system._known(ask, folder, 1, everything=False)
+    assert not system._known(ask, folder, 1, everything=True)  # bodies stops at another run
+    names = {one.name for one in first.scene.folder.iterdir()}
+    assert names == {"rings.data", "state.dump", "bodies.npy"}
+    (tmp_path / "notes").write_text("changed")
+    log = (tmp_path / "out" / "script" / "log.lammps").read_text()
+    assert "thermo_modify flush yes\nrun 0\n" in log  # else it is silent, and taken for hung
+    dump = first.scene.folder / "state.dump"
+    stamp = dump.stat().st_mtime_ns
+    take(path, tmp_path / "out")
+    assert dump.stat().st_mtime_ns == stamp
+    data = tmp_path / "rings.data"
+    data.write_text(data.read_text().replace("13.019", "14.5"))
+    again = take(path, tmp_path / "out")
+    assert again.atoms["mass"][0] == 14.5
+
+
+def test_runs_follow_from_all_files_of_the_script(tmp_path):
+    """Locks out results of a file that is another one now, in a folder below, above or anywhere;
+    and a copy of one that is above, outside of the output folder."""
+    home = tmp_path / "a" / "b"
+    (home / "parts").mkdir(parents=True)
+    files = home / "parts" / "sub.mol", tmp_path / "up.mol", tmp_path / "whole.mol"
+    for file in files:
+        file.write_text("one\n\n1 atoms\n\nCoords\n\n1 0 0 0\n\nTypes\n\n1 1\n")
+    names = "parts/sub.mol", "../../up.mol", str(files[2])
+    more = "".join(f"molecule m{n} {name}\n" for n, name in enumerate(names))
+    path = home / "in.files"
+    path.write_text(GAS + more + "fix 1 a rigid/nve single\nrun 1\n")
+    out = tmp_path / "out"
+    own = take(path, out)
+    one = own.integrators[own.reference]
+    keys = {machine.origin(own.scene, one)}
+    for file in files:
+        file.write_text(file.read_text() + "\n")
+        scene = replace(own.scene, origin=system._contents(own.said["files"]))
+        keys.add(machine.origin(scene, one))
+    assert len(keys) == 4
+    assert machine.origin(take(path, out).scene, one) in keys - {machine.origin(own.scene, one)}
+    assert [one.name for one in out.rglob("*.mol")] == ["sub.mol"]
+
+
+@pytest.fixture(scope="module")
+def staged(tmp_path_factory):
+    """(its script, what the harness makes of it, its folder)."""
+    folder = tmp_path_factory.mktemp("staged")
+    path = scripts.staged(folder)
+    return path, take(path, folder / "out"), folder
+
+
+def test_a_run_without_steps_is_none(staged):
+    """Locks out run 0 as the run, before velocities are scaled; and commands that need what an
+    earlier run gives, which the first reading passes over."""
+    _, own, _ = staged
+    assert own.said["run"] == "run 100" and own.said["skipped"] == 2
+    assert "variable seen equal 250" in own.scene.setup
+    assert own.said["temperature"] == pytest.approx(1.5) and own.said["later"] == []
+    told = {"run 0": False, "run 5": True, "run 5 upto": False, "minimize 0 0 1 1": False,
+            "run 9 upto": True, "rerun a dump x": False, "tad 1": True}  # fmt: skip
+    assert {line: script.takes_time(line, 5) for line in told} == told
+    then = ["fix h a spring/self 5", "fix 2 a nve", "run 9", "fix k b spring/self 1"]
+    (late,) = system._late(then)  # it is said what is not where the script has it
+    assert late.endswith(": fix h a spring/self 5.") and not system._late(then[3:])
+    assert script.without_step("read_dump a 5 x y format native") == (
+        "read_dump a 5 x y timestep no format native"
+    )
+
+
+def test_a_script_with_ours_is_read_as_ours_is(staged):
+    """Locks out the fix's group for the class's, points that nobody moves, `moments equal 6` as one
+    word, a variable's temperature, the first line of a fix that is defined twice, and a lost
+    fix_modify."""
+    _, own, folder = staged
+    found = own.found
+    assert (found.group, found.points, found.rest) == ("bodies", "points", True)
+    assert found.body.tolist() == [1, 1, 2, 2, 0, 0, 0]
+    assert found.state == finding.State(("15e-1", "15e-1", "1"))
+    assert found.dropped == ("moments equal 6",)
+    assert shapes.temperature(own) == 1.5
+    assert not any("fix_nosquish" in line for line in (*own.scene.setup, *own.scene.then))
+    yours = own.integrators["yours"]
+    assert yours.then == ("fix_modify 1 virial yes",)
+    assert any("own integrator only: fix_modify 1 virial yes." in line for line in own.notes)
+    rows, _ = check._starts(own, folder / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows)
+    held = replace(found, constraints="b 1")
+    lines = next(schemes._constrained(held)).commands(own.scene)
+    assert lines[0] == "group own_all union bodies points" and "own_all nvt" in lines[1]
+
+
+def test_commands_behind_a_run_find_atoms_where_it_left_them(staged):
+    """Locks out groups, and springs' ends, of the places before that run; and steps that do not
+    begin at 0, by which samples are left out."""
+    _, own, folder = staged
+    more = ["variable n equal count(there)", 'print "there are $n"']
+    how = {"dt": own.scene.dt, "every": 1, "more": more}
+    result = run.run(run.job(own.scene, own.integrators["yours"], folder / "run", [2], **how))
+    assert result.error is None
+    assert "there are 5\n" in (folder / "run" / "log.lammps").read_text()
+    assert result.thermo["PotEng"][0] == pytest.approx(0, abs=1e-20)
+    assert result.thermo["Step"].tolist() == [0, 1, 2]
+    assert [line for line in own.scene.then if line.startswith("change_box")] == []
+    assert any("Steps count from 0 here, and from 250" in line for line in own.notes)
+    known = Path(own.scene.body_property)
+    bodies, types = np.load(known)
+    np.save(known, [bodies, types + 1])
+    again = run.run(run.job(own.scene, own.integrators["yours"], folder / "ids", [0], **how))
+    assert "other IDs than when the script was read" in again.error
+    np.save(known, [bodies, types])
+
+
+def test_a_later_run_of_what_shake_holds(tmp_path, monkeypatch):
+    """Locks out the state of rigid velocities at a step where nobody finds it; one that is half
+    written, or that two processes write at once."""
+    path = scripts.spce(tmp_path, lines="run 5", number=3)
+    seen, once = [], run.run
+
+    def watched(job):
+        with Store(tmp_path / "out", "").locked("script", fcntl.LOCK_EX | fcntl.LOCK_NB) as free:
+            seen.append(free)
+        if len(seen) == 1:
+            Path(job.directory).mkdir()
+            (Path(job.directory) / "state.dump").write_text("half")
+            raise KeyboardInterrupt
+        return once(job)
+
+    monkeypatch.setattr(system.run, "run", watched)
+    with pytest.raises(KeyboardInterrupt):
+        take(path, tmp_path / "out", at=2)
+    own = take(path, tmp_path / "out", at=2)
+    monkeypatch.undo()
+    assert seen == [False, False] and own.said["step"] == 5
+    shake = own.integrators["shake"]
+    how = {"dt": own.scene.dt, "every": 1}
+    result = run.run(run.job(own.scene, shake, tmp_path / "shake", [2], **how))
+    assert result.error is None and result.thermo["Step"].tolist() == [0, 1, 2]
+
+
+def test_what_a_run_changes_is_changed_once_in_two_dimensions(tmp_path):
+    """Locks out a ramp that begins anew in each part of a run, and coordinates that LAMMPS refuses
+    to read in two dimensions."""
+    flat = GAS.replace("units lj\n", "units lj\ndimension 2\n").replace("6 0 6\n", "6 -0.5 0.5\n")
+    flat = flat.replace("1 1\ncreate", "1 0\ncreate").replace(" 4\n", " 0\n")
+    flat = flat.replace("group b id 3 0\n", "group b id 3 4\n")
+    path = tmp_path / "in.flat"
+    path.write_text(
+        flat + "velocity all create 1 5\nfix plane all enforce2d\nfix 1 a rigid/nve single\n"
+        "fix box all deform 1 x delta 0 3 remap none\nrun 10\n"
+    )
+    own = take(path, tmp_path / "out")
+    how = {"dt": 0.001, "every": 0}
+    job = run.job(own.scene, own.integrators[own.reference], tmp_path / "run", [10, 20], **how)
+    result = run.run(job)
+    assert result.error is None
+    assert result.positions.cells[:, 0, 0] == pytest.approx([6, 7, 9])
+    ramp = finding.State(("300", "300.0", "1"), (("iso", "1", "2", "9"), ("x", "1", "1", "9")))
+    assert ramp.ramps == ["iso from 1 to 2"]
+    with pytest.raises(SystemExit, match=r"in\.flat: 'run 10' changes iso from 1 to 2, so means"):
+        system.refuse_ramps(replace(own, found=replace(own.found, state=ramp)))
+
+
+def test_a_failure_of_the_machine_is_no_result(tmp_path):
+    """Locks out a full disk that is a run's result for ever."""
+    job = run.Job(str(tmp_path), str(tmp_path), [], [1], None)
+    (tmp_path / "job.json").write_text(json.dumps(asdict(job)))
+    kept = {
+        "ERROR on proc 0: Lost atoms": True,
+        "'ERROR on proc 1: Fix 1 python/move: the force'": True,
+        f"{run.HUNG} for 9 s, ended": True,
+        "[Errno 28] No space left on device": False,
+        "ERROR: Cannot open dump file x: No space left on device": False,
+        "MemoryError": False,
+    }
+    for text, result in kept.items():
+        (tmp_path / "error.txt").write_text(text)
+        assert run.is_there(job, failures=True) is result, text
+
+
+def test_a_start_has_no_longer_step_than_the_script(tmp_path):
+    """Locks out a start of `sampling` that breaks, of a script whose step is a short one."""
+    scene, starter = SCENES["water"], SCHEMES["langevin-5"]
+    for dt, steps in ((0.5, 40), (4.0, 10)):
+        runs = Runs(replace(scene, dt=dt), starter, Lengths(0.02), tmp_path, 9.0, lambda *_: [])
+        job = runs.start(1)
+        assert f"timestep {min(dt, 2.0)}" in job.commands and job.runs == [steps]
+        one = One("x", "x", starter, dt, 1)
+        assert any(f'state.dump" {steps} x' in line for line in runs.job(one).commands)
+
+
+def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
+    """Locks out a traceback, a guess, or a message that does not say what to do."""
+    two = GAS + "fix 1 a rigid/nve single\nfix 2 b rigid/nve single\nrun 1\n"
+    message = refused(two, tmp_path)
+    assert "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)" in message
+    assert "--fix ID" in message
+    path = tmp_path / "in.two"
+    path.write_text(two)
+    assert take(path, tmp_path / "two", fix=("2",)).found.group == "b"
+    message = refused(GAS + "fix 1 all nve\nrun 100000000\n", tmp_path)
+    assert "run 100000000: 1 (nve on all)" in message and "--bodies molecule" in message
+    assert "has no run" in refused(GAS, tmp_path)
+    message = refused(GAS + "jump /dev/nothing\n", tmp_path)
+    assert "there is no file /dev/nothing" in message
+    assert "has no label there" in refused(GAS + "jump SELF there\n", tmp_path)
+    message = refused("jump SELF\n", tmp_path)
+    assert "a loop of the script have no end" in message
+    wrong = GAS + "fix 1 all rigid/nve molecule\nrun 1\n"
+    assert "the script failed at 'fix 1 all rigid/nve molecule'" in refused(wrong, tmp_path)
+    late = GAS.replace("pair_coeff * *\n", "") + "fix 1 a rigid/nve single\nrun 1\n"
+    assert "coeffs are not set" in refused(late, tmp_path)
+    with pytest.raises(SystemExit, match="there is no script"):
+        take("nothing", tmp_path)
+    assert "put the commands that would be typed" in refused("jump /dev/stdin\n", tmp_path)
+    assert "the file includes itself" in refused("include in.bad\n", tmp_path)
+    with_gap = GAS + "group one id 2\ndelete_atoms group one compress no\n"
+    message = refused(with_gap + "fix 1 b rigid/nve single\nrun 1\n", tmp_path)
+    assert "atom IDs are not 1 to 3 at 'run 1' (the largest is 4)" in message
+    bare = "".join(line for line in GAS.splitlines(True) if line.split()[0] != "create_atoms")
+    bare = bare.replace("id 1 2", "empty").replace("id 3 4", "empty")
+    message = refused(bare + "fix 1 all nve\nrun 1\n", tmp_path, group="all", bodies="molecule")
+    assert "there are no atoms at 'run 1'" in message
+    (tmp_path / "in.bad").write_bytes(b"\xff\xfe")
+    with pytest.raises(SystemExit, match=r"in\.bad is no text"):
+        take(tmp_path / "in.bad", tmp_path / "out")

