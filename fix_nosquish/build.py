@@ -19,6 +19,7 @@ _EQUAL_MOMENTS = (
     1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
 )
 _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
+_OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
@@ -43,9 +44,9 @@ def build(
         angular momentum of the atoms' velocities, and notes for the log: the number of
         bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
         puts in a body, the kinetic energy `kinetic` of the atoms and the part `removed` of
-        it that is not rigid motion, the IDs `given` that the file names, `warnings`, a list of
-        lines, and the `Kept` in `kept`, if the atoms have to move because bodies keep their shape,
-        and whether some of the bodies are `new`.
+        it that is not rigid motion, whether atoms that have moments of their own are `still`, the
+        IDs `given` that the file names, `warnings`, a list of lines, and the `Kept` in `kept`, if
+        something has turned or deformed bodies, and whether some of the bodies are `new`.
     Raises:
         RunError: on all ranks, naming the body.
     """
@@ -74,23 +75,9 @@ def build(
     place, image, delta, rebuilt, doubt = unfold(
         lammps, communicator, membership, sharers, ids, body, tag, atoms
     )
-    centre = total(*(mass * delta.T)) / body_mass
+    of_atoms = centre = total(*(mass * delta.T)) / body_mass
     if given:
-        # the file's centre, as the place of the body's first atom sees it
-        here, of_atoms = given.bodies, centre.copy()
-        centre[:, here] = (
-            given.x
-            - place[:, here]
-            + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
-        )
-        far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
-        blame(
-            far.any(axis=0),
-            lambda k: (
-                "has its centre in the infile more than half the box from its atoms: "
-                "check the image flags there"
-            ),
-        )
+        centre = _centres_in_file(lammps, given, place, image, of_atoms, blame)
     r, kept, new = delta - centre[:, body].T, None, True
     if former is not None:
         r, kept, new = keep(
@@ -112,8 +99,11 @@ def build(
         ),
     )
     inertia = inertia.transpose(2, 0, 1)
+    doubts = [doubt] if doubt else []
     if given:
         inertia[given.bodies] = given.inertia
+        several = (natoms > 1) & sharers.owned
+        doubts += _off_centre(communicator, membership, ids, centre - of_atoms, size, several)
 
     def weighted():
         places = np.array([r.T, r.T])
@@ -152,13 +142,57 @@ def build(
         particles = particles_of(lammps, shapes, result.index)
     spins, energy = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
     result.take_velocities(lammps, spins, given and given.momenta(result.id))
-    notes = _notes(result, lammps, communicator, membership, rebuilt[sharers.owned].sum(), energy)
+    finite = result.spin and np.count_nonzero(particles.moment.any(axis=0))
+    notes = _notes(
+        result, lammps, communicator, membership, rebuilt[sharers.owned].sum(), energy, finite
+    )
     return result, notes | {
         "given": given.named if given else (),
-        "warnings": [doubt] if doubt else [],
+        "warnings": doubts,
         "kept": kept,
         "new": new,
     }
+
+
+def _centres_in_file(lammps, given, place, image, of_atoms, blame):
+    """Centres of mass (3, n) from the bodies' first atoms, `place` and `image`: those of the file,
+    and else those `of_atoms`; `blame` as in `build`."""
+    here, centre = given.bodies, of_atoms.copy()
+    centre[:, here] = (
+        given.x
+        - place[:, here]
+        + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
+    )
+    far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
+    blame(
+        far.any(axis=0),
+        lambda k: (
+            "has its centre in the infile more than half the box from its atoms: "
+            "check the image flags there"
+        ),
+    )
+    return centre
+
+
+def _off_centre(communicator, membership, ids, off, size, several):
+    """A warning of bodies that an infile has far from their atoms, if any; collective.
+
+    Args:
+        ids (n,), off (3, n), size (n,): the bodies, how far their centre is off, and their size.
+        several: (n,) bool, which to look at.
+    """
+    off = np.linalg.norm(off, axis=0)
+    radius = np.sqrt(np.maximum(0.5 * size**2 - off**2, 0.0))  # of gyration, about their own centre
+    odd = several & (off > _OFF_CENTRE * radius)
+    rows = communicator.gather_to_all(np.array([off, radius, ids], float).T[odd])
+    if not len(rows):
+        return []
+    off, radius, name = rows[rows[:, 0].argmax()]
+    return [
+        f"WARNING: the infile has the centres of {len(rows)} bodies far from their atoms: that of "
+        f"{membership.name(int(name))} by {off:.3g}, where its radius of gyration is {radius:.3g}. "
+        "Give each fix the file of its own bodies"
+    ]
 
 
 def _chosen(lammps, command, moment, plane, alike):
@@ -208,23 +242,26 @@ def _sharers(communicator, ids):
     return Sharers(communicator).find(len(ids), np.arange(len(ids)), ids, ids % communicator.size)
 
 
-def _notes(bodies, lammps, communicator, membership, rebuilt, own):
+def _notes(bodies, lammps, communicator, membership, rebuilt, own, finite):
     """What `build` has to say for the log; collective.
 
     Args:
         own: kinetic energy of the rotation of this rank's atoms themselves.
+        finite: how many of these atoms have moments of their own.
     """
     v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
     before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum() + own
     zero = owned & (bodies.id == 0) & (membership.command.style == "molecule")
-    before, after, rebuilt, stray = communicator.total(
-        np.array([before, bodies.kinetic()[:, owned].sum(), rebuilt, bodies.natoms[zero].sum()])
+    after, stray = bodies.kinetic()[:, owned].sum(), bodies.natoms[zero].sum()
+    before, after, rebuilt, stray, own, finite = communicator.total(
+        np.array([before, after, rebuilt, stray, own, finite])
     )
     return {
         "kinetic": lammps.mvv2e * before,
         "removed": lammps.mvv2e * (before - after),
         "rebuilt": round(rebuilt),
         "stray": round(stray),
+        "still": finite > 0 and own == 0,
     }
 
 

@@ -68,7 +68,7 @@ _ELSEWHERE = {
         QUENCH[2:],
         "this integrator seeks no minimum, fix_nosquish.FIRE does",
     ),
-    "moments": "only what fix_nosquish.NVT, NPT, HMC and FIRE find does not depend on the moments",
+    "moments": "only what fix_nosquish.NVT, NPT and HMC find does not depend on the moments",
     "shadow": "it is what the steps of fix_nosquish.NVE keep",
     "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
@@ -322,7 +322,7 @@ def _check_quench(words, values, known):
                     f"keyword {keyword} is missing: give it the largest {keyword} on a body that "
                     f"may be left at the end, {_NUMBER}"
                 )
-        values.setdefault("moments", ("alike", None))
+        values["moments"] = "alike", None
 
 
 class _Words:

@@ -12,7 +12,7 @@ the metric, a step of the quench is
 
 Of rotation, v and a are angular velocity and acceleration in the principal frame.  The gyroscopic
 term is left out: the minimum does not depend on how bodies turn on the way, nor on their moments.
-These are by default those of atoms that weigh alike.  Then bodies turn as slowly as they move,
+These are those of atoms that weigh alike.  Then bodies turn as slowly as they move,
 while the light atoms of real molecules make them turn fast.
 """
 
@@ -35,6 +35,7 @@ from .block import (
     three,
     write,
 )  # fmt: skip
+from .bodies import matrices
 from .compiled import F1, L1, Cell, F, I, call, inlined, loop
 from .errors import RunError
 from .frames import angular_velocity, product, quaternion_momentum, rotation_matrix, to_body
@@ -54,6 +55,9 @@ FTOL, TTOL, DMAX, TMAX, TMIN, DTGROW, DTSHRINK, ALPHA_0, ALPHASHRINK, DELAYSTEP,
 STEP, ALPHA, STEPS, IN_A_ROW = range(HALFSTEPBACK + 1, HALFSTEPBACK + 5)
 POWER, AA, VV, RESTLESS = SUMS = range(IN_A_ROW + 1, IN_A_ROW + 5)
 BACK, KEEP, ADD, END = range(RESTLESS + 1, RESTLESS + 5)
+# of all such fixes: how many they are, how many of them have asked for this step, and how many
+# bodies of these are pushed or turned
+FIXES, ASKED, UNDONE = QUENCHES = range(3)
 A, TURN, OF_BODY = BLOCK_ROWS, BLOCK_ROWS + 3, 6  # rows: acceleration, angular acceleration
 # of min_modify, where it has the word
 DEFAULTS = {
@@ -64,6 +68,12 @@ BOUNDS = {
     "tmin": (0.0, 1.0), "dtshrink": (0.0, 1.0), "alpha0": (0.0, 1.0), "alphashrink": (0.0, 1.0),
     "tmax": (1.0, np.inf), "dtgrow": (1.0, np.inf),
 }  # fmt: skip
+
+
+@inlined
+def of_turns(torque, moment):
+    """The square of a torque about an axis; 0 where there is no moment, and so nothing turns."""
+    return torque * torque if moment > 0.0 else 0.0
 
 
 @inlined
@@ -88,7 +98,7 @@ def measure(block, kind, dt, parameters):
         aa += m * (ax * ax + ay * ay + az * az) + m1 * a1 * a1 + m2 * a2 * a2 + m3 * a3 * a3
         vv += m * (vx * vx + vy * vy + vz * vz) + m1 * w1 * w1 + m2 * w2 * w2 + m3 * w3 * w3
         pushed = fx * fx + fy * fy + fz * fz > parameters[FTOL]
-        turned = t1 * t1 + t2 * t2 + t3 * t3 > parameters[TTOL]
+        turned = of_turns(t1, i1) + of_turns(t2, i2) + of_turns(t3, i3) > parameters[TTOL]
         restless += counted if pushed or turned else 0.0
     parameters[POWER] += power
     parameters[AA] += aa
@@ -132,16 +142,25 @@ def relax(block, kind, dt, parameters):
 
 
 @loop
-def quench(mpi: Mpi, parameters: F1, dt: F, sums: F1, stop: L1) -> I:
-    """Say what the step does, and end the run behind it if there is nothing to do."""
+def quench(mpi: Mpi, parameters: F1, dt: F, sums: F1, quenches: F1, stop: L1) -> I:
+    """Say what the step does, and end the run behind it if there is nothing to do, for this fix and
+    for all others that quench."""
     add_up(mpi, DOUBLE, parameters[POWER : RESTLESS + 1], sums)
     power, aa, vv, restless = sums[0], sums[1], sums[2], sums[3]
     for k in range(4):
         parameters[POWER + k] = 0.0
     if aa * 0.0 != 0.0:
         return -1
+    quenches[ASKED] += 1.0
+    quenches[UNDONE] += restless
+    if quenches[ASKED] == quenches[FIXES]:
+        if quenches[UNDONE] == 0.0:
+            call(stop[0], stop[1])
+        quenches[ASKED] = quenches[UNDONE] = 0.0
+    parameters[BACK] = parameters[KEEP] = parameters[ADD] = 0.0
+    if restless == 0.0:  # others may move what pushes these bodies
+        return 0
     delay, keep, along = parameters[DELAYSTEP], 0.0, 0.0
-    parameters[BACK] = 0.0
     if parameters[STEPS] == 0.0:
         parameters[STEP], parameters[ALPHA] = dt, parameters[ALPHA_0]
     elif power > 0.0:
@@ -162,9 +181,6 @@ def quench(mpi: Mpi, parameters: F1, dt: F, sums: F1, stop: L1) -> I:
         if parameters[HALFSTEPBACK] > 0.0:
             parameters[BACK] = 0.5 * parameters[STEP]
     parameters[STEPS] += 1.0
-    if restless == 0.0:
-        parameters[BACK] = parameters[STEP] = keep = along = 0.0
-        call(stop[0], stop[1])
     parameters[KEEP] = keep
     parameters[ADD] = (keep if keep > 0.0 else 1.0) * parameters[STEP] + along
     return 0
@@ -182,12 +198,16 @@ class FIRE(Integrator):
 
     splitting, rows, respa, quenches = "A", OF_BODY, False, True
     operations = {"A": Operation(relax, moves=True, prepared=True, measures=measure)}  # noqa: RUF012
-    keywords = "force FTOL", "torque TTOL", *DEFAULTS, "moments"
+    keywords = "force FTOL", "torque TTOL", *DEFAULTS
     method, prepares = "FIRE", quench
     unprepared = (
         "forces are so large that their squares cannot be summed: atoms stand at the same place. "
         "Move them apart by a little before the fix line (displace_atoms ... random)"
     )
+
+    def __init__(self, ptr, words):
+        self.of_all = np.zeros(len(QUENCHES))
+        super().__init__(ptr, words)
 
     def own_parameters(self):
         if self.host.stop is None:
@@ -196,6 +216,13 @@ class FIRE(Integrator):
                 "plugin serves",
                 everywhere=True,
             )
+        for fix in self._fixes:
+            if fix.box_change:
+                raise RunError(
+                    f"fix {fix.id} (style {fix.style}) changes the box, and FIRE finds a minimum "
+                    "in a box that stays: unfix one of the two",
+                    everywhere=True,
+                )
         words = DEFAULTS | self.command.quench
         numbers = {name: self.lammps.number(words[name]) for name in ("force", "torque", *DEFAULTS)}
         for name in "force", "torque", "dmax", "tmin":
@@ -211,12 +238,24 @@ class FIRE(Integrator):
         return *numbers.values(), *[0.0] * (END - STEP)
 
     def own_cells(self):
-        return {"sums": Cell(F1, np.zeros(len(SUMS))), "stop": Cell(L1, self.host.stop)}
+        fixes = [mate for mate in self.mates if mate.quenches]
+        quenches = fixes[0].of_all
+        quenches[:] = len(fixes), 0.0, 0.0
+        return {
+            "sums": Cell(F1, np.zeros(len(SUMS))),
+            "quenches": Cell(F1, quenches),
+            "stop": Cell(L1, self.host.stop),
+        }
 
     def norms(self):
-        """The largest force and the largest torque on a body; collective."""
+        """The largest force and the largest torque on a body; collective.
+
+        A torque about an axis without a moment turns nothing, and is left out.
+        """
         bodies = self.bodies
-        norms = [np.linalg.norm(w, axis=0).max(initial=0.0) for w in (bodies.force, bodies.torque)]
+        torque = np.array(to_body(matrices(bodies.q).reshape(9, -1), *bodies.torque))
+        pushes = bodies.force, torque * (bodies.moment > 0)
+        norms = [np.linalg.norm(push, axis=0).max(initial=0.0) for push in pushes]
         return self.communicator.gather_to_all(np.array([norms])).max(axis=0)
 
     @hook

@@ -26,7 +26,7 @@ from .block import IMAGE, MASS, ROWS, Images, Layout, P, Q, V, X, kind_of, put, 
 from .compiled import F1, F2, I, inlined, loop
 from .errors import RunError
 from .hosts import hook
-from .integrator import READERS, Integrator, Phase
+from .integrator import Integrator, Phase
 from .langevin import WORK, thermalise
 from .nve import NVE
 from .nvt import ALL_BODIES, KEY_0, KEY_1, KT, STEP, key_of
@@ -38,8 +38,6 @@ WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
 KEPT = WAS_IMAGE + 3 - ROWS
 # numbers of a restart file
 KIND, TRIED, ACCEPTED, CHANGE, LAST, TIMES_BACK, WAS_AT = range(7)
-# fixes without an energy that change nothing of the bodies
-_HARMLESS = (*READERS, "property/", "balance", "enforce2d")
 
 
 @loop
@@ -185,18 +183,14 @@ class HMC(NVE):
                     "Monte Carlo, which tests all motion at once: have one fix move all bodies",
                     everywhere=True,
                 )
-        for fix in self._fixes:
-            harmless = fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
-            known = fix.energy_in_pe and not (fix.time_integrate or fix.constrains)
-            if fix.called and not harmless and (not known or fix.box_change):
-                potential = fix.has_energy and not (fix.time_integrate or fix.constrains)
-                remedy = f"fix_modify {fix.id} energy yes" if potential else "unfix it"
-                raise RunError(
-                    f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "
-                    "with no energy that hybrid Monte Carlo could test: "
-                    f"{remedy}, or use fix_nosquish.NVT",
-                    everywhere=True,
-                )
+        if (found := self.fix_without_energy()) is not None:
+            fix, remedy = found
+            raise RunError(
+                f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "
+                "with no energy that hybrid Monte Carlo could test: "
+                f"{remedy}, or use fix_nosquish.NVT",
+                everywhere=True,
+            )
 
     # ------------------------------------------------------------- a trajectory
 

@@ -126,12 +126,11 @@ def _tensors(rows):
 
 
 def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> None:
-    """Write the bodies as they are; collective.
+    """Write the bodies of the fix line, not its points, as they are; collective.
 
     Raises:
         RunError: if the file cannot be written.
     """
-    owned = bodies.sharers.owned
     turn = matrices(bodies.q)
     inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moments_of_atoms, turn)
     rows = np.concatenate(
@@ -144,7 +143,7 @@ def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> Non
             bodies.momenta()[3:],
             bodies.image,
         ]
-    )[:, owned].T
+    )[:, bodies.listed].T
     rows, problem = communicator.gather(rows), None
     if communicator.rank == 0:
         try:

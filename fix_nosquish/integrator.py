@@ -56,6 +56,8 @@ _BLIND = "nve", "rigid", "shake", "rattle"
 _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
 # fixes that act at the end of a step and change no velocity
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
+# fixes without an energy that change nothing of the bodies
+_HARMLESS = (*READERS, "property/", "balance", "enforce2d")
 
 
 def _deforms(fix):
@@ -371,6 +373,18 @@ class Integrator:
         write_restart, also where command run names them."""
         return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
 
+    def fix_without_energy(self):
+        """The first other fix that may change positions, momenta or forces with no energy in
+        LAMMPS's potential energy, and a remedy; None if there is no such fix."""
+        for fix in self._fixes:
+            moves = fix.time_integrate or fix.constrains
+            harmless = fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
+            known = fix.energy_in_pe and not moves
+            if fix.called and not harmless and (not known or fix.box_change):
+                potential = fix.has_energy and not moves
+                return fix, f"fix_modify {fix.id} energy yes" if potential else "unfix it"
+        return None
+
     def acts_on_bodies(self, fix):
         """Whether atoms of the bodies are in another fix's group; collective."""
         groups = self.lammps.groups[self.membership.atoms()]
@@ -416,7 +430,7 @@ class Integrator:
         kept = self.notes.pop("kept")
         # a rerun is to tell of the atoms as they stand in the file, which has rounded places
         bodies.loose = self.command.reinit and "rerun" in self.host.command[:1]
-        if kept and not bodies.loose:
+        if kept and kept.text and not bodies.loose:
             self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
             self.host.log(kept.text)
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):

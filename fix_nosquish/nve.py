@@ -38,6 +38,10 @@ class NVE(Integrator):
             self.shadow.begin()
         return ()
 
+    def begin_trajectory(self):
+        if self.shadow:
+            self.shadow.take_start()
+
     @hook
     def compute_vector(self, i):
         """As of `Integrator`, and behind it the shadow energy; collective."""

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from . import infile, output, thermo
+from . import infile, output, step, thermo
 from .build import build
 from .errors import RunError
 
@@ -63,7 +63,7 @@ class Reports:
         if warnings:
             state.host.log("\n".join([*warnings, ""]))
 
-    def say_taken_over(self, step, fixes):
+    def say_taken_over(self, at, fixes):
         """Log, once a run, that bodies took over the velocities that these fixes gave atoms."""
         if not self._heard:
             self._heard = True
@@ -71,7 +71,7 @@ class Reports:
             names = names if fixes[0] == TEMPER else f"fix {names}"
             kept = " (not those of the infile)" if self._state.infile else ""
             self._state.host.log(
-                f"The velocities of the bodies' atoms were changed at the end of step {step} (by "
+                f"The velocities of the bodies' atoms were changed at the end of step {at} (by "
                 f"{names}): the bodies take them over, as rigid motion{kept}\n"
             )
 
@@ -100,8 +100,8 @@ class Reports:
 
     def due(self):
         """Whether the table of this step is to be written."""
-        step = self._state.lammps.step
-        return self.file and step % self._state.command.output[0] == 0 and self.file.last != step
+        now = self._state.lammps.step
+        return self.file and now % self._state.command.output[0] == 0 and self.file.last != now
 
     def write(self):
         """Write the table of this step, if it is due."""
@@ -115,7 +115,10 @@ class Reports:
 
     def write_restart_file(self, name):
         """Keep the bodies beside a restart file, to be read as infile; collective."""
-        infile.write(name + ".rigid", self._made(), self._state.lammps, self._state.communicator)
+        state = self._state
+        several = sum(mate.restart_file for mate in state.mates) > 1
+        own = f".{state.host.fix_id}" if several else ""
+        infile.write(f"{name}{own}.rigid", self._made(), state.lammps, state.communicator)
 
     def _made(self):
         state = self._state
@@ -162,13 +165,13 @@ class Reports:
         """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
         state = self._state
         bodies, running = state.bodies, state.lammps.running
-        command = state.host.command
-        creates = "velocity" in command[:1] and "create" in command[2:3]
-        if (state.is_over or not running) and creates:
+        command, between = state.host.command, state.is_over or not running
+        sets = command[2:3] if between and "velocity" in command[:1] else ()
+        if "create" in sets:
             # all atoms' velocities are scaled now; a body keeps its share of them when the run
             # makes them rigid motion
             return 0
-        if not running or bodies is None:
+        if not running or bodies is None or "scale" in sets:
             # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
             bodies = build(
                 state.lammps,
@@ -179,7 +182,20 @@ class Reports:
                 **state.particles(),
             )[0]
         inside = state.lammps.groups[bodies.index] & (1 << group) != 0
+        if "scale" in sets and self._not_rigid(bodies, inside):
+            return 0  # as with create
         return thermo.removed_freedom(bodies, state.communicator, inside, state.lammps)
+
+    def _not_rigid(self, bodies, inside):
+        """Whether these atoms, (m,) bool, have velocities that are no rigid motion; collective."""
+        lammps = self._state.lammps
+        v = lammps.per_atom("v", columns=3)
+        rigid = np.empty_like(v)
+        step.set_velocities.bind_to(bodies.cells, atom_v=rigid)()
+        atoms = bodies.index[inside]
+        squares = [(lammps.masses[atoms] * (u[atoms] ** 2).T).sum() for u in (v - rigid, v)]
+        other, all_of_it = self._state.communicator.total(np.array(squares))
+        return other > 1e-9 * all_of_it
 
     def energies(self):
         """Kinetic energies and temperatures: see `thermo.energies`; collective."""

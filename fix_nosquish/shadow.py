@@ -48,6 +48,11 @@ class ShadowEnergy:
             RunError: where the energy is not that of these bodies' steps, or not known.
         """
         self._refuse()
+        self.value, self._taken = np.nan, []  # bodies and forces may be others than in the last run
+        integrator = self._integrator
+        every, step = integrator.command.shadow, integrator.lammps.step
+        if step % every == (1 - STEPS) % every:
+            integrator.host.begins = step + 1  # the start is one of three
         self._name_next()
 
     def _name_next(self):
@@ -61,20 +66,26 @@ class ShadowEnergy:
         Returns:
             True: the state stays.
         """
+        self._take(self._integrator.lammps.step)
+        self._name_next()
+        return True
+
+    def take_start(self):
+        """Take the start of a run, as its first step begins; collective."""
+        self._take(self._integrator.lammps.step - 1)
+
+    def _take(self, step):
         integrator, potential = self._integrator, self._integrator.host.energy
         lammps, communicator, bodies = integrator.lammps, integrator.communicator, integrator.bodies
         own = own_part(bodies, integrator.dt, lammps.ftm2v, integrator.parameters[MROT])
         own = communicator.total(np.array([own[bodies.sharers.owned].sum()]))[0]
         rest = thermo.energies(bodies, communicator, lammps)[:2].sum() + lammps.mvv2e * own
-        step = lammps.step
         self._taken = [*self._taken, (step, integrator.dt, potential, rest)][-STEPS:]
         steps, dts, potentials, rests = zip(*self._taken)
         follow = steps == (step - 2, step - 1, step) and len(set(dts)) == 1
         if follow and step % integrator.command.shadow == 0:
             before, here, after = potentials
             self.value = here + rests[1] + (before - 2.0 * here + after) / 12.0
-        self._name_next()
-        return True
 
     def _refuse(self):
         integrator, problem = self._integrator, None
@@ -93,6 +104,13 @@ class ShadowEnergy:
             problem = (
                 f"fix {others[0]} moves atoms, too, and the shadow energy of keyword shadow is "
                 "that of one fix's steps: have one fix move all atoms, with keyword points"
+            )
+        elif (found := integrator.fix_without_energy()) is not None:
+            fix, remedy = found
+            problem = (
+                f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces with no "
+                "energy in the potential energy, so that the shadow energy of keyword shadow would "
+                f"drift: {remedy}, or leave the keyword out"
             )
         if problem:
             raise RunError(problem, everywhere=True)

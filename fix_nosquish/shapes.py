@@ -8,6 +8,7 @@ from .bodies import OFF_BODY, matrices
 from .errors import RunError
 
 _TORN = 2.0  # atoms further off than this times the size of their body say nothing of where it is
+_LITTLE = 1e-12  # a part of what atoms tell of a turn that changes none which they do tell
 _MISTAKEN = 0.2  # so may those, where atoms are known by their IDs alone
 
 
@@ -15,10 +16,10 @@ class Kept(NamedTuple):
     """What keeping the shapes of bodies changes.
 
     Attributes:
-        which: (atoms of bodies,) bool, which of the atoms here have to move.
-        atoms: (m,) their indices.  shift: (m, 3) how far.
+        which: (atoms of bodies,) bool, the atoms here of bodies that were turned or deformed.
+        atoms: (m,) their indices.  shift: (m, 3) how far each has to move.
         turn: (m, 3, 3) the new rotation of the frame in which `former` has them.
-        text: a line for the log.
+        text: a line for the log; None if no body was deformed.
     """
 
     which: np.ndarray
@@ -33,15 +34,16 @@ def keep(lammps, communicator, membership, sharers, former, ids, body, atoms, ma
 
     Such a body is put at the centre of mass of its atoms and turned to fit them best, by least
     squares weighted with mass (Kabsch, Acta Cryst. A 34, 827 (1978)).  A body of other atoms than
-    before has the shape that its atoms have.
+    before has the shape that its atoms have.  The same fit tells how a body was turned whole, by
+    which the orientations of its particles follow.
 
     Args:
         former: the `Former` of LAMMPS's atoms.  ids: (n,) the bodies' IDs.
         body, atoms, mass: (m,) each atom's body, index in LAMMPS's arrays, mass.
         r: (m, 3) its place from the body's centre of mass, in the space frame.
     Returns:
-        r (m, 3), the same array if nothing has deformed a body; `Kept`, None if so; and whether
-        some body, on any rank, is of other atoms than before.
+        r (m, 3), the same array if nothing has deformed a body; `Kept`, None if nothing has turned
+        or deformed one; and whether some body, on any rank, is of other atoms than before.
     Raises:
         RunError: on all ranks, if a body was torn apart.
     """
@@ -80,21 +82,23 @@ def keep(lammps, communicator, membership, sharers, former, ids, body, atoms, ma
     if not communicator.any(moved.any()):
         return r, None, new
     weight = weight * moved[body]
-    turn = np.tile(np.eye(3), (n, 1, 1))
     products = total([weight * a * b for a in r.T for b in d]).T.reshape(n, 3, 3)
+    # atoms in a line do not tell a turn about it: there is none
+    before = matrices(largest(former.q[:, atoms], -np.inf, np.maximum)).transpose(2, 0, 1)
+    products = products + _LITTLE * np.abs(products).max(axis=(1, 2))[:, None, None] * before
+    turn = np.tile(np.eye(3), (n, 1, 1))
     turn[moved] = best_turns(products[moved], lammps.dimension == 2)
     placed = np.einsum("mab,bm->ma", turn[body], d)
     far = off(placed) * moved
-    deformed = far > bound
-    if not communicator.any(deformed.any()):
-        return r, None, new
-    size = np.maximum(largest([np.linalg.norm(d, axis=0)], 0.0, np.maximum)[0], bound)
-    most = _TORN if former.followed else _MISTAKEN
-    text = _say(communicator, membership, ids, far, size, deformed & sharers.owned, most)
-    mine = deformed[body]
-    shift = placed[mine] - r[mine]
-    r = np.where(mine[:, None], placed, r)
-    return r, Kept(mine, atoms[mine], shift, turn[body[mine]], text), new
+    deformed, text = far > bound, None
+    if communicator.any(deformed.any()):
+        size = np.maximum(largest([np.linalg.norm(d, axis=0)], 0.0, np.maximum)[0], bound)
+        most = _TORN if former.followed else _MISTAKEN
+        text = _say(communicator, membership, ids, far, size, deformed & sharers.owned, most)
+    mine, here = moved[body], deformed[body]
+    placed = np.where(here[:, None], placed, r)
+    kept = Kept(mine, atoms[mine], (placed - r)[mine], turn[body[mine]], text)
+    return placed if text else r, kept, new
 
 
 def best_turns(products, plane=False):

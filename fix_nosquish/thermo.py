@@ -91,15 +91,17 @@ def summary(nve, virial):
     listed = bodies.listed
     counts = [
         listed.sum(),
-        (owned[:r] & ~flat).sum(),
-        (owned[:r] & flat).sum(),
-        owned[r:e].sum(),
+        (listed[:r] & ~flat).sum(),
+        (listed[:r] & flat).sum(),
+        listed[r:e].sum(),
         listed[e:n].sum(),
         bodies.natoms[listed].sum(),
         (owned & ~listed).sum(),
+        owned[:r].sum(),  # points may be spheres, which turn
+        owned[r:e].sum(),
         len(bodies.sharers.bodies[owned[bodies.sharers.bodies]]),
     ]
-    total, solid, planar, linear, single, atoms, points, shared = communicator.total(
+    total, solid, planar, linear, single, atoms, points, rotors, lines, shared = communicator.total(
         np.array(counts, float)
     ).astype(int)
     removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), nve.lammps)
@@ -113,15 +115,15 @@ def summary(nve, virial):
     if bodies.planar:
         kinds, turning = (
             ((solid + planar, "in the plane"),),
-            ((solid + planar, "rotation in the plane", "no rotation"),),
+            ((rotors, "rotation in the plane", "no rotation"),),
         )
     else:
         kinds = (solid, "three-dimensional"), (planar, "planar"), (linear, "linear")
         how = f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""
         how = " (exact)" if nve.exact else how
         turning = (
-            (solid + planar, f"rotation of rotors{how}", "no rotors"),
-            (linear, "rotation of linear bodies", "no linear bodies"),
+            (rotors, f"rotation of rotors{how}", "no rotors"),
+            (lines, "rotation of linear bodies", "no linear bodies"),
         )
     kinds = [f"{k} {what}" for k, what in (*kinds, (single, "single atoms")) if k]
     done, left = [], []
@@ -185,15 +187,16 @@ def summary(nve, virial):
     if command.moments:
         how, word = command.moments
         value = nve.lammps.number(word) if word else 1.0
+        of_dynamics = (
+            ". Averages over configurations and velocities stay as they are; how long bodies take "
+            "to turn does not"
+        )
         chosen = {
-            "equal": f"{value:g} instead of the atoms' own",
-            "scale": f"{value:g} times those of the atoms' own",
+            "equal": f"{value:g} instead of the atoms' own" + of_dynamics,
+            "scale": f"{value:g} times those of the atoms' own" + of_dynamics,
             "alike": "those of atoms that share the mass of their body alike",
         }[how]
-        lines.append(
-            f"  principal moments: {chosen}. Averages over configurations and "
-            "velocities stay as they are; how long bodies take to turn does not"
-        )
+        lines.append(f"  principal moments: {chosen}")
     if notes["rebuilt"]:
         lines.append(
             f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the "
@@ -221,6 +224,12 @@ def warnings(nve):
         lines.append(
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: "
             "give every body a molecule-ID of its own, or leave these atoms out of the group"
+        )
+    if notes["still"] and projected(notes):
+        lines.append(
+            "WARNING: the bodies' atoms are no points, and do not spin, as velocity create leaves "
+            "them: so the bodies' rotation starts colder than their translation. A thermostat "
+            "warms it, or velocity scale behind the first run"
         )
     lines += [*notes["warnings"], *nve.own_warnings]
     turn, body = _fastest(nve.bodies, nve.communicator, nve.lammps.innermost_dt)

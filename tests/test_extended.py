@@ -269,3 +269,61 @@ def test_rejected_trajectory(run_kind, kind, dt):
     assert 1 < rejected.sum() < len(rejected)
     before, after = table["PotEng"][:-1][rejected], table["PotEng"][1:][rejected]
     np.testing.assert_allclose(after, before, rtol=1e-12)
+
+
+@pytest.mark.parametrize("how", ["exactly", "roughly"])
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("kind", ["ellipsoid", "dipole"])
+def test_turned_between_runs(run_kind, kind, ranks, how):
+    """Locks out particles that keep their orientation while something turns their body: whether it
+    keeps the body's shape or not, they turn with it."""
+    fix = OURS.format(group="all", words="molecule") + "\nneigh_modify exclude molecule/intra all\n"
+    turn = "displace_atoms all rotate 0 0 0 0.3 1 0.2 200\n"
+    if how == "roughly":
+        turn = "displace_atoms all random 1e-4 1e-4 1e-4 77\n" + turn
+    start = f"{setup(kind)}\nvelocity all set 0 0 0\n{fix}run 0\n"
+    before, _ = run_kind(kind, "", start=start, ranks=ranks, name="before")
+    after, _ = run_kind(kind, f"{turn}run 0", start=start, ranks=ranks)
+    axis = np.array([0.3, 1, 0.2])
+    rotation = Rotation.from_rotvec(np.radians(200) * axis / np.linalg.norm(axis))
+    if kind == "dipole":
+        ours, expected = after[:, 6:9], rotation.apply(before[:, 6:9])
+    else:
+        shaped = np.arange(len(before)) % 3 < 2  # the others are points
+        ours, quats = (
+            Rotation.from_quat(np.roll(x[shaped, 6:10], -1, axis=1)) for x in (after, before)
+        )
+        ours, expected = ours.as_matrix(), (rotation * quats).as_matrix()
+    close(ours, expected, 1e-9 if how == "exactly" else 2e-3)
+
+
+def test_line_turned_between_runs(run_lammps, tmp_path):
+    """Locks out a dipole that is turned about the line of its body, which two atoms do not tell."""
+    text = """units lj
+atom_style hybrid sphere dipole
+region box block -5 5 -5 5 -5 5
+create_box 1 box
+create_atoms 1 single 1 0.2 0
+create_atoms 1 single 2 0.3 0.4
+set group all mass 1.0 diameter 0
+set group all dipole 0.3 1 0.5
+pair_style zero 2.0
+pair_coeff * *
+fix body all property/atom i_body
+set group all i_body 1
+fix 1 all python/move "fix_nosquish.NVE all custom i_body"
+run 0
+displace_atoms all rotate 0 0 0 0 0 1 1.0
+run 0
+write_dump all custom end id x y z mux muy muz modify sort id format float %.17g
+"""
+    run_lammps(text)
+    rows = np.loadtxt(tmp_path / "end", skiprows=9)
+    along, turned = np.array([1, 0.1, 0.4]), Rotation.from_rotvec([0, 0, np.radians(1.0)])
+    # the shortest turn that brings the line to where it is now
+    now = turned.apply(along)
+    axis = np.cross(along, now)
+    least = Rotation.from_rotvec(
+        axis / np.linalg.norm(axis) * np.arctan2(np.linalg.norm(axis), along @ now)
+    )
+    close(rows[:, 4:], np.tile(least.apply([0.3, 1, 0.5]), (2, 1)), 1e-6)

@@ -234,6 +234,54 @@ def test_says_why_it_ends(run_lammps):
     assert "above what was asked for" in done.log
 
 
+DIPOLES = """
+units lj
+atom_style hybrid sphere dipole
+region box block -5 5 -5 5 -5 5
+create_box 1 box
+create_atoms 1 single 0 0 0
+create_atoms 1 single 1.5 0.2 0.1
+create_atoms 1 single 0 2 0
+set group all mass 1.0 diameter 0
+set atom 1 dipole 1 0 0
+set atom 2 dipole 0 1 0
+set atom 3 dipole 0 0 1
+fix body all property/atom i_body
+set group all i_body 1
+group loose id 2 3
+group rigid id 1
+pair_style lj/cut/dipole/cut 4.0
+pair_coeff * * 1 1
+timestep 0.005
+fix field all efield 0 0.5 0.3
+"""
+
+
+def test_torque_without_a_moment(run_lammps):
+    """Locks out a quench that waits for a torque that turns nothing, on a dipole that is a
+    point."""
+    one = fix("force v_f torque v_f points loose", 1e-4, "all", "rigid custom i_body")
+    done = run_lammps(f"{DIPOLES}{one}run 4000\n")
+    assert "as asked for" in done.log
+
+
+def test_two_at_once(run_lammps, tmp_path):
+    """Locks out a fix that is at rest and ends the run before another one is, or that does not
+    move again when the other's bodies push its own."""
+    system = mixture(side=2, spacing=2.9)
+    groups = "group some molecule <= 3\ngroup rest subtract all some\n"
+    words = "force {0} torque {0}"
+    for tolerance, most in ("v_f", 1.001e-9), ("1e3", 1e3):
+        two = fix(words.format(tolerance), 1e-9, "some", "some molecule")
+        two += fix(words.format("v_f"), 1e-9, "rest", "rest molecule").replace("fix 1", "fix 2")
+        script = f"{system.setup}\n{SMOOTH}{groups}{two}timestep 0.002\nrun 10000\n"
+        dumps = FORCES.format("end") + FORCES.format("rest").replace("dump all", "dump rest")
+        done = run_lammps(script + dumps, files=system.files, ranks=2)
+        assert done.log.count("as asked for") == 2
+        assert (norms(tmp_path / "rest") < 1.001e-9).all()
+        assert 1e-12 < norms(tmp_path / "end").max() < most
+
+
 # ------------------------------------------------------------------ what is refused
 
 
@@ -253,12 +301,20 @@ def test_says_why_it_ends(run_lammps):
         ("force 1 torque 1 delaystep 0", "'0' was given where a whole number"),
         ("force 1 torque 1 halfstepback maybe", "'maybe' was given where no or yes"),
         ("force 1 torque 1 temp 1 1 1", "this integrator keeps no temperature"),
+        ("force 1 torque 1 moments scale 2", "what fix_nosquish.NVT, NPT and HMC find"),
     ],
 )
 def test_bad_words(refused, words, says):
     """Locks out words that are taken and mean nothing, or something else."""
     system = mixture(side=2)
     refused(f"{system.setup}\n{fix(words)}run 0\n", says, system.files)
+
+
+def test_box_that_changes(refused):
+    """Locks out a run that ends when bodies are at rest, before the box is what was asked for."""
+    system = mixture(side=2)
+    script = f"{system.setup}\n{fix()}fix 2 all deform 1 x scale 1.1 remap x\nrun 10\n"
+    refused(script, "fix 2 (style deform) changes the box", system.files)
 
 
 def test_minimize_names_it(refused):

@@ -751,6 +751,33 @@ def test_single_spheres(run_clumps, dimension):
         np.testing.assert_allclose(ours_table[name], table[name], rtol=1e-8, err_msg=name)
 
 
+def test_spheres_as_points(run_lammps):
+    """Locks out spheres of keyword points that are counted among the kinds of the bodies, and
+    degrees of freedom that leave out how they turn."""
+    script, data = clumps(points=False)
+    script += "group bodies molecule <= 20\ngroup loose subtract all bodies\n"
+    fix = 'fix 1 all python/move "fix_nosquish.NVE bodies molecule points loose"\n'
+    log = run_lammps(f"{script}\n{fix}run 0\n", files={"data.clumps": data}).log
+    assert "20 rigid bodies with 60 atoms: 20 three-dimensional; 21 points" in log
+    assert f"{20 * 6 + 21 * 6} left to the bodies" in log
+    assert "rotation of rotors" in log
+
+
+def test_particles_that_do_not_spin(run_lammps):
+    """Locks out silence where velocity create leaves the spheres of bodies without their spin, so
+    that rotation starts colder than asked for."""
+    script, data = clumps(points=False)
+    fix = OURS.format(group="all", words="molecule")
+    still = "velocity all create 1.0 4928\nset group all omega 0 0 0\n"
+    files = {"data.clumps": data}
+    said = run_lammps(f"{script}\n{still}{fix}\nrun 0\n", files=files).log
+    spins = run_lammps(
+        f"{script}\n{still}set group all omega 0 0 1\n{fix}\nrun 0\n", files=files
+    ).log
+    assert "the bodies' rotation starts colder than their translation" in said
+    assert "starts colder" not in spins
+
+
 def test_sphere_in_a_group(run_clumps):
     """Locks out a body style group in which one body is a single sphere and another one a clump."""
     script, data = clumps(points=False)
@@ -793,6 +820,56 @@ def test_restart_file_before_any_run(simulate, run_lammps, tmp_path):
     )
     written = np.loadtxt(tmp_path / "early.rigid", skiprows=3)
     assert len(written) == system.molecule.max() and written[0, 0] == 1 and written[0, 1] == 9.0
+
+
+def test_restart_of_two_fixes(simulate, run_lammps, tmp_path):
+    """Locks out a restart that gives a fix the bodies of another one, whose file took the place of
+    its own, and points that are bodies there: each fix has a file by its ID, points are in none."""
+    system = mixture("solid planar single")
+    rows = unlike_its_atoms(rows_of(system, simulate(system, "", 0)))
+    natoms = np.bincount(system.molecule)[1:]
+    files = {name: text_of(rows[natoms == n]) for name, n in (("solids", 5), ("planars", 4))}
+    neighbours = "neigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    dump = "modify sort id format float %.17g\n"
+    dump = f"write_dump all custom {{}} id xu yu zu vx vy vz {dump}"
+
+    def fixes(of_solids, of_planars):
+        return f"""{neighbours}timestep {system.dt:.17g}
+variable s string {of_solids}
+variable p string {of_planars}
+fix 1 all python/move "fix_nosquish.NVE solid molecule infile v_s points single"
+fix two all python/move "fix_nosquish.NVE planar molecule infile v_p"
+"""
+
+    whole = f"{system.setup}\n{fixes('solids', 'planars')}run 20\nwrite_restart state\nrun 20\n"
+    run_lammps(whole + dump.format("whole"), files=system.files | files, ranks=2)
+    assert not (tmp_path / "state.rigid").exists()
+    assert [len(read_rows(tmp_path / f"state.{name}.rigid")) for name in ("1", "two")] == [
+        (natoms == 5).sum(), (natoms == 4).sum()
+    ]  # fmt: skip
+    again = "atom_modify map array\nread_restart state\n"
+    again += fixes("state.1.rigid", "state.two.rigid") + "run 20\n"
+    run_lammps(again + dump.format("again"))
+    end, then = (np.loadtxt(tmp_path / name, skiprows=9)[:, 1:] for name in ("whole", "again"))
+    np.testing.assert_allclose(then, end, rtol=0, atol=1e-9 * np.abs(end).max())
+
+
+def test_infile_of_other_bodies(run_lammps, simulate):
+    """Locks out silence where a fix gets the file of another one, whose bodies have the same IDs
+    and are elsewhere; and a warning of bodies whose own masses are just others."""
+    system = mixture("solid planar")
+    rows = rows_of(system, simulate(system, "", 0))
+    other = rows[:2].copy()
+    other[:, 2:5] += 1.5
+    said = {}
+    for name, given in ("own", unlike_its_atoms(rows)), ("other", other):
+        script = (
+            f"{system.setup}\n{OURS.format(group='all', words='molecule infile bodies')}\nrun 0"
+        )
+        files = with_file(system, text_of(given)).files
+        said[name] = run_lammps(script + "\n", files=files, ranks=2).log
+    assert "WARNING: the infile has the centres of 2 bodies far from their atoms" in said["other"]
+    assert "far from their atoms" not in said["own"]
 
 
 def test_velocities_set_between_runs_that_go_on(run_lammps):

@@ -250,6 +250,33 @@ def test_velocity_create(run_all, ranks):
     assert starts[-1] == pytest.approx(3.0, rel=1e-10)
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_velocity_scale(run_all, ranks):
+    """Locks out velocities that are scaled by the bodies' degrees of freedom while they have those
+    of all atoms, before and after a first run; and by those of atoms where the group's bodies move
+    as rigid ones."""
+    system = mixture("solid planar", side=5)
+    text = """RIGID
+velocity all create 1.0 99 loop geom
+velocity all scale 3.0
+print "MADE $(ke(all))"
+run 0
+velocity some create 1.0 98 loop geom
+velocity some scale 3.0
+print "MADE $(ke(some))"
+velocity rest scale 2.0
+print "LEFT $(ke(rest))"
+run 0"""
+    text = "group some molecule 1:60\ngroup rest subtract all some\n" + text
+    log = run_all(system, {"one": lines(system, OURS, *text.splitlines())}, ranks=ranks)["one"].log
+    atoms, some = len(system.mass), (system.molecule <= 60).sum()
+    made = [float(number) for number in re.findall(r"^MADE (\S+)", log, re.M)]
+    np.testing.assert_allclose(made, 4.5 * (np.array([atoms, some]) - 1), rtol=1e-10)
+    bodies = len(np.unique(system.molecule)) - 60
+    left = float(re.search(r"^LEFT (\S+)", log, re.M)[1])
+    assert left == pytest.approx(0.5 * 2.0 * (6 * bodies - 3), rel=1e-10)
+
+
 # ---- fixes that change velocities at the end of a step
 
 DRIFTING = "velocity all set 0.5 0.3 -0.2 sum yes"

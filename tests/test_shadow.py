@@ -69,12 +69,26 @@ def test_every(run_lammps):
     assert np.isfinite(values[0][1:]).all()
 
 
+def test_other_forces_in_the_next_run(run_lammps):
+    """Locks out a value of steps under two force fields: the bodies are free until the last of
+    three steps, and then are held by springs."""
+    script = f"{mixture(side=2).setup}\nreset_timestep 0\n{FREE}timestep 0.004\n"
+    script += fix("shadow 10") + thermo("etotal f_1[5]", 1) + f"run 19\n{SPRINGS}run 21\n"
+    rows = run_lammps(script, files=mixture(side=2).files).thermo
+    rows = rows[rows["Step"] >= 19][-22:]  # of the second run
+    value = rows["f_1[5]"]
+    assert np.isnan(value[rows["Step"] < 30]).all()
+    np.testing.assert_allclose(value[rows["Step"] >= 30], rows["TotEng"][0], rtol=1e-3)
+
+
 @pytest.mark.parametrize(
     "line, says",
     [
         (fix("shadow 0"), "'0' was given where every how many steps"),
         (fix("shadow 5", "stiff") + "fix 3 rest nve\n", "fix 3 moves atoms, too"),
         (fix("shadow 5", "stiff") + fix("", "rest").replace("1", "3", 1), "fix 3 moves atoms, too"),
+        (fix("shadow 5") + SPRINGS.split("fix_modify")[0], "fix_modify 2 energy yes, or leave"),
+        (fix("shadow 5") + "fix 2 all viscous 1.0\n", "would drift: unfix it, or leave"),
         (fix("shadow 5") + "run_style respa 2 2 pair 1\n", "use run_style verlet"),
         (fix("shadow 5", name="MatubayasiNakahara"), "for the steps of fix_nosquish.NVE"),
         (fix("temp 2 2 1 seed 5 shadow 5", name="NVT"), "what the steps of fix_nosquish.NVE keep"),
