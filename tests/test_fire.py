@@ -96,7 +96,7 @@ run 0
     done = run_lammps(script, files={"data.two": two})
     more = shape, types, charges, 332.06371  # of units real
     best = minimize(energy_of_two, start, more, "BFGS", options={"gtol": 1e-7})
-    assert "as asked for" in done.log
+    assert ": as asked for" in done.log
     assert done.thermo["PotEng"][-1] == pytest.approx(best.fun, abs=1e-7)
     assert best.fun < energy_of_two(start, *more) - 1.0
 
@@ -128,7 +128,7 @@ def test_overlapping_start(run_lammps, tmp_path, ranks):
     script += f"timestep 1\nthermo 100\nrun 20000\n{FORCES.format('end')}"
     done = run_lammps(script, files=system.files, ranks=ranks)
     start, end = (atoms(tmp_path / name) for name in ("start", "end"))
-    assert "as asked for" in done.log
+    assert ": as asked for" in done.log
     assert (norms(tmp_path / "end") < 1e-6 * (1 + 1e-6)).all()
     assert bent(start, end) < 1e-12
     energies = done.thermo["PotEng"]
@@ -149,7 +149,7 @@ def test_ranks(run_lammps, tmp_path, kinds, ranks):
     script = f"{system.setup}\n{SMOOTH}{group}{lines}timestep 0.002\nrun 10000\n"
     for n in 1, ranks:
         done = run_lammps(script + FORCES.format("end"), files=system.files, ranks=n)
-        assert "as asked for" in done.log
+        assert ": as asked for" in done.log
         ends.append(atoms(tmp_path / "end")[2])
         if not points:
             assert (norms(tmp_path / "end") < 1.001e-9).all()
@@ -163,7 +163,7 @@ def test_in_the_plane(run_lammps, tmp_path):
     script += "fix 2 all enforce2d\ntimestep 0.002\nrun 10000\n" + FORCES.format("end")
     done = run_lammps(script, files=system.files)
     start, end = (atoms(tmp_path / name) for name in ("start", "end"))
-    assert "as asked for" in done.log
+    assert ": as asked for" in done.log
     assert (end[2][:, 2] == start[2][:, 2]).all()
     assert (norms(tmp_path / "end") < 1.001e-9).all()
     assert bent(start, end) < 1e-12
@@ -183,7 +183,7 @@ def test_spheres(run_lammps, tmp_path):
     script = f"{setup}\n{SMOOTH}{FORCES.format('start')}{fix(tolerance=1e-9)}"
     script += f"timestep 0.002\nrun 5000\n{FORCES.format('end')}"
     done = run_lammps(script, files={"data.bodies": data})
-    assert "as asked for" in done.log
+    assert ": as asked for" in done.log
     assert (norms(tmp_path / "end") < 1.001e-9).all()
     assert bent(atoms(tmp_path / "start"), atoms(tmp_path / "end")) < 1e-12
 
@@ -262,7 +262,7 @@ def test_torque_without_a_moment(run_lammps):
     point."""
     one = fix("force v_f torque v_f points loose", 1e-4, "all", "rigid custom i_body")
     done = run_lammps(f"{DIPOLES}{one}run 4000\n")
-    assert "as asked for" in done.log
+    assert ": as asked for" in done.log
 
 
 def test_two_at_once(run_lammps, tmp_path):
@@ -277,7 +277,7 @@ def test_two_at_once(run_lammps, tmp_path):
         script = f"{system.setup}\n{SMOOTH}{groups}{two}timestep 0.002\nrun 10000\n"
         dumps = FORCES.format("end") + FORCES.format("rest").replace("dump all", "dump rest")
         done = run_lammps(script + dumps, files=system.files, ranks=2)
-        assert done.log.count("as asked for") == 2
+        assert done.log.count(": as asked for") == 2
         assert (norms(tmp_path / "rest") < 1.001e-9).all()
         assert 1e-12 < norms(tmp_path / "end").max() < most
 
