@@ -546,6 +546,17 @@ def theory_recursion():
     return _theory("recursion")
 
 
+def theory_rotors():
+    """Error and cost of the free rotation, by how far a body turns in a step."""
+    found = summary("theory")["data"]["rotors"]
+    head = ["rotation", "time of a step", *(f"{plain(angle)} rad" for angle in found["angles"])]
+    lines = []
+    for name, errors in found["error"].items():
+        cost = found["cost"][name]["median"]
+        lines.append([name, f"{cost:.2f}", *(significant(error, 2) for error in errors)])
+    return markdown(head, lines)
+
+
 def _paper(*parts):
     return _checks(rows("paper", "claims"), parts)
 
@@ -734,6 +745,7 @@ TABLES = [
     theory_symplectic,
     theory_conserved,
     theory_recursion,
+    theory_rotors,
     paper_dimer,
     paper_liquid,
     paper_peptide,

@@ -23,8 +23,8 @@ def add(verbs: command_line.Verbs) -> None:
         nargs="*",
         type=command_line.one_of("part", _parts),
         metavar="PART",
-        help="what to measure, of: reversal (in LAMMPS), symplectic, conserved, mrot, recursion "
-        "(default: all)",
+        help="what to measure, of: reversal (in LAMMPS), symplectic, conserved, mrot, rotors, "
+        "recursion, loops (default: all)",
     )
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/theory")

@@ -5,12 +5,14 @@
     conserved     the energy error's dt^2 law, its leading term (2.37), the oscillator's exact
                   Hamiltonian (2.51)
     mrot          the free rotor against the exact top
+    rotors        the free rotation in the compiled loops, split and exact: error and cost
     recursion     (2.30), where a conserved quantity exists and where it does not
     loops         (2.42), volume and reversal of the compiled loops themselves, and how far they are
                   from the equations, for random bodies
 
-All but the first and the last take the same equations in Python (`reference`), complex numbers and
-all: these are exact to rounding.  Each is a function of a `Bench` that gives what its figure shows.
+All but reversal, rotors and loops take the same equations in Python (`reference`), complex numbers
+and all: these are exact to rounding.  Each is a function of a `Bench` that gives what its figure
+shows.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -29,6 +31,7 @@ from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
 from validation.theory import calculus, reversal
 from validation.theory import loops as compiled
+from validation.theory import rotors as free
 from validation.theory.reference import FS, Dimer, Oscillator, multiply
 from validation.theory.top import free_top
 
@@ -325,6 +328,32 @@ def mrot(bench: Bench) -> dict:
     return {"mrot": MROTS, "error": errors, "dt_fs": dt / FS, "temperature": TEMPERATURE}
 
 
+def rotors(bench: Bench) -> dict:
+    """The free rotation of water in the compiled loops: its error against Jacobi's elliptic
+    functions, and the time of a step beside that of the split one."""
+    errors: dict[str, list[float]] = {}
+    costs: dict[str, measures.Spread] = {}
+    for name, found in free.errors():
+        errors[name] = found
+        bench.tick()
+    for name, ratios in free.costs(bench.tick).items():
+        costs[name] = measures.spread(ratios)
+    split, *_, exact = free.ROTORS
+    few = 4  # of the smallest angles: where the law of the error holds
+    what = f"error of the orientation after {free.TOTAL:g} rad ∝ Δt"
+    bench.power(split, what, free.ANGLES[:few], errors[split][:few], 2.0, 0.05)
+    what = f"error of the orientation after {free.TOTAL:g} rad, largest for "
+    what += f"{free.ANGLES[0]:g} to {free.ANGLES[-1]:g} rad in a step"
+    bench.check(exact, what, max(errors[exact]), high=ROUND_OFF)
+    return {
+        "angles": free.ANGLES,
+        "total": free.TOTAL,
+        "thermal": free.thermal(),
+        "error": errors,
+        "cost": costs,
+    }
+
+
 # ---- the recursion
 
 
@@ -470,6 +499,7 @@ PARTS: dict[str, Part] = {
     "symplectic": (symplectic, 2 * len(MULTIPLES) + len(TOLERANCES)),
     "conserved": (conserved, 3 * len(MULTIPLES) + 1),
     "mrot": (mrot, len(MROTS)),
+    "rotors": (rotors, len(free.ROTORS) + free.ROUNDS),
     "recursion": (recursion, 4),
     "loops": (loops, 4 * len(compiled.KINDS)),
 }

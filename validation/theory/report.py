@@ -13,6 +13,7 @@ TITLES = {
     "symplectic": "Symplectic property (2.42)",
     "conserved": "Conserved quantity (2.37), (2.51)",
     "mrot": "Inner steps of the rotor",
+    "rotors": "The free rotation, split and exact",
     "recursion": "Recursion relation (2.30)",
     "loops": "The compiled loops",
 }
