@@ -22,7 +22,8 @@ def add(verbs: command_line.Verbs) -> None:
         "integrator, and the lines for the input script. A script of yours is run first, with its "
         "step and longer ones.",
         epilog="Exit status: 0 if some point meets the targets with its 95 % margins, 1 if none "
-        "does, 2 if there is no sweep, no such scene or measure.",
+        "does or --confirm finds that it does not, 2 if there is no sweep, no such scene or "
+        "measure.",
     )
     scene = command_line.scene_or_script(scenes)
     help = "a scene of the sweep, or a LAMMPS input script of yours, which is tried now"
@@ -36,7 +37,7 @@ def add(verbs: command_line.Verbs) -> None:
     text = "folder of the sweep (default results/sweep, else the one that comes with this checkout)"
     parser.add_argument("--from", type=Path, dest="folder", metavar="DIR", help=text)
     command_line.own(parser)
-    trial.options(parser, BUDGET, "results/advise-SCRIPT")
+    trial.options(parser, BUDGET, "results/advise-SCRIPT", confirms=True)
 
 
 def run(arguments: Namespace) -> int:

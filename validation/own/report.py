@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.own import counted, lists
+from validation.own import confirm, counted, lists
 from validation.own.figures import draw
 from validation.own.trial import ENERGIES, judged
 from validation.pages import report
@@ -31,6 +31,7 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     choice = choose(points, wanted)
     told = list(_told(summary, points, choice, wanted, time)) if points or not rest else []
     told += _uncounted(summary, rest, wanted, time)
+    told += confirm.said(summary, time)
     return choice, told, _lines(summary, choice)
 
 
@@ -238,12 +239,14 @@ def tables(summary: dict) -> list[Table]:
         longest.append(_row(one, wanted))
     every = [_row(one, wanted) for one in summary["points"]]
     skins = [(one["command"], _ratio(one)) for one in summary.get("lists", ())]
+    longer = [_row(one, wanted) for one in _roughly(confirm.points(summary))]
     found = [
         Table.of(f"{EACH} within the targets, else the nearest", heads, longest),
         Table.of("All that was run; the first is what means are held against", heads, every),
         Table.of(SKINS, ("LAMMPS's command", "time of a step, in parts of the first"), skins),
+        Table.of(f"{confirm.LONGER:g} times as long", heads, longer),
     ]
-    return found if skins else found[:2]
+    return [one for one in found if one.rows]
 
 
 def _row(point, wanted):
@@ -300,4 +303,4 @@ def show(console: Console, summary: dict, out: Path) -> bool:
         for line in lines:
             console.print(f"    {line}", markup=False, soft_wrap=True)
     report.end(console, summary, out)
-    return choice.best is not None
+    return choice.best is not None and confirm.holds(summary) is not False

@@ -234,6 +234,7 @@ def trial(
     silence: float,
     meter: run.Meter,
     wanted: Mapping[str, float],
+    long: float | None = None,
 ) -> dict:
     """Run what is not there yet, and measure.
 
@@ -241,6 +242,7 @@ def trial(
         some: of `points`.
         minutes: that all may take, by the time of a step now.
         wanted: of `targets`.
+        long: how long each run lasts, in the script's units; None for what the minutes allow.
 
     Returns:
         plain data; after a Ctrl-C of what is complete, with ``interrupted``.
@@ -267,11 +269,11 @@ def trial(
         "late": False,
         "points": [],
     }
-    alike = own.scene, minutes, ranks, [one.name for one in every]
+    alike = own.scene, long or minutes, ranks, [one.name for one in every]
     origin = store.origin(*alike, files=[own.scene.folder])
     try:
         with store.locked("plan"):
-            make = partial(_plan, own, every, minutes, out, ranks, silence, meter)
+            make = partial(_plan, own, every, minutes, long, out, ranks, silence, meter)
             lengths = Lengths(dt=own.scene.dt, **store.once("plan", origin, make))
         failed: dict[Point, str | None] = {}
         names, begin = {one.name: one for one in every}, time.monotonic()
@@ -329,19 +331,19 @@ def _time(own, rows, out, ranks, silence, meter) -> None:
     by_name, some = {}, {}
     for row in rows:
         one = Point(own.integrators[row["integrator"]], row["dt"])
-        runs = rounds.lengths(row["rough"]["min"] / _steps(own, one.dt), SECONDS).runs
+        runs = rounds.lengths(row["rough"]["min"] / steps_of_cost(own, one.dt), SECONDS).runs
         label = f"{row['label']}, {row['dt']:g} {own.units.time}, timed"
         by_name[one.name] = row
         some[one.name] = turns.Timed(label, one.integrator, one.dt, runs)
     found = turns.loops(own, "timed", some, ROUNDS, out, ranks, silence, meter)
     for name, row in by_name.items():
         if found[name]:
-            steps = _steps(own, row["dt"])
+            steps = steps_of_cost(own, row["dt"])
             row["cost"] = measures.spread(loop * steps for loop in found[name])
 
 
-def _steps(own, dt) -> float:
-    """Of the time that costs are told of."""
+def steps_of_cost(own: Own, dt: float) -> float:
+    """How many steps the time has that costs are told of."""
     return NS.get(own.scene.units, 1e3) / dt
 
 
@@ -350,8 +352,8 @@ def name_of_ns(own: Own) -> str:
     return "ns" if own.scene.units in NS else f"1,000 {own.units.time}"
 
 
-def _plan(own, every, minutes, out, ranks, silence, meter) -> dict:
-    """How long runs are, from the time of a step now."""
+def _plan(own, every, minutes, long, out, ranks, silence, meter) -> dict:
+    """How long runs are, if that is not known, from the time of a step now."""
     one = every[0]
     meter.begin("a step's time", 1)
 
@@ -369,8 +371,9 @@ def _plan(own, every, minutes, out, ranks, silence, meter) -> dict:
     startup = 3.0 + 2e-5 * len(own.found.body)
     timed = ROUNDS * min(len(every), FASTEST) * (startup + (1 + rounds.SEGMENTS) * SECONDS)
     left = max(0.2 * 60 * minutes, 60 * minutes - startup * len(every) - timed)
-    long = left / (step * sum(1 / one.dt for one in every))
-    long = max(long, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
+    if long is None:
+        long = left / (step * sum(1 / one.dt for one in every))
+        long = max(long, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
     most = max(FEW, ATOMS // len(own.found.body))
     frames = min(most, MOST, max(FRAMES, int(long / max(one.dt for one in every) / APART)))
     return {"time": long, "frames": frames, "step": step}
@@ -454,7 +457,7 @@ def _rows(own, every, some, found, held, wanted) -> list[dict]:
             "signed": {},
         }
         if not fails and done is not None:
-            spent = np.array(done.seconds) * _steps(own, one.dt)
+            spent = np.array(done.seconds) * steps_of_cost(own, one.dt)
             parts = np.array_split(spent, 5)
             row["rough"] = measures.spread(float(part.mean()) for part in parts if len(part))
             alike = {
@@ -613,7 +616,9 @@ def _errors(own, one, alike, held, finer) -> dict[str, Estimate]:
 def _of_energy(own, mine) -> dict[str, Estimate]:
     """What the energy that is to be kept does: its drift, and its change in `SPAN`."""
     time, energy, kt = mine["time"], mine["conserved"], shapes.thermal(own)
-    drift = measures.line_drift(time, energy).times(_steps(own, 1.0) / (kt * mine["freedom"]))
+    drift = measures.line_drift(time, energy).times(
+        steps_of_cost(own, 1.0) / (kt * mine["freedom"])
+    )
     lag = max(1, round(SPAN * own.scene.dt / (time[1] - time[0])))
     square = measures.mean((energy[lag:] - energy[:-lag]) ** 2 / 2)
     change = np.sqrt(max(square.value, 1e-300))

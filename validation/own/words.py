@@ -5,14 +5,22 @@ import argparse
 from validation import command_line
 
 
-def options(parser: argparse.ArgumentParser, budget: float, out: str) -> None:
-    """Options for the trial of a script."""
+def options(
+    parser: argparse.ArgumentParser, budget: float, out: str, confirms: bool = False
+) -> None:
+    """Options for the trial of a script; ``confirms`` for --confirm."""
     group = parser.add_argument_group("for the trial of a script")
     command_line.only_of(group, tuple, "integrators, as the script's table names them")
     text = f"minutes that all may take (default {budget:g})"
     group.add_argument("--budget", type=command_line.positive, metavar="MINUTES", help=text)
     text = "time steps in the script's units (default: its own, and up to 6 times that)"
     group.add_argument("--steps", type=command_line.positives, metavar="DT,DT", help=text)
+    if confirms:
+        text = (
+            "then run the advised step, and one 1.5 times as long, for ten times as long: some "
+            "three budgets more"
+        )
+        group.add_argument("--confirm", action="store_true", help=text)
     command_line.ranks(parser, 1)
     command_line.silence(parser, 120.0)
     command_line.out(parser, out)
@@ -27,7 +35,7 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
         budget: minutes, by default.
         many: whether all integrators are tried by default.
     """
-    from validation.own import lists, report, system, trial  # heavy: not for --help
+    from validation.own import confirm, lists, report, system, trial  # heavy: not for --help
     from validation.pages import console
     from validation.running import run as run_by
 
@@ -46,13 +54,18 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
     points = trial.points(own, only, arguments.steps, many)
     screen = console.console()
     minutes, how = arguments.budget or budget, (out, arguments.ranks, silence)
-    with console.Meter(screen, trial.total(points) + lists.total(many), "runs") as meter:
+    confirms = not many and arguments.confirm
+    runs = trial.total(points) + lists.total(many) + confirms * confirm.total()
+    with console.Meter(screen, runs, "runs") as meter:
         mine = minutes * (1 - lists.share(many))
         summary = trial.trial(own, points, mine, *how, meter, wanted) | {"minutes": minutes}
         best = report.answer(summary)[0].best
         if best and not many and not summary["interrupted"]:
             try:
                 summary["lists"] = lists.tried(own, best, minutes, *how, meter)
+                if confirms:
+                    summary["confirmed"] = confirm.confirm(own, summary, best, *how, meter)
+                    summary["interrupted"] = summary["confirmed"]["interrupted"]
             except KeyboardInterrupt:
                 summary["interrupted"] = True
     report.write(summary, out)

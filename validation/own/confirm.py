@@ -1,0 +1,85 @@
+"""Whether an advised step bears out: runs ten times as long, with it and with a longer one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from validation.own import trial
+from validation.own.system import Own
+from validation.running import run
+from validation.statistics.estimate import SURE, Estimate
+from validation.sweep.choice import meets
+
+if TYPE_CHECKING:  # it reads inputs, which only a checkout has
+    from validation.sweep.plan import Measured
+
+LONGER = 10.0  # times as long as the runs by which it was chosen
+FURTHER = 1.5  # times the advised step, which should not do, or more than was told would
+FOLDER = "confirmed"
+
+
+def total() -> int:
+    """Runs that a meter counts, about."""
+    return 3
+
+
+def confirm(
+    own: Own, summary: Mapping, best: Mapping, out: Path, ranks: int, silence: float,
+    meter: run.Meter,
+) -> dict:  # fmt: skip
+    """Run ours with half of the script's step, and the advised integrator with the advised and with
+    a longer step, each ten times as long as before.
+
+    Args:
+        summary: of `trial.trial`.  best: its point that is advised.
+
+    Returns:
+        what `trial.trial` does, of these runs.
+    """
+    one = own.integrators[best["integrator"]]
+    some = [trial.Point(one, factor * best["dt"]) for factor in (1.0, FURTHER)]
+    long = LONGER * summary["time"]
+    steps = sum(long / each.dt for each in (trial.reference(own), *some))
+    minutes = 1.0 + best["rough"]["median"] / trial.steps_of_cost(own, best["dt"]) * steps / 60
+    folder, wanted = out / FOLDER, summary["targets"]
+    return trial.trial(own, some, minutes, folder, ranks, silence, meter, wanted, long)
+
+
+def points(summary: Mapping) -> list[Measured]:
+    """The rows of the runs ten times as long that say whether an advised step bears out."""
+    found = summary.get("confirmed")
+    return [one for one in found["points"] if one["asked"]] if found else []
+
+
+def holds(summary: Mapping) -> bool | None:
+    """Whether the advised step is within the targets in a run ten times as long; None if there is
+    no telling, or no such run."""
+    found = points(summary)
+    return meets(found[0], trial.judged(found[0], summary["targets"])) if found else None
+
+
+def said(summary: Mapping, unit: str) -> Iterator[str]:
+    """What is to be said of these runs."""
+    found = points(summary)
+    if not found:
+        return
+    words = {
+        True: "is within the targets",
+        False: "is not within the targets",
+        None: "may be within the targets or not",
+    }
+    for one in found:
+        wanted = trial.judged(one, summary["targets"])
+        step = f"{one['dt']:g} {unit}, in a run {LONGER:g} times as long"
+        if one["failed"]:
+            yield f"{step}, fails: {one['failed']}."
+            continue
+        errors = (
+            f"{name} {Estimate.of(one['errors'][name]).text()} (at most {most:g})"
+            for name, most in wanted.items()
+            if name in one["errors"]
+        )
+        verdict = words[meets(one, wanted)]
+        yield f"{step}, {verdict}, by {SURE}: {', '.join(errors)}."
