@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -381,10 +382,22 @@ def test_what_short_runs_cannot_tell_is_said_and_the_rest_answered():
     errors, summary = one["errors"], summary_of({"drift": 0.02, "energy": 0.2}, one)
     choice, told, lines = report.answer(summary)
     assert choice.best is None and not lines
-    assert "About --budget 480 tells" in told[0]  # (1.96 * 0.1 / 0.02)^2 times 5
+    assert "About --budget 23 tells" in told[0]  # (1.96 * 0.1 / 0.02)^(2/3) times 5
     assert "cannot tell drift below 0.2. But for that, ours with 4 fs" in told[1]
     errors["energy"] = Estimate(0.1, 0.2).plain()  # nor this
     assert not any("But for that" in line for line in report.answer(summary)[1])
+
+
+def test_the_budget_that_tells_a_drift_is_what_a_longer_run_needs():
+    """Locks out a budget that a slope does not need: its error goes as the length to -3/2."""
+    rng, lengths = np.random.default_rng(5), (1000, 4000)
+    short, long = (
+        np.mean([measures.line_drift(np.arange(n), rng.normal(size=n)).margin for _ in range(20)])
+        for n in lengths
+    )
+    one = row(4.0, "ours", drift=Estimate(0.0, short / 1.96))
+    summary = summary_of({"drift": long}, one) | {"minutes": 100}
+    assert 330 < int(re.search(r"--budget (\d+)", report.answer(summary)[1][0])[1]) < 480
 
 
 def test_a_skin_is_advised_only_if_it_is_faster_in_each_round(tmp_path):

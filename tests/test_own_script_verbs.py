@@ -13,7 +13,7 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 from validation import command_line
 from validation.__main__ import main
 from validation.check import measure as check
-from validation.own import lists, shapes, stress, trial
+from validation.own import confirm, lists, shapes, stress, trial
 from validation.running import run, store
 
 
@@ -132,6 +132,24 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
     begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
     assert begin and main(["advise", str(path), *words, *targets]) == 0
     assert begin == {one: one.stat().st_mtime_ns for one in begin}
+    # and longer
+    monkeypatch.setattr(confirm, "LONGER", 2.0)
+    status = main(["advise", str(path), *words, *targets, "--confirm"])
+    summary = json.loads((out / "summary.json").read_text())
+    longer = summary["confirmed"]
+    assert longer["time"] == 2 * summary["time"]
+    asked = [one for one in longer["points"] if one["asked"]]
+    assert [(one["integrator"], one["dt"]) for one in asked] == [("nosquish", 4), ("nosquish", 6)]
+    assert status == (confirm.holds(summary) is False)
+    page = (out / "report.html").read_text()
+    assert "4 fs, in a run 2 times as long, " in page and "6 fs, in a run 2 times as long, " in page
+    # advice that does not bear out
+    for one in asked:
+        one["errors"]["energy"] |= {"value": 9.0, "error": 0.1}
+    said = "; ".join(confirm.said(summary, "fs"))
+    assert confirm.holds(summary) is False and said.count("is not within the targets") == 2
+    asked[1]["failed"] = "it heats"
+    assert "6 fs, in a run 2 times as long, fails: it heats." in confirm.said(summary, "fs")
 
 
 @pytest.mark.parametrize(

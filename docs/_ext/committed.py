@@ -557,6 +557,22 @@ def theory_rotors():
     return markdown(head, lines)
 
 
+def own_scripts():
+    """What was advised for each of five scripts, and what longer runs say of it."""
+    lines = []
+    for folder in sorted((RESULTS / "own-scripts").iterdir()):
+        found = summary(f"own-scripts/{folder.name}")
+        longer = rows(f"own-scripts/{folder.name}", "confirmed") if found.get("confirmed") else []
+        unit = "τ" if found["units"] == "lj" else "fs"
+        told = [f"{row['verdict']} ({plain(row['step'])}{NBSP}{unit})" for row in longer]
+        name = longer[0]["integrator"] if longer else "no step for sure"
+        step = f"{plain(longer[0]['step'])}{NBSP}{unit}" if longer else NOTHING
+        own = f"{plain(found['dt'])}{NBSP}{unit}"
+        lines.append([found["title"], own, name, step, *(told or [NOTHING, NOTHING])])
+    head = ["script", "its step", "advised", "step", "ten times as long", "1.5 times that step"]
+    return markdown(head, lines)
+
+
 def _paper(*parts):
     return _checks(rows("paper", "claims"), parts)
 
@@ -746,6 +762,7 @@ TABLES = [
     theory_conserved,
     theory_recursion,
     theory_rotors,
+    own_scripts,
     paper_dimer,
     paper_liquid,
     paper_peptide,

@@ -166,10 +166,15 @@ def _longer(summary, points, perhaps, wanted) -> str:
 
 
 def _above(point, name, most, confidence) -> float:
-    """How many times longer runs have an error bar that does not reach across the target."""
+    """How many times longer runs have an error bar that does not reach across the target.
+
+    That of a mean goes as the run's length to -1/2, that of a slope, whose noise does not wander,
+    to -3/2.
+    """
     one = Estimate.of(point["errors"][name])
     room = most - (one.value if one.value > one.margin else 0.0)
-    return (margin(one.error, one.freedom, confidence) / room) ** 2 if room > 0 else math.inf
+    power = 2 / 3 if name == "drift" else 2
+    return (margin(one.error, one.freedom, confidence) / room) ** power if room > 0 else math.inf
 
 
 def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
@@ -264,29 +269,33 @@ def _row(point, wanted):
     return [point["label"], f"{point['dt']:g}", _cost(point), *texts, verdict]
 
 
+def _numbers(point, wanted) -> dict:
+    """A row of a file."""
+    return {
+        "integrator": point["label"],
+        "step": point["dt"],
+        "cost": point["cost"] and point["cost"]["min"],
+        "cost with samples": point["rough"] and point["rough"]["min"],
+        **{
+            name + part: (getattr(Estimate.of(found), key) if found else None)
+            for name in wanted
+            for found in [point["errors"].get(name)]
+            for part, key in (("", "value"), (" margin", "margin"))
+        },
+        "failed": point["failed"],
+        "verdict": _row(point, wanted)[-1],
+    }
+
+
 def write(summary: dict, out: Path) -> None:
     """Write all files into a folder."""
     _, told, lines = answer(summary)
     wanted = summary["targets"]
-    rows = [
-        {
-            "integrator": one["label"],
-            "step": one["dt"],
-            "cost": one["cost"] and one["cost"]["min"],
-            "cost with samples": one["rough"] and one["rough"]["min"],
-            **{
-                name + part: (getattr(Estimate.of(found), key) if found else None)
-                for name in wanted
-                for found in [one["errors"].get(name)]
-                for part, key in (("", "value"), (" margin", "margin"))
-            },
-            "failed": one["failed"],
-        }
-        for one in summary["points"]
-    ]
     values: dict = {"told": told, "lines": lines, "shown": tables(summary)}
     figures = draw(summary, out)
-    files = {"table": report.frame(rows)}
+    files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
+    if longer := confirm.points(summary):
+        files["confirmed"] = report.frame(_numbers(one, wanted) for one in longer)
     report.write(summary, out, files, "own.html", figures, **values)
 
 

@@ -31,7 +31,7 @@ from validation.sweep.choice import choose, least, meets
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
-FRAMES, MOST = 200, 1000  # of a run, and of one with many steps
+FRAMES, MOST = 200, 1000  # of a run, and of one with many steps that the budget is to hold
 APART = 50  # steps between the frames of such a run
 ATOMS, FEW = 2_000_000, 20  # in all frames of a run at most, but so many frames at least
 SETTLES = 0.25  # of the frames are left out
@@ -254,7 +254,7 @@ def trial(
     )  # of lengths, which no error follows from
     summary = machine.circumstances() | {
         "title": own.scene.title,
-        "script": own.ask.script,
+        "script": Path(own.ask.script).name,
         "notes": own.notes,
         "units": own.scene.units,
         "ns": name_of_ns(own),
@@ -371,11 +371,12 @@ def _plan(own, every, minutes, long, out, ranks, silence, meter) -> dict:
     startup = 3.0 + 2e-5 * len(own.found.body)
     timed = ROUNDS * min(len(every), FASTEST) * (startup + (1 + rounds.SEGMENTS) * SECONDS)
     left = max(0.2 * 60 * minutes, 60 * minutes - startup * len(every) - timed)
+    most = max(FEW, ATOMS // len(own.found.body))
     if long is None:
+        most = min(most, MOST)
         long = left / (step * sum(1 / one.dt for one in every))
         long = max(long, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
-    most = max(FEW, ATOMS // len(own.found.body))
-    frames = min(most, MOST, max(FRAMES, int(long / max(one.dt for one in every) / APART)))
+    frames = min(most, max(FRAMES, int(long / max(one.dt for one in every) / APART)))
     return {"time": long, "frames": frames, "step": step}
 
 
