@@ -406,3 +406,18 @@ def aligned(shape):
 def matrices(q):
     """Rotations (3, 3, n) from the principal to the space frame, of quaternions (4, n)."""
     return np.array(rotation_matrix(q)).reshape(3, 3, -1)
+
+
+def quaternions(axes):
+    """Unit quaternions (4, n) of rotation matrices (n, 3, 3) whose columns are the body axes."""
+    r = axes.transpose(1, 2, 0)
+    # four times the products q_i q_j; the row of the largest component is the quaternion, scaled
+    products = np.array([
+        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
+        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
+    ])  # fmt: skip
+    largest = np.argmax([products[k, k] for k in range(4)], axis=0)
+    q = products[largest, :, np.arange(len(axes))].T
+    return q / np.sqrt((q * q).sum(axis=0))

@@ -3,9 +3,22 @@
 import numpy as np
 
 from . import compiled, extended, infile
-from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, Bodies, Q, X, matrices
+from .bodies import (
+    HOME,
+    ID,
+    IMAGE,
+    MASS,
+    MOMENT,
+    NATOMS,
+    ROWS,
+    Bodies,
+    Q,
+    X,
+    matrices,
+    quaternions,
+)  # fmt: skip
 from .errors import RunError
-from .extended import DIPOLE, ORIENT, OWN_MOMENT, particles_of
+from .extended import particles_of
 from .frames import product
 from .membership import POINTS
 from .shapes import keep
@@ -20,6 +33,7 @@ _EQUAL_MOMENTS = (
 )
 _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 _OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
+_OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
@@ -65,6 +79,7 @@ def build(
         communicator.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
 
     natoms, body_mass = total(np.ones(len(atoms)), mass)
+    atoms_mass = body_mass.copy()
     given = infile.read(path, communicator, ids, sharers.owned) if path else None
     if given:
         body_mass[given.bodies] = given.mass
@@ -75,20 +90,20 @@ def build(
     place, image, delta, rebuilt, doubt = unfold(
         lammps, communicator, membership, sharers, ids, body, tag, atoms
     )
-    of_atoms = centre = total(*(mass * delta.T)) / body_mass
+    of_atoms = centre = total(*(mass * delta.T)) / atoms_mass
     if given:
         centre = _centres_in_file(lammps, given, place, image, of_atoms, blame)
     r, kept, new = delta - centre[:, body].T, None, True
+    shaped = oriented or lammps.radius is not None
+    particles = particles_of(lammps, shapes, atoms) if shaped else None
     if former is not None:
-        r, kept, new = keep(
-            lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r
-        )
-    particles, own = None, 0.0
-    if oriented or lammps.radius is not None:
-        particles = _turned(particles_of(lammps, shapes, atoms), kept, former)
-        own = total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n)
+        r, particles, kept, new = keep(
+            lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r,
+            particles, oriented,
+        )  # fmt: skip
+    own = total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n) if shaped else 0.0
     inertia = _inertia(total, mass, r) + own
-    size = np.sqrt(np.trace(inertia) / body_mass)
+    size = np.sqrt(np.trace(inertia) / atoms_mass)
     blame(
         (natoms > 1)
         & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
@@ -102,8 +117,9 @@ def build(
     doubts = [doubt] if doubt else []
     if given:
         inertia[given.bodies] = given.inertia
-        several = (natoms > 1) & sharers.owned
-        doubts += _off_centre(communicator, membership, ids, centre - of_atoms, size, several)
+        doubts += _off_centre(
+            lammps, communicator, membership, ids, centre - of_atoms, size, sharers.owned
+        )
 
     def weighted():
         places = np.array([r.T, r.T])
@@ -129,7 +145,7 @@ def build(
         sharers.home,
         ids,
     )
-    state[X], state[IMAGE], state[Q] = place + centre, image, _quaternion(axes)
+    state[X], state[IMAGE], state[Q] = place + centre, image, quaternions(axes)
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~sharers.owned] = 0.0
     sharers.combine(state)
@@ -174,16 +190,19 @@ def _centres_in_file(lammps, given, place, image, of_atoms, blame):
     return centre
 
 
-def _off_centre(communicator, membership, ids, off, size, several):
+def _off_centre(lammps, communicator, membership, ids, off, size, owned):
     """A warning of bodies that an infile has far from their atoms, if any; collective.
 
     Args:
-        ids (n,), off (3, n), size (n,): the bodies, how far their centre is off, and their size.
-        several: (n,) bool, which to look at.
+        ids (n,), off (3, n): the bodies, and how far their centre is off.
+        size: (n,) root of the trace of the atoms' inertia about that centre over their mass.
+        owned: (n,) bool, which to look at.
     """
     off = np.linalg.norm(off, axis=0)
     radius = np.sqrt(np.maximum(0.5 * size**2 - off**2, 0.0))  # of gyration, about their own centre
-    odd = several & (off > _OFF_CENTRE * radius)
+    point = radius < 1e-6 * off  # an atom alone, to rounding
+    radius[point] = 0.0
+    odd = owned & (off > np.where(point, _OFF_POINT * lammps.box.size, _OFF_CENTRE * radius))
     rows = communicator.gather_to_all(np.array([off, radius, ids], float).T[odd])
     if not len(rows):
         return []
@@ -270,16 +289,6 @@ def _inertia(total, mass, r):
     x, y, z = r.T
     xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (x * x, y * y, z * z, x * y, x * z, y * z)))
     return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
-
-
-def _turned(particles, kept, former):
-    """The particles, turned with the bodies that keep their shape."""
-    if not kept or len(former.displace) == ORIENT:
-        return particles
-    quat, dipole, d = particles.quat.copy(), particles.dipole.copy(), former.displace[:, kept.atoms]
-    quat[:, kept.which] = product(_quaternion(kept.turn), d[ORIENT:OWN_MOMENT])
-    dipole[:, kept.which] = np.einsum("mab,bm->am", kept.turn, d[DIPOLE:])
-    return particles._replace(quat=quat, dipole=dipole)
 
 
 def _with_atoms(state, body, tag, r, atoms, particles, oriented, come, communicator, plane, chosen):
@@ -487,18 +496,3 @@ def _choose_axes(axes, equal, sums):
     axes[chosen[found]] = np.where(
         last, np.stack([second, third, first], axis=2), np.stack([first, second, third], axis=2)
     )
-
-
-def _quaternion(axes):
-    """Unit quaternions (4, n) of rotation matrices (n, 3, 3) whose columns are the body axes."""
-    r = axes.transpose(1, 2, 0)
-    # four times the products q_i q_j; the row of the largest component is the quaternion, scaled
-    products = np.array([
-        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
-        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
-    ])  # fmt: skip
-    largest = np.argmax([products[k, k] for k in range(4)], axis=0)
-    q = products[largest, :, np.arange(len(axes))].T
-    return q / np.sqrt((q * q).sum(axis=0))

@@ -270,12 +270,9 @@ def _check_pressure(words, values, known):
         raise words.wrong("where tilts xy and yz change, xz follows them: give xz, too")
     if "iso" in given and "couple" in values:
         raise words.wrong("keyword couple is for aniso and x, y, z: iso couples all axes")
-    asked, couple = values["pressure"], values.get("couple", "none")
-    if len({damping for _, _, damping in asked.values()}) > 1:
-        raise words.wrong("PDAMP is another one for another axis: give all axes the same")
-    several = given & {"aniso", "tri"}
-    if not several and couple != "none" and len({asked.get(k) for k in couple}) > 1:
-        raise words.wrong(f"keyword couple {couple}: give each of these axes, and the same numbers")
+    couple = values.get("couple", "none")
+    if not (couple == "none" or given & {"aniso", "tri"} or given >= set(couple)):
+        raise words.wrong(f"keyword couple {couple}: give each of these axes")
     if "compressibility" in values and values.get("barostat") == "mtk":
         raise words.wrong("keyword compressibility is of no use to this barostat: leave it out")
 

@@ -220,17 +220,29 @@ class ConstantPressure(NVT):
     @property
     def damping(self):
         """PDAMP, which is one for all axes."""
-        words = next(iter(self.command.pressure.values()))
-        damping = self.lammps.number(words[2])
+        every = {self.lammps.number(words[2]) for words in self.command.pressure.values()}
+        damping, *others = sorted(every)
         self.command.refuse_unless_positive("PDAMP", damping)
+        if others:
+            raise self.command.wrong(
+                f"PDAMP is {damping:g} for one axis and {others[0]:g} for another: "
+                "give all axes the same"
+            )
         return damping
 
     def own_numbers(self):
         """The numbers of the barostat, (n,): see `cell`."""
-        lammps, numbers = self.lammps, np.zeros(self.numbers)
-        for k, part in enumerate((*AXES, *TILTS)):
-            if words := self.command.pressure_of(part):
-                start, stop = (lammps.number(word) for word in words[:2])
+        lammps, numbers, of_group = self.lammps, np.zeros(self.numbers), {}
+        for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
+            if group >= 0:
+                words = self.command.pressure_of(part)[:2]
+                start, stop = pressures = tuple(lammps.number(word) for word in words)
+                if of_group.setdefault(group, pressures) != pressures:
+                    raise self.command.wrong(
+                        f"keyword couple {self.command.couple}: {part} goes from {start:g} to "
+                        f"{stop:g}, and an axis coupled to it from {of_group[group][0]:g} to "
+                        f"{of_group[group][1]:g}: give both the same"
+                    )
                 numbers[[P_START + k, P_STOP + k]] = start / lammps.nktv2p, stop / lammps.nktv2p
         numbers[[UNIT, EVERY, SPACE]] = lammps.mvv2e, self.every, lammps.dimension == 3
         # a change of an axis stretches a tilt along it, and narrows one that it is the second of

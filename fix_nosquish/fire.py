@@ -161,8 +161,9 @@ def quench(mpi: Mpi, parameters: F1, dt: F, sums: F1, quenches: F1, stop: L1) ->
     if restless == 0.0:  # others may move what pushes these bodies
         return 0
     delay, keep, along = parameters[DELAYSTEP], 0.0, 0.0
-    if parameters[STEPS] == 0.0:
+    if parameters[STEPS] == 0.0 or vv == 0.0:  # at rest, while another fix's bodies moved
         parameters[STEP], parameters[ALPHA] = dt, parameters[ALPHA_0]
+        parameters[STEPS] = parameters[IN_A_ROW] = 0.0
     elif power > 0.0:
         keep, along = 1.0 - parameters[ALPHA], parameters[ALPHA] * sqrt(vv / aa)
         parameters[IN_A_ROW] += 1.0

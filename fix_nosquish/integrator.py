@@ -130,6 +130,7 @@ class Integrator:
             and says whether the state stays; if not, `renewed` is called when the forces are known
             where it goes back to.
         thermostat: whether it keeps a temperature, so that no other fix may.
+        quenches: whether it ends a run by itself.
         crosses: whether bodies may get another velocity where they cross a face, as with remap v of
             fix deform.
         every: the box changes in the steps after the multiples of this; 0 for never.
@@ -173,7 +174,7 @@ class Integrator:
     host = parameters = told_box = gravity = None
     unprepared = ""
     every, modules, flips, needs_energy = 0, (), False, False
-    crosses = streams = False
+    crosses = streams = quenches = False
     own_warnings = ()
     follows_atoms = True
     virial = virial_per_atom = None
@@ -357,7 +358,7 @@ class Integrator:
                 self._take_velocities()
             self.passes.do("turn")
             self.set_velocities()
-            if self.streams and not self._runs:
+            if self.streams and not self.runs:
                 self._set_plain_velocities()
         self._refuse_second_integrator()
         self.reset_dt()
@@ -368,7 +369,7 @@ class Integrator:
         self._tell_count()
 
     @property
-    def _runs(self):
+    def runs(self):
         """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
         write_restart, also where command run names them."""
         return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
@@ -433,6 +434,11 @@ class Integrator:
         if kept and kept.text and not bodies.loose:
             self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
             self.host.log(kept.text)
+        if kept and kept.turned:
+            self.host.log(
+                f"{kept.turned} particles were turned with their bodies, which something has moved "
+                "between the runs (an orientation that 'set' gave them there is dropped)\n"
+            )
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
@@ -690,7 +696,10 @@ class Integrator:
         """There are other bodies than before, in a run; collective."""
 
     def resumed(self):
-        """A run begins by 'pre no', which asks for nothing anew; collective."""
+        """A run's first step begins without a setup before it; collective.
+
+        So it is with 'pre no', and always with a LAMMPS's own fix.
+        """
 
     @hook
     def final_integrate(self):
@@ -750,6 +759,7 @@ class Integrator:
 
     def _begin_step(self, vflag):
         if self.phase == Phase.NEW:
+            self.resumed()
             self.post_neighbor()
             self.setup(0)
         elif self.phase == Phase.OVER:

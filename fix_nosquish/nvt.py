@@ -175,10 +175,14 @@ class NVT(Integrator):
             )
             state[KIND] = self.kind
         elif self.parameters is not None:  # what a restart file got meanwhile is of an earlier step
-            self._energy, state[WAS_AT] = self.energy(), self.parameters[STEP]
+            self._energy = self.energy()
+            if self.parameters[STEP] >= 0:  # else there was no step since this was last asked
+                state[WAS_AT] = self.parameters[STEP]
         elif np.isfinite(state[ENERGY]):
             self._energy, self.own_state()[:] = state[ENERGY], state[OWN:]
-        state[TIMES_BACK] += self.lammps.step < state[WAS_AT]
+        if self.lammps.step < state[WAS_AT]:
+            state[TIMES_BACK] += 1
+            state[WAS_AT] = self.lammps.step
         unit = self.lammps.boltz / self.lammps.mvv2e
         key = key_of(command, state[TIMES_BACK])
         return rate, unit * start, unit * stop, unit * start, -1.0, 0.0, *key, 0.0
@@ -196,7 +200,8 @@ class NVT(Integrator):
             )
 
     def resumed(self):
-        if self.command.seed is not None and self.lammps.step <= self.parameters[STEP]:
+        last = max(self.parameters[STEP], self.restart_state[WAS_AT])
+        if self.command.seed is not None and self.lammps.step <= last:
             raise RunError(
                 "the step counter has gone back, and with it random numbers: "
                 "begin the run with 'pre yes', which takes others",

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from . import infile, output, step, thermo
+from . import infile, output, thermo
 from .build import build
 from .errors import RunError
 
@@ -107,6 +107,7 @@ class Reports:
         """Write the table of this step, if it is due."""
         if self.due():
             state = self._state
+            state.come_to_rest()
             self.file.write(state.lammps.step, output.table(state.bodies, state.lammps))
 
     def table(self):
@@ -181,21 +182,11 @@ class Reports:
                 former=state.former(),
                 **state.particles(),
             )[0]
-        inside = state.lammps.groups[bodies.index] & (1 << group) != 0
-        if "scale" in sets and self._not_rigid(bodies, inside):
-            return 0  # as with create
+        bit = 1 << group
+        if "scale" in sets and not bodies.spin:
+            return thermo.removed_freedom_to_scale(bodies, state.communicator, bit, state.lammps)
+        inside = state.lammps.groups[bodies.index] & bit != 0
         return thermo.removed_freedom(bodies, state.communicator, inside, state.lammps)
-
-    def _not_rigid(self, bodies, inside):
-        """Whether these atoms, (m,) bool, have velocities that are no rigid motion; collective."""
-        lammps = self._state.lammps
-        v = lammps.per_atom("v", columns=3)
-        rigid = np.empty_like(v)
-        step.set_velocities.bind_to(bodies.cells, atom_v=rigid)()
-        atoms = bodies.index[inside]
-        squares = [(lammps.masses[atoms] * (u[atoms] ** 2).T).sum() for u in (v - rigid, v)]
-        other, all_of_it = self._state.communicator.total(np.array(squares))
-        return other > 1e-9 * all_of_it
 
     def energies(self):
         """Kinetic energies and temperatures: see `thermo.energies`; collective."""

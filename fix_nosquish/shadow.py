@@ -42,14 +42,15 @@ class ShadowEnergy:
         self.value, self._taken = np.nan, []
 
     def begin(self):
-        """A run begins: name the first step to take.
+        """A run begins, or a command that sets up as one does: name the first step to take.
 
         Raises:
             RunError: where the energy is not that of these bodies' steps, or not known.
         """
         self._refuse()
-        self.value, self._taken = np.nan, []  # bodies and forces may be others than in the last run
-        integrator = self._integrator
+        integrator, self._taken = self._integrator, []
+        if integrator.runs:  # bodies and forces may be others than in the last run
+            self.value = np.nan
         every, step = integrator.command.shadow, integrator.lammps.step
         if step % every == (1 - STEPS) % every:
             integrator.host.begins = step + 1  # the start is one of three

@@ -36,13 +36,44 @@ def removed_freedom(bodies, communicator, inside, lammps):
         if lammps.radius is not None:
             finite |= lammps.radius[bodies.index] > 0
         degrees[finite] = 6 if lammps.dimension == 3 else 3
-    sums = np.array(
-        [np.bincount(bodies.body, weights, minlength=len(bodies)) for weights in (inside, degrees)]
-    )
-    bodies.sharers.combine(sums)
-    whole = (sums[0] == bodies.natoms) & bodies.sharers.owned
-    removed = sums[1, whole].sum() - freedom(bodies, lammps.dimension)[whole].sum()
+    whole, (sums,) = _of_whole(bodies, inside, degrees)
+    removed = sums[whole].sum() - freedom(bodies, lammps.dimension)[whole].sum()
     return round(communicator.total(np.array([removed]))[0])
+
+
+def _of_whole(bodies, inside, *of_atoms):
+    """Which bodies are counted here and wholly in a group, (n,) bool, and sums over the atoms of
+    each, (len(of_atoms), n); collective. Args: inside: as for `removed_freedom`."""
+    columns = inside, *of_atoms
+    sums = np.array([np.bincount(bodies.body, c, minlength=len(bodies)) for c in columns])
+    bodies.sharers.combine(sums)
+    return (sums[0] == bodies.natoms) & bodies.sharers.owned, sums[1:]
+
+
+def removed_freedom_to_scale(bodies, communicator, bit, lammps):
+    """What to give for `removed_freedom` so that LAMMPS, which scales the velocities of all atoms
+    of a group to a temperature, gives the bodies that temperature; collective.
+
+    A body keeps a part of its atoms' kinetic energy when the run makes their velocities rigid
+    motion: all if they are that already, and the part of its degrees of freedom if they were drawn.
+
+    Args:
+        bodies: the `Bodies` of these velocities, whose atoms are points.  bit: of the group.
+        Else as for `removed_freedom`.
+    """
+    v, mass = lammps.per_atom("v", columns=3), lammps.masses
+    of_group = np.flatnonzero(lammps.groups & bit)
+    squares = mass * (v**2).sum(axis=1)
+    inside = lammps.groups[bodies.index] & bit != 0
+    whole, (of_atoms,) = _of_whole(bodies, inside, squares[bodies.index])
+    lost = of_atoms[whole].sum() - 2.0 * bodies.kinetic()[:, whole].sum()
+    found = communicator.total(np.array([squares[of_group].sum(), lost, len(of_group)]))
+    kinetic, lost, atoms = found
+    removed = removed_freedom(bodies, communicator, inside, lammps)
+    degrees = lammps.dimension * (atoms - 1)  # compute temp leaves out those of the momentum
+    if not kinetic - lost > 0.0:
+        return removed
+    return round(degrees - (degrees - removed) * kinetic / (kinetic - lost))
 
 
 def energies(bodies, communicator, lammps):
@@ -225,11 +256,12 @@ def warnings(nve):
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: "
             "give every body a molecule-ID of its own, or leave these atoms out of the group"
         )
-    if notes["still"] and projected(notes):
+    warmed = nve.thermostat or nve.quenches or nve.command.steps
+    if notes["still"] and projected(notes) and not warmed:
         lines.append(
-            "WARNING: the bodies' atoms are no points, and do not spin, as velocity create leaves "
-            "them: so the bodies' rotation starts colder than their translation. A thermostat "
-            "warms it, or velocity scale behind the first run"
+            "WARNING: the bodies' atoms are no points, and do not spin: velocity create and "
+            "velocity scale leave spins as they are. So the bodies' rotation starts colder than "
+            "their translation; a thermostat warms it"
         )
     lines += [*notes["warnings"], *nve.own_warnings]
     turn, body = _fastest(nve.bodies, nve.communicator, nve.lammps.innermost_dt)

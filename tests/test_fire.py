@@ -265,6 +265,29 @@ def test_torque_without_a_moment(run_lammps):
     assert ": as asked for" in done.log
 
 
+def test_torque_about_a_line(run_lammps):
+    """Locks out a quench that waits for a torque about the line of a linear body, which turns
+    nothing."""
+    one = fix("force v_f torque v_f", 1e-4, "rigid", "rigid custom i_body")
+    text = f"{DIPOLES}group rigid id 2\nset group rigid dipole 1 1 0\n"
+    text = text.replace("set atom 1 dipole", "set atom 3 dipole").replace(" 0 0.5 0.3", " 0 0 0.3")
+    # a field along z, with atom 3 elsewhere: the dipoles' part across the line turns about it
+    text += "fix turn rigid setforce 0 0 0\npair_style zero 4.0\npair_coeff * *\n"
+    done = run_lammps(f"{text}{one}run 4000\nprint 'AT $(step) $(f_1[6])'\n")
+    assert ": as asked for" in done.log
+    assert int(re.search(r"^AT (\d+)", done.log, re.M)[1]) < 4000
+
+
+def test_beside_an_integrator(run_lammps):
+    """Locks out a quench that asks all other fixes how far they are."""
+    system = mixture(side=2, spacing=2.9)
+    groups = "group some molecule <= 3\ngroup rest subtract all some\n"
+    both = fix("force v_f torque v_f", 1e-3, "some", "some molecule")
+    both += 'fix 2 rest python/move "fix_nosquish.NVE rest molecule"\n'
+    script = f"{system.setup}\n{SMOOTH}{groups}{both}timestep 0.0005\nrun 20\n"
+    assert "FIRE: at step 20" in run_lammps(script, files=system.files).log
+
+
 def test_two_at_once(run_lammps, tmp_path):
     """Locks out a fix that is at rest and ends the run before another one is, or that does not
     move again when the other's bodies push its own."""

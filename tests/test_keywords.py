@@ -760,7 +760,12 @@ def test_spheres_as_points(run_lammps):
     log = run_lammps(f"{script}\n{fix}run 0\n", files={"data.clumps": data}).log
     assert "20 rigid bodies with 60 atoms: 20 three-dimensional; 21 points" in log
     assert f"{20 * 6 + 21 * 6} left to the bodies" in log
-    assert "rotation of rotors" in log
+    bodies = "group bodies id 1 2\ngroup loose subtract all bodies\nset group bodies diameter 0\n"
+    script = f"{clumps(points=False)[0]}\n{bodies}"
+    fix = fix.replace("bodies molecule", "bodies group 1 bodies")
+    log = run_lammps(f"{script}\n{fix}run 0\n", files={"data.clumps": data}).log
+    assert "1 linear" in log
+    assert "rotation of rotors" in log.split("passes left out")[0]  # of the points
 
 
 def test_particles_that_do_not_spin(run_lammps):
@@ -774,8 +779,10 @@ def test_particles_that_do_not_spin(run_lammps):
     spins = run_lammps(
         f"{script}\n{still}set group all omega 0 0 1\n{fix}\nrun 0\n", files=files
     ).log
+    warm = fix.replace("NVE all molecule", "NVT all molecule temp 1 1 1 seed 7")
+    warmed = run_lammps(f"{script}\n{still}{warm}\nrun 0\n", files=files).log
     assert "the bodies' rotation starts colder than their translation" in said
-    assert "starts colder" not in spins
+    assert "starts colder" not in spins + warmed
 
 
 def test_sphere_in_a_group(run_clumps):
@@ -856,11 +863,16 @@ fix two all python/move "fix_nosquish.NVE planar molecule infile v_p"
 
 def test_infile_of_other_bodies(run_lammps, simulate):
     """Locks out silence where a fix gets the file of another one, whose bodies have the same IDs
-    and are elsewhere; and a warning of bodies whose own masses are just others."""
-    system = mixture("solid planar")
+    and are elsewhere, lighter or heavier; and a warning of bodies whose own masses are just
+    others, by twice or half."""
+    system = mixture("solid planar single")
     rows = rows_of(system, simulate(system, "", 0))
-    other = rows[:2].copy()
+    alone = np.bincount(system.molecule)[rows[:, 0].astype(int)] == 1
+    other = np.concatenate([rows[~alone][:2], rows[alone][:1]])
+    other[:, 1] *= 0.5, 2.0, 1.0
     other[:, 2:5] += 1.5
+    rows = rows[~alone]
+    rows[::2, 1] *= 3.0
     said = {}
     for name, given in ("own", unlike_its_atoms(rows)), ("other", other):
         script = (
@@ -868,7 +880,7 @@ def test_infile_of_other_bodies(run_lammps, simulate):
         )
         files = with_file(system, text_of(given)).files
         said[name] = run_lammps(script + "\n", files=files, ranks=2).log
-    assert "WARNING: the infile has the centres of 2 bodies far from their atoms" in said["other"]
+    assert "WARNING: the infile has the centres of 3 bodies far from their atoms" in said["other"]
     assert "far from their atoms" not in said["own"]
 
 

@@ -189,9 +189,10 @@ def test_refused(refused, lines, says):
         ("iso 1 1 1", "keyword compressibility is missing: with units lj it has no default"),
         ("iso 1 1 1 x 1 1 1", "only one kind can stand"),
         ("iso 1 1 1 couple xy", "keyword couple is for aniso"),
-        ("x 1 1 1 y 1 1 2 compressibility 1", "PDAMP is another one for another axis"),
-        ("x 1 1 1 y 2 2 1 couple xy compressibility 1", "and the same numbers"),
-        ("x 1 1 1 couple xy compressibility 1", "and the same numbers"),
+        ("x 1 1 1 y 1 1 2 compressibility 1", "PDAMP is 1 for one axis and 2 for another"),
+        ("x 1 1 1 y 2 2 1 couple xy compressibility 1", "y goes from 2 to 2, and an axis coupled"),
+        ("x 1 1 1 couple xy compressibility 1", "keyword couple xy: give each of these axes"),
+        ("z 1 1 1 couple xy compressibility 1", "keyword couple xy: give each of these axes"),
         ("x 1 1 1 x 1 1 1 compressibility 1", "keyword x stands twice"),
         ("iso 1 1 0 compressibility 1", "PDAMP is 0, and must be above zero"),
         ("iso 1 1 1 compressibility 0", "keyword compressibility is 0, and must be above zero"),
@@ -204,6 +205,15 @@ def test_bad_words(refused, words, says):
     system = mixture(side=2)
     line = fix("" if "nh" in words else "seed 5", words)
     refused(f"{system.setup}\n{line}run 0\n", says, system.files)
+
+
+def test_equal_numbers_in_other_words(run_lammps):
+    """Locks out axes that are refused because 1000 and 1e3 are not the same word."""
+    system = mixture(side=2)
+    words = "x 1 v_p 1000 y 10e-1 1 1e3 couple xy compressibility 1"
+    run_lammps(
+        f"{system.setup}\nvariable p equal 1\n{fix('seed 5', words)}run 0\n", files=system.files
+    )
 
 
 def test_pressure_that_is_no_tensor(refused, run_lammps):

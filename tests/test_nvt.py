@@ -368,20 +368,33 @@ def test_files_that_are_kept_change_nothing(run_lammps, tmp_path):
     np.testing.assert_allclose(*conserved, rtol=1e-9)
 
 
-@pytest.mark.parametrize("restarts", [False, True], ids=["run", "restart"])
-def test_noise_does_not_repeat(run_lammps, tmp_path, restarts):
-    """Locks out random numbers that repeat where the step counter goes back: free bodies that
-    forget their velocities fast would have the same ones again."""
+@pytest.mark.parametrize("between", ["", "clear", "write_restart kept", "write_data kept", "run 0"])
+def test_noise_does_not_repeat(run_lammps, tmp_path, between):
+    """Locks out random numbers that repeat where the step counter goes back, whatever stands before
+    that: free bodies that forget their velocities fast would have the same ones again."""
     system = mixture(side=4)
     words = f"{FREE}timestep 0.01\n{fix(THERMOSTATS['langevin'], '2 2 1e-2')}"
-    script = f"{system.setup}\n{words}run 20\n{DUMP.format('one')}"
-    if restarts:
-        script += "write_restart kept\nclear\nread_restart kept\nneighbor 0.4 bin\n"
-    again = "run 20\n" if not restarts else f"{words}run 20\n"
+    script = f"{system.setup}\n{words}run 20\n{DUMP.format('one')}{between}\n"
+    again = "run 20\n"
+    if between == "clear":
+        script = script.replace("clear", "write_restart kept\nclear\nread_restart kept")
+        again = f"neighbor 0.4 bin\n{words}run 20\n"
     script += f"reset_timestep 0\n{again}{DUMP.format('two')}"
-    run_lammps(script, files=system.files)
-    (_, one, *_), (_, two, *_) = motion(tmp_path / "one"), motion(tmp_path / "two")
-    assert abs(np.corrcoef(one.ravel(), two.ravel())[0, 1]) < 0.4  # 192 numbers
+    script += f"{between if between != 'clear' else ''}\nreset_timestep 0\nrun 20\n"
+    run_lammps(script + DUMP.format("three"), files=system.files)
+    found = [motion(tmp_path / name)[1].ravel() for name in ("one", "two", "three")]
+    assert np.abs(np.corrcoef(found) - np.eye(3)).max() < 0.4  # 192 numbers
+
+
+def test_noise_does_not_repeat_by_pre_no(run_lammps, refused):
+    """Locks out random numbers that repeat in a run with 'pre no', for which LAMMPS asks nothing
+    anew, behind a command that asked."""
+    system = mixture(side=4)
+    script = f"{system.setup}\n{FREE}timestep 0.01\n{fix(THERMOSTATS['langevin'], '2 2 1e-2')}"
+    script += "thermo_style custom step\nrun 20\nwrite_restart kept\n"
+    run_lammps(script + "run 5 pre no\n", files=system.files)
+    script += "reset_timestep 0\nrun 5 pre no\n"
+    refused(script, "step counter has gone back", system.files)
 
 
 def test_restart_of_another_thermostat(run_lammps):
@@ -584,6 +597,20 @@ def test_points_have_the_temperature(run_lammps, tmp_path):
         assert stats.kstest(component, "norm").pvalue > 1e-3
     assert f"{len(loose)} points, the atoms of group loose" in log
     assert "  66 rigid bodies with" in log
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+@pytest.mark.parametrize("name", list(THERMOSTATS))
+def test_forces_in_the_table(run_lammps, tmp_path, name, ranks):
+    """Locks out forces of an earlier step in the table of keyword output, where nothing else looks
+    at the step: a dump of every step, which has the forces gathered, changes nothing."""
+    system, tables = mixture(side=2, spacing=2.9), []
+    for dump in "", "dump 1 all custom 1 all id fx fy fz\n":
+        words = fix(THERMOSTATS[name] + " output 5 table", "1 1 1") + "thermo 1000\n"
+        script = f"{system.setup}\n{words}timestep 0.002\n{dump}run 20\n"
+        run_lammps(script, files=system.files, ranks=ranks)
+        tables.append(np.genfromtxt(tmp_path / "table", delimiter=",", skip_header=1))
+    np.testing.assert_allclose(*tables, rtol=1e-9, atol=1e-9)
 
 
 def test_points_are_no_rows(run_lammps):

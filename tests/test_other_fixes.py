@@ -253,28 +253,28 @@ def test_velocity_create(run_all, ranks):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_velocity_scale(run_all, ranks):
     """Locks out velocities that are scaled by the bodies' degrees of freedom while they have those
-    of all atoms, before and after a first run; and by those of atoms where the group's bodies move
-    as rigid ones."""
+    of all atoms, or almost those of rigid bodies, or both: the bodies have the temperature that was
+    asked for when the run has made their motion rigid."""
     system = mixture("solid planar", side=5)
-    text = """RIGID
-velocity all create 1.0 99 loop geom
-velocity all scale 3.0
-print "MADE $(ke(all))"
-run 0
-velocity some create 1.0 98 loop geom
-velocity some scale 3.0
-print "MADE $(ke(some))"
-velocity rest scale 2.0
-print "LEFT $(ke(rest))"
-run 0"""
-    text = "group some molecule 1:60\ngroup rest subtract all some\n" + text
-    log = run_all(system, {"one": lines(system, OURS, *text.splitlines())}, ranks=ranks)["one"].log
-    atoms, some = len(system.mass), (system.molecule <= 60).sum()
-    made = [float(number) for number in re.findall(r"^MADE (\S+)", log, re.M)]
-    np.testing.assert_allclose(made, 4.5 * (np.array([atoms, some]) - 1), rtol=1e-10)
-    bodies = len(np.unique(system.molecule)) - 60
-    left = float(re.search(r"^LEFT (\S+)", log, re.M)[1])
-    assert left == pytest.approx(0.5 * 2.0 * (6 * bodies - 3), rel=1e-10)
+    asked = (
+        ("velocity all create 1.0 99 loop geom", "all", 3.0),
+        ("", "all", 2.0),
+        ("displace_atoms all random 0.001 0.001 0.001 77", "all", 3.0),
+        ("velocity some create 1.0 98 loop geom", "all", 1.5),
+        ("velocity some create 1.0 97 loop geom", "some", 3.0),
+        ("displace_atoms all random 0.001 0.001 0.001 78", "rest", 2.0),
+    )
+    text = ["group some molecule 1:60", "group rest subtract all some", "RIGID"]
+    for before, group, kelvin in asked:
+        text += [before, f"velocity {group} scale {kelvin}", "run 0", f'print "HAS $(ke({group}))"']
+    log = run_all(system, {"one": lines(system, OURS, *text)}, ranks=ranks)["one"].log
+    bodies = len(np.unique(system.molecule))
+    bodies = {"all": bodies, "some": 60, "rest": bodies - 60}
+    expected = [0.5 * kelvin * (6 * bodies[group] - 3) for _, group, kelvin in asked]
+    found = [float(number) for number in re.findall(r"^HAS (\S+)", log, re.M)]
+    # a whole number of degrees of freedom is removed from the atoms'
+    np.testing.assert_allclose(found, expected, rtol=0.6 / (6 * 60 - 3))
+    np.testing.assert_allclose(found[1], expected[1], rtol=1e-10)  # rigid motion already
 
 
 # ---- fixes that change velocities at the end of a step

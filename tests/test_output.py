@@ -783,6 +783,16 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
     assert np.abs(virial).max() > 1
 
 
+def test_centroid_stress(refused):
+    """Locks out a stress of atoms that is symmetric where it must not be, as heat fluxes need
+    it."""
+    system = mixture("solid planar")
+    fix = OURS.format(group="all", words="molecule")
+    script = f"{system.setup}\n{fix}\ncompute s all centroid/stress/atom NULL fix\n"
+    script += "compute m all reduce max c_s[4]\nthermo_style custom step c_m\nrun 0\n"
+    refused(script, "does not support compute centroid/stress/atom", system.files)
+
+
 def test_two_fixes_and_one_file(run_lammps, tmp_path):
     """Locks out two fixes that write over each other's tables."""
     system = mixture("solid planar")

@@ -1,5 +1,7 @@
 """Keyword shadow: the energy that NVE's steps keep to the fourth order."""
 
+import re
+
 import numpy as np
 import pytest
 from systems import mixture
@@ -79,6 +81,15 @@ def test_other_forces_in_the_next_run(run_lammps):
     value = rows["f_1[5]"]
     assert np.isnan(value[rows["Step"] < 30]).all()
     np.testing.assert_allclose(value[rows["Step"] >= 30], rows["TotEng"][0], rtol=1e-3)
+
+
+def test_a_command_between_runs(run_lammps):
+    """Locks out a value that is gone when a command has set up between two runs."""
+    script = f"{mixture(side=2).setup}\nreset_timestep 0\n{FREE}timestep 0.004\n{fix('shadow 5')}"
+    script += "run 20\nprint 'ONE $(f_1[5])'\nwrite_restart r\nprint 'TWO $(f_1[5])'\n"
+    log = run_lammps(script, files=mixture(side=2).files).log
+    one, two = (re.search(f"^{name} (.*)", log, re.M)[1] for name in ("ONE", "TWO"))
+    assert one == two != "nan"
 
 
 @pytest.mark.parametrize(

@@ -368,6 +368,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (bridge.dof) dof_flag = 1;
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
+  centroidstressflag = CENTROID_NOTAVAIL;    // not symmetric: no force of an atom is along its arm
   restart_file = bridge.writes_restart_file;
   restart_global = bridge.restart_size > 0;
   ecouple_flag = bridge.couples;
