@@ -557,6 +557,19 @@ def theory_rotors():
     return markdown(head, lines)
 
 
+def _confirmed(row, targets, unit):
+    """What a long run says of a step: its verdict, and what that could not be told of."""
+    step = f"{plain(row['step'])}{NBSP}{unit}"
+    if row["failed"]:
+        return f"{step}: the run ends with an error"
+    open_ = [
+        f"{name} {margin(row[name], row[f'{name} margin'])}, at most {plain(most)}"
+        for name, most in targets.items()
+        if row[name] and abs(float(row[name]) - most) < float(row[f"{name} margin"])
+    ]
+    return f"{step}: {row['verdict']}" + (f" ({'; '.join(open_)})" if open_ else "")
+
+
 def own_scripts():
     """What was advised for each of five scripts, and what longer runs say of it."""
     lines = []
@@ -564,12 +577,11 @@ def own_scripts():
         found = summary(f"own-scripts/{folder.name}")
         longer = rows(f"own-scripts/{folder.name}", "confirmed") if found.get("confirmed") else []
         unit = "τ" if found["units"] == "lj" else "fs"
-        told = [f"{row['verdict']} ({plain(row['step'])}{NBSP}{unit})" for row in longer]
+        told = [_confirmed(row, found["targets"], unit) for row in longer]
         name = longer[0]["integrator"] if longer else "no step for sure"
-        step = f"{plain(longer[0]['step'])}{NBSP}{unit}" if longer else NOTHING
         own = f"{plain(found['dt'])}{NBSP}{unit}"
-        lines.append([found["title"], own, name, step, *(told or [NOTHING, NOTHING])])
-    head = ["script", "its step", "advised", "step", "ten times as long", "1.5 times that step"]
+        lines.append([found["title"], own, name, *(told or [NOTHING, NOTHING])])
+    head = ["script", "its step", "advised", "ten times as long", "1.5 times that step"]
     return markdown(head, lines)
 
 
