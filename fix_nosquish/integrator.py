@@ -148,7 +148,7 @@ class Integrator:
         host: what calls this object: see `hosts.Host`.
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix; None with LAMMPS's own fix python/move.
-        virial_per_atom: (atoms, 6), the same of each atom, while LAMMPS asks for it.
+        virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
         parameters: (n,) what the operations take.
         mask: what of forces and torques acts, (6, bodies) or (6, 1), as the run begins; None if all
             does.

@@ -98,7 +98,7 @@ class OwnFix:
         cells["atom_mass"].set(empty if mass is None else mass)
         cells["type_mass"].set(empty if mass is not None else lammps.type_masses)
         cells["type"].set(lammps.per_atom("type", np.int32))
-        cells["atom_virial"].set(np.empty((0, 6)))
+        cells["atom_virial"].set(np.empty((0, 9)))
         cells["groups"].set(lammps.groups.view(np.int32))
         origins, moved = self._find_origins()
         strangers = np.flatnonzero((origins >= 0) & (origins >> 32 != self.communicator.rank))

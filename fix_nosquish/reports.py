@@ -141,7 +141,7 @@ class Reports:
             return
         cells, of_atoms = state.lammps.cells, state.virial_per_atom
         cells["virial"].set(virial)
-        cells["atom_virial"].set(np.empty((0, 6)) if of_atoms is None else of_atoms)
+        cells["atom_virial"].set(np.empty((0, 9)) if of_atoms is None else of_atoms)
         state.do("virial")
 
     def virial_of_all(self):

@@ -63,7 +63,9 @@ def constraint_virial(
 
     The constraint force on atom i is m_i a_i - f_i, with the acceleration a_i of the rigid motion
     itself; its virial is taken about the centre of mass.  Masses are of atoms, or, where there are
-    none, of types.  atom_virial is (atoms, 6), or (0, 6) if the atoms' parts are not wanted.
+    none, of types.  atom_virial is (atoms, 9), or (0, 9) if the atoms' parts are not wanted: they
+    are not symmetric, for no force of an atom is along its arm (xx yy zz xy xz yz yx zx zy, of arm
+    and force).
     """
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
     for k in range(blocks.shape[0] - 1):
@@ -82,8 +84,11 @@ def constraint_virial(
                 cx = m * (ax + fx / block[MASS, b]) - atom_f[i, 0]
                 cy = m * (ay + fy / block[MASS, b]) - atom_f[i, 1]
                 cz = m * (az + fz / block[MASS, b]) - atom_f[i, 2]
-                parts = dx * cx, dy * cy, dz * cz, dx * cy, dx * cz, dy * cz
+                parts = (
+                    dx * cx, dy * cy, dz * cz, dx * cy, dx * cz, dy * cz, dy * cx, dz * cx, dz * cy,
+                )  # fmt: skip
                 for c in range(6):
                     virial[c] += parts[c]
-                    if atom_virial.size:
+                if atom_virial.size:
+                    for c in range(9):
                         atom_virial[i, c] += parts[c]

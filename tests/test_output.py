@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from endings import SECONDS, assert_ended
 from scipy.spatial.transform import Rotation
-from systems import LIKE_LAMMPS, OURS, RIGID, mixture
+from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, mixture
 
 GENERAL = [
     "step",
@@ -753,7 +753,8 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
     system, dt = mixture("solid planar row"), 1e-2
     dump = (
         "\ndump 1 all custom 1 dump.* id x y z vx vy vz fx fy fz ix iy iz c_s[1] c_s[2] c_s[3] "
-        "c_s[4] c_s[5] c_s[6]\ndump_modify 1 sort id format float %.17g"
+        "c_s[4] c_s[5] c_s[6] c_c[1] c_c[2] c_c[3] c_c[4] c_c[5] c_c[6] c_c[7] c_c[8] c_c[9]"
+        "\ndump_modify 1 sort id format float %.17g"
     )
     simulate(
         system,
@@ -761,7 +762,7 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
         2,
         dt=dt,
         every=1,
-        before=STRESS.format(parts="fix") + dump,
+        before=f"compute c all centroid/stress/atom NULL fix\n{STRESS.format(parts='fix')}{dump}",
         columns=PARTS,
         ranks=ranks,
     )
@@ -777,20 +778,35 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
     )
     r = x - centre[system.molecule - 1]
     virial = np.stack(
-        [r[:, a] * force[:, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1
+        [
+            r[:, a] * force[:, b]
+            for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2), (1, 0), (2, 0), (2, 1))
+        ],
+        axis=1,
     )
-    np.testing.assert_allclose(-now[:, 12:], virial, rtol=0, atol=1e-5 * np.abs(virial).max())
+    bound = 1e-5 * np.abs(virial).max()
+    np.testing.assert_allclose(-now[:, 12:18], virial[:, :6], rtol=0, atol=bound)
+    np.testing.assert_allclose(-now[:, 18:], virial, rtol=0, atol=bound)
+    assert np.abs(virial[:, 3] - virial[:, 6]).max() > 1
     assert np.abs(virial).max() > 1
 
 
-def test_centroid_stress(refused):
-    """Locks out a stress of atoms that is symmetric where it must not be, as heat fluxes need
-    it."""
-    system = mixture("solid planar")
-    fix = OURS.format(group="all", words="molecule")
-    script = f"{system.setup}\n{fix}\ncompute s all centroid/stress/atom NULL fix\n"
-    script += "compute m all reduce max c_s[4]\nthermo_style custom step c_m\nrun 0\n"
-    refused(script, "does not support compute centroid/stress/atom", system.files)
+def test_heat_flux(simulate):
+    """Locks out a stress of atoms that is symmetric, with which compute heat/flux is wrong: it is
+    that of rigid/small, which takes the virial about another point of a body and of two half
+    steps."""
+    parts = "ke/atom", "pe/atom", "centroid/stress/atom NULL virial"
+    computes = "\n".join(f"compute c{k} all {part}" for k, part in enumerate(parts))
+    before = f"{computes}\ncompute j all heat/flux c0 c1 c2"
+    columns = " ".join(f"c_j[{k}]" for k in range(1, 7))
+    ours, theirs = (
+        simulate(mixture(), fix, 2, dt=1e-3, every=1, before=before, columns=columns).thermo
+        for fix in (OURS, SMALL)
+    )
+    ours, theirs = (
+        np.array([table[f"c_j[{k}]"][2] for k in range(1, 7)]) for table in (ours, theirs)
+    )
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-3 * np.abs(theirs).max())
 
 
 def test_two_fixes_and_one_file(run_lammps, tmp_path):

@@ -222,3 +222,10 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
     assert run.launcher(4) == ["srun", "-n", "4", "--exact"]
     run.launch_by(None)
     assert run.launcher(4)[1:] == ["-np", "4"]
+
+
+def test_words_of_a_script_for_a_scene(capsys):
+    """Locks out words that are taken for a scene, of which nothing is run, and do nothing."""
+    with pytest.raises(SystemExit) as end:
+        main(["advise", "water", "--target", "drift=1", "--confirm"])
+    assert end.value.code == 2 and "--confirm is for a script" in capsys.readouterr().err

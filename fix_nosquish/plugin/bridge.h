@@ -69,7 +69,7 @@ struct Bridge {
   const char *group;
   const char *target;
   double *virial;
-  double *virial_per_atom;    // (natoms, 6)
+  double *virial_per_atom;    // (natoms, 9)
   int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
   const int64_t *next_output;    // the step of the next output
   const int64_t *begin_step;     // the first step of the run, and the last one

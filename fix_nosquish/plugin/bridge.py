@@ -191,7 +191,7 @@ def _virial_per_atom(bridge):
 
     if bridge.natoms == 0:
         return numpy.empty((0, 6))
-    return numpy.ctypeslib.as_array(bridge.virial_per_atom, shape=(bridge.natoms, 6))
+    return numpy.ctypeslib.as_array(bridge.virial_per_atom, shape=(bridge.natoms, 9))
 
 
 @CFUNCTYPE(None, c_void_p)

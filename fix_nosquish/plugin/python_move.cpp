@@ -236,6 +236,7 @@ class FixPythonMove : public Fix {
   int64_t *origin = nullptr;
   std::vector<double> arrived;
   double forces_virial[6] = {}, told_box[9] = {};
+  std::vector<double> of_atoms;    // the virial of each, nine numbers
   double kept_rate[6] = {};    // how fast fix deform's box vectors change, as a run begins
   Particles particles;
   std::string command;
@@ -249,7 +250,7 @@ class FixPythonMove : public Fix {
   int64_t removed_freedom(const char *, const char *) const;
   void point();
   void set_cell(int, const void *, int64_t, int64_t);
-  void make_virial_per_atom();
+  void make_virial_per_atom(), give_virial_per_atom();
   std::vector<double> box() const;
   void tell_box();
   void stream_with_box();
@@ -368,7 +369,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (bridge.dof) dof_flag = 1;
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
-  centroidstressflag = CENTROID_NOTAVAIL;    // not symmetric: no force of an atom is along its arm
+  centroidstressflag = CENTROID_AVAIL;    // not symmetric: no force of an atom is along its arm
   restart_file = bridge.writes_restart_file;
   restart_global = bridge.restart_size > 0;
   ecouple_flag = bridge.couples;
@@ -576,9 +577,9 @@ void FixPythonMove::final_integrate()
     if (bridge.vflag) {
       make_virial_per_atom();
       set_cell(VIRIAL, virial, 6, 0);
-      set_cell(ATOM_VIRIAL, bridge.virial_per_atom, std::max(0, bridge.natoms), 6);
+      set_cell(ATOM_VIRIAL, bridge.virial_per_atom, std::max(0, bridge.natoms), 9);
       if (!run(bridge.virial_passes)) call_with_virial(bridge.final_integrate);    // which says why
-      bridge.natoms = -1;
+      give_virial_per_atom();
     }
   } else {
     if (for_energy) bridge.energy = potential();
@@ -1055,15 +1056,30 @@ void FixPythonMove::flush_log() const
 
 void FixPythonMove::make_virial_per_atom()
 {
-  if (!bridge.wants_virial_per_atom || !vflag_atom) return;
-  if (atom->nlocal > maxvatom) {
-    maxvatom = atom->nmax;
-    memory->destroy(vatom);
-    memory->create(vatom, maxvatom, 6, "fix:vatom");
-  }
+  if (!bridge.wants_virial_per_atom || !(vflag_atom || cvflag_atom)) return;
+  auto make = [this](int asked, double **&array, int &rows, int columns) {
+    if (!asked || atom->nlocal <= rows) return;
+    rows = atom->nmax;
+    memory->destroy(array);
+    memory->create(array, rows, columns, "fix:vatom");
+  };
+  make(vflag_atom, vatom, maxvatom, 6);
+  make(cvflag_atom, cvatom, maxcvatom, 9);
   bridge.natoms = atom->nlocal;
-  bridge.virial_per_atom = vatom ? vatom[0] : nullptr;
-  std::fill_n(bridge.virial_per_atom, 6 * bridge.natoms, 0.0);
+  of_atoms.assign(9 * bridge.natoms, 0.0);
+  bridge.virial_per_atom = of_atoms.data();
+}
+
+// Give LAMMPS the virial of each atom, as compute stress/atom and compute centroid/stress/atom have it.
+
+void FixPythonMove::give_virial_per_atom()
+{
+  for (int i = 0; i < bridge.natoms; i++) {
+    const double *own = &of_atoms[9 * i];
+    if (vflag_atom) std::copy_n(own, 6, vatom[i]);
+    if (cvflag_atom) std::copy_n(own, 9, cvatom[i]);
+  }
+  bridge.natoms = -1;
 }
 
 template <typename... Types, typename... Values>
@@ -1071,7 +1087,7 @@ void FixPythonMove::call_with_virial(int (*hook)(Types...), Values... arguments)
 {
   make_virial_per_atom();
   call(hook, arguments...);
-  bridge.natoms = -1;
+  give_virial_per_atom();
 }
 
 // ----------------------------------------------------------------------

@@ -64,6 +64,7 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
             try:
                 summary["lists"] = lists.tried(own, best, minutes, *how, meter)
                 if confirms:
+                    report.write(summary, out)  # whatever becomes of the longer runs
                     summary["confirmed"] = confirm.confirm(own, summary, best, *how, meter)
                     summary["interrupted"] = summary["confirmed"]["interrupted"]
             except KeyboardInterrupt:
