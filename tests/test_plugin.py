@@ -696,10 +696,13 @@ neigh_modify  delay 0 every 1 check no
 timestep      0.02
 fix           1 all python/move "mover.Weighted"
 compute       s all stress/atom NULL virial
+compute       c all centroid/stress/atom NULL virial
 compute       sum all reduce sum c_s[*]
 compute       p all pressure NULL virial
 variable      wrong atom abs(c_s[1]+id)+abs(c_s[2]+2*id)+abs(c_s[3]+3*id)+&
-                         abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)
+                         abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)+&
+                         abs(c_c[1]+id)+abs(c_c[6]+6*id)+&
+                         abs(c_c[7]+7*id)+abs(c_c[8]+8*id)+abs(c_c[9]+9*id)
 compute       wrong all reduce max v_wrong
 thermo_style  custom step c_wrong c_sum[*] c_p[*] vol
 thermo_modify format float %.15g norm no
@@ -724,10 +727,10 @@ def test_virial_of_each_atom(run_lammps, ranks, length):
         "            assert self.virial_per_atom is None, 'not asked for'\n            return\n"
         "        n = self.lmp.extract_global('nlocal')\n"
         "        tag = self.lmp.numpy.extract_atom('id')[:n] if n else []\n"
-        "        own = np.outer(tag, np.arange(1.0, 7.0))\n"
+        "        own = np.outer(tag, np.arange(1.0, 10.0))\n"
         "        assert self.virial_per_atom.shape == own.shape\n"
         "        assert not self.virial_per_atom.any()\n"
-        "        self.virial_per_atom += own\n        self.virial += own.sum(axis=0)\n"
+        "        self.virial_per_atom += own\n        self.virial += own[:, :6].sum(axis=0)\n"
         "    def views(self):\n"
         "        n = self.lmp.extract_global('nlocal')\n"
         "        return super().views() if n else np.zeros((3, 0, 3))\n"

@@ -184,13 +184,13 @@ def _hook(bridge, instance, name):
 
 
 def _virial_per_atom(bridge):
-    """A view (natoms, 6) of the atoms' virial by the fix, zeroed; None if LAMMPS asks for none."""
+    """A view (natoms, 9) of the atoms' virial by the fix, zeroed; None if LAMMPS asks for none."""
     if bridge.natoms < 0:
         return None
     import numpy
 
     if bridge.natoms == 0:
-        return numpy.empty((0, 6))
+        return numpy.empty((0, 9))
     return numpy.ctypeslib.as_array(bridge.virial_per_atom, shape=(bridge.natoms, 9))
 
 
