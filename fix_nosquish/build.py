@@ -16,7 +16,7 @@ from .bodies import (
     X,
     matrices,
     quaternions,
-)  # fmt: skip
+)
 from .errors import RunError
 from .extended import particles_of
 from .frames import product
