@@ -281,9 +281,7 @@ def test_who_wanders_from_start_to_start(scatter, holds):
     trajectory taken for that of the means."""
     found = dimers(scatter)
     one = claim(found, "reference 12 over NO_SQUISH", "scatter of")
-    assert one["value"] == pytest.approx(scatter, abs=4 * one["error"]) and one[
-        "error"
-    ] == pytest.approx(one["value"] / np.sqrt(15))
+    assert one["value"] == pytest.approx(np.log10(scatter), abs=4 * one["error"])
     assert one["verdict"] == WORD[holds]
     soon = claim(found, "first 0.5 ps")
     assert soon["value"] == pytest.approx(1.0, abs=4 * soon["error"])
@@ -328,11 +326,26 @@ def test_who_is_more_accurate_in_the_liquid(size, holds):
     found["water-matubayasi-nakahara"].total += steps
     assert claim(found, "more accurate")["value"] > 1.5 * size
     wander = claim(found, "wander")
-    assert (
-        wander["value"] > 10
-        and wander["error"] == pytest.approx(wander["value"] / np.sqrt(7))
-        and wander["verdict"] == "holds"
-    )
+    assert wander["value"] > 1 and wander["verdict"] == "holds"
+
+
+@pytest.mark.parametrize("number", [4, 8, 16, 32])
+def test_the_ratio_of_two_scatters(number):
+    """Locks out a margin of a ratio that is symmetric where the ratio's error is not: of eight
+    values a ratio of 9 was none yet, and two equal scatters were told apart in 6 instead of 2.5 %,
+    to one side; and parts of a walk taken for independent ones, 17 %."""
+    rng, sides = np.random.default_rng(number), []
+    for _ in range(4000):
+        one = measures.scatters_apart(*rng.normal(size=(2, number)))
+        sides.append([one.value > one.margin, one.value < -one.margin])
+    assert np.abs(np.mean(sides, axis=0) - 0.025).max() < 0.009
+    freedom, sides = measures.freedom_of_walk(number), []
+    walks = np.cumsum(rng.normal(size=(2000, 2, number * 16)), axis=2)
+    for both in walks.reshape(2000, 2, number, 16).mean(axis=3):
+        one = measures.scatters_apart(*both, freedom)
+        sides.append([one.value > one.margin, one.value < -one.margin])
+    assert np.max(np.mean(sides, axis=0)) < 0.04
+    assert one.margin > 1.3 * measures.scatters_apart(*both).margin or number == 4
 
 
 def test_who_drifts():
@@ -349,22 +362,9 @@ def test_who_drifts():
         return claim({"peptide-nosquish": one} | more, "NO_SQUISH", *words)["verdict"]
 
     beside = {"peptide-rigid/small": drifting}
-    assert (
-        verdict(steady, "no drift")
-        == verdict(steady, "stable")
-        == verdict(steady, "stable", **beside)
-        == "holds"
-    )
-    assert (
-        verdict(drifting, "no drift")
-        == verdict(drifting, "stable")
-        == verdict(drifting, "stable", **beside)
-        == "does not hold"
-    )
-    assert (
-        verdict(loud, "no drift", **beside) == "holds"
-        and verdict(loud, "stable", **beside) == "cannot tell"
-    )
+    assert verdict(steady, "stable") == verdict(steady, "stable", **beside) == "holds"
+    assert verdict(drifting, "stable") == verdict(drifting, "stable", **beside) == "does not hold"
+    assert verdict(loud, "stable", **beside) == "cannot tell"
     assert (
         claim(beside, "drifts")["verdict"] == "holds"
         and claim({"peptide-rigid/small": steady}, "drifts")["verdict"] == "does not hold"

@@ -15,13 +15,12 @@ from validation.engines.plan import CASE, SCHEMES, Scheme
 from validation.engines.runs import Runs
 from validation.engines.water import of_scene
 from validation.ensembles.lengths import SAMPLED, Lengths
-from validation.ensembles.measure import ATM
+from validation.ensembles.measure import of_momentum
 from validation.running import machine, run
 from validation.sampling.measure import told_limit
 from validation.sampling.plan import Point
 from validation.statistics import limit, measures
 from validation.statistics.estimate import Estimate
-from validation.sweep.errors import BOLTZMANN
 
 OBSERVED = "potential", "pressure"  # of `sampling`
 BESIDE = "langevin-5", "langevin-20", "shake+langevin"  # of `sampling`, in the figure
@@ -212,9 +211,7 @@ def _means(
     starts: Collection[Samples], scheme: Scheme, settle: int, some: Runs
 ) -> dict[str, Estimate]:
     """Means over the samples of all starts, without the steps that are left out."""
-    # a total momentum that is kept at zero takes its part off
-    volume = float(some.water.box.prod())
-    missing = scheme.held * BOLTZMANN * CASE.temperature / (3 * volume) * ATM
+    missing = of_momentum(scheme.held, CASE.temperature, float(some.water.box.prod()))
     found: dict[str, list[Estimate]] = {key: [] for key in OBSERVED}
     for one in starts:
         kept = one.step >= settle

@@ -167,7 +167,9 @@ def of_series(table: Mapping[str, np.ndarray], molecules: int, scheme: Scheme) -
         "translation": measures.mean(translation),
         "rotation": measures.mean(rotation),
         "apart": measures.mean(translation - rotation),
-        "pressure": measures.mean(table["Press"]),
+        "pressure": measures.mean(
+            table["Press"] + of_momentum(scheme.held, scheme.temperature, table["Volume"])
+        ),
         "drift": measures.drift(table["Time"] / FS_PER_PS, table["Econserve"]),
         "distribution": Estimate(far),
     }
@@ -179,6 +181,12 @@ def of_series(table: Mapping[str, np.ndarray], molecules: int, scheme: Scheme) -
     return found
 
 
+def of_momentum(held: int, temperature: float, volume: float | np.ndarray) -> float | np.ndarray:
+    """The pressure that so many degrees of freedom of the total momentum would have, atm: a scheme
+    that keeps it at zero lacks this, and one that does not has it.  ``volume`` in Angstrom^3."""
+    return held * BOLTZMANN * temperature / (3 * volume) * ATM
+
+
 def thinned(*series: np.ndarray, times: int = 1) -> np.ndarray:
     """So many times the samples, (series, samples), that are independent in each of the series."""
     apart = max(map(measures.statistical_inefficiency, series))
@@ -187,9 +195,8 @@ def thinned(*series: np.ndarray, times: int = 1) -> np.ndarray:
 
 def compressibility(volumes: np.ndarray, temperature: float) -> Estimate:
     """var(V) / (kT <V>), of a series in Angstrom^3; 1e-5/atm."""
-    sd = measures.standard_deviation(volumes)
     unit = FINE / (BOLTZMANN * ATM * temperature * np.mean(volumes))
-    return Estimate(sd.value**2, 2 * sd.value * sd.error, sd.freedom).times(unit)
+    return measures.mean(measures.squares(volumes)).times(unit)
 
 
 def pooled(starts: Sequence[Numbers]) -> Numbers:

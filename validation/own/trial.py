@@ -49,6 +49,9 @@ BLOCKS = 20
 ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
 # what is timed costs so many times the fastest good one at most, by the runs; else so many points
 SLOWER, FASTEST = 1.25, 6
+# even powers of the step in errors of means, and the standard error by what higher ones do, as part
+# of an error: so margins cover where the longest step is near the end of stability, too
+POWERS, HIGHER = 3, 0.025
 ENERGIES = "drift", "energy"  # targets that econserve tells
 NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
 TARGETS = {
@@ -541,13 +544,18 @@ def _kinds(own, moving, turning) -> list[Estimate]:
 def by_law(
     dt: float, found: Mapping[float, Estimate], held: Estimate = NONE, finer: float = 0.0
 ) -> Estimate | None:
-    """An error that grows as the square of the time step: from the run with this step, and from
-    those with longer ones.
+    """An error that grows as a series in the square of the time step: from the run with this step,
+    and from those with longer ones.
 
-    The errors of means have even powers of the step only, for integrators are reversible.  So a
-    longer step, whose error is larger, tells the error of a shorter one best.  The longest steps
-    are left out until the others are one square law within their error bars (chi-squared): theirs
-    grow faster, or have another cause.
+    The errors of means have even powers of the step only, for integrators are reversible.  So
+    longer steps, whose errors are larger, tell the error of a shorter one best.  Up to `POWERS` are
+    fitted, one less than there are steps.  The longest steps are left out until the others are such
+    a series within their error bars (chi-squared).  Two steps tell no series: then the run with
+    this step counts alone, and the square is for the reference's own error only.
+
+    One power alone would make error bars too small.  A fourth power that chi-squared cannot see is
+    many of them, where most of the weight is at the longest step.  What still higher powers may do
+    is in the error: `HIGHER`.
 
     Args:
         found: of each step the mean.
@@ -560,22 +568,23 @@ def by_law(
     steps = sorted(other for other in found if other != finer and (other >= dt or dt == finer))
     if not steps:
         return None
-    factors = np.array([dt**2 / (other**2 - finer**2) for other in steps])
-    off = factors * [found[other].value - held.value for other in steps]
-    errors = factors * [_normal(found[other]) for other in steps]
-    every = np.hypot(errors, factors * _normal(held))
-    for number in range(len(steps), 1, -1):
+    off = np.array([found[other].value - held.value for other in steps])
+    errors = np.array([_normal(found[other]) for other in steps])
+    covariance = np.diag(errors**2) + _normal(held) ** 2  # all have the reference's in common
+    exponents = 2 * np.arange(1, POWERS + 1)
+    powers = (np.array(steps)[:, None] / dt) ** exponents - (finer / dt) ** exponents
+    for number in range(len(steps), 2, -1):
         if not errors[:number].all():
             continue
-        weights = errors[:number] ** -2.0
-        own = weights.sum() ** -0.5
-        weights *= own**2
-        mean = weights @ off[:number]
-        chi = np.sum(((off[:number] - mean) / every[:number]) ** 2)
-        if special.chdtrc(number - 1, chi) > 1 - CONFIDENCE:
-            shared = weights @ factors[:number] * _normal(held)
-            return Estimate(float(mean), float(np.hypot(own, shared)))
-    return measures.difference(found[steps[0]], held).times(float(factors[0]))
+        weights = np.linalg.inv(covariance[:number, :number])
+        series = powers[:number, : number - 1]
+        spread = np.linalg.inv(series.T @ weights @ series)
+        parts = spread @ series.T @ weights @ off[:number]
+        rest = off[:number] - series @ parts
+        if special.chdtrc(number - len(parts), rest @ weights @ rest) > 1 - CONFIDENCE:
+            error = float(parts.sum())  # at this step each power is 1
+            return Estimate(error, float(np.hypot(np.sqrt(spread.sum()), HIGHER * error)))
+    return measures.difference(found[steps[0]], held).times(float(1 / powers[0, 0]))
 
 
 def _normal(one: Estimate) -> float:

@@ -38,7 +38,7 @@ TITLES = {
     "rigidity": "Rigid groups",
 }
 PARTS = 8  # of a trajectory, for the error of a ratio
-STABLE = 2.5  # margins (95 %) that a drift may have
+SURE_DRIFT = 2.5  # margins (95 %) that a drift has which is none by chance
 LOST = 0.05  # of Richardson's drift, that another one may be
 # "far more accurate", "about": one order of magnitude, and the same one
 FAR, NEAR = 10.0, np.sqrt(10.0)
@@ -170,6 +170,12 @@ def _drift(series: Sequence[Series]) -> Estimate:
     return fits[0] if len(fits) == 1 else measures.of_few([fit.value for fit in fits])
 
 
+def _scatters(ours: Sequence[float], others: Sequence[float]) -> str:
+    """The two standard deviations and their ratio, in words."""
+    first, second = (np.std(one, ddof=1) for one in (ours, others))
+    return f"{second:.2g} and {first:.2g} kcal/mol, {second / first:.2g} times"
+
+
 def _deviation(series: Sequence[Series]) -> float:
     """sd of the energy about each trajectory's mean, root mean square of all."""
     return np.sqrt(np.mean([one.total.var() for one in series]))
@@ -202,14 +208,14 @@ def _dimer(whole: Found) -> Iterator[Check]:
         span, starts = _length(*sum(pairs, ())), f"{len(pairs)} starts"
         what = f"more accurate: average measure, {span}, mean of {starts}"
         yield check(OVER, what, _ratio(pairs, _average), low=1.0)
-        means = ([one.total.mean() for one in series] for series in zip(*pairs))
-        first, second = map(measures.scatter, means)
-        what = f"its slow part: scatter of ⟨E⟩ over {starts} with one shadow energy, {span} each"
+        first, second = ([one.total.mean() for one in series] for series in zip(*pairs))
+        what = f"its slow part: log10 of the scatter of ⟨E⟩ over {starts} with one shadow energy, "
         note = (
-            f"of {second.value:.2g} and {first.value:.2g} kcal/mol; all starts lie on one "
-            "trajectory of NO_SQUISH, and the shadow energy that they share is NO_SQUISH's"
+            f"{_scatters(first, second)}; all starts lie on one trajectory of NO_SQUISH, and the "
+            "shadow energy that they share is NO_SQUISH's"
         )
-        yield check(OVER, what, measures.quotient(second, first), low=1.0, note=note)
+        over = measures.scatters_apart(first, second)
+        yield check(OVER, what + f"{span} each", over, low=0.0, note=note)
         what = f"sd of energy in the first {SOON:g} ps, mean of {starts}"
         same = _ratio(pairs, lambda one: one.total[one.time <= SOON].std())
         note = (
@@ -235,17 +241,17 @@ def _liquid(whole: Found) -> Iterator[Check]:
         span = _length(ours, other)
         over = measures.quotient(*(measures.standard_deviation(one.total) for one in (other, ours)))
         yield check(OVER, f"more accurate: sd of energy about its mean, {span}", over, low=1.0)
-        means = (parts_of(one.total).mean(axis=1) for one in (ours, other))
-        first, second = map(measures.scatter, means)
-        note = f"of {second.value:.2g} and {first.value:.2g} kcal/mol"
+        first, second = (parts_of(one.total).mean(axis=1) for one in (ours, other))
+        note = _scatters(first, second)
         if small:
             walk = measures.random_walk(small.time, small.total)
             rates = np.maximum([walk.value, walk.value + walk.margin], 0)
             made, most = np.sqrt(ours.time[-1] / 6 * rates)
             note += f"; the force field's own random walk, as with {SMALL_DT:g} fs, makes "
             note += f"{made:.2g} in {span}, at most {most:.2g}"
-        what = f"wander: sd of the energy's means in {PARTS} parts, {span}"
-        yield check(OVER, what, measures.quotient(second, first), low=1.0, note=note)
+        what = f"wander: log10 of the sd of the energy's means in {PARTS} parts, {span}"
+        over = measures.scatters_apart(first, second, measures.freedom_of_walk(PARTS))
+        yield check(OVER, what, over, low=0.0, note=note)
     for name, one in ("nosquish", ours), (OTHER, other):
         if one:
             yield _steady(check, name, [one])
@@ -268,17 +274,15 @@ def _peptide(whole: Found, conventions: list[dict]) -> Iterator[Check]:
     drifts = {name: _drift([one]) for name, one in series.items() if name != ORDERED}
     for name, slope in drifts.items():
         label, span = PAPER[name].label, _length(series[name])
-        off = abs(slope.value) / slope.margin
-        how = {"unit": "margins", "note": f"{slope.text()} kcal/mol/ps"}
+        note = f"{slope.text()} kcal/mol/ps"
         if name == "rigid/small":
-            how["source"] = "Richardson's scheme, which is not symplectic"
-            yield check(label, f"drifts: |drift| of the energy, {span}", off, low=STABLE, **how)
-            continue
-        yield check(label, f"no drift: |drift| of the energy, {span}", off, high=STABLE, **how)
-        if "rigid/small" in drifts:
+            off, what = abs(slope.value) / slope.margin, f"drifts: |drift| of the energy, {span}"
+            how = {"unit": "margins", "source": "Richardson's scheme, which is not symplectic"}
+            yield check(label, what, off, low=SURE_DRIFT, note=note, **how)
+        elif "rigid/small" in drifts:
             over = measures.quotient(slope, drifts["rigid/small"])
             what = f"stable: drift over that of rigid/small, {span}"
-            yield check(label, what, over, low=-LOST, high=LOST)
+            yield check(label, what, over, low=-LOST, high=LOST, note=note)
         else:
             yield _steady(check, name, [series[name]])
 
@@ -436,12 +440,12 @@ def _against_gear(check: Callable, scene: str, pairs: Pairs) -> Iterator[Check]:
     ours_drift, drift = _drift(ours), _drift(theirs)
     note, off = f"{drift.text()} kcal/mol/ps", abs(drift.value) / drift.margin
     subject, what = f"Gear, {scene}", f"drifts {where}: |drift| of the energy, {when}"
-    yield check(subject, what, off, low=STABLE, unit="margins", note=note)
+    yield check(subject, what, off, low=SURE_DRIFT, unit="margins", note=note)
     what = f"less accurate {where}: average measure, {when}"
     yield check(f"Gear over NO_SQUISH, {scene}", what, _ratio(pairs, _average), low=1.0)
     far, what = None, f"far more accurate {where}: drift of the energy, {when}"
     told = f"Gear's drift itself cannot be told: {note}"
-    if off >= STABLE:  # nothing can be said over a drift that may be none
+    if off >= SURE_DRIFT:  # nothing can be said over a drift that may be none
         far, told = measures.quotient(ours_drift, drift), f"{ours_drift.text()} and {note}"
     bounds = {"low": -1 / FAR, "high": 1 / FAR}
     yield check(f"NO_SQUISH over Gear, {scene}", what, far, **bounds, note=told)

@@ -13,7 +13,7 @@ import numpy as np
 
 from validation.ensembles import runs
 from validation.ensembles.lengths import SAMPLED, Lengths
-from validation.ensembles.measure import ATM
+from validation.ensembles.measure import of_momentum
 from validation.ensembles.schemes import ALL_PRINT, OURS_PRINTS, Scheme
 from validation.running import machine, rounds, run
 from validation.sampling import plan
@@ -57,16 +57,11 @@ def _potential(table, case, scheme):
 
 def _capacity(table, case, scheme):
     """Of which the mean is var(U) / (kT)^2 of a body: the heat capacity of configurations."""
-    energy = table["PotEng"]
-    independent = len(energy) / measures.statistical_inefficiency(energy)
-    square = (energy - energy.mean()) ** 2 * independent / max(1.0, independent - 1)
-    return square / (BOLTZMANN * case.temperature) ** 2 / case.scene.unit
+    return measures.squares(table["PotEng"]) / (BOLTZMANN * case.temperature) ** 2 / case.scene.unit
 
 
 def _pressure(table, case, scheme):
-    # a total momentum that is kept at zero takes its part off
-    missing = scheme.held * BOLTZMANN * case.temperature / (3 * table["Volume"]) * ATM
-    return table["Press"] + missing
+    return table["Press"] + of_momentum(scheme.held, case.temperature, table["Volume"])
 
 
 def _torque(table, case, scheme):
@@ -124,8 +119,8 @@ class Numbers:
         remembers: of each, ps of an independent sample; of a square only with all starts.
         variances: of each, of a sample.
         rdf: g(r) of blocks of frames, (blocks, bins).
-        vectors: of squares, the autocovariances of the components, (components, lags), and
-            ``apart``, ps between samples.
+        vectors: of squares, the autocovariances of the components, (components, lags).
+        apart: ps between samples.
     """
 
     means: dict[str, Estimate]

@@ -173,6 +173,8 @@ def of_run(
 def pooled(starts: Sequence[Estimate]) -> Estimate:
     """The mean over starts, with the larger margin of what the runs tell and what their scatter
     tells."""
+    if len(starts) == 1:
+        return starts[0]
     scattered = measures.of_few([one.value for one in starts])
     error = measures.combined(*(one.times(1 / len(starts))[1:] for one in starts))
     return max(Estimate(scattered.value, *error), scattered, key=lambda one: one.margin)
