@@ -391,6 +391,25 @@ def test_what_to_use_follows_the_numbers(results):
     assert told[0] == "cannot tell" and told[5] == "No run is complete: no start: lost atoms."
 
 
+def test_how_sure_is_of_the_point_that_is_named(results):
+    """Locks out 'clear' of a default whose own error bar reaches above what is wanted, where it
+    takes the place of a variant with a keyword; and beside a rival of which there is no telling."""
+    summary = sweep()
+    points = summary["scenes"]["water"]["points"]
+    plain, other = points[1], points[3]
+    plain["errors"]["energy_sd"] = {"value": 0.228, "error": 0.08}
+    told = advice(results, summary)["water"]
+    assert told[0] == "fix_nosquish.NVE, 2 fs"
+    missed = "it may miss this by its error bar, nosquish-2, 2 fs does not; "
+    assert told[5].startswith(missed + "clear, rigid/nve takes 1.23 times as long")
+    # within 0.321 by 95 %, but not as one of several that are as fast
+    other["errors"]["energy_sd"] = {"value": 0.3, "error": 0.01}
+    other["cost"] = dict(points[6]["cost"])
+    told = advice(results, summary)["water"][5]
+    assert told.startswith(missed) and "rigid/nve takes" not in told
+    assert "no telling of rigid/nve, 2 fs" in told
+
+
 def test_every_way(results):
     """Locks out a rung of the table of fastest ways that is of another measure or run time.
 

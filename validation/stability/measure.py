@@ -24,7 +24,7 @@ from validation.stability import criteria
 from validation.stability.criteria import Criterion
 from validation.statistics import measures
 from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import CONFIDENCE, Estimate, margin
 
 BROKEN = {"blow-up", "cannot run"}
 SURVIVED = {"pass", "fail", "cannot tell"}
@@ -195,11 +195,22 @@ class Case:
         found = self.together(numbers)
         return replace(found, value=_largest(found.parts)) if found.parts else found
 
+    @property
+    def looks(self) -> list[int]:
+        """Numbers of starts at which a row may have enough: the least, doubled again and again, and
+        the most."""
+        least, most = self.starts
+        doubled = (least * 2**k for k in range(most.bit_length()))
+        return [*(number for number in doubled if number < most), most]
+
     def verdict(self, numbers: Sequence[Number]) -> str:
-        """pass, fail, or cannot tell where the 95 % interval of the starts' number reaches over the
-        bound, or there are too few that hold."""
+        """pass, fail, or cannot tell where the interval of the starts' number reaches over the
+        bound, or there are too few that hold.  Each of the `looks` is a chance to be sure by
+        chance: so intervals are wider, of 95 % for all looks together."""
         one = self.number(numbers)
-        number = one.value, one.error, *self._bound.within()
+        confidence = 1 - (1 - CONFIDENCE) / len(self.looks)
+        wider = margin(1.0, one.freedom, confidence) / margin(1.0, one.freedom)
+        number = one.value, one.error * wider, *self._bound.within()
         holds = Check(self.name, "", self.criterion, *number, freedom=one.freedom).holds
         few = self.every and len(numbers) < criteria.ENOUGH_STARTS
         return _WORDS[None if holds and few else holds]
@@ -418,16 +429,14 @@ def grown(
 
 
 def _enough(case, row, starts=None):
-    """Whether a row needs no more starts: what is asked for, or a verdict that is sure when its
-    number of starts is the least one, doubled again and again."""
+    """Whether a row needs no more starts: what is asked for, or at one of the looks a verdict that
+    is sure."""
     count, (least, most) = len(row["numbers"]), case.starts
     if row["ended"] or count >= most:
         return True
     if starts:
         return count >= max(least, starts)
-    # few looks: each is a chance to be sure by chance
-    doubled = count >= least and count % least == 0 and (count // least).bit_count() == 1
-    return doubled and verdict(case, row) != "cannot tell"
+    return count in case.looks and verdict(case, row) != "cannot tell"
 
 
 def _measured(stand, length, before):
