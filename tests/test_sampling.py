@@ -168,6 +168,8 @@ def test_time_to_an_error():
     assert precision.times(bad, good).value == pytest.approx((1 / 0.01) / (2 / 0.02))
     assert precision.times(good, bad, 0.05).value == 0
     assert precision.times(bad, good, 0.05).plain()["value"] is None
+    nothing = precision.Worth(Estimate(np.nan), Estimate(1.0))
+    assert set(precision.times(nothing, good).plain().values()) == {None}
     unsure = precision.Worth(Estimate(0.0, 0.1), Estimate(2.0, 0.2))
     spread = precision.seconds(unsure, 0.1)
     assert 180 < spread.low < spread.value < np.inf and spread.high == np.inf

@@ -80,6 +80,8 @@ def times(known: Worth, other: Worth, error: float | None = None) -> Interval:
         error: None takes that of the known one when its noise is as large as its bias, which is
             where more of its time begins to be in vain.
     """
+    if np.isnan([one.value for worth in (known, other) for one in worth]).any():
+        return Interval(np.nan, np.nan, np.nan)
     first, second = known.draws(1), other.draws(2)
     aim = np.sqrt(2) * abs(first[0]) if error is None else error
     spent, other_spent = _seconds(*first, aim), _seconds(*second, aim)
