@@ -579,9 +579,14 @@ def own_scripts():
         unit = "τ" if found["units"] == "lj" else "fs"
         told = [_confirmed(row, found["targets"], unit) for row in longer]
         name = longer[0]["integrator"] if longer else "no step for sure"
+        budget = re.search(r"About --budget (\d+)", " ".join(found["answer"]))
         own = f"{plain(found['dt'])}{NBSP}{unit}"
-        lines.append([found["title"], own, name, *(told or [NOTHING, NOTHING])])
-    head = ["script", "its step", "advised", "ten times as long", "1.5 times that step"]
+        more = budget[1] if budget else NOTHING
+        lines.append([found["title"], own, name, more, *(told or [NOTHING, NOTHING])])
+    head = [
+        *("script", "its step", "advised", "minutes that would tell, about"),
+        *("ten times as long", "1.5 times that step"),
+    ]
     return markdown(head, lines)
 
 

@@ -296,7 +296,7 @@ def write(summary: dict, out: Path) -> None:
     files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
     if longer := confirm.points(summary):
         files["confirmed"] = report.frame(_numbers(one, wanted) for one in longer)
-    report.write(summary, out, files, "own.html", figures, **values)
+    report.write(summary | {"answer": [*told, *lines]}, out, files, "own.html", figures, **values)
 
 
 def show(console: Console, summary: dict, out: Path) -> bool:
