@@ -25,7 +25,8 @@ def autocorrelation(x: np.ndarray) -> Estimate:
     g = 1 + 2 sum_k rho(k), with rho the normalised autocorrelation, summed to the
     first window of five times its own g/2 (A. Sokal's automatic windowing); at least 1.  Its error
     is Madras's and Sokal's, J. Stat. Phys. 50, 109 (1988).  The mean that is taken off makes the
-    sum too small; U. Wolff, Comput. Phys. Commun. 156, 143 (2004), equation 49, mends that.
+    sum too small, by (2 W + 1) / n of it with a window of W (U. Wolff, Comput. Phys. Commun. 156,
+    143, 2004).
     """
     x = np.asarray(x, float) - np.mean(x)
     n = len(x)
