@@ -693,7 +693,7 @@ def readme_table():
     verdicts = defaultdict(Counter)
     for row in rows("stability"):
         verdicts[row["label"]][row["verdict"]] += 1
-    ours = _bench()
+    cases, ours = len(summary("stability")["cases"]), _bench()
 
     def energy(fix):
         row = water[fix]
@@ -714,7 +714,7 @@ def readme_table():
         "water at 2 fs: spread of the energy, kcal/mol": energy,
         "1,000 waters: time of a whole step, ours over this fix's": whole("water", 1000, 1),
         "bodies of 2 to 200 atoms: the same": whole("mixed", 1296, 1),
-        f"of {len(summary('stability')['cases'])} cases of the stability atlas: passed, failed": judged,
+        f"of {cases} cases of the stability atlas: passed, failed": judged,
         "a free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
         ),
