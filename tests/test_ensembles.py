@@ -21,6 +21,7 @@ from validation.statistics.estimate import Estimate
 
 NAMES = "potential", "temperature", "translation", "rotation", "apart", "pressure", "drift"
 REFERENCE, AT_PRESSURE = REFERENCES
+VOLUME = 15318.0  # of 512 waters, Angstrom^3
 TINY = ["ensembles", "--ps", "0.05", "--dt", "4", "--only"]
 
 
@@ -28,9 +29,6 @@ def numbers(**known):
     """Numbers of a run: those that are named, and others."""
     rest = dict.fromkeys(NAMES, Estimate(1.0, 0.1, 20.0))
     return rest | {"cost": Estimate(2.0), "distribution": Estimate(0.5)} | known
-
-
-VOLUME = 15318.0  # of 512 waters, Angstrom^3
 
 
 def table(rng, molecules, samples, temperature=298.0, held=0):

@@ -147,7 +147,7 @@ def mean(x: np.ndarray) -> Estimate:
     blocks = of_few([block.mean() for block in np.array_split(x, min(FEW_BLOCKS, len(x)))])
     g = autocorrelation(x)
     freedom = max(1.0, 2 * (g.value / g.error) ** 2) if g.error else None
-    smooth = np.sqrt(squares(x).mean() * g.value / len(x))
+    smooth = np.sqrt(_squares(x, g.value).mean() * g.value / len(x))
     return max(
         Estimate(x.mean(), float(smooth), freedom),
         blocks._replace(value=x.mean()),
@@ -159,8 +159,11 @@ def squares(x: np.ndarray) -> np.ndarray:
     """(x - <x>)^2 of each sample, times n / (n - g): so their mean is the variance about what the
     mean is in ever longer series, in units of ``x``^2."""
     x = np.asarray(x, float)
-    part = min(statistical_inefficiency(x) / len(x), MOST_OF_ALL)
-    return (x - x.mean()) ** 2 / (1 - part)
+    return _squares(x, statistical_inefficiency(x))
+
+
+def _squares(x, g):
+    return (x - x.mean()) ** 2 / (1 - min(g / len(x), MOST_OF_ALL))
 
 
 def standard_deviation(x: np.ndarray) -> Estimate:
@@ -170,7 +173,7 @@ def standard_deviation(x: np.ndarray) -> Estimate:
     infinite.
     """
     x = np.asarray(x, float)
-    sd = float(np.sqrt(np.var(x) * len(x) / max(1, len(x) - 1)))
+    sd = float(np.std(x, ddof=min(1, len(x) - 1)))
     if len(x) < 3:
         return Estimate(sd, np.inf)
     _, error, freedom = mean((x - x.mean()) ** 2)

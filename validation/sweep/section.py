@@ -190,14 +190,10 @@ def _sure(points, targets, choice):
         return point["integrator"] != best["integrator"] and not (point["ours"] and best["ours"])
 
     rivals, maybe = list(filter(rival, choice.ties)), list(filter(rival, choice.perhaps))
-
-    def known(point):
-        return rival(point) and point not in choice.perhaps
-
     sure = "nothing else reaches it for sure"
     if rivals:
         sure = f"a tie with {names(rivals, FEW)}"
-    elif second := _rival(points, targets, known):
+    elif second := _rival(points, targets, lambda one: rival(one) and one not in choice.perhaps):
         apart = least(second) > best["cost"]["median"]
         lead = ("clear" if best["starts"] > 1 else "ahead") if apart else "about as fast"
         sure = f"{lead}, {second['label']} takes {_ratio(second, best):.2f} times as long"
