@@ -16,7 +16,7 @@ from own_scripts import GAS, take
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation.own import counted, lists, report, shapes, trial, turns
+from validation.own import counted, law, lists, report, shapes, shifted, trial, turns
 from validation.running import rounds, run
 from validation.running.store import Store
 from validation.sampling import plan as sampling_plan
@@ -127,7 +127,7 @@ def test_error_bars_from_longer_steps_cover(part, size, held):
         against = run(finer, held)
         found = {dt: run(dt) for dt in steps} | ({finer: against} if held else {})
         for dt, own in covered.items():
-            one = trial.by_law(dt, found, against, finer)
+            one = law.by_law(dt, found, against, finer)
             own.append(abs(one.value - size * dt**2 * (1 + part * dt**2)) < one.margin)
     assert min(map(np.mean, covered.values())) > 0.89
 
@@ -136,21 +136,74 @@ def test_longer_steps_tell_the_error_of_shorter_ones():
     """Locks out longer steps that tell nothing, one whose error has grown faster, and an error that
     no step makes smaller and passes for a small one."""
     exact = {dt: Estimate(5.0 + 0.1 * dt**2, 0.05) for dt in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)}
-    one, held = trial.by_law(1.0, exact, Estimate(5.0, 0.02)), Estimate(5.0, 0.02)
+    one, held = law.by_law(1.0, exact, Estimate(5.0, 0.02)), Estimate(5.0, 0.02)
     assert one.value == pytest.approx(0.1)
     assert one.margin < measures.difference(exact[1.0], held).margin / 2
-    law = {dt: Estimate(0.1 * dt**2, 0.01) for dt in (1.0, 2.0)}
-    first = trial.by_law(1.0, law)
-    assert trial.by_law(1.0, law | {4.0: Estimate(9.0, 0.01)}) == first
+    squares = {dt: Estimate(0.1 * dt**2, 0.01) for dt in (1.0, 2.0)}
+    grown = law.by_law(1.0, squares | {4.0: Estimate(9.0, 0.01)})
+    assert grown.value == pytest.approx(0.1, abs=0.005)
     same = {dt: Estimate(0.1, 0.01) for dt in (1.0, 2.0, 4.0)}
-    assert trial.by_law(1.0, same) == same[1.0]
-    assert trial.by_law(4.0, law | {4.0: Estimate(9.0, 0.01)}).value == 9.0  # not from shorter ones
+    assert law.by_law(1.0, same).value == pytest.approx(0.1, abs=0.005)
+    assert (
+        law.by_law(4.0, squares | {4.0: Estimate(9.0, 0.01)}).value == 9.0
+    )  # not from shorter ones
     # held against a step of the same integrator, which has a part of the error itself
     for steps in (2.0,), (2.0, 4.0):
         errors = {dt: Estimate(0.1 * dt**2, 0.01) for dt in steps}
-        assert trial.by_law(2.0, errors, Estimate(0.1), 1.0).value == pytest.approx(0.4)
+        assert law.by_law(2.0, errors, Estimate(0.1), 1.0).value == pytest.approx(0.4)
     still = {dt: Estimate(1.0) for dt in (1.0, 2.0)}
-    assert trial.by_law(1.0, still, Estimate(1.0)).value == 0.0
+    assert law.by_law(1.0, still, Estimate(1.0)).value == 0.0
+
+
+def pole(dt):
+    """An error whose powers are all alike at a step of 7, where the integrator ends."""
+    return dt**2 / (1 - (dt / 7) ** 2)
+
+
+@pytest.mark.parametrize("size", [0.3, 2.0, 10.0, 30.0])
+def test_error_bars_cover_near_the_end_of_stability(size):
+    """Locks out a longest step whose error has grown faster than a series of few powers, within
+    what chi-squared sees, and that passes for what is told of shorter ones."""
+    random, covered = np.random.default_rng(5), {1.0: [], 2.0: [], 3.0: []}
+    for _ in range(300):
+        means = {
+            dt: size * pole(dt) + random.normal() for dt in (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+        }
+        found = {dt: Estimate(mean, 1.0) for dt, mean in means.items()}
+        for dt, own in covered.items():
+            one = law.by_law(dt, found, found[0.5], 0.5)
+            own.append(abs(one.value - size * pole(dt)) < one.margin)
+    assert min(map(np.mean, covered.values())) > 0.92
+
+
+@pytest.mark.parametrize("grows", ["square", "less", "more", "pole"])
+@pytest.mark.parametrize("size", [0.0002, 0.002, 0.01])
+def test_error_bars_of_g_from_longer_steps_cover(size, grows):
+    """Locks out a g(r) of a short step that is told by its own run alone, whose noise hides the
+    error; and error bars that do not cover."""
+    error = {
+        "square": lambda dt: dt**2,
+        "less": lambda dt: dt**2 * (1 - 0.02 * dt**2),
+        "more": lambda dt: dt**2 * (1 + 0.02 * dt**2),
+        "pole": pole,
+    }[grows]
+    random, finer, blocks, bins = np.random.default_rng(7), 0.5, 20, 40
+    shape = np.sin(np.linspace(0, 9, bins))
+    shape *= size / np.sqrt(np.mean(shape**2))
+    covered, reach = {1.0: [], 2.0: [], 3.0: []}, []
+    for _ in range(100):
+        g = {
+            dt: error(dt) * shape + 0.05 * random.normal(size=(blocks, bins))
+            for dt in (finer, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
+        }
+        for dt, own in covered.items():
+            one = law.rms_by_law(dt, g, g[finer], finer)
+            own.append(abs(one.value - size * error(dt)) < one.margin)
+        alone = law.rms_by_law(1.0, {dt: g[dt] for dt in (finer, 1.0)}, g[finer], finer)
+        together = law.rms_by_law(1.0, g, g[finer], finer)
+        reach.append([one.value + one.margin for one in (together, alone)])
+    assert min(map(np.mean, covered.values())) > 0.88
+    assert np.median(np.divide(*zip(*reach))) < 0.9
 
 
 @pytest.mark.parametrize(
@@ -164,21 +217,20 @@ def test_steps_around_that_of_the_reference_have_their_own_errors(steps):
         means = {dt: Estimate(3.0 + 0.1 * dt**2 + 0.02 * random.normal(), 0.02) for dt in steps}
         means.setdefault(finer, Estimate(3.1 + 0.02 * random.normal(), 0.02))
         for dt in means:
-            one = trial.by_law(dt, means, means[finer], finer)
+            one = law.by_law(dt, means, means[finer], finer)
             covered.append(abs(one.value - 0.1 * dt**2) < one.margin)
     assert np.mean(covered) > 0.92
     exact = {dt: Estimate(3.0 + 0.1 * dt**2, 0.01) for dt in {*steps, finer}}
     for dt in exact:
-        one = trial.by_law(dt, exact, exact[finer], finer)
+        one = law.by_law(dt, exact, exact[finer], finer)
         assert one.value == pytest.approx(0.1 * dt**2)
-    assert trial.by_law(finer, {finer: exact[finer]}, exact[finer], finer) is None
+    assert law.by_law(finer, {finer: exact[finer]}, exact[finer], finer) is None
     # g(r) alike: errors 0.1 dt^2 in each bin, with noise
     g = {dt: 0.1 * dt**2 + 1e-4 * random.normal(size=(10, 50)) for dt in exact}
-    alike = {dt: {"rdf": one} for dt, one in g.items()}
     for dt in exact:
-        one = trial._of_rdf(dt, alike, alike[finer], finer)
+        one = law.rms_by_law(dt, g, g[finer], finer)
         assert one.value == pytest.approx(0.1 * dt**2, rel=0.01)
-    assert trial._of_rdf(finer, {finer: alike[finer]}, alike[finer], finer) is None
+    assert law.rms_by_law(finer, {finer: g[finer]}, g[finer], finer) is None
 
 
 def energies(own, series, apart):
@@ -440,3 +492,44 @@ def test_a_skin_is_advised_only_if_it_is_faster_in_each_round(tmp_path):
     scene = replace(own.scene, setup=(*own.scene.setup, "neighbor 0.7 bin", "neighbor 1.4 multi"))
     assert lists.skin_of(own) == (2.0, "bin")
     assert lists.skin_of(replace(own, scene=scene)) == (1.4, "multi")
+
+
+def test_energies_that_end_at_zero_leave_the_motion_and_show_a_drift(taken, tmp_path):
+    """Locks out a shift that changes forces; and an energy that jumps at cutoffs, which hides what
+    the integrator does to it."""
+    own, told = taken("clusters"), []
+    other = shifted.shifted(own, told.append)
+    assert told == [other.notes[-1]] and "'pair_modify shift yes' is added" in told[0]
+    ours = next(one for one in own.integrators.values() if one.kind == "ours")
+    ends, spreads = [], []
+    for number, one in enumerate((own, other)):
+        how: dict = {"dt": 0.001, "every": 10, "keeps": "motion"}
+        result = run.run(run.job(one.scene, ours, tmp_path / str(number), [1000], **how))
+        assert not result.error
+        ends.append(result.positions.x[-1])
+        spreads.append(np.std(result.thermo["TotEng"]))
+    assert np.array_equal(*ends)
+    assert spreads[1] < 0.1 * spreads[0]
+
+
+def test_pair_energies_that_cannot_be_shifted(taken):
+    """Locks out a shift that LAMMPS refuses, one that is there already, one that takes the tail
+    from a barostat's pressure, and one that changes what fix gcmc accepts."""
+    own = taken("clusters")
+
+    def added(*commands, fixes=(), press=()):
+        said = {"commands": commands, "fixes": dict(enumerate(fixes))}
+        state = replace(own.found.state, press=press)
+        one = replace(own, said=said, found=replace(own.found, state=state))
+        made = shifted.shifted(one, tell=lambda note: None)
+        return made.scene.then[len(own.scene.then) :]
+
+    style, axis = "pair_style lj/cut 2.5", (("x", "1", "1", "1000"),)
+    assert added(style) == added(style, press=axis) == ("pair_modify shift yes",)
+    assert added() == added("pair_style none") == added("pair_style zero 3.0") == ()
+    assert added(style, "pair_modify mix sixthpower shift yes") == ()
+    assert added("pair_style lj/cut 3.0", "pair_modify shift yes", style) != ()
+    tail = style, "pair_modify tail yes mix arithmetic"
+    assert added(*tail) == ("pair_modify shift yes tail no",)
+    assert added(*tail, press=axis) == ()
+    assert added(style, fixes=["fix g gas gcmc 100 0 5 0 29494 1.0 -0.5 0.1 mol ice"]) == ()

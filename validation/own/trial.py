@@ -17,15 +17,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 
-from validation.own import counted, schemes, shapes, turns
+from validation.own import counted, law, schemes, shapes, turns
 from validation.own.system import Own
 from validation.running import machine, rounds, run
 from validation.running.store import Store
 from validation.scenes.integrators import OURS, Integrator
 from validation.statistics import measures, structure
-from validation.statistics.estimate import CONFIDENCE, Estimate, margin
+from validation.statistics.estimate import Estimate
 from validation.statistics.structure import Motion
 from validation.sweep.choice import choose, least, meets
 
@@ -49,9 +48,6 @@ BLOCKS = 20
 ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
 # what is timed costs so many times the fastest good one at most, by the runs; else so many points
 SLOWER, FASTEST = 1.25, 6
-# even powers of the step in errors of means, and the standard error by what higher ones do, as part
-# of an error: so margins cover where the longest step is near the end of stability, too
-POWERS, HIGHER = 3, 0.025
 ENERGIES = "drift", "energy"  # targets that econserve tells
 NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
 TARGETS = {
@@ -94,7 +90,6 @@ COUNTED = (
 # the default drift with a thermostat: what GROMACS allows by default, 0.005 kJ/mol per ps and atom
 # (verlet-buffer-tolerance), of rigid water at 300 K.  With a damping time of 1 ps it heats by 0.2 %
 HEATED, WHY_HEATED = 1.0, "as much as GROMACS allows by default; the thermostat takes it out"
-NONE = Estimate(0.0)
 
 
 @dataclass(frozen=True)
@@ -541,68 +536,17 @@ def _kinds(own, moving, turning) -> list[Estimate]:
     return [measures.mean(one / kelvin) for one in series]
 
 
-def by_law(
-    dt: float, found: Mapping[float, Estimate], held: Estimate = NONE, finer: float = 0.0
-) -> Estimate | None:
-    """An error that grows as a series in the square of the time step: from the run with this step,
-    and from those with longer ones.
-
-    The errors of means have even powers of the step only, for integrators are reversible.  So
-    longer steps, whose errors are larger, tell the error of a shorter one best.  Up to `POWERS` are
-    fitted, one less than there are steps.  The longest steps are left out until the others are such
-    a series within their error bars (chi-squared).  Two steps tell no series: then the run with
-    this step counts alone, and the square is for the reference's own error only.
-
-    One power alone would make error bars too small.  A fourth power that chi-squared cannot see is
-    many of them, where most of the weight is at the longest step.  What still higher powers may do
-    is in the error: `HIGHER`.
-
-    Args:
-        found: of each step the mean.
-        held: what the mean would be without an error, or, of the same integrator, with a step of
-            ``finer``, whose own error follows from all other steps.
-
-    Returns:
-        None if no step tells it.
-    """
-    steps = sorted(other for other in found if other != finer and (other >= dt or dt == finer))
-    if not steps:
-        return None
-    off = np.array([found[other].value - held.value for other in steps])
-    errors = np.array([_normal(found[other]) for other in steps])
-    covariance = np.diag(errors**2) + _normal(held) ** 2  # all have the reference's in common
-    exponents = 2 * np.arange(1, POWERS + 1)
-    powers = (np.array(steps)[:, None] / dt) ** exponents - (finer / dt) ** exponents
-    for number in range(len(steps), 2, -1):
-        if not errors[:number].all():
-            continue
-        weights = np.linalg.inv(covariance[:number, :number])
-        series = powers[:number, : number - 1]
-        spread = np.linalg.inv(series.T @ weights @ series)
-        parts = spread @ series.T @ weights @ off[:number]
-        rest = off[:number] - series @ parts
-        if special.chdtrc(number - len(parts), rest @ weights @ rest) > 1 - CONFIDENCE:
-            error = float(parts.sum())  # at this step each power is 1
-            return Estimate(error, float(np.hypot(np.sqrt(spread.sum()), HIGHER * error)))
-    return measures.difference(found[steps[0]], held).times(float(1 / powers[0, 0]))
-
-
-def _normal(one: Estimate) -> float:
-    """The standard error of a normal variable with the same margin."""
-    return one.margin / margin(1.0)
-
-
 def _errors(own, one, alike, held, finer) -> dict[str, Estimate]:
     """By the names of `TARGETS`; without those that cannot be told.
 
     Args:
         alike: of each step of this integrator what `_numbers` says.
-        held, finer: see `by_law`.
+        held, finer: see `law.by_law`.
     """
     dt, mine, energy = one.dt, alike[one.dt], shapes.thermal(own)
     found = {} if counted.wrongly(one.integrator) else _of_energy(own, mine)
     series = [
-        by_law(dt, {other: numbers["kinds"][k] for other, numbers in alike.items()})
+        law.by_law(dt, {other: numbers["kinds"][k] for other, numbers in alike.items()})
         for k in range(len(mine["kinds"]))
     ]
     kinds = [one for one in series if one]
@@ -614,12 +558,14 @@ def _errors(own, one, alike, held, finer) -> dict[str, Estimate]:
         if name in mine:
             scale = energy if name == "potential" else held[name].value
             means = {other: numbers[name] for other, numbers in alike.items()}
-            error = by_law(dt, means, held[name], finer)
+            error = law.by_law(dt, means, held[name], finer)
             if error:
                 found[name] = error.times(1 / scale)
-    error = _of_rdf(dt, alike, held, finer) if "rdf" in mine else None
-    if error:
-        found["rdf"] = error
+    if "rdf" in mine:
+        g = {other: numbers["rdf"] for other, numbers in alike.items()}
+        error = law.rms_by_law(dt, g, held["rdf"], finer)
+        if error:
+            found["rdf"] = error
     return found
 
 
@@ -634,16 +580,3 @@ def _of_energy(own, mine) -> dict[str, Estimate]:
     change = np.sqrt(max(square.value, 1e-300))
     rms = Estimate(change, square.error / (2 * change), square.freedom)
     return {"drift": drift, "energy": rms.times(1 / max(mine["kinetic"], 1e-300))}
-
-
-def _of_rdf(dt, alike, held, finer) -> Estimate | None:
-    """The rms error of g(r), by the square law where the other one is of the same integrator; of
-    that one from the next longer step, or the longest one."""
-    other = dt
-    if dt == finer:
-        steps = [one for one in alike if one != finer]
-        other = min((one for one in steps if one > finer), default=max(steps, default=None))
-    if other is None or alike[other]["rdf"].shape != held["rdf"].shape:
-        return None
-    apart = measures.without_noise(alike[other]["rdf"] - held["rdf"])
-    return apart.times(dt**2 / abs(other**2 - finer**2))

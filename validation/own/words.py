@@ -35,14 +35,15 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
         budget: minutes, by default.
         many: whether all integrators are tried by default.
     """
-    from validation.own import confirm, lists, report, system, trial  # heavy: not for --help
+    # heavy: not for --help
+    from validation.own import confirm, lists, report, shifted, system, trial
     from validation.pages import console
     from validation.running import run as run_by
 
     run_by.launch_by(arguments.launch)
     ask, out = system.begin(arguments, script)
     silence = arguments.silence or 120.0
-    own = system.take(ask, out, arguments.ranks, silence)
+    own = shifted.shifted(system.take(ask, out, arguments.ranks, silence))
     system.refuse_ramps(own)
     only = arguments.only and [
         one.name for one in command_line.chosen_of(own.integrators, arguments.only)

@@ -1,0 +1,141 @@
+"""The error of a mean at a time step, from runs with this step and longer ones."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from validation.statistics import measures
+from validation.statistics.estimate import CONFIDENCE, Estimate, margin
+
+# even powers of the step in errors of means.  Each but the square is noise of this standard
+# deviation at the longest step, in largest errors seen.  So a step near the end of stability, where
+# all powers count, tells little of shorter ones
+POWERS, HIGHER = 4, 3.0
+LEAST = 0.02  # of an error, its standard error by what is still higher
+NONE = Estimate(0.0)
+
+
+def by_law(
+    dt: float, found: Mapping[float, Estimate], held: Estimate = NONE, finer: float = 0.0
+) -> Estimate | None:
+    """An error that grows as a series in the square of the time step: from the run with this step,
+    and from those with longer ones.
+
+    The errors of means have even powers of the step only, for integrators are reversible.  So
+    longer steps, whose errors are larger, tell the error of a shorter one best.  The square is
+    fitted.  The next powers are as large as they can be beside what is seen (`HIGHER`): they are
+    part of the noise, with one shape for all steps.  The longest steps are left out until the
+    others are such a series within their error bars (chi-squared).  One step tells no series: then
+    the square is for the reference's own error only.
+
+    Args:
+        found: of each step the mean.
+        held: what the mean would be without an error, or, of the same integrator, with a step of
+            ``finer``, whose own error follows from all other steps.
+
+    Returns:
+        None if no step tells it.
+    """
+    steps = _telling(dt, found, finer)
+    if not steps:
+        return None
+    off = np.array([found[other].value - held.value for other in steps])
+    errors = np.array([_normal(found[other]) for other in steps])
+    for fit in _fits(dt, steps, np.abs(off), errors, _normal(held), finer):
+        own = off[: fit.number]
+        if special.chdtrc(len(fit.rest), ((fit.rest @ own) ** 2).sum()) > 1 - CONFIDENCE:
+            error = float(fit.weights @ own)
+            return Estimate(error, float(np.hypot(fit.error, LEAST * error)))
+    return measures.difference(found[steps[0]], held).times(_of_square(dt, steps[0], finer))
+
+
+def rms_by_law(
+    dt: float, found: Mapping[float, np.ndarray], held: np.ndarray, finer: float = 0.0
+) -> Estimate | None:
+    """The rms error of a function in bins, as g(r): `by_law` in each, with the same weights in all.
+
+    Args:
+        found: of each step the function, (parts, bins), of independent parts of the run; those with
+            other bins than ``held`` are left out.
+        held, finer: as of `by_law`.
+    """
+    found = {other: one for other, one in found.items() if one.shape == held.shape}
+    steps = _telling(dt, found, finer)
+    if not steps:
+        return None
+    off = np.array([found[other] - held for other in steps])
+    size = [float(np.sqrt(np.mean(one.mean(axis=0) ** 2))) for one in off]
+    noise = float(np.sqrt(np.mean(off.var(axis=1, ddof=1)) / len(held) / 2))  # the same in all runs
+    for fit in _fits(dt, steps, np.array(size), np.full(len(off), noise), noise, finer):
+        own = off[: fit.number]
+        left = measures.without_noise(np.concatenate(np.tensordot(fit.rest, own, 1), axis=1))
+        if left.value <= left.margin:
+            error = measures.without_noise(np.tensordot(fit.weights, own, 1))
+            higher = np.hypot(fit.missed, LEAST * error.value)
+            return error._replace(error=float(np.hypot(error.error, higher)))
+    return measures.without_noise(off[0]).times(abs(_of_square(dt, steps[0], finer)))
+
+
+def _telling(dt: float, found: Collection[float], finer: float) -> list[float]:
+    """The steps that tell the error of this one."""
+    return sorted(other for other in found if other != finer and (other >= dt or dt == finer))
+
+
+def _of_square(dt: float, other: float, finer: float) -> float:
+    """The error at a step over how far another is off one of ``finer``, by the square law."""
+    return dt**2 / (other**2 - finer**2)
+
+
+class _Fit(NamedTuple):
+    """A series of even powers through how far the first steps are off."""
+
+    number: int  # of steps
+    weights: np.ndarray  # (number,): of these, in the error at the step asked for
+    error: float  # standard, of that
+    missed: float  # its part by the higher powers
+    # (degrees of freedom, number): times these, normal numbers if the series holds
+    rest: np.ndarray
+
+
+def _fits(
+    dt: float,
+    steps: Sequence[float],
+    off: np.ndarray,
+    errors: np.ndarray,
+    held: float,
+    finer: float,
+) -> Iterator[_Fit]:
+    """See `by_law`: from all steps down to two.
+
+    Args:
+        off: sizes of how far the means at these steps are off.
+        errors: standard errors of these means.
+        held: that of what they are held against, which all have in common.
+    """
+    exponents = 2 * np.arange(1, POWERS + 1)
+    powers = (np.array(steps)[:, None] / dt) ** exponents - (finer / dt) ** exponents
+    covariance = np.diag(errors**2) + held**2
+    for number in range(len(steps), 1, -1):
+        if not errors[:number].all():
+            continue
+        own = covariance[:number, :number]
+        square, higher = powers[:number, 0], powers[:number, 1:]
+        seen = np.sqrt(np.max(off[:number] ** 2 + np.diag(own)))
+        sizes = HIGHER * seen / higher[-1]
+        inverse = np.linalg.inv(own + (sizes * higher) @ (sizes * higher).T)
+        part = inverse @ square / (square @ inverse @ square)
+        left = inverse - np.outer(inverse @ square, part)
+        # at the step asked for each power is 1: the higher ones are told by what is left
+        weights = part + sizes**2 @ higher.T @ left
+        missed = np.linalg.norm(sizes * (weights @ higher - 1))
+        error = np.hypot(np.sqrt(weights @ own @ weights), missed)
+        squares, axes = np.linalg.eigh(left)
+        rest = np.sqrt(np.maximum(squares[1:, None], 0.0)) * axes.T[1:]
+        yield _Fit(number, weights, float(error), float(missed), rest)
+
+
+def _normal(one: Estimate) -> float:
+    """The standard error of a normal variable with the same margin."""
+    return one.margin / margin(1.0)
