@@ -579,9 +579,8 @@ def own_scripts():
         unit = "τ" if found["units"] == "lj" else "fs"
         told = [_confirmed(row, found["targets"], unit) for row in longer]
         name = longer[0]["integrator"] if longer else "no step for sure"
-        budget = re.search(r"About --budget (\d+)", " ".join(found["answer"]))
         own = f"{plain(found['dt'])}{NBSP}{unit}"
-        more = budget[1] if budget else NOTHING
+        more = found["minutes_that_tell"] or NOTHING
         lines.append([found["title"], own, name, more, *(told or [NOTHING, NOTHING])])
     head = [
         *("script", "its step", "advised", "minutes that would tell, about"),

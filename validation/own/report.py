@@ -17,22 +17,29 @@ from validation.statistics.estimate import SURE, Estimate, margin
 from validation.sweep.choice import Choice, bound, choose, levels, meets, nearest
 
 EACH = "Each integrator's fastest step"
+LEAST_ROOM = 0.25  # of a target, between it and the error that is counted on in telling a budget
 SKINS = "Skins of the neighbour lists, with the advised step"
 
 
 def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     """The fastest point within the targets, what is to be said of it, and lines for the script."""
     wanted, time = summary["targets"], UNITS[summary["units"]].time
-    asked = [one for one in summary["points"] if one["asked"]]
-    if not any(one["cost"] for one in asked):  # of a Ctrl-C
-        asked = _roughly(asked)
-    points = [one for one in asked if judged(one, wanted) == wanted]
-    rest = [one for one in asked if judged(one, wanted) != wanted]
+    points, rest = _asked(summary)
     choice = choose(points, wanted)
     told = list(_told(summary, points, choice, wanted, time)) if points or not rest else []
     told += _uncounted(summary, rest, wanted, time)
     told += confirm.said(summary, time)
     return choice, told, _lines(summary, choice)
+
+
+def _asked(summary) -> tuple[list, list]:
+    """The points that were asked for: those with all targets, and those whose energy says
+    nothing."""
+    wanted, asked = summary["targets"], [one for one in summary["points"] if one["asked"]]
+    if not any(one["cost"] for one in asked):  # of a Ctrl-C
+        asked = _roughly(asked)
+    points = [one for one in asked if judged(one, wanted) == wanted]
+    return points, [one for one in asked if judged(one, wanted) != wanted]
 
 
 def _roughly(points) -> list:
@@ -149,32 +156,37 @@ def _none(summary, points, choice, wanted, time):
 
 
 def _longer(summary, points, perhaps, wanted) -> str:
-    """The budget that tells whether one of the points is within the targets, as errors are now."""
+    minutes = _telling(summary, points, perhaps, wanted)
+    other = "a target that short runs can tell: --target NAME=VALUE"
+    if minutes is None:
+        return f"Give {other}."
+    return f"About --budget {minutes} tells, in so many minutes. Or give {other}."
+
+
+def _telling(summary, points, perhaps, wanted) -> int | None:
+    """Minutes that tell whether one of the points is within the targets, as errors are now."""
     confidence = {id(point): level for point, level in levels(points, wanted)}
     factors = [
         max(_above(point, name, most, confidence[id(point)]) for name, most in wanted.items())
         for point in perhaps
         if id(point) in confidence
-    ] or [math.inf]
-    factor = min(factors)
-    other = "a target that short runs can tell: --target NAME=VALUE"
-    if not math.isfinite(factor):
-        return f"Give {other}."
+    ]
+    if not factors:
+        return None
     # the least that helps is some runs more
-    minutes = math.ceil(float(f"{summary['minutes'] * max(2.0, factor):.2g}"))
-    return f"About --budget {minutes} tells, in so many minutes. Or give {other}."
+    return math.ceil(float(f"{summary['minutes'] * max(2.0, min(factors)):.2g}"))
 
 
 def _above(point, name, most, confidence) -> float:
     """How many times longer runs have an error bar that does not reach across the target.
 
     That of a mean goes as the run's length to -1/2, that of a slope, whose noise does not wander,
-    to -3/2.
+    to -3/2.  An error that is as large as the target or larger may be noise: `LEAST_ROOM`.
     """
     one = Estimate.of(point["errors"][name])
-    room = most - (one.value if one.value > one.margin else 0.0)
+    room = max(most - abs(one.value), LEAST_ROOM * most)
     power = 2 / 3 if name == "drift" else 2
-    return (margin(one.error, one.freedom, confidence) / room) ** power if room > 0 else math.inf
+    return (margin(one.error, one.freedom, confidence) / room) ** power
 
 
 def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
@@ -289,14 +301,18 @@ def _numbers(point, wanted) -> dict:
 
 def write(summary: dict, out: Path) -> None:
     """Write all files into a folder."""
-    _, told, lines = answer(summary)
-    wanted = summary["targets"]
+    choice, told, lines = answer(summary)
+    wanted, (points, _) = summary["targets"], _asked(summary)
     values: dict = {"told": told, "lines": lines, "shown": tables(summary)}
     figures = draw(summary, out)
     files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
     if longer := confirm.points(summary):
         files["confirmed"] = report.frame(_numbers(one, wanted) for one in longer)
-    report.write(summary | {"answer": [*told, *lines]}, out, files, "own.html", figures, **values)
+    minutes = None
+    if choice.best is None and choice.perhaps:
+        minutes = _telling(summary, points, choice.perhaps, wanted)
+    said = {"answer": [*told, *lines], "minutes_that_tell": minutes}
+    report.write(summary | said, out, files, "own.html", figures, **values)
 
 
 def show(console: Console, summary: dict, out: Path) -> bool:
