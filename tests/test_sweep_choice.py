@@ -869,3 +869,51 @@ def test_sweep_refuses(capsys):
         with pytest.raises(SystemExit) as end:
             __main__.main(["sweep", *words.split()])
         assert end.value.code == 2 and answer in capsys.readouterr().err
+
+
+def rows_of(random, sizes, error, steps=(1.0, 1.5, 2.0, 3.0, 4.0, 6.0)):
+    """Points of integrators whose errors are so many times the square of the step, and are told the
+    better the shorter it is."""
+    found = []
+    for number, size in enumerate(sizes):
+        for dt in steps:
+            own = error * np.sqrt(dt)
+            seen = abs(size * dt**2 + own * random.normal())
+            found.append(point("abc"[number], dt, [10 / dt * (1 + 0.01 * number)], x=(seen, own)))
+    return found
+
+
+@pytest.mark.parametrize("sizes", [(0.03, 0.03, 0.03), (0.1, 0.28, 0.03), (0.09, 0.0, 0.0)])
+@pytest.mark.parametrize("error", [0.1, 0.2, 0.35])
+def test_steps_judged_from_the_shortest_are_wrong_as_seldom_as_they_say(sizes, error):
+    """Locks out a step that is named by chance, as one of many, and margins that are as wide as
+    where no order of steps is known."""
+    random, wrong, named, before = np.random.default_rng(1), [], [], []
+    for _ in range(400):
+        points, targets = rows_of(random, sizes, error), {"x": 1.0}
+        choice = sweep_choice.choose(points, targets, sweep_choice.from_the_shortest)
+        good = [choice.best, *choice.ties] if choice.best else []
+        wrong.append(any(sizes["abc".index(p["integrator"])] * p["dt"] ** 2 > 1.0 for p in good))
+        named.append(choice.best["dt"] if choice.best else 0.0)
+        before.append(sweep_choice.choose(points, targets).best)
+    assert np.mean(wrong) < 0.06
+    usual = np.mean([one["dt"] if one else 0.0 for one in before])
+    assert np.mean(named) >= usual * (1.0 if error < 0.2 else 1.3)
+
+
+def test_a_step_is_not_named_over_a_shorter_one_that_is_not_good():
+    """Locks out a longer step that is within the targets by chance, where a shorter one is not for
+    sure; and a shorter one that is not timed, and so hides longer ones."""
+    rule = sweep_choice.from_the_shortest
+    short, long = point("a", 1.0, [9.0], x=(0.5, 0.4)), point("a", 2.0, [5.0], x=(0.1, 0.1))
+    assert rule([short, long], {"x": 1.0}) == []
+    short["errors"]["x"]["error"] = 0.1
+    assert rule([short, long], {"x": 1.0}) == [long, short]
+    short["cost"] = None
+    assert rule([short, long], {"x": 1.0}) == [long]
+    short["failed"] = "exploded"
+    assert rule([short, long], {"x": 1.0}) == []
+    other = point("b", 2.0, [4.0], x=(0.2, 0.1))
+    assert rule([short, long, other], {"x": 1.0}) == [other]
+    assert sweep_choice.level_of_each([short]) == sweep_choice.level_of_each([short, other]) == 0.95
+    assert sweep_choice.level_of_each([short, other, point("c")]) == pytest.approx(1 - 0.1 / 3)

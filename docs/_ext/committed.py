@@ -580,7 +580,7 @@ def own_scripts():
         told = [_confirmed(row, found["targets"], unit) for row in longer]
         name = longer[0]["integrator"] if longer else "no step for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
-        more = found["minutes_that_tell"] or NOTHING
+        more = found.get("minutes_that_tell") or NOTHING
         lines.append([found["title"], own, name, more, *(told or [NOTHING, NOTHING])])
     head = [
         *("script", "its step", "advised", "minutes that would tell, about"),

@@ -8,13 +8,13 @@ from rich.console import Console
 
 from validation.own import confirm, counted, lists
 from validation.own.figures import draw
-from validation.own.trial import ENERGIES, judged
+from validation.own.trial import ENERGIES, chosen, judged
 from validation.pages import report
 from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import SURE, Estimate, margin
-from validation.sweep.choice import Choice, bound, choose, levels, meets, nearest
+from validation.sweep.choice import Choice, bound, level_of_each, meets, nearest
 
 EACH = "Each integrator's fastest step"
 LEAST_ROOM = 0.25  # of a target, between it and the error that is counted on in telling a budget
@@ -25,7 +25,7 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     """The fastest point within the targets, what is to be said of it, and lines for the script."""
     wanted, time = summary["targets"], UNITS[summary["units"]].time
     points, rest = _asked(summary)
-    choice = choose(points, wanted)
+    choice = chosen(points, wanted)
     told = list(_told(summary, points, choice, wanted, time)) if points or not rest else []
     told += _uncounted(summary, rest, wanted, time)
     told += confirm.said(summary, time)
@@ -55,7 +55,7 @@ def _uncounted(summary, points, wanted, time) -> Iterator[str]:
     lost = " and ".join(name for name in ENERGIES if name in wanted)
     yield f"Of {labels} nobody knows {lost}: {counted.WHY}."
     rest = judged(points[0], wanted)
-    best = choose(points, rest).best if rest else None
+    best = chosen(points, rest).best if rest else None
     if best:
         yield (
             f"But for that, {best['label']} with {best['dt']:g} {time} is within the targets: "
@@ -126,7 +126,7 @@ def _none(summary, points, choice, wanted, time):
         some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.perhaps[:4])
         yield (
             f"Not sure: no step is within the targets by {SURE}, but these may be: {some}. Their "
-            "error bars, which are wider for a choice among several, reach across a target. "
+            "error bars, or those of shorter steps, reach across a target. "
             f"{_longer(summary, points, choice.perhaps, wanted)}"
         )
         yield from _resolved(points, choice.perhaps, wanted, time)
@@ -149,8 +149,8 @@ def _none(summary, points, choice, wanted, time):
         alone = ""
         if meets(one, wanted):
             alone = (
-                f" Of it alone this is sure by {SURE}; it is its choice among several that is not, "
-                "for some look good by chance."
+                f" Of it alone this is sure by {SURE}; as one of several, or with all shorter "
+                "steps of its integrator, it is not."
             )
         yield f"The nearest: {one['label']}, {one['dt']:g} {time}: {_within(one, wanted)}.{alone}"
 
@@ -165,12 +165,18 @@ def _longer(summary, points, perhaps, wanted) -> str:
 
 def _telling(summary, points, perhaps, wanted) -> int | None:
     """Minutes that tell whether one of the points is within the targets, as errors are now."""
-    confidence = {id(point): level for point, level in levels(points, wanted)}
-    factors = [
-        max(_above(point, name, most, confidence[id(point)]) for name, most in wanted.items())
-        for point in perhaps
-        if id(point) in confidence
-    ]
+    level = level_of_each(points)
+    factors = []
+    for one in perhaps:
+        own = [point for point in points if point["integrator"] == one["integrator"]]
+        before = [point for point in own if point["dt"] <= one["dt"]]
+        if all(math.isfinite(bound(point, name)) for point in before for name in wanted):
+            each = (
+                _above(point, name, most, level)
+                for point in before
+                for name, most in wanted.items()
+            )
+            factors.append(max(each))
     if not factors:
         return None
     # the least that helps is some runs more
@@ -197,7 +203,7 @@ def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
         if all(bound(one, name) > most for one in perhaps)
     }
     rest = {name: most for name, most in wanted.items() if name not in hidden}
-    best = choose(points, rest).best if len(hidden) == 1 and rest else None
+    best = chosen(points, rest).best if len(hidden) == 1 and rest else None
     if best:
         name, least = next(iter(hidden.items()))
         told = f"Runs so short cannot tell {name} below {least:.2g}."
@@ -252,7 +258,7 @@ def tables(summary: dict) -> list[Table]:
         mine = [one for one in points if one["integrator"] == name]
         some = judged(mine[0], wanted)
         near = nearest(mine, some) if some else None
-        one = choose(mine, some).best or (near[0] if near else mine[0])
+        one = chosen(mine, some).best or (near[0] if near else mine[0])
         longest.append(_row(one, wanted))
     every = [_row(one, wanted) for one in summary["points"]]
     skins = [(one["command"], _ratio(one)) for one in summary.get("lists", ())]

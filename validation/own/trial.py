@@ -10,11 +10,11 @@ Several processes with the same command share the points, through locks in the f
 
 import math
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from validation.scenes.integrators import OURS, Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
 from validation.statistics.structure import Motion
-from validation.sweep.choice import choose, least, meets
+from validation.sweep.choice import Choice, choose, from_the_shortest, least, meets
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
@@ -308,15 +308,21 @@ def trial(
     return summary
 
 
+def chosen(points: Iterable[Any], wanted: Mapping[str, float]) -> Choice:
+    """The `Choice` among rows of `trial`."""
+    return choose(points, wanted, from_the_shortest)
+
+
 def _candidates(rows: list, wanted: Mapping[str, float]) -> list:
     """The rows that could be advised, by what the runs themselves took."""
+    asked = [row | {"cost": row["rough"]} for row in rows if row["asked"]]
+    best = chosen(asked, wanted).fastest
     found = []
     for row in rows:
         own = judged(row, wanted)
         if row["asked"] and row["rough"] and own and meets(row, own) is not False:
             found.append(row)
     found.sort(key=lambda row: row["rough"]["min"])
-    best = choose([row | {"cost": row["rough"]} for row in found], wanted).fastest
     if best is None:
         return found[:FASTEST]
     return [row for row in found if row["rough"]["min"] <= SLOWER * least(best)]
