@@ -883,6 +883,11 @@ def rows_of(random, sizes, error, steps=(1.0, 1.5, 2.0, 3.0, 4.0, 6.0)):
     return found
 
 
+def shortest_first(points, targets):
+    """What is within the targets by `sweep_choice.from_the_shortest`."""
+    return sweep_choice.from_the_shortest(points, targets, sweep_choice.level_of_each(points))
+
+
 @pytest.mark.parametrize("sizes", [(0.03, 0.03, 0.03), (0.1, 0.28, 0.03), (0.09, 0.0, 0.0)])
 @pytest.mark.parametrize("error", [0.1, 0.2, 0.35])
 def test_steps_judged_from_the_shortest_are_wrong_as_seldom_as_they_say(sizes, error):
@@ -891,7 +896,7 @@ def test_steps_judged_from_the_shortest_are_wrong_as_seldom_as_they_say(sizes, e
     random, wrong, named, before = np.random.default_rng(1), [], [], []
     for _ in range(400):
         points, targets = rows_of(random, sizes, error), {"x": 1.0}
-        choice = sweep_choice.choose(points, targets, sweep_choice.from_the_shortest)
+        choice = sweep_choice.choose(points, targets, shortest_first)
         good = [choice.best, *choice.ties] if choice.best else []
         wrong.append(any(sizes["abc".index(p["integrator"])] * p["dt"] ** 2 > 1.0 for p in good))
         named.append(choice.best["dt"] if choice.best else 0.0)
@@ -904,7 +909,7 @@ def test_steps_judged_from_the_shortest_are_wrong_as_seldom_as_they_say(sizes, e
 def test_a_step_is_not_named_over_a_shorter_one_that_is_not_good():
     """Locks out a longer step that is within the targets by chance, where a shorter one is not for
     sure; and a shorter one that is not timed, and so hides longer ones."""
-    rule = sweep_choice.from_the_shortest
+    rule = shortest_first
     short, long = point("a", 1.0, [9.0], x=(0.5, 0.4)), point("a", 2.0, [5.0], x=(0.1, 0.1))
     assert rule([short, long], {"x": 1.0}) == []
     short["errors"]["x"]["error"] = 0.1
@@ -913,7 +918,9 @@ def test_a_step_is_not_named_over_a_shorter_one_that_is_not_good():
     assert rule([short, long], {"x": 1.0}) == [long]
     short["failed"] = "exploded"
     assert rule([short, long], {"x": 1.0}) == []
+    assert sweep_choice.before_bad([long, short], {"x": 1.0}) == []
     other = point("b", 2.0, [4.0], x=(0.2, 0.1))
+    assert sweep_choice.before_bad([long, other, short], {"x": 1.0}) == [other]
     assert rule([short, long, other], {"x": 1.0}) == [other]
     assert sweep_choice.level_of_each([short]) == sweep_choice.level_of_each([short, other]) == 0.95
     assert sweep_choice.level_of_each([short, other, point("c")]) == pytest.approx(1 - 0.1 / 3)

@@ -9,10 +9,10 @@ from scipy import special
 from validation.statistics import measures
 from validation.statistics.estimate import CONFIDENCE, Estimate, margin
 
-# even powers of the step in errors of means.  Each but the square is noise of this standard
+# even powers of the step in errors of means.  Each above the square is noise of this standard
 # deviation at the longest step, in largest errors seen.  So a step near the end of stability, where
 # all powers count, tells little of shorter ones
-POWERS, HIGHER = 4, 3.0
+POWERS, HIGHER = 4, 4.0
 LEAST = 0.02  # of an error, its standard error by what is still higher
 NONE = Estimate(0.0)
 
@@ -27,8 +27,11 @@ def by_law(
     longer steps, whose errors are larger, tell the error of a shorter one best.  The square is
     fitted.  The next powers are as large as they can be beside what is seen (`HIGHER`): they are
     part of the noise, with one shape for all steps.  The longest steps are left out until the
-    others are such a series within their error bars (chi-squared).  One step tells no series: then
-    the square is for the reference's own error only.
+    others are such a series within their error bars (chi-squared).  If none are, the run with this
+    step counts alone, and the square is for the reference's own error only.
+
+    What is held against something else than a step of the same integrator has an error that is the
+    same at all steps, too.  This is fitted, and all steps tell it.
 
     Args:
         found: of each step the mean.
@@ -38,7 +41,9 @@ def by_law(
     Returns:
         None if no step tells it.
     """
-    steps = _telling(dt, found, finer)
+    steps = [
+        other for other in _telling(dt, found, finer) if np.isfinite([*found[other][:2]]).all()
+    ]
     if not steps:
         return None
     off = np.array([found[other].value - held.value for other in steps])
@@ -46,9 +51,12 @@ def by_law(
     for fit in _fits(dt, steps, np.abs(off), errors, _normal(held), finer):
         own = off[: fit.number]
         if special.chdtrc(len(fit.rest), ((fit.rest @ own) ** 2).sum()) > 1 - CONFIDENCE:
-            error = float(fit.weights @ own)
-            return Estimate(error, float(np.hypot(fit.error, LEAST * error)))
-    return measures.difference(found[steps[0]], held).times(_of_square(dt, steps[0], finer))
+            return _with(Estimate(float(fit.weights @ own)), fit.error)
+    alone = _alone(dt, steps, finer)
+    if alone is None:
+        return None
+    factor = _of_square(dt, alone, finer)
+    return _with(measures.difference(found[alone], held).times(factor))
 
 
 def rms_by_law(
@@ -73,14 +81,30 @@ def rms_by_law(
         left = measures.without_noise(np.concatenate(np.tensordot(fit.rest, own, 1), axis=1))
         if left.value <= left.margin:
             error = measures.without_noise(np.tensordot(fit.weights, own, 1))
-            higher = np.hypot(fit.missed, LEAST * error.value)
-            return error._replace(error=float(np.hypot(error.error, higher)))
-    return measures.without_noise(off[0]).times(abs(_of_square(dt, steps[0], finer)))
+            return _with(error, fit.missed)
+    alone = _alone(dt, steps, finer)
+    if alone is None:
+        return None
+    error = measures.without_noise(off[steps.index(alone)])
+    return _with(error.times(abs(_of_square(dt, alone, finer))))
+
+
+def _with(error: Estimate, *more: float) -> Estimate:
+    """An error with further parts of its own standard error, and `LEAST`."""
+    parts = (error.error, LEAST * error.value, *more)
+    return error._replace(error=float(np.sqrt(sum(part**2 for part in parts))))
 
 
 def _telling(dt: float, found: Collection[float], finer: float) -> list[float]:
     """The steps that tell the error of this one."""
-    return sorted(other for other in found if other != finer and (other >= dt or dt == finer))
+    return sorted(
+        other for other in found if other != finer and (other >= dt or dt == finer or not finer)
+    )
+
+
+def _alone(dt: float, steps: Sequence[float], finer: float) -> float | None:
+    """The one step that tells the error of this one, if no series does."""
+    return min((other for other in steps if other >= dt or dt == finer), default=None)
 
 
 def _of_square(dt: float, other: float, finer: float) -> float:
@@ -107,32 +131,33 @@ def _fits(
     held: float,
     finer: float,
 ) -> Iterator[_Fit]:
-    """See `by_law`: from all steps down to two.
+    """See `by_law`: from all steps down to those that leave one degree of freedom.
 
     Args:
         off: sizes of how far the means at these steps are off.
         errors: standard errors of these means.
         held: that of what they are held against, which all have in common.
     """
-    exponents = 2 * np.arange(1, POWERS + 1)
-    powers = (np.array(steps)[:, None] / dt) ** exponents - (finer / dt) ** exponents
+    free = 1 if finer else 2  # an error that is the same at all steps, and the square
+    exponents = 2 * np.arange(2 - free, POWERS + 1)
+    powers = (np.array(steps)[:, None] / dt) ** exponents - (finer / dt) ** exponents * bool(finer)
     covariance = np.diag(errors**2) + held**2
-    for number in range(len(steps), 1, -1):
-        if not errors[:number].all():
+    for number in range(len(steps), free, -1):
+        if not (errors[:number].all() and np.isfinite(held)):
             continue
         own = covariance[:number, :number]
-        square, higher = powers[:number, 0], powers[:number, 1:]
+        fitted, higher = powers[:number, :free], powers[:number, free:]
         seen = np.sqrt(np.max(off[:number] ** 2 + np.diag(own)))
-        sizes = HIGHER * seen / higher[-1]
+        sizes = HIGHER * seen / np.abs(higher).max(axis=0)
         inverse = np.linalg.inv(own + (sizes * higher) @ (sizes * higher).T)
-        part = inverse @ square / (square @ inverse @ square)
-        left = inverse - np.outer(inverse @ square, part)
+        parts = np.linalg.solve(fitted.T @ inverse @ fitted, fitted.T @ inverse)
+        left = inverse - inverse @ fitted @ parts
         # at the step asked for each power is 1: the higher ones are told by what is left
-        weights = part + sizes**2 @ higher.T @ left
+        weights = parts.sum(axis=0) + sizes**2 @ higher.T @ left
         missed = np.linalg.norm(sizes * (weights @ higher - 1))
         error = np.hypot(np.sqrt(weights @ own @ weights), missed)
         squares, axes = np.linalg.eigh(left)
-        rest = np.sqrt(np.maximum(squares[1:, None], 0.0)) * axes.T[1:]
+        rest = np.sqrt(np.maximum(squares[free:, None], 0.0)) * axes.T[free:]
         yield _Fit(number, weights, float(error), float(missed), rest)
 
 

@@ -14,9 +14,10 @@ from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import SURE, Estimate, margin
-from validation.sweep.choice import Choice, bound, level_of_each, meets, nearest
+from validation.sweep.choice import Choice, before_bad, bound, level_of_each, meets, nearest
 
 EACH = "Each integrator's fastest step"
+FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often
 LEAST_ROOM = 0.25  # of a target, between it and the error that is counted on in telling a budget
 SKINS = "Skins of the neighbour lists, with the advised step"
 
@@ -25,11 +26,20 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     """The fastest point within the targets, what is to be said of it, and lines for the script."""
     wanted, time = summary["targets"], UNITS[summary["units"]].time
     points, rest = _asked(summary)
-    choice = chosen(points, wanted)
+    choice = _chosen(summary, points, wanted)
     told = list(_told(summary, points, choice, wanted, time)) if points or not rest else []
     told += _uncounted(summary, rest, wanted, time)
     told += confirm.said(summary, time)
     return choice, told, _lines(summary, choice)
+
+
+def _level(summary) -> float:
+    """The confidence by which points are judged: all integrators share what may go wrong."""
+    return level_of_each(one for one in summary["points"] if one["asked"])
+
+
+def _chosen(summary, points, targets) -> Choice:
+    return chosen(points, targets, _level(summary))
 
 
 def _asked(summary) -> tuple[list, list]:
@@ -55,7 +65,7 @@ def _uncounted(summary, points, wanted, time) -> Iterator[str]:
     lost = " and ".join(name for name in ENERGIES if name in wanted)
     yield f"Of {labels} nobody knows {lost}: {counted.WHY}."
     rest = judged(points[0], wanted)
-    best = chosen(points, rest).best if rest else None
+    best = _chosen(summary, points, rest).best if rest else None
     if best:
         yield (
             f"But for that, {best['label']} with {best['dt']:g} {time} is within the targets: "
@@ -98,10 +108,16 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
         first = min(bad, key=lambda one: one["dt"])
         yield f"With {first['dt']:g} {time}: {_why_not(first, wanted)}."
     if choice.ties:
-        some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.ties[:4])
-        yield f"As fast, within the spread of the timings: {some}."
+        yield f"As fast, within the spread of the timings: {_named(choice.ties, time)}."
+    others = [one for one in choice.perhaps if one["integrator"] != best["integrator"]]
+    if others:
+        yield f"As fast or faster, if they are within the targets: {_named(others, time)}."
     if tried := summary.get("lists"):
         yield _skin(tried)
+
+
+def _named(points, time) -> str:
+    return "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in points[:4])
 
 
 def _skin(tried) -> str:
@@ -123,13 +139,13 @@ def _none(summary, points, choice, wanted, time):
         yield "No run is complete, so nothing is known yet."
         return
     if choice.perhaps:
-        some = "; ".join(f"{one['label']}, {one['dt']:g} {time}" for one in choice.perhaps[:4])
+        some = _named(choice.perhaps, time)
         yield (
             f"Not sure: no step is within the targets by {SURE}, but these may be: {some}. Their "
             "error bars, or those of shorter steps, reach across a target. "
             f"{_longer(summary, points, choice.perhaps, wanted)}"
         )
-        yield from _resolved(points, choice.perhaps, wanted, time)
+        yield from _resolved(summary, points, choice.perhaps, wanted, time)
     else:
         yield (
             "No step that was tried is within the targets. Try shorter ones: --steps "
@@ -143,7 +159,7 @@ def _none(summary, points, choice, wanted, time):
             "of the step. Is the start in equilibrium, and do forces end at their cutoff without a "
             "jump? --run N takes a later run of the script."
         )
-    near = nearest(points, wanted)
+    near = nearest(before_bad(points, wanted) or points, wanted)
     if near:
         one = near[0]
         alone = ""
@@ -165,7 +181,7 @@ def _longer(summary, points, perhaps, wanted) -> str:
 
 def _telling(summary, points, perhaps, wanted) -> int | None:
     """Minutes that tell whether one of the points is within the targets, as errors are now."""
-    level = level_of_each(points)
+    level = _level(summary)
     factors = []
     for one in perhaps:
         own = [point for point in points if point["integrator"] == one["integrator"]]
@@ -184,18 +200,19 @@ def _telling(summary, points, perhaps, wanted) -> int | None:
 
 
 def _above(point, name, most, confidence) -> float:
-    """How many times longer runs have an error bar that does not reach across the target.
+    """How many times longer runs have an error bar that does not reach across the target, in four
+    of five cases.
 
-    That of a mean goes as the run's length to -1/2, that of a slope, whose noise does not wander,
-    to -3/2.  An error that is as large as the target or larger may be noise: `LEAST_ROOM`.
+    The bar of a mean goes as the run's length to -1/2, that of a slope, whose noise does not
+    wander, to -3/2.  An error that is as large as the target or larger may be noise: `LEAST_ROOM`.
     """
     one = Estimate.of(point["errors"][name])
     room = max(most - abs(one.value), LEAST_ROOM * most)
     power = 2 / 3 if name == "drift" else 2
-    return (margin(one.error, one.freedom, confidence) / room) ** power
+    return ((margin(one.error, one.freedom, confidence) + FOUR_OF_FIVE * one.error) / room) ** power
 
 
-def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
+def _resolved(summary, points, perhaps, wanted, time) -> Iterator[str]:
     """The answer without the target that no run is long enough for, if it is only one."""
     hidden = {
         name: min(bound(one, name) for one in perhaps)
@@ -203,7 +220,7 @@ def _resolved(points, perhaps, wanted, time) -> Iterator[str]:
         if all(bound(one, name) > most for one in perhaps)
     }
     rest = {name: most for name, most in wanted.items() if name not in hidden}
-    best = chosen(points, rest).best if len(hidden) == 1 and rest else None
+    best = _chosen(summary, points, rest).best if len(hidden) == 1 and rest else None
     if best:
         name, least = next(iter(hidden.items()))
         told = f"Runs so short cannot tell {name} below {least:.2g}."
@@ -258,7 +275,7 @@ def tables(summary: dict) -> list[Table]:
         mine = [one for one in points if one["integrator"] == name]
         some = judged(mine[0], wanted)
         near = nearest(mine, some) if some else None
-        one = chosen(mine, some).best or (near[0] if near else mine[0])
+        one = _chosen(summary, mine, some).best or (near[0] if near else mine[0])
         longest.append(_row(one, wanted))
     every = [_row(one, wanted) for one in summary["points"]]
     skins = [(one["command"], _ratio(one)) for one in summary.get("lists", ())]

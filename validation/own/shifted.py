@@ -6,20 +6,23 @@ to see.  ``pair_modify shift yes`` takes the jump out of the energy, and leaves 
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from validation.own import finding
+from validation.own import counted, finding
 from validation.own.script import texts
 from validation.own.system import Own
 
-# styles of fixes that accept moves by the energy: another energy gives another ensemble
+# styles of fixes that accept moves by the energy, or whose forces follow from it: another energy
+# gives another ensemble
 CHOOSE = frozenset(
     (
-        *("atom/swap", "bond/swap", "charge/regulation", "gcmc", "mixed/swap", "neighbor/swap"),
-        *("sgcmc", "tfmc", "widom"),
+        *("atom/swap", "bond/swap", "charge/regulation", "gcmc", "grem", "hmc", "mixed/swap"),
+        *("mol/swap", "msst", "neighbor/swap", "nphug", "sgcmc", "widom"),
     )
 )
+OUR_HMC = "fix_nosquish.HMC"
+PRESS = "nph", "npt", "press", "box"  # first words of styles that follow a pressure
 NOTE = (
     "'{line}' is added, for the drift and the noise of the energy. All forces stay. Without it "
     "the energy jumps where two atoms cross a cutoff, which no step makes smaller."
@@ -28,33 +31,48 @@ WITHOUT_TAIL = " Energy and pressure have no tail correction here."
 
 
 def shifted(own: Own, tell: Callable[[str], object] = print) -> Own:
-    """A script whose pair energies end at zero; as it is, where that cannot be or is done.
+    """A script whose pair energies end at zero; as it is, where that cannot be, is done or is of no
+    use.
 
     Args:
         tell: is given the sentences that say so.
     """
     found = _settings(own.said["commands"])
-    styles = {finding.style_of(line) for line in own.said["fixes"].values()}
-    if found is None or found["shift"] or styles & CHOOSE:
+    lines = own.said["fixes"].values()
+    if found is None or found["shift"] or counted.lacking(own):
         return own
-    if found["tail"] and own.found.state.press:  # the barostat's pressure is to have it
+    if any(OUR_HMC in line or finding.style_of(line) in CHOOSE for line in lines):
         return own
-    line = "pair_modify shift yes" + " tail no" * found["tail"]
-    note = NOTE.format(line=line) + WITHOUT_TAIL * found["tail"]
+    if found["tail"] and _has_barostat(own):  # its pressure is to have it
+        return own
+    line = "pair_modify shift yes tail no"
+    note = NOTE.format(line=line) + WITHOUT_TAIL * bool(found["tail"])
     tell(note)
     scene = replace(own.scene, then=(*own.scene.then, line))
     return replace(own, scene=scene, notes=(*own.notes, note))
 
 
-def _settings(commands: Iterable[str]) -> Mapping[str, bool] | None:
-    """Whether pair energies are shifted and have tails; None if the script sets no pair style."""
-    found: dict[str, bool] | None = None
+def _has_barostat(own) -> bool:
+    others = (line for one, line in own.said["fixes"].items() if one not in own.found.ids)
+    words = {finding.style_of(line).split("/")[0] for line in others}
+    return bool(own.found.state.press) or not words.isdisjoint(PRESS)
+
+
+def _settings(commands: Iterable[str]) -> dict[str, bool] | None:
+    """Whether pair energies are shifted, and may have tails; None if the script sets no pair style.
+
+    LAMMPS keeps both for a style that is set again, and a restart file has them.
+    """
+    style, found = None, {"shift": False, "tail": False}
     for words in map(texts, commands):
-        if words[0] == "pair_style":
-            none = words[1:2] in (["none"], ["zero"])
-            found = None if none else {"shift": False, "tail": False}
-        elif words[0] == "pair_modify" and found is not None:
+        if words[0] == "read_restart":
+            found = {"shift": False, "tail": True}
+        elif words[0] == "pair_style":
+            if style not in (None, words[1]):
+                found = {"shift": False, "tail": False}
+            style = words[1]
+        elif words[0] == "pair_modify":
             for name, value in itertools.pairwise(words[1:]):
                 if name in found:
                     found[name] = value in ("yes", "on", "true")
-    return found
+    return None if style in (None, "none", "zero") else found

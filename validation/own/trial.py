@@ -24,9 +24,17 @@ from validation.running import machine, rounds, run
 from validation.running.store import Store
 from validation.scenes.integrators import OURS, Integrator
 from validation.statistics import measures, structure
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import CONFIDENCE, Estimate
 from validation.statistics.structure import Motion
-from validation.sweep.choice import Choice, choose, from_the_shortest, least, meets
+from validation.sweep.choice import (
+    Choice,
+    before_bad,
+    choose,
+    from_the_shortest,
+    least,
+    level_of_each,
+    meets,
+)
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
@@ -308,15 +316,20 @@ def trial(
     return summary
 
 
-def chosen(points: Iterable[Any], wanted: Mapping[str, float]) -> Choice:
-    """The `Choice` among rows of `trial`."""
-    return choose(points, wanted, from_the_shortest)
+def chosen(points: Iterable[Any], wanted: Mapping[str, float], level: float = CONFIDENCE) -> Choice:
+    """The `Choice` among rows of `trial`, of each integrator's up to the first one that is not good
+    for sure; ``level`` is that of all integrators, see `level_of_each`."""
+
+    def within(some, targets):
+        return from_the_shortest(some, targets, level)
+
+    return choose(before_bad(points, wanted), wanted, within)
 
 
 def _candidates(rows: list, wanted: Mapping[str, float]) -> list:
     """The rows that could be advised, by what the runs themselves took."""
     asked = [row | {"cost": row["rough"]} for row in rows if row["asked"]]
-    best = chosen(asked, wanted).fastest
+    best = chosen(asked, wanted, level_of_each(asked)).fastest
     found = []
     for row in rows:
         own = judged(row, wanted)

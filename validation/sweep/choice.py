@@ -135,15 +135,32 @@ def level_of_each(points: Iterable[Measured]) -> float:
     return max(CONFIDENCE, 1 - 2 * (1 - CONFIDENCE) / max(1, len(integrators)))
 
 
-def from_the_shortest(points: Sequence[Measured], targets: Targets) -> list[Measured]:
+def before_bad(points: Iterable[Measured], targets: Targets) -> list[Measured]:
+    """The points of each integrator up to the first step that is not within the targets for sure,
+    from the shortest."""
+    found: list[Measured] = []
+    bad = set()
+    for point in sorted(points, key=lambda point: point["dt"]):
+        if meets(point, targets) is False:
+            bad.add(point["integrator"])
+        elif point["integrator"] not in bad:
+            found.append(point)
+    return found
+
+
+def from_the_shortest(points: Sequence[Measured], targets: Targets, level: float) -> list[Measured]:
     """The points within the targets for sure, from the fastest, where errors grow with the step.
 
     Of an integrator a step is judged only if all shorter ones are within the targets.  So at most
     one mistake of each can begin, in 5 % of cases over the number of integrators (a fixed sequence
-    of tests, and a union bound).  Where longer steps tell the errors of shorter ones, this has
-    narrower margins than `levels`.
+    of tests, and a union bound).  Where longer steps tell the errors of shorter ones, this names
+    longer steps than `levels`; not where all steps have the same noise, and it is nearly as large
+    as a target.
+
+    Args:
+        level: see `level_of_each`.
     """
-    good, level = [], level_of_each(points)
+    good = []
     for name in {point["integrator"]: None for point in points}:
         own = [point for point in points if point["integrator"] == name]
         for point in sorted(own, key=lambda point: point["dt"]):
