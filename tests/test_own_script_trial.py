@@ -496,9 +496,11 @@ def test_what_short_runs_cannot_tell_is_said_and_the_rest_answered():
     assert choice.best is None and not lines
     assert "About --budget 29 tells" in told[0]  # ((1.96 + 0.84) * 0.1 / 0.02)^(2/3) times 5
     assert "cannot tell drift below 0.2. But for that, ours with 4 fs" in told[1]
-    errors["drift"] = Estimate(0.01, 0.1).plain()  # what it seems to be leaves half of the room
-    assert "About --budget 46 tells" in report.answer(summary)[1][0]
-    errors["drift"] = Estimate(0.03, 0.1).plain()  # noise, if the step is within
+    errors["drift"] = Estimate(0.01, 0.1).plain()  # noise
+    assert "About --budget 29 tells" in report.answer(summary)[1][0]
+    errors["drift"] = Estimate(0.014, 0.01).plain()  # noise is half of the square
+    assert "About --budget 10 tells" in report.answer(summary)[1][0]
+    errors["drift"] = Estimate(0.11, 0.1).plain()  # may be noise, if the step is within
     assert "About --budget 73 tells" in report.answer(summary)[1][0]
     errors["energy"] = Estimate(0.1, 0.2).plain()  # nor this
     assert not any("But for that" in line for line in report.answer(summary)[1])

@@ -204,10 +204,12 @@ def _above(point, name, most, confidence) -> float:
     of five cases.
 
     The bar of a mean goes as the run's length to -1/2, that of a slope, whose noise does not
-    wander, to -3/2.  An error that is as large as the target or larger may be noise: `LEAST_ROOM`.
+    wander, to -3/2.  Of the error the noise is taken off.  What is as large as the target or larger
+    may be noise, too: `LEAST_ROOM`.
     """
     one = Estimate.of(point["errors"][name])
-    room = max(most - abs(one.value), LEAST_ROOM * most)
+    seen = math.sqrt(max(one.value**2 - one.error**2, 0.0))
+    room = max(most - seen, LEAST_ROOM * most)
     power = 2 / 3 if name == "drift" else 2
     return ((margin(one.error, one.freedom, confidence) + FOUR_OF_FIVE * one.error) / room) ** power
 

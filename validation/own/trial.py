@@ -38,6 +38,7 @@ from validation.sweep.choice import (
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
+USUAL = 2  # integrators: ours and the script's, or a rigid fix of LAMMPS; the fewer share a budget
 FRAMES, MOST = 200, 1000  # of a run, and of one with many steps that the budget is to hold
 APART = 50  # steps between the frames of such a run
 ATOMS, FEW = 2_000_000, 20  # in all frames of a run at most, but so many frames at least
@@ -215,7 +216,7 @@ def points(
     known = own.integrators
     if not only:
         usual = [OURS, own.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small"]
-        only = [one for one in known if many or one in usual][: None if many else 3]
+        only = [one for one in known if many or one in usual][: None if many else USUAL]
     dts = sorted(steps or (factor * own.scene.dt for factor in FACTORS))
     return [Point(known[name], dt) for dt in dts for name in only]
 
