@@ -635,10 +635,16 @@ def paper_zero():
 def made(verb):
     """How a verb's results were made: command, date, machine, versions; a sentence each."""
     found = summary(verb)
+    again = found.get("again")  # parts that were made later
+    later = f" Since then {again['parts']}: {_made(again)}" if again else ""
+    return f"Made by {_made(found)}{later}"
+
+
+def _made(found):
     versions = found["versions"]
     return (
-        f"Made by `{found['command']}`, {found['date'][:10]}, on {found['machine']['cpu']}. "
-        f"LAMMPS {versions['lammps']}, package {versions['package']}. "
+        f"`{found['command']}`, {found['date'][:10]}, on {found['machine']['cpu']}. "
+        f"LAMMPS {versions['lammps']}, package {versions['package']}."
     )
 
 
