@@ -521,6 +521,9 @@ def test_no_step_behind_a_bad_one_may_be_good():
     other = row(1.0, "other", drift=Estimate(0.9, 0.3))
     told = report.answer(summary_of({"drift": 1.0}, good, bad, open_, other))[1]
     assert "As fast or faster, if they are within the targets: other, 1 fs." in told
+    other["cost"] = None  # it was slower by its run, and is not timed
+    told = report.answer(summary_of({"drift": 1.0}, good, bad, open_, other))[1]
+    assert not any("As fast or faster" in line for line in told)
 
 
 def test_the_budget_that_tells_a_drift_is_what_a_longer_run_needs():

@@ -109,7 +109,9 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
         yield f"With {first['dt']:g} {time}: {_why_not(first, wanted)}."
     if choice.ties:
         yield f"As fast, within the spread of the timings: {_named(choice.ties, time)}."
-    others = [one for one in choice.perhaps if one["integrator"] != best["integrator"]]
+    others = [
+        one for one in choice.perhaps if one["integrator"] != best["integrator"] and one["cost"]
+    ]
     if others:
         yield f"As fast or faster, if they are within the targets: {_named(others, time)}."
     if tried := summary.get("lists"):
