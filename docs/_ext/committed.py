@@ -578,9 +578,10 @@ def own_scripts():
         longer = rows(f"own-scripts/{folder.name}", "confirmed") if found.get("confirmed") else []
         unit = "τ" if found["units"] == "lj" else "fs"
         told = [_confirmed(row, found["targets"], unit) for row in longer]
-        name = longer[0]["integrator"] if longer else "no step for sure"
+        best = found["advised"]
+        name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
-        more = found.get("minutes_that_tell") or NOTHING
+        more = found["minutes_that_tell"] or NOTHING
         lines.append([found["title"], own, name, more, *(told or [NOTHING, NOTHING])])
     head = [
         *("script", "its step", "advised", "minutes that would tell, about"),

@@ -338,7 +338,9 @@ def write(summary: dict, out: Path) -> None:
     minutes = None
     if choice.best is None and choice.perhaps:
         minutes = _telling(summary, points, choice.perhaps, wanted)
-    said = {"answer": [*told, *lines], "minutes_that_tell": minutes}
+    said: dict = {"answer": [*told, *lines], "minutes_that_tell": minutes, "advised": None}
+    if choice.best:
+        said["advised"] = {key: choice.best[key] for key in ("integrator", "label", "dt")}
     report.write(summary | said, out, files, "own.html", figures, **values)
 
 
