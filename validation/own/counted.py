@@ -29,20 +29,22 @@ WHY = (
 )
 
 
+def others(own: Own) -> dict[str, str]:
+    """The first word of the style of each of the script's fixes that stay, beside those that move
+    the bodies, by ID."""
+    kept = ((one, line) for one, line in own.said["fixes"].items() if one not in own.found.ids)
+    return {one: finding.style_of(line).split("/")[0] for one, line in kept}
+
+
 def acting(own: Own) -> list[str]:
-    """IDs of the script's fixes that stay and act on atoms, beside those that move them."""
-    others = [one for one in own.said["fixes"] if one not in own.found.ids]
-    return [one for one in others if _first(own, one) in ACT]
+    """IDs of `others` that act on atoms."""
+    return [one for one, first in others(own).items() if first in ACT]
 
 
 def lacking(own: Own) -> list[str]:
     """IDs of these whose work is not in econserve."""
-    counted = _asked(own.said["commands"])
-    return [one for one in acting(own) if one not in counted or _first(own, one) in BATHS]
-
-
-def _first(own, one) -> str:
-    return finding.style_of(own.said["fixes"][one]).split("/")[0]
+    counted, first = _asked(own.said["commands"]), others(own)
+    return [one for one in acting(own) if one not in counted or first[one] in BATHS]
 
 
 def _asked(commands: Iterable[str]) -> set[str]:

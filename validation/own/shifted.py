@@ -22,7 +22,8 @@ CHOOSE = frozenset(
     )
 )
 OUR_HMC = "fix_nosquish.HMC"
-PRESS = "nph", "npt", "press", "box"  # first words of styles that follow a pressure
+# first words of styles that follow a pressure, but for those whose work nobody counts
+PRESS = "nph", "npt", "box"
 NOTE = (
     "'{line}' is added, for the drift and the noise of the energy. All forces stay. Without it "
     "the energy jumps where two atoms cross a cutoff, which no step makes smaller."
@@ -53,9 +54,7 @@ def shifted(own: Own, tell: Callable[[str], object] = print) -> Own:
 
 
 def _has_barostat(own) -> bool:
-    others = (line for one, line in own.said["fixes"].items() if one not in own.found.ids)
-    words = {finding.style_of(line).split("/")[0] for line in others}
-    return bool(own.found.state.press) or not words.isdisjoint(PRESS)
+    return bool(own.found.state.press) or any(one in PRESS for one in counted.others(own).values())
 
 
 def _settings(commands: Iterable[str]) -> dict[str, bool] | None:

@@ -164,7 +164,7 @@ def from_the_shortest(points: Sequence[Measured], targets: Targets, level: float
     for name in {point["integrator"]: None for point in points}:
         own = [point for point in points if point["integrator"] == name]
         for point in sorted(own, key=lambda point: point["dt"]):
-            if meets(point, targets) is False or not _passes(point, targets, level):
+            if not _passes(point, targets, level):
                 break
             if point["cost"]:
                 good.append(point)
