@@ -16,7 +16,19 @@ from own_scripts import GAS, take
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation.own import counted, law, lists, report, shapes, shifted, trial, turns
+from validation.own import (
+    counted,
+    errors,
+    law,
+    lists,
+    report,
+    shapes,
+    shifted,
+    targets,
+    timed,
+    trial,
+    turns,
+)
 from validation.running import rounds, run
 from validation.running.store import Store
 from validation.sampling import plan as sampling_plan
@@ -46,7 +58,7 @@ def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
     positions = run.Positions(x, own.found.body, cells, periodic, v=v, mass=mass)
     rest = shapes.freedom_of_turning(own)
     assert rest == 2 * own.bodies  # of linear ones
-    moving, turning = trial._temperatures(own, structure.Motion(positions), range(frames), rest)
+    moving, turning = errors._temperatures(own, structure.Motion(positions), range(frames), rest)
     assert moving.mean() == pytest.approx(kelvin, rel=0.01)
     assert turning.mean() == pytest.approx(kelvin, rel=0.01)
 
@@ -55,25 +67,25 @@ def test_targets_are_those_that_a_script_has(tmp_path):
     """Locks out a target that says nothing of a script, one that is not known, and a barostat
     whose work counts as unknown: econserve has it, with each of ours."""
     co2 = take(scripts.co2(tmp_path), tmp_path / "out")
-    assert set(trial.targets(co2, {})) == {"drift", "energy", "temperature", "density", "rdf"}
-    assert trial.targets(co2, {"drift": 1.0})["drift"] == 1.0
+    assert set(targets.targets(co2, {})) == {"drift", "energy", "temperature", "density", "rdf"}
+    assert targets.targets(co2, {"drift": 1.0})["drift"] == 1.0
     with pytest.raises(LookupError, match="there is no target speed"):
-        trial.targets(co2, {"speed": 1.0})
+        targets.targets(co2, {"speed": 1.0})
     spce = take(scripts.spce(tmp_path), tmp_path / "out2")
-    found = trial.targets(spce, {"energy": 0.1})
-    assert found["energy"] == 0.1 and found["drift"] == trial.HEATED
+    found = targets.targets(spce, {"energy": 0.1})
+    assert found["energy"] == 0.1 and found["drift"] == targets.HEATED
     assert "density" not in found
     path = scripts.rings(tmp_path)
     rings = take(path, tmp_path / "out3")
-    assert "energy" not in trial.targets(rings, {})  # fix langevin stays
+    assert "energy" not in targets.targets(rings, {})  # fix langevin stays
     with pytest.raises(LookupError, match="drift says nothing of this script"):
-        trial.targets(rings, {"drift": 1.0})
+        targets.targets(rings, {"drift": 1.0})
     text = path.read_text().replace("timestep 4", "unfix heat\ntimestep 4")
     path.write_text(text)
-    assert "energy" in trial.targets(take(path, tmp_path / "out3"), {})
+    assert "energy" in targets.targets(take(path, tmp_path / "out3"), {})
     press = "unfix heat\nfix press all press/berendsen iso 1 1 1000\ntimestep 4"
     path.write_text(text.replace("unfix heat\ntimestep 4", press))
-    assert "energy" not in trial.targets(take(path, tmp_path / "out3"), {})  # as this one does
+    assert "energy" not in targets.targets(take(path, tmp_path / "out3"), {})  # as this one does
 
 
 def test_energies_that_other_fixes_give_and_nobody_counts(tmp_path):
@@ -82,13 +94,13 @@ def test_energies_that_other_fixes_give_and_nobody_counts(tmp_path):
     path = scripts.clusters(tmp_path)
     own = take(path, tmp_path / "out")
     assert counted.acting(own) == ["wall"] and not counted.lacking(own)
-    assert {"drift", "energy"} <= set(trial.targets(own, {}))
+    assert {"drift", "energy"} <= set(targets.targets(own, {}))
     path.write_text(path.read_text().replace("fix_modify wall energy yes\n", ""))
     own = take(path, tmp_path / "out")
     assert counted.lacking(own) == ["wall"]
-    assert set(trial.targets(own, {})) == {"temperature"}
+    assert set(targets.targets(own, {})) == {"temperature"}
     with pytest.raises(LookupError, match="what fix wall does to the energy is not counted"):
-        trial.targets(own, {"drift": 1.0})
+        targets.targets(own, {"drift": 1.0})
     for commands, asked in (
         (["fix a all indent", "fix_modify a energy yes"], {"a"}),
         (["fix_modify a energy yes", "fix a all indent"], set()),
@@ -102,7 +114,7 @@ def test_targets_of_bodies_at_rest_are_refused(tmp_path):
     path = tmp_path / "in.rest"
     path.write_text(GAS + "fix 1 a rigid/nve  single\nrun  1\n")
     with pytest.raises(LookupError, match="the atoms are at rest at 'run 1'"):
-        trial.targets(take(path, tmp_path / "out"), {})
+        targets.targets(take(path, tmp_path / "out"), {})
 
 
 @pytest.mark.parametrize("held", [0.0, 1.0])
@@ -278,7 +290,7 @@ def test_steps_around_that_of_the_reference_have_their_own_errors(steps):
 def energies(own, series, apart):
     """What is made of a series of the energy, with samples so far apart."""
     time = apart * np.arange(len(series))
-    return trial._of_energy(own, {"time": time, "conserved": series, "kinetic": 2.0, "freedom": 9})
+    return errors._of_energy(own, {"time": time, "conserved": series, "kinetic": 2.0, "freedom": 9})
 
 
 @pytest.mark.parametrize("kind", ["rings", "spce"])
@@ -287,21 +299,23 @@ def test_the_energys_change_is_what_is_said_of_it(kind, taken):
     steps vanish from, or on the length of the run, which the wander at a cutoff grows with."""
     own = taken(kind)
     step = own.scene.dt
-    span = trial.SPAN * step
+    span = targets.SPAN * step
     random = np.random.default_rng(2)
-    walk = np.cumsum(random.normal(size=400_000)) / np.sqrt(trial.SPAN)  # a variance of 1 in it
+    walk = np.cumsum(random.normal(size=400_000)) / np.sqrt(targets.SPAN)  # a variance of 1 in it
     angle = np.cumsum(0.2 * random.normal(size=len(walk)))  # forgotten in about 50 steps
     energy = walk + np.sqrt(2) * np.sin(angle) + random.normal(size=len(walk))
     for stride in (1, 12, 48, 96):
         for part in (1, 10):
             found = energies(own, energy[: len(energy) // part : stride], stride * step)["energy"]
-            forgotten = 1 - np.exp(-0.02 * trial.SPAN)
+            forgotten = 1 - np.exp(-0.02 * targets.SPAN)
             right = np.sqrt(0.5 + forgotten + 1) / 2.0
             assert abs(found.value - right) < 2 * found.margin < 0.3
-    about = trial._about(own, {"energy": 0.2, "drift": 1.0})
+    about = targets.about(own, {"energy": 0.2, "drift": 1.0})
     assert f"kept in {span:g} fs, rms" in about["energy"]["what"]
     heated = kind == "spce"
-    assert about["drift"]["default"] == (trial.HEATED if heated else 0.01)  # the page says it, too
+    assert about["drift"]["default"] == (
+        targets.HEATED if heated else 0.01
+    )  # the page says it, too
 
 
 @pytest.mark.parametrize("long", [1200.0, 4e4, 1e6, 1e8])
@@ -309,14 +323,14 @@ def test_samples_of_the_energy_are_equally_apart(long):
     """Locks out samples whose distance depends on the step, on the budget, or differs within a
     run; and runs that are longer or shorter than was planned."""
     for frames in 20, 200, 1000:
-        lengths = trial.Lengths(time=long, frames=frames, step=1e-3, dt=2.0)
+        lengths = trial.Lengths(time=long, frames=frames, dt=2.0)
         for factor in (0.5, *trial.FACTORS):
             dt = 2.0 * factor
             every, runs = lengths.every(dt), lengths.runs(dt)
             assert all(one % every == 0 for one in runs) and len(set(runs)) == 1
-            if long >= trial.SPAN * 2.0 * frames:
+            if long >= targets.SPAN * 2.0 * frames:
                 assert sum(runs) * dt == pytest.approx(long, rel=0.1)
-                span = trial.SPAN * 2.0 / (every * dt)
+                span = targets.SPAN * 2.0 / (every * dt)
                 assert span == pytest.approx(round(span)) and 1 <= round(span) <= 8
             assert 1 <= len(runs) <= frames
 
@@ -328,7 +342,7 @@ def test_parts_of_a_run_that_are_not_independent_make_no_error_of_g_smaller():
     random, bins, true = np.random.default_rng(4), 50, 0.02
     held = []
     for _ in range(400):
-        noise = random.normal(size=(trial.BLOCKS + 1, bins))
+        noise = random.normal(size=(errors.BLOCKS + 1, bins))
         off = true + 0.04 * (noise[1:] + 0.6 * noise[:-1])  # neighbours: 0.44
         found = measures.without_noise(off)
         held.append(true <= found.value + found.margin)
@@ -347,7 +361,7 @@ def test_integrators_whose_energy_says_nothing(taken):
     series = {"time": 16.0 * np.arange(500), "conserved": random.normal(size=500)}
     series |= {"kinetic": 1.0, "freedom": 9, "kinds": []}
     for name, one in own.integrators.items():
-        found = trial._errors(own, trial.Point(one, 2.0), {2.0: series}, None, 0.0)
+        found = errors.errors(own, one, 2.0, {2.0: series}, None, 0.0)
         assert set(found) == (set() if name in wrong else {"drift", "energy"})
     wanted = {"drift": 1.0, "temperature": 0.01}
     good = row(4.0, drift=Estimate(0.1, 0.01), temperature=Estimate(0.001, 1e-4))
@@ -366,19 +380,26 @@ def test_integrators_whose_energy_says_nothing(taken):
 
 def row(dt, name="nosquish", cost=(1.0,), **errors):
     """A row of a trial."""
-    spent = measures.spread(cost)
+    spent, told = measures.spread(cost), {name: one.plain() for name, one in errors.items()}
     return {
         **{"integrator": name, "label": name, "dt": dt, "lines": [f"fix {name}"], "failed": None},
         **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
         **{"cost": spent, "rough": spent, "signed": {}},
-        "errors": {key: error.plain() for key, error in errors.items()},
+        **{"errors": told, "time": 100.0, "alone": False},
     }
 
 
 def summary_of(targets, *rows):
     """A trial's summary."""
     summary = {"targets": targets, "points": list(rows), "units": "real", "late": False}
-    return summary | {"ns": "ns", "ranks": 1, "minutes": 5.0, "dt": 2.0}
+    return summary | {
+        "ns": "ns",
+        "ranks": 1,
+        "minutes": 5.0,
+        "level": 0.95,
+        "time": 100.0,
+        "dt": 2.0,
+    }
 
 
 def test_the_reference_is_advised_if_its_step_was_asked_for():
@@ -409,15 +430,15 @@ def test_what_is_timed_could_be_advised():
         row(2.0, name="rigid/nve", cost=[2.4], drift=good),
         row(2.0, name="rigid", cost=[3.0], drift=good),
     ]
-    found = trial._candidates(rows, wanted)
+    found = timed.candidates(rows, wanted)
     assert [(one["integrator"], one["dt"]) for one in found] == [
         ("nosquish", 4.0),
         ("nosquish", 2.0),
         ("rigid/nve", 2.0),
     ]
     many = [row(dt, cost=[1 / dt], drift=wide) for dt in range(1, 20)]
-    assert len(trial._candidates(many, wanted)) == trial.FASTEST
-    assert not trial._candidates([row(1.0, drift=good) | {"asked": False}], wanted)
+    assert len(timed.candidates(many, wanted)) == timed.FASTEST
+    assert not timed.candidates([row(1.0, drift=good) | {"asked": False}], wanted)
 
 
 def test_what_is_timed_in_turn_is_done_by_one_process(taken, tmp_path, monkeypatch):
@@ -453,8 +474,8 @@ def test_lines_make_the_group_that_they_name(taken):
     own = taken("solute")
     (group,) = own.found.setup
     held = trial.reference(own)
-    done = {held: trial._Done("it heats", [], {})}
-    (found,) = trial._rows(own, [held], [held], done, held, {})
+    done = {held: trial.Done("it heats", 1.0, [], {})}
+    (found,) = trial.rows(own, [held], [held], done, {})
     assert found["lines"][0] == group and "own_bodies" in found["lines"][-1]
 
 

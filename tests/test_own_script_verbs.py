@@ -13,7 +13,7 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 from validation import command_line
 from validation.__main__ import main
 from validation.check import measure as check
-from validation.own import confirm, lists, shapes, stress, trial
+from validation.own import confirm, lists, rest, shapes, stress, timed, trial
 from validation.running import run, store
 
 
@@ -122,7 +122,7 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
     assert bad["failed"] or bad["errors"]["energy"]["value"] > 0.2
     page = (out / "report.html").read_text()
     assert "fix_nosquish.NVE with a step of 4 fs" in page and "timestep 4" in page
-    assert "By default 0.01: " in page and len(good["cost"]["values"]) == trial.ROUNDS
+    assert "By default 0.01: " in page and len(good["cost"]["values"]) == timed.ROUNDS
     assert bad["cost"] is None  # it is not timed
     skins = [one["command"] for one in summary["lists"]]
     assert skins == ["neighbor 2 bin", "neighbor 3 bin", "neighbor 4 bin"]  # LAMMPS's own is 2
@@ -137,8 +137,8 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
     status = main(["advise", str(path), *words, *targets, "--confirm"])
     summary = json.loads((out / "summary.json").read_text())
     longer = summary["confirmed"]
-    assert longer["time"] == 2 * summary["time"]
-    asked = [one for one in longer["points"] if one["asked"]]
+    assert longer["time"] == 2 * good["time"]
+    asked = longer["points"]
     assert [(one["integrator"], one["dt"]) for one in asked] == [("nosquish", 4), ("nosquish", 6)]
     assert status == (confirm.holds(summary) is False)
     page = (out / "report.html").read_text()
@@ -150,6 +150,32 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
     assert confirm.holds(summary) is False and said.count("is not within the targets") == 2
     asked[1]["failed"] = "it heats"
     assert "6 fs, in a run 2 times as long, fails: it heats." in confirm.said(summary, "fs")
+
+
+@pytest.mark.timeout(900)
+def test_advise_runs_what_promises_most_for_longer(tmp_path, monkeypatch):
+    """Locks out a budget that is spent on steps that are not named, a long run that is judged by
+    what chose it, and one that is run again by the same command."""
+    monkeypatch.setattr(trial, "LATE", 100)
+    monkeypatch.setattr(trial, "startup", lambda own: 0.5)
+    monkeypatch.setattr(timed, "FASTEST", 1)
+    path = scripts.rings(tmp_path)
+    path.write_text(path.read_text().replace("fix heat all langevin 300 300 200 11\n", ""))
+    out = tmp_path / "out"
+    words = ["--budget", "0.5", "--steps", "1,2,4", "--only", "nosquish", "--out", str(out)]
+    targets = ["--target", "energy=0.2", "drift=100", "temperature=0.1", "rdf=10"]
+    status = main(["advise", str(path), *words, *targets])
+    summary = json.loads((out / "summary.json").read_text())
+    times = {one["dt"]: one["time"] for one in summary["points"]}
+    (alone,) = (one for one in summary["points"] if one["alone"])
+    longer = {dt for dt, time in times.items() if time > summary["time"]}
+    assert alone["dt"] in longer and longer in ({1, 2}, {1, 2, 4}, {2, 4})
+    assert len({times[dt] for dt in longer}) == 1
+    assert times[alone["dt"]] > rest.WORTH * summary["time"]
+    assert status in (0, 1)
+    begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
+    assert main(["advise", str(path), *words, *targets]) == status
+    assert begin == {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from validation.own import trial
+from validation.own import rest, trial
 from validation.own.system import Own
+from validation.own.targets import judged
 from validation.running import run
 from validation.statistics.estimate import SURE, Estimate
 from validation.sweep.choice import meets
@@ -21,43 +22,52 @@ FOLDER = "confirmed"
 
 
 def total() -> int:
-    """Runs that a meter counts, about."""
+    """Runs that a meter counts, at most."""
     return 3
 
 
 def confirm(
-    own: Own, summary: Mapping, best: Mapping, out: Path, ranks: int, silence: float,
+    own: Own,
+    tried: trial.Trial,
+    best: Mapping,
+    out: Path,
+    ranks: int,
+    silence: float,
     meter: run.Meter,
-) -> dict:  # fmt: skip
-    """Run ours with half of the script's step, and the advised integrator with the advised and with
-    a longer step, each ten times as long as before.
+) -> dict:
+    """Run the advised integrator with the advised and with a longer step, each ten times as long as
+    before.  Means are held against the trial's run.
 
     Args:
-        summary: of `trial.trial`.  best: its point that is advised.
+        best: the trial's row that is advised.
 
     Returns:
-        what `trial.trial` does, of these runs.
+        ``time`` of each run, and ``points``: the rows.
+
+    Raises:
+        KeyboardInterrupt: after a Ctrl-C.
     """
-    one = own.integrators[best["integrator"]]
+    one, time = own.integrators[best["integrator"]], LONGER * best["time"]
     some = [trial.Point(one, factor * best["dt"]) for factor in (1.0, FURTHER)]
-    long = LONGER * summary["time"]
-    steps = sum(long / each.dt for each in (trial.reference(own), *some))
-    minutes = 1.0 + best["rough"]["median"] / trial.steps_of_cost(own, best["dt"]) * steps / 60
-    folder, wanted = out / FOLDER, summary["targets"]
-    return trial.trial(own, some, minutes, folder, ranks, silence, meter, wanted, long)
+    found = rest.runs(own, some, time, FOLDER, best["time"], out, ranks, silence, meter)
+    held = tried.every[0]
+    every = [held, *(point for point in some if point != held)]
+    found = {held: tried.found[held], **found}
+    rows = trial.rows(own, every, some, found, tried.summary["targets"])
+    return {"time": time, "points": [row for row in rows if row["asked"]]}
 
 
 def points(summary: Mapping) -> list[Measured]:
     """The rows of the runs ten times as long that say whether an advised step bears out."""
     found = summary.get("confirmed")
-    return [one for one in found["points"] if one["asked"]] if found else []
+    return found["points"] if found else []
 
 
 def holds(summary: Mapping) -> bool | None:
     """Whether the advised step is within the targets in a run ten times as long; None if there is
     no telling, or no such run."""
     found = points(summary)
-    return meets(found[0], trial.judged(found[0], summary["targets"])) if found else None
+    return meets(found[0], judged(found[0], summary["targets"])) if found else None
 
 
 def said(summary: Mapping, unit: str) -> Iterator[str]:
@@ -71,7 +81,7 @@ def said(summary: Mapping, unit: str) -> Iterator[str]:
         None: "may be within the targets or not",
     }
     for one in found:
-        wanted = trial.judged(one, summary["targets"])
+        wanted = judged(one, summary["targets"])
         step = f"{one['dt']:g} {unit}, in a run {LONGER:g} times as long"
         if one["failed"]:
             yield f"{step}, fails: {one['failed']}."

@@ -78,8 +78,8 @@ def rms_by_law(
         return None
     off = np.array([found[other] - held for other in steps])
     size = [float(np.sqrt(np.mean(one.mean(axis=0) ** 2))) for one in off]
-    noise = float(np.sqrt(np.mean(off.var(axis=1, ddof=1)) / len(held) / 2))  # the same in all runs
-    for fit in _fits(dt, steps, np.array(size), np.full(len(off), noise), noise, finer):
+    errors = np.array([_noise(found[other]) for other in steps])
+    for fit in _fits(dt, steps, np.array(size), errors, _noise(held), finer):
         own = off[: fit.number]
         left = measures.without_noise(np.concatenate(np.tensordot(fit.rest, own, 1), axis=1))
         if left.value <= left.margin:
@@ -92,6 +92,11 @@ def rms_by_law(
         return None
     error = measures.without_noise(off[steps.index(alone)])
     return _with(error.times(abs(_of_square(dt, alone, finer))))
+
+
+def _noise(parts: np.ndarray) -> float:
+    """The standard error of a mean of (parts, bins), rms of all bins."""
+    return float(np.sqrt(np.mean(parts.var(axis=0, ddof=1)) / len(parts)))
 
 
 def _counted(errors: Iterable[Estimate]) -> Estimate:

@@ -12,7 +12,7 @@ from typing import TypedDict
 from validation.own import turns
 from validation.own.script import texts
 from validation.own.system import Own
-from validation.own.trial import NS
+from validation.own.targets import NS
 from validation.running import rounds, run
 from validation.statistics import measures
 

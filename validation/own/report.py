@@ -6,15 +6,15 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.own import confirm, counted, lists
+from validation.own import confirm, counted, lists, rest, trial
 from validation.own.figures import draw
-from validation.own.trial import ENERGIES, chosen, judged
+from validation.own.targets import ENERGIES, judged
 from validation.pages import report
 from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import SURE, Estimate, margin
-from validation.sweep.choice import Choice, before_bad, bound, level_of_each, meets, nearest
+from validation.sweep.choice import Choice, before_bad, bound, meets, nearest
 
 EACH = "Each integrator's fastest step"
 FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often
@@ -33,13 +33,8 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     return choice, told, _lines(summary, choice)
 
 
-def _level(summary) -> float:
-    """The confidence by which points are judged: all integrators share what may go wrong."""
-    return level_of_each(one for one in summary["points"] if one["asked"])
-
-
 def _chosen(summary, points, targets) -> Choice:
-    return chosen(points, targets, _level(summary))
+    return trial.chosen(points, targets, trial.level(summary["points"]))
 
 
 def _asked(summary) -> tuple[list, list]:
@@ -88,6 +83,11 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
         f"{best['label']} with a step of {best['dt']:g} {time}: {_cost(best)} s per "
         f"{summary['ns']}, on {ranks_of(summary['ranks'])}. {sure}: {_within(best, wanted)}."
     )
+    if best["alone"]:
+        yield (
+            f"Runs of all steps, {summary['time']:.3g} {time} long, chose it; it is judged by one "
+            f"of {best['time']:.3g} {time} alone."
+        )
     longer = [
         one for one in points if one["integrator"] == best["integrator"] and one["dt"] > best["dt"]
     ]
@@ -183,7 +183,7 @@ def _longer(summary, points, perhaps, wanted) -> str:
 
 def _telling(summary, points, perhaps, wanted) -> int | None:
     """Minutes that tell whether one of the points is within the targets, as errors are now."""
-    level = _level(summary)
+    level = trial.level(summary["points"])
     factors = []
     for one in perhaps:
         own = [point for point in points if point["integrator"] == one["integrator"]]
@@ -210,8 +210,7 @@ def _above(point, name, most, confidence) -> float:
     may be noise, too: `LEAST_ROOM`.
     """
     one = Estimate.of(point["errors"][name])
-    seen = math.sqrt(max(one.value**2 - one.error**2, 0.0))
-    room = max(most - seen, LEAST_ROOM * most)
+    room = max(most - rest.seen(one), LEAST_ROOM * most)
     power = 2 / 3 if name == "drift" else 2
     return ((margin(one.error, one.freedom, confidence) + FOUR_OF_FIVE * one.error) / room) ** power
 
@@ -281,12 +280,19 @@ def tables(summary: dict) -> list[Table]:
         near = nearest(mine, some) if some else None
         one = _chosen(summary, mine, some).best or (near[0] if near else mine[0])
         longest.append(_row(one, wanted))
-    every = [_row(one, wanted) for one in summary["points"]]
+    every = []
+    for one in summary["points"]:
+        first, step, *more = _row(one, wanted)
+        every.append([first, step, f"{one['time']:.3g}" if one["time"] else "–", *more])
     skins = [(one["command"], _ratio(one)) for one in summary.get("lists", ())]
     longer = [_row(one, wanted) for one in _roughly(confirm.points(summary))]
     found = [
         Table.of(f"{EACH} within the targets, else the nearest", heads, longest),
-        Table.of("All that was run; the first is what means are held against", heads, every),
+        Table.of(
+            "All that was run; the first is what means are held against",
+            (*heads[:2], f"run, {units.time}", *heads[2:]),
+            every,
+        ),
         Table.of(SKINS, ("LAMMPS's command", "time of a step, in parts of the first"), skins),
         Table.of(f"{confirm.LONGER:g} times as long", heads, longer),
     ]
@@ -313,6 +319,7 @@ def _numbers(point, wanted) -> dict:
     return {
         "integrator": point["label"],
         "step": point["dt"],
+        "run": point["time"],
         "cost": point["cost"] and point["cost"]["min"],
         "cost with samples": point["rough"] and point["rough"]["min"],
         **{

@@ -2,15 +2,14 @@
 
 A point is an integrator with a time step.  All begin with the same state and last the same time;
 of each the first part is left out.  Means are held against those of ours with half of the script's
-step.  An integrator's longer steps are left out when one has failed.  At the end what could be
-advised is timed in turn, without samples.
+step.  An integrator's longer steps are left out when one has failed.
 
 Several processes with the same command share the points, through locks in the folder.
 """
 
 import math
 import time
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,14 +17,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from validation.own import counted, law, schemes, shapes, turns
+from validation.own import counted, errors, shapes
 from validation.own.system import Own
+from validation.own.targets import SPAN, about, name_of_ns, steps_of_cost
 from validation.running import machine, rounds, run
 from validation.running.store import Store
 from validation.scenes.integrators import OURS, Integrator
-from validation.statistics import measures, structure
-from validation.statistics.estimate import CONFIDENCE, Estimate
-from validation.statistics.structure import Motion
+from validation.statistics import measures
+from validation.statistics.estimate import CONFIDENCE
 from validation.sweep.choice import (
     Choice,
     before_bad,
@@ -33,72 +32,20 @@ from validation.sweep.choice import (
     from_the_shortest,
     least,
     level_of_each,
-    meets,
+    passes,
 )
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
 USUAL = 2  # integrators: ours and the script's, or a rigid fix of LAMMPS; the fewer share a budget
-FRAMES, MOST = 200, 1000  # of a run, and of one with many steps that the budget is to hold
-APART = 50  # steps between the frames of such a run
+FRAMES, APART = 200, 12  # of a run, or steps between them if it is long
 ATOMS, FEW = 2_000_000, 20  # in all frames of a run at most, but so many frames at least
 SETTLES = 0.25  # of the frames are left out
-# of the script's steps: the energy's changes in it count.  Errors of the step are as large as they
-# get by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
-# steps: the standard deviation of a whole run is mostly this
-SPAN = 96
-PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in it; more than one for so many in all
+PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
 LEAST = 400  # steps of a run
-LATE = 1.5  # of the budget: then no further run begins
-BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
-# of a run's kept frames, at most, for the noise of g(r).  Few of them make margins wide, the more
-# so for a choice among several; if so many are not independent, their noise counts as error
-BLOCKS = 20
-ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
-# what is timed costs so many times the fastest good one at most, by the runs; else so many points
-SLOWER, FASTEST = 1.25, 6
-ENERGIES = "drift", "energy"  # targets that econserve tells
-NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
-TARGETS = {
-    "drift": (
-        0.01,
-        "kT per {ns} and degree of freedom",
-        "drift of the energy that is to be kept",
-        "in 1 {ns} the temperature changes by some per cent at most",
-    ),
-    "temperature": (
-        0.01,
-        "of T",
-        "translation against rotation, or against the thermostat",
-        "3 K at 300 K: what thermometers of force fields tell apart",
-    ),
-    "energy": (
-        0.2,
-        "of the kinetic energy's standard deviation",
-        "change of the energy that is to be kept in {span}, rms, over √2",
-        "a fifth, the old rule for a step that is short enough",
-    ),
-    "potential": (
-        0.05,
-        "kT per body",
-        "mean potential energy",
-        "0.03 kcal/mol at 300 K: less than most force fields' own error in a heat of vaporization",
-    ),
-    "density": (0.005, "of it", "mean density", "half a per cent, as force fields are fitted to"),
-    "rdf": (
-        0.03,
-        "",
-        "rms of g(r) of the bodies' heaviest atoms",
-        "less than the width of a line in a figure of g(r)",
-    ),
-}
-COUNTED = (
-    "what {fixes} does to the energy is not counted; of a fix that adds a force, 'fix_modify ID "
-    "energy yes' has LAMMPS count it, if it can"
-)
-# the default drift with a thermostat: what GROMACS allows by default, 0.005 kJ/mol per ps and atom
-# (verlet-buffer-tolerance), of rigid water at 300 K.  With a damping time of 1 ps it heats by 0.2 %
-HEATED, WHY_HEATED = 1.0, "as much as GROMACS allows by default; the thermostat takes it out"
+LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
+SHARE = 0.5  # of what may go wrong, for steps judged one after the other if one is judged alone
+LATE = 1.5  # of the time that runs may take: then no further one begins
 
 
 @dataclass(frozen=True)
@@ -120,7 +67,6 @@ class Lengths:
 
     time: float
     frames: int
-    step: float  # s of a step, as it was measured once
     dt: float  # the script's
 
     @property
@@ -141,74 +87,6 @@ class Lengths:
         return [samples * self.every(dt)] * frames
 
 
-def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
-    """Largest errors that are good enough, by name; those that the script has no use for are left
-    out of the default ones.
-
-    Raises:
-        LookupError: there is no such target; the message lists all. Or the script's atoms are at
-            rest, and nothing can be told.
-    """
-    state = own.found.state
-    if not shapes.temperature(own) > 0:
-        raise LookupError(
-            f"the atoms are at rest at '{schemes.plain(own.said['run'])}', so there is no "
-            "temperature to measure errors by: give them velocities (velocity all create T SEED), "
-            "and let them come to equilibrium"
-        )
-    for name in wanted:
-        if name not in TARGETS:
-            known = "; ".join(f"{key}: {what}" for key, (_, _, what, _) in TARGETS.items())
-            raise LookupError(f"there is no target {name}. There are {known}")
-    found = {name: default for name, (default, *_) in TARGETS.items()}
-    if state.temp:
-        found["drift"] = HEATED
-    lacking = counted.lacking(own)
-    if lacking:
-        found = {name: most for name, most in found.items() if name not in ENERGIES}
-    if not state.press:
-        del found["density"]
-    if not _has_rdf(own):
-        del found["rdf"]
-    if "potential" not in wanted:  # it takes long runs to tell
-        del found["potential"]
-    missing = [name for name in wanted if name not in found]
-    if missing:
-        fixes = f"fix {' and fix '.join(lacking)}"
-        raise LookupError(
-            f"{missing[0]} says nothing of this script: "
-            + {
-                **dict.fromkeys(ENERGIES, COUNTED.format(fixes=fixes)),
-                "density": "its box does not change",
-                "rdf": "its box is not periodic, or has less than ten bodies",
-            }[missing[0]]
-        )
-    return {name: wanted.get(name, most) for name, most in found.items()}
-
-
-def _about(own: Own, wanted: Mapping[str, float]) -> dict[str, dict]:
-    """What each target is, in words, and its default for this script."""
-    words = {"ns": name_of_ns(own), "span": f"{SPAN * own.scene.dt:g} {own.units.time}"}
-    found = {}
-    for name in wanted:
-        usual, *texts = TARGETS[name]
-        unit, what, why = (text.format(**words) for text in texts)
-        if name == "drift" and own.found.state.temp:
-            usual, why = HEATED, WHY_HEATED
-        found[name] = {"default": usual, "unit": unit, "what": what, "why": why}
-    return found
-
-
-def judged(point: Mapping, wanted: Mapping[str, float]) -> dict[str, float]:
-    """The targets that a row of `trial` has errors for."""
-    lost = ENERGIES if point["uncounted"] else ()
-    return {name: most for name, most in wanted.items() if name not in lost}
-
-
-def _has_rdf(own):
-    return all(own.said["periodic"]) and own.bodies >= 10
-
-
 def points(
     own: Own, only: Sequence[str] | None, steps: Sequence[float] | None, many: bool
 ) -> list[Point]:
@@ -227,38 +105,80 @@ def reference(own: Own) -> Point:
     return Point(ours or own.integrators[own.reference], FINER * own.scene.dt)
 
 
-def total(some: Collection[Point]) -> int:
+def total(some: Sequence[Point]) -> int:
     """Runs that a meter counts, about."""
-    return len(some) + 2 + ROUNDS * min(len(some), FASTEST)
+    return len(some) + 2
+
+
+def startup(own: Own) -> float:
+    """s until a run's first step, about."""
+    return 3.0 + 2e-5 * len(own.found.body)
+
+
+def lengths_of(own: Own, time: float, some: Iterable[Point]) -> Lengths:
+    """Of runs of points, with as many frames as the longest step and the memory have room for."""
+    longest = max(one.dt for one in some)
+    most = max(FEW, ATOMS // len(own.found.body))
+    return Lengths(time, min(most, max(FRAMES, int(time / longest / APART))), own.scene.dt)
+
+
+class Done(NamedTuple):
+    """What is kept of a run: its positions would be too much memory."""
+
+    failed: str | None
+    time: float  # in the script's units
+    seconds: list[float]  # of a step, in order
+    numbers: dict
+
+
+@dataclass
+class Trial:
+    """What was run.
+
+    Attributes:
+        summary: plain data, with ``points``, a row of each point, see `rows`.
+        every: the points; the first is what means are held against.
+        asked: those of them that are wanted.
+        found: the runs.
+        alone: the point that its own run judges alone, if there is one.
+    """
+
+    summary: dict
+    every: Sequence[Point]
+    asked: Sequence[Point]
+    found: dict[Point, Done]
+    alone: Point | None = None
+
+    def judge(self, own: Own) -> None:
+        """Make rows of the runs."""
+        how = self.found, self.summary["targets"], self.alone
+        self.summary["points"] = rows(own, self.every, self.asked, *how)
 
 
 def trial(
     own: Own,
     some: Sequence[Point],
-    minutes: float,
+    seconds: float,
     out: Path,
     ranks: int,
     silence: float,
     meter: run.Meter,
     wanted: Mapping[str, float],
-    long: float | None = None,
-) -> dict:
+) -> Trial:
     """Run what is not there yet, and measure.
 
     Args:
         some: of `points`.
-        minutes: that all may take, by the time of a step now.
-        wanted: of `targets`.
-        long: how long each run lasts, in the script's units; None for what the minutes allow.
+        seconds: that all may take, by the time of a step now.
+        wanted: of `targets.targets`.
 
     Returns:
-        plain data; after a Ctrl-C of what is complete, with ``interrupted``.
+        after a Ctrl-C what is complete; its summary says ``interrupted``.
     """
     held = reference(own)
     every = [held, *(one for one in some if one != held)]
-    store = Store(
-        out / "records", "validation.own.system"
-    )  # of lengths, which no error follows from
+    # records of lengths, which no error follows from
+    store = Store(out / "records", "validation.own.system")
     summary = machine.circumstances() | {
         "title": own.scene.title,
         "script": Path(own.ask.script).name,
@@ -269,108 +189,59 @@ def trial(
         "dt": own.scene.dt,
         "bodies": own.bodies,
         "reference": held.dt,
-        "minutes": minutes,
         "targets": dict(wanted),
-        "about": _about(own, wanted),
+        "about": about(own, wanted),
         "interrupted": False,
         "late": False,
         "points": [],
     }
-    alike = own.scene, long or minutes, ranks, [one.name for one in every]
+    tried = Trial(summary, every, some, {})
+    alike = own.scene, seconds, ranks, [one.name for one in every]
     origin = store.origin(*alike, files=[own.scene.folder])
     try:
         with store.locked("plan"):
-            make = partial(_plan, own, every, minutes, long, out, ranks, silence, meter)
-            lengths = Lengths(dt=own.scene.dt, **store.once("plan", origin, make))
-        failed: dict[Point, str | None] = {}
-        names, begin = {one.name: one for one in every}, time.monotonic()
-        for name in store.shared(names):
-            one = names[name]
-            if time.monotonic() - begin > LATE * 60 * minutes:
-                summary["late"] = True
-                break
-            if _skipped(one, every, failed, own, out, lengths, ranks, silence):
-                continue
-            job = _job(own, one, out, lengths, ranks, silence)
-            meter.begin(f"{one.integrator.label}, {one.dt:g} {own.units.time}", 1)
-            result = run.once(job, failures=True)
-            failed[one] = failure(own, result)
-            meter.end(result.error)
-            if result.interrupted:
-                raise KeyboardInterrupt
+            make = partial(_plan, own, every, seconds, out, ranks, silence, meter)
+            lengths = lengths_of(own, store.once("plan", origin, make)["time"], every)
+        summary["time"] = lengths.time
+        jobs = {one: job(own, one, out / "runs", lengths, ranks, silence) for one in every}
+        summary["late"] = not _run(own, jobs, store, LATE * seconds, meter)
     except KeyboardInterrupt:
         summary["interrupted"] = True
-        if "lengths" not in locals():
-            return summary
-    summary["time"] = lengths.time
-    found, rest = {}, shapes.freedom_of_turning(own)
-    for one in every:
-        job = _job(own, one, out, lengths, ranks, silence)
-        if run.is_there(job, failures=True):
-            found[one] = _done(own, one, run.collect(job.directory), rest)
-    summary["points"] = rows = _rows(own, every, some, found, held, wanted)
-    if not summary["interrupted"]:
-        try:
-            _time(own, _candidates(rows, wanted), out, ranks, silence, meter)
-        except KeyboardInterrupt:
-            summary["interrupted"] = True
-    return summary
+        if "jobs" not in locals():
+            return tried
+    for one, job_of_it in jobs.items():
+        if run.is_there(job_of_it, failures=True):
+            tried.found[one] = done(own, one, job_of_it, lengths)
+    tried.judge(own)
+    return tried
 
 
-def chosen(points: Iterable[Any], wanted: Mapping[str, float], level: float = CONFIDENCE) -> Choice:
-    """The `Choice` among rows of `trial`, of each integrator's up to the first one that is not good
-    for sure; ``level`` is that of all integrators, see `level_of_each`."""
+def level(rows: Iterable[Any]) -> float:
+    """The confidence by which rows that are asked for are judged one after the other, see
+    `from_the_shortest`."""
+    asked = [row for row in rows if row["asked"]]
+    return level_of_each(asked, SHARE if any(row["alone"] for row in asked) else 1.0)
+
+
+def chosen(points: Iterable[Any], wanted: Mapping[str, float], level: float) -> Choice:
+    """The `Choice` among `rows`.
+
+    Of each integrator it is among those up to the first one that is not good for sure, see
+    `from_the_shortest`; ``level`` is that of all integrators.  A row that its own run judges
+    ``alone`` is good by that.
+    """
 
     def within(some, targets):
-        return from_the_shortest(some, targets, level)
+        good = from_the_shortest(some, targets, level)
+        known = {id(one) for one in good}
+        alone = [one for one in some if one["alone"] and one["cost"] and id(one) not in known]
+        good += [one for one in alone if passes(one, targets, CONFIDENCE)]
+        return sorted(good, key=least)
 
     return choose(before_bad(points, wanted), wanted, within)
 
 
-def _candidates(rows: list, wanted: Mapping[str, float]) -> list:
-    """The rows that could be advised, by what the runs themselves took."""
-    asked = [row | {"cost": row["rough"]} for row in rows if row["asked"]]
-    best = chosen(asked, wanted, level_of_each(asked)).fastest
-    found = []
-    for row in rows:
-        own = judged(row, wanted)
-        if row["asked"] and row["rough"] and own and meets(row, own) is not False:
-            found.append(row)
-    found.sort(key=lambda row: row["rough"]["min"])
-    if best is None:
-        return found[:FASTEST]
-    return [row for row in found if row["rough"]["min"] <= SLOWER * least(best)]
-
-
-def _time(own, rows, out, ranks, silence, meter) -> None:
-    """Give rows their costs, which are timed in turn and without samples."""
-    if not rows:
-        return
-    by_name, some = {}, {}
-    for row in rows:
-        one = Point(own.integrators[row["integrator"]], row["dt"])
-        runs = rounds.lengths(row["rough"]["min"] / steps_of_cost(own, one.dt), SECONDS).runs
-        label = f"{row['label']}, {row['dt']:g} {own.units.time}, timed"
-        by_name[one.name] = row
-        some[one.name] = turns.Timed(label, one.integrator, one.dt, runs)
-    found = turns.loops(own, "timed", some, ROUNDS, out, ranks, silence, meter)
-    for name, row in by_name.items():
-        if found[name]:
-            steps = steps_of_cost(own, row["dt"])
-            row["cost"] = measures.spread(loop * steps for loop in found[name])
-
-
-def steps_of_cost(own: Own, dt: float) -> float:
-    """How many steps the time has that costs are told of."""
-    return NS.get(own.scene.units, 1e3) / dt
-
-
-def name_of_ns(own: Own) -> str:
-    """What costs and drifts are told of."""
-    return "ns" if own.scene.units in NS else f"1,000 {own.units.time}"
-
-
-def _plan(own, every, minutes, long, out, ranks, silence, meter) -> dict:
+def _plan(own, every, seconds, out, ranks, silence, meter) -> dict:
     """How long runs are, if that is not known, from the time of a step now."""
     one = every[0]
     meter.begin("a step's time", 1)
@@ -386,32 +257,57 @@ def _plan(own, every, minutes, long, out, ranks, silence, meter) -> dict:
         if step.interrupted:
             raise KeyboardInterrupt
         raise SystemExit(f"{own.scene.subject}: {one.integrator.label}: {step.error}")
-    startup = 3.0 + 2e-5 * len(own.found.body)
-    timed = ROUNDS * min(len(every), FASTEST) * (startup + (1 + rounds.SEGMENTS) * SECONDS)
-    left = max(0.2 * 60 * minutes, 60 * minutes - startup * len(every) - timed)
-    most = max(FEW, ATOMS // len(own.found.body))
-    if long is None:
-        most = min(most, MOST)
-        long = left / (step * sum(1 / one.dt for one in every))
-        long = max(long, LEAST * max(one.dt for one in every) / 4, LEAST * own.scene.dt)
-    frames = min(most, max(FRAMES, int(long / max(one.dt for one in every) / APART)))
-    return {"time": long, "frames": frames, "step": step}
+    left = max(LEAST_PART * seconds, seconds - startup(own) * len(every))
+    longest = max(one.dt for one in every)
+    long = left / (step * sum(1 / one.dt for one in every))
+    return {"time": max(long, LEAST * longest / 4, LEAST * own.scene.dt)}
 
 
-def _job(own, one, out, lengths, ranks, silence) -> run.Job:
-    runs = lengths.runs(one.dt)
+def job(
+    own: Own, one: Point, folder: Path, lengths: Lengths, ranks: int, silence: float
+) -> run.Job:
+    """The run of a point, in a folder of its own in this one."""
     origin = machine.origin(own.scene, one.integrator)
     how: dict = {"ranks": ranks, "silence": silence, "keeps": "motion", "origin": origin}
-    every = lengths.every(one.dt)
-    directory = out / "runs" / one.name
-    return run.job(own.scene, one.integrator, directory, runs, dt=one.dt, every=every, **how)
+    how |= {"dt": one.dt, "every": lengths.every(one.dt)}
+    return run.job(own.scene, one.integrator, folder / one.name, lengths.runs(one.dt), **how)
 
 
-def _skipped(one, every, failed, own, out, lengths, ranks, silence) -> bool:
+def _run(own, jobs, store, most, meter) -> bool:
+    """Run what is not there yet; whether nothing was left out for taking too long.
+
+    Args:
+        most: seconds, after which no further run begins.
+    """
+    failed: dict[Point, str | None] = {}
+    names, begin = {one.name: one for one in jobs}, time.monotonic()
+    for name in store.shared(names):
+        if time.monotonic() - begin > most:
+            return False
+        one = names[name]
+        if not _skipped(own, one, jobs, failed):
+            failed[one] = one_run(own, one, jobs[one], meter)
+    return True
+
+
+def one_run(own: Own, one: Point, job: run.Job, meter: run.Meter) -> str | None:
+    """Do a run if it is not there yet; None, or why it is none.
+
+    Raises:
+        KeyboardInterrupt: after a Ctrl-C.
+    """
+    meter.begin(f"{one.integrator.label}, {one.dt:g} {own.units.time}", 1)
+    result = run.once(job, failures=True)
+    meter.end(result.error)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return failure(own, result)
+
+
+def _skipped(own, one, jobs, failed) -> bool:
     """Whether a shorter step of the same integrator has failed, here or in another process."""
-    for other in every:
+    for other, job in jobs.items():
         if other.integrator is one.integrator and other.dt < one.dt:
-            job = _job(own, other, out, lengths, ranks, silence)
             if other not in failed and run.is_there(job, failures=True):
                 failed[other] = failure(own, run.collect(job.directory))
             if failed.get(other):
@@ -431,25 +327,28 @@ def failure(own: Own, result: run.Result) -> str | None:
     return f"it heats: the temperature is {kelvin[bad][0]:.4g} at step {step:.0f}"
 
 
-class _Done(NamedTuple):
-    """What is kept of a run: its positions would be too much memory."""
-
-    failed: str | None
-    seconds: list[float]  # of a step, in order
-    numbers: dict
-
-
-def _done(own, one, result, rest) -> _Done:
+def done(own: Own, one: Point, job: run.Job, lengths: Lengths, settles: float = SETTLES) -> Done:
+    """What is kept of a point's run, but for the part in which it ``settles``."""
+    result = run.collect(job.directory)
     failed = failure(own, result)
     spent = [timing.seconds / timing.steps for timing in result.timings]
-    return _Done(failed, spent, {} if failed else _numbers(own, one, result, rest))
+    numbers = {} if failed else errors.numbers(own, one.dt, result, settles)
+    return Done(failed, lengths.time, spent, numbers)
 
 
-def _rows(own, every, some, found, held, wanted) -> list[dict]:
-    """A row for each point, as ``sweep.choice`` takes them; ``some`` are those that are wanted."""
+def rows(
+    own: Own,
+    every: Sequence[Point],
+    some: Sequence[Point],
+    found: Mapping[Point, Done],
+    wanted: Mapping[str, float],
+    alone: Point | None = None,
+) -> list[dict]:
+    """A row for each point, as ``sweep.choice`` takes them; for the arguments see `Trial`."""
+    held = every[0]
     failed = {one: done.failed for one, done in found.items()}
     numbers = {one: done.numbers for one, done in found.items() if not done.failed}
-    rows = []
+    made = []
     for one in every:
         integrator, done = one.integrator, found.get(one)
         fails = [
@@ -466,6 +365,8 @@ def _rows(own, every, some, found, held, wanted) -> list[dict]:
             "lines": [*own.found.setup, *integrator.commands(own.scene)],
             "dt": one.dt,
             "starts": 1,
+            "time": done and done.time,
+            "alone": one == alone,
             "failed": fails[0] if fails else None,
             "is_reference": one == held,
             "asked": one in some,
@@ -480,123 +381,17 @@ def _rows(own, every, some, found, held, wanted) -> list[dict]:
             parts = np.array_split(spent, 5)
             row["rough"] = measures.spread(float(part.mean()) for part in parts if len(part))
             alike = {
-                other.dt: said for other, said in numbers.items() if other.integrator is integrator
+                other.dt: said
+                for other, said in numbers.items()
+                if other.integrator is integrator and (other == one or one != alone)
             }
             finer = held.dt if held.integrator is integrator else 0.0
-            signed = _errors(own, one, alike, numbers.get(held), finer)
+            signed = errors.errors(own, integrator, one.dt, alike, numbers.get(held), finer)
             row["signed"] = {name: error.plain() for name, error in signed.items()}
             row["errors"] = {
-                name: Estimate(abs(error.value), error.error, error.freedom).plain()
+                name: error._replace(value=abs(error.value)).plain()
                 for name, error in signed.items()
                 if name in wanted
             }
-        rows.append(row)
-    return rows
-
-
-def _numbers(own, one, result, rest) -> dict:
-    """Means and series of a run's kept part; ``rest`` as for `_temperatures`."""
-    assert result.positions
-    frames = len(result.positions.x) - 1
-    first = round(SETTLES * frames)
-    kept = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
-    thermo = {name: values[kept] for name, values in result.thermo.items()}
-    motion = Motion(result.positions)
-    moving, turning = _temperatures(own, motion, range(1 + first, 1 + frames), rest)
-    found = {
-        "time": thermo["Step"] * one.dt,
-        "conserved": thermo.get("Econserve", thermo["TotEng"]),
-        "potential": measures.mean(thermo["PotEng"] / own.bodies),
-        "kinetic": float(np.std(thermo["KinEng"])),
-        "kinds": _kinds(own, moving, turning),
-        "freedom": 2 * thermo["KinEng"].mean() / (own.said["boltzmann"] * thermo["Temp"].mean()),
-    }
-    if "Density" in thermo:
-        found["density"] = measures.mean(thermo["Density"])
-    if _has_rdf(own):
-        half = REACH * np.min(np.abs(np.diag(own.said["cell"]))) / 2
-        ends = 0.3 * own.room, min(half, 2.2 * own.room)
-        found["rdf"] = structure.pair_distribution(
-            motion,
-            slice(1 + first, 1 + frames),
-            ends,
-            BIN * own.room,
-            min(BLOCKS, frames - first),
-        )
-    return found
-
-
-def _temperatures(own, motion, frames, rest) -> tuple[np.ndarray, np.ndarray | None]:
-    """Temperatures of the bodies' centres and of their turning, (frames,); ``rest``: degrees of
-    freedom of all bodies' turning."""
-    mass, v = motion.mass, motion.v[list(frames)]
-    v = v - np.average(v, axis=1, weights=mass)[:, None]
-    axes = own.said["dimension"]
-    moving, turning, inside = np.zeros(len(v)), np.zeros(len(v)), 0.0
-    for group in motion.groups:
-        own_mass = mass[group]
-        whole = own_mass.sum(axis=1)
-        centre = np.einsum("bn,fbnk->fbk", own_mass, v[:, group]) / whole[:, None]
-        translation = np.einsum("b,fbk->f", whole, centre**2)
-        moving += translation
-        turning += np.einsum("bn,fbnk->f", own_mass, v[:, group] ** 2) - translation
-        inside += whole.sum()
-    freedom = axes * motion.count - axes * inside / mass.sum()
-    scale = shapes.mvv2e(own) / own.said["boltzmann"]
-    return moving * scale / freedom, turning * scale / rest if rest else None
-
-
-def _kinds(own, moving, turning) -> list[Estimate]:
-    """By which part of it temperatures differ: of translation from that of rotation, and of either
-    from the thermostat's."""
-    kelvin = shapes.temperature(own)
-    series = [] if turning is None else [moving - turning]
-    if own.found.state.temp:
-        series += [one - kelvin for one in (moving, turning) if one is not None]
-    return [measures.mean(one / kelvin) for one in series]
-
-
-def _errors(own, one, alike, held, finer) -> dict[str, Estimate]:
-    """By the names of `TARGETS`; without those that cannot be told.
-
-    Args:
-        alike: of each step of this integrator what `_numbers` says.
-        held, finer: see `law.by_law`.
-    """
-    dt, mine, energy = one.dt, alike[one.dt], shapes.thermal(own)
-    found = {} if counted.wrongly(one.integrator) else _of_energy(own, mine)
-    series = [
-        law.by_law(dt, {other: numbers["kinds"][k] for other, numbers in alike.items()})
-        for k in range(len(mine["kinds"]))
-    ]
-    kinds = [one for one in series if one]
-    if kinds:
-        found["temperature"] = max(kinds, key=lambda one: abs(one.value) + one.margin)
-    if held is None:
-        return found
-    for name in ("potential", "density"):
-        if name in mine:
-            scale = energy if name == "potential" else held[name].value
-            means = {other: numbers[name] for other, numbers in alike.items()}
-            error = law.by_law(dt, means, held[name], finer)
-            if error:
-                found[name] = error.times(1 / scale)
-    if "rdf" in mine:
-        g = {other: numbers["rdf"] for other, numbers in alike.items()}
-        error = law.rms_by_law(dt, g, held["rdf"], finer)
-        if error:
-            found["rdf"] = error
-    return found
-
-
-def _of_energy(own, mine) -> dict[str, Estimate]:
-    """What the energy that is to be kept does: its drift, and its change in `SPAN`."""
-    time, energy, kt = mine["time"], mine["conserved"], shapes.thermal(own)
-    drift = measures.line_drift(time, energy).times(
-        steps_of_cost(own, 1.0) / (kt * mine["freedom"])
-    )
-    lag = max(1, round(SPAN * own.scene.dt / (time[1] - time[0])))
-    square = measures.mean((energy[lag:] - energy[:-lag]) ** 2 / 2)
-    change = np.sqrt(max(square.value, 1e-300))
-    rms = Estimate(change, square.error / (2 * change), square.freedom)
-    return {"drift": drift, "energy": rms.times(1 / max(mine["kinetic"], 1e-300))}
+        made.append(row)
+    return made

@@ -17,8 +17,8 @@ def options(
     group.add_argument("--steps", type=command_line.positives, metavar="DT,DT", help=text)
     if confirms:
         text = (
-            "then run the advised step, and one 1.5 times as long, for ten times as long: some "
-            "three budgets more"
+            "then run the advised step, and one 1.5 times as long, for ten times as long: up to "
+            "ten budgets more"
         )
         group.add_argument("--confirm", action="store_true", help=text)
     command_line.ranks(parser, 1)
@@ -36,7 +36,7 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
         many: whether all integrators are tried by default.
     """
     # heavy: not for --help
-    from validation.own import confirm, lists, report, shifted, system, trial
+    from validation.own import measure, report, shifted, system, targets, trial
     from validation.pages import console
     from validation.running import run as run_by
 
@@ -49,27 +49,15 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
         one.name for one in command_line.chosen_of(own.integrators, arguments.only)
     ]
     try:
-        wanted = trial.targets(own, dict(arguments.target or ()))
+        wanted = targets.targets(own, dict(arguments.target or ()))
     except LookupError as error:
         arguments.parser.exit(2, f"{error.args[0]}\n")
     points = trial.points(own, only, arguments.steps, many)
     screen = console.console()
-    minutes, how = arguments.budget or budget, (out, arguments.ranks, silence)
-    confirms = not many and arguments.confirm
-    runs = trial.total(points) + lists.total(many) + confirms * confirm.total()
-    with console.Meter(screen, runs, "runs") as meter:
-        mine = minutes * (1 - lists.share(many))
-        summary = trial.trial(own, points, mine, *how, meter, wanted) | {"minutes": minutes}
-        best = report.answer(summary)[0].best
-        if best and not many and not summary["interrupted"]:
-            try:
-                summary["lists"] = lists.tried(own, best, minutes, *how, meter)
-                if confirms:
-                    report.write(summary, out)  # whatever becomes of the longer runs
-                    summary["confirmed"] = confirm.confirm(own, summary, best, *how, meter)
-                    summary["interrupted"] = summary["confirmed"]["interrupted"]
-            except KeyboardInterrupt:
-                summary["interrupted"] = True
+    minutes, confirms = arguments.budget or budget, not many and arguments.confirm
+    with console.Meter(screen, measure.total(points, many, confirms), "runs") as meter:
+        how = many, confirms, out, arguments.ranks, silence, meter
+        summary = measure.measure(own, points, wanted, minutes, *how)
     report.write(summary, out)
     answered = report.show(screen, summary, out)
     return command_line.status(summary["interrupted"], not answered)

@@ -119,20 +119,25 @@ def _level(k: int) -> float:
     return 1 - 2 * (1 - CONFIDENCE) / (k * (k + 1))
 
 
-def _passes(point, targets, level):
+def passes(point: Measured, targets: Targets, level: float) -> bool:
+    """Whether all errors are within the targets, by margins of this confidence."""
     return all(bound(point, name, level) <= most for name, most in targets.items())
 
 
 def by_levels(points: Sequence[Measured], targets: Targets) -> list[Measured]:
     """The points within the targets for sure, from the fastest, by `levels`."""
-    return [point for point, level in levels(points, targets) if _passes(point, targets, level)]
+    return [point for point, level in levels(points, targets) if passes(point, targets, level)]
 
 
-def level_of_each(points: Iterable[Measured]) -> float:
+def level_of_each(points: Iterable[Measured], share: float = 1.0) -> float:
     """The confidence by which all points are judged in `from_the_shortest`; at least the usual
-    one, for errors below zero are no mistake."""
+    one, for errors below zero are no mistake.
+
+    Args:
+        share: of the 5 %, for them.
+    """
     integrators = {point["integrator"] for point in points}
-    return max(CONFIDENCE, 1 - 2 * (1 - CONFIDENCE) / max(1, len(integrators)))
+    return max(CONFIDENCE, 1 - 2 * (1 - CONFIDENCE) * share / max(1, len(integrators)))
 
 
 def before_bad(points: Iterable[Measured], targets: Targets) -> list[Measured]:
@@ -164,7 +169,7 @@ def from_the_shortest(points: Sequence[Measured], targets: Targets, level: float
     for name in {point["integrator"]: None for point in points}:
         own = [point for point in points if point["integrator"] == name]
         for point in sorted(own, key=lambda point: point["dt"]):
-            if not _passes(point, targets, level):
+            if not passes(point, targets, level):
                 break
             if point["cost"]:
                 good.append(point)
@@ -190,6 +195,13 @@ def choose(
     perhaps = sorted((point for point in perhaps if point is not best), key=_by_cost)
     fastest = good[0] if good else None
     return Choice(dict(targets), best, fastest, ties, tuple(perhaps), sure)
+
+
+def simplest(points: Sequence[Measured]) -> Measured:
+    """Of the fastest point and those that tie with it, the one that takes the fewest words."""
+    first = min(points, key=_by_cost)["cost"]
+    usual = first["median"] if first else math.inf
+    return min((point for point in points if least(point) <= usual), key=_by_words)
 
 
 def _plain(best, perhaps, targets):

@@ -1,0 +1,143 @@
+"""What a run of a trial gives, and how far it is off."""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from validation.own import counted, law, shapes
+from validation.own.system import Own
+from validation.own.targets import SPAN, has_rdf, steps_of_cost
+from validation.running import run
+from validation.scenes.integrators import Integrator
+from validation.statistics import measures, structure
+from validation.statistics.estimate import Estimate
+from validation.statistics.structure import Motion
+
+BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
+# of a run's kept frames, at most, for the noise of g(r).  Few of them make margins wide, the more
+# so for a choice among several; if so many are not independent, their noise counts as error
+BLOCKS = 20
+
+
+def numbers(own: Own, dt: float, result: run.Result, settles: float) -> dict:
+    """Means and series of a run without its first part.
+
+    Args:
+        settles: the part of the run that is left out.
+    """
+    assert result.positions
+    frames = len(result.positions.x) - 1
+    first = math.ceil(settles * frames * (1 - 1e-9))
+    kept = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
+    thermo = {name: values[kept] for name, values in result.thermo.items()}
+    motion = Motion(result.positions)
+    rest = shapes.freedom_of_turning(own)
+    moving, turning = _temperatures(own, motion, range(1 + first, 1 + frames), rest)
+    found = {
+        "time": thermo["Step"] * dt,
+        "conserved": thermo.get("Econserve", thermo["TotEng"]),
+        "potential": measures.mean(thermo["PotEng"] / own.bodies),
+        "kinetic": float(np.std(thermo["KinEng"])),
+        "kinds": _kinds(own, moving, turning),
+        "freedom": 2 * thermo["KinEng"].mean() / (own.said["boltzmann"] * thermo["Temp"].mean()),
+    }
+    if "Density" in thermo:
+        found["density"] = measures.mean(thermo["Density"])
+    if has_rdf(own):
+        half = REACH * np.min(np.abs(np.diag(own.said["cell"]))) / 2
+        ends = 0.3 * own.room, min(half, 2.2 * own.room)
+        found["rdf"] = structure.pair_distribution(
+            motion,
+            slice(1 + first, 1 + frames),
+            ends,
+            BIN * own.room,
+            min(BLOCKS, frames - first),
+        )
+    return found
+
+
+def _temperatures(own, motion, frames, rest) -> tuple[np.ndarray, np.ndarray | None]:
+    """Temperatures of the bodies' centres and of their turning, (frames,); ``rest``: degrees of
+    freedom of all bodies' turning."""
+    mass, v = motion.mass, motion.v[list(frames)]
+    v = v - np.average(v, axis=1, weights=mass)[:, None]
+    axes = own.said["dimension"]
+    moving, turning, inside = np.zeros(len(v)), np.zeros(len(v)), 0.0
+    for group in motion.groups:
+        own_mass = mass[group]
+        whole = own_mass.sum(axis=1)
+        centre = np.einsum("bn,fbnk->fbk", own_mass, v[:, group]) / whole[:, None]
+        translation = np.einsum("b,fbk->f", whole, centre**2)
+        moving += translation
+        turning += np.einsum("bn,fbnk->f", own_mass, v[:, group] ** 2) - translation
+        inside += whole.sum()
+    freedom = axes * motion.count - axes * inside / mass.sum()
+    scale = shapes.mvv2e(own) / own.said["boltzmann"]
+    return moving * scale / freedom, turning * scale / rest if rest else None
+
+
+def _kinds(own, moving, turning) -> list[Estimate]:
+    """By which part of it temperatures differ: of translation from that of rotation, and of either
+    from the thermostat's."""
+    kelvin = shapes.temperature(own)
+    series = [] if turning is None else [moving - turning]
+    if own.found.state.temp:
+        series += [one - kelvin for one in (moving, turning) if one is not None]
+    return [measures.mean(one / kelvin) for one in series]
+
+
+def errors(
+    own: Own,
+    one: Integrator,
+    dt: float,
+    alike: Mapping[float, Mapping],
+    held: Mapping | None,
+    finer: float,
+) -> dict[str, Estimate]:
+    """How far an integrator with a step is off, by the names of `TARGETS`; without those that
+    cannot be told.
+
+    Args:
+        alike: what `numbers` gives of this step, and of others of this integrator that help to
+            tell its errors, by step.
+        held: what it gives of the run that means are held against.
+        finer: that run's step if it is of this integrator, else 0: see `law.by_law`.
+    """
+    mine, energy = alike[dt], shapes.thermal(own)
+    found = {} if counted.wrongly(one) else _of_energy(own, mine)
+    series = [
+        law.by_law(dt, {other: said["kinds"][k] for other, said in alike.items()})
+        for k in range(len(mine["kinds"]))
+    ]
+    kinds = [one for one in series if one]
+    if kinds:
+        found["temperature"] = max(kinds, key=lambda one: abs(one.value) + one.margin)
+    if held is None:
+        return found
+    for name in ("potential", "density"):
+        if name in mine:
+            scale = energy if name == "potential" else held[name].value
+            means = {other: said[name] for other, said in alike.items()}
+            error = law.by_law(dt, means, held[name], finer)
+            if error:
+                found[name] = error.times(1 / scale)
+    if "rdf" in mine:
+        g = {other: said["rdf"] for other, said in alike.items()}
+        error = law.rms_by_law(dt, g, held["rdf"], finer)
+        if error:
+            found["rdf"] = error
+    return found
+
+
+def _of_energy(own, mine) -> dict[str, Estimate]:
+    """What the energy that is to be kept does: its drift, and its change in `SPAN`."""
+    time, energy, kt = mine["time"], mine["conserved"], shapes.thermal(own)
+    drift = measures.line_drift(time, energy).times(
+        steps_of_cost(own, 1.0) / (kt * mine["freedom"])
+    )
+    lag = max(1, round(SPAN * own.scene.dt / (time[1] - time[0])))
+    square = measures.mean((energy[lag:] - energy[:-lag]) ** 2 / 2)
+    change = np.sqrt(max(square.value, 1e-300))
+    rms = Estimate(change, square.error / (2 * change), square.freedom)
+    return {"drift": drift, "energy": rms.times(1 / max(mine["kinetic"], 1e-300))}

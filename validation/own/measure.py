@@ -1,0 +1,61 @@
+"""All that ``advise`` and ``sweep`` measure of a script: short runs, a long one, costs, skins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from validation.own import confirm, lists, report, rest, timed, trial
+from validation.own.system import Own
+from validation.running import run
+
+
+def total(points: Sequence[trial.Point], many: bool, confirms: bool) -> int:
+    """Runs that a meter counts, about; see `measure`."""
+    some = trial.total(points) + timed.total(points) + lists.total(many)
+    return some + (not many) * rest.total() + confirms * confirm.total()
+
+
+def measure(
+    own: Own,
+    points: Sequence[trial.Point],
+    wanted: Mapping[str, float],
+    minutes: float,
+    many: bool,
+    confirms: bool,
+    out: Path,
+    ranks: int,
+    silence: float,
+    meter: run.Meter,
+) -> dict:
+    """All of it, as plain data; after a Ctrl-C what is complete.
+
+    Args:
+        points: of `trial.points`.
+        wanted: of `targets.targets`.
+        minutes: that all may take but what ``confirms``.
+        many: whether all points run for as long as they can, and none is advised.
+        confirms: whether the advised step runs for longer.
+    """
+    how = out, ranks, silence, meter
+    all_runs = 60 * minutes * (1 - lists.share(many)) - timed.seconds(own, points)
+    all_runs = max(all_runs, trial.LEAST_PART * 60 * minutes)
+    short = all_runs if many else rest.FIRST * all_runs
+    tried = trial.trial(own, points, short, *how, wanted)
+    summary = tried.summary
+    summary["minutes"] = minutes
+    if summary["interrupted"]:
+        return summary
+    try:
+        if not (many or summary["late"]):
+            rest.more(own, tried, all_runs - short, *how)
+        timed.time(own, timed.candidates(summary["points"], wanted), *how)
+        best = report.answer(summary)[0].best
+        if best and not many:
+            summary["lists"] = lists.tried(own, best, minutes, *how)
+            if confirms:
+                report.write(summary, out)  # whatever becomes of the longer runs
+                summary["confirmed"] = confirm.confirm(own, tried, best, *how)
+    except KeyboardInterrupt:
+        summary["interrupted"] = True
+    return summary

@@ -1,0 +1,66 @@
+"""What the steps of a trial cost that could be advised: timed in turn, without samples."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from validation.own import trial, turns
+from validation.own.system import Own
+from validation.own.targets import judged, steps_of_cost
+from validation.running import rounds, run
+from validation.statistics import measures
+from validation.sweep.choice import least, meets
+
+ROUNDS, SECONDS = 3, 0.5  # s of each segment of a round
+# what is timed costs so many times the fastest good one at most, by the runs; else so many points
+SLOWER, FASTEST = 1.25, 4
+
+
+def total(some: Sequence[trial.Point]) -> int:
+    """Runs that a meter counts, at most."""
+    return ROUNDS * min(len(some), FASTEST)
+
+
+def seconds(own: Own, some: Sequence[trial.Point]) -> float:
+    """Time for it, about."""
+    return total(some) * (trial.startup(own) + (1 + rounds.SEGMENTS) * SECONDS)
+
+
+def candidates(rows: Iterable[Any], wanted: Mapping[str, float]) -> list[Any]:
+    """The rows that could be advised, by what the runs themselves took."""
+    rows = [row for row in rows if row["asked"]]
+    asked = [row | {"cost": row["rough"]} for row in rows]
+    best = trial.chosen(asked, wanted, trial.level(asked)).fastest
+    found = []
+    for row in rows:
+        own = judged(row, wanted)
+        if row["rough"] and own and meets(row, own) is not False:
+            found.append(row)
+    found.sort(key=lambda row: row["rough"]["min"])
+    if best is None:
+        return found[:FASTEST]
+    return [row for row in found if row["rough"]["min"] <= SLOWER * least(best)]
+
+
+def time(
+    own: Own, rows: Sequence[Any], out: Path, ranks: int, silence: float, meter: run.Meter
+) -> None:
+    """Give rows their costs.
+
+    Raises:
+        KeyboardInterrupt: after a Ctrl-C.
+    """
+    if not rows:
+        return
+    by_name, some = {}, {}
+    for row in rows:
+        one = trial.Point(own.integrators[row["integrator"]], row["dt"])
+        runs = rounds.lengths(row["rough"]["min"] / steps_of_cost(own, one.dt), SECONDS).runs
+        label = f"{row['label']}, {row['dt']:g} {own.units.time}, timed"
+        by_name[one.name] = row
+        some[one.name] = turns.Timed(label, one.integrator, one.dt, runs)
+    found = turns.loops(own, "timed", some, ROUNDS, out, ranks, silence, meter)
+    for name, row in by_name.items():
+        if found[name]:
+            steps = steps_of_cost(own, row["dt"])
+            row["cost"] = measures.spread(loop * steps for loop in found[name])
