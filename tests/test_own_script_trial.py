@@ -385,7 +385,7 @@ def row(dt, name="nosquish", cost=(1.0,), **errors):
         **{"integrator": name, "label": name, "dt": dt, "lines": [f"fix {name}"], "failed": None},
         **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
         **{"cost": spent, "rough": spent, "signed": {}},
-        **{"errors": told, "time": 100.0, "alone": False},
+        **{"errors": told, "by_itself": told, "time": 100.0, "alone": False},
     }
 
 

@@ -48,7 +48,7 @@ def measure(
         return summary
     try:
         if not (many or summary["late"]):
-            rest.more(own, tried, all_runs - short, *how)
+            rest.long_run(own, tried, all_runs - short, *how)
         timed.time(own, timed.candidates(summary["points"], wanted), *how)
         best = report.answer(summary)[0].best
         if best and not many:

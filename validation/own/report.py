@@ -6,7 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.own import confirm, counted, lists, rest, trial
+from validation.own import confirm, counted, lists, trial
 from validation.own.figures import draw
 from validation.own.targets import ENERGIES, judged
 from validation.pages import report
@@ -187,7 +187,7 @@ def _telling(summary, points, perhaps, wanted) -> int | None:
     factors = []
     for one in perhaps:
         own = [point for point in points if point["integrator"] == one["integrator"]]
-        before = [point for point in own if point["dt"] <= one["dt"]]
+        before = [one] if one["alone"] else [point for point in own if point["dt"] <= one["dt"]]
         if all(math.isfinite(bound(point, name)) for point in before for name in wanted):
             each = (
                 _above(point, name, most, level)
@@ -210,7 +210,8 @@ def _above(point, name, most, confidence) -> float:
     may be noise, too: `LEAST_ROOM`.
     """
     one = Estimate.of(point["errors"][name])
-    room = max(most - rest.seen(one), LEAST_ROOM * most)
+    seen = math.sqrt(max(one.value**2 - one.error**2, 0.0))
+    room = max(most - seen, LEAST_ROOM * most)
     power = 2 / 3 if name == "drift" else 2
     return ((margin(one.error, one.freedom, confidence) + FOUR_OF_FIVE * one.error) / room) ** power
 

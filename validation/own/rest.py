@@ -1,10 +1,11 @@
-"""Where the rest of a trial's time goes: to the step that promises to be the fastest good one.
+"""Where the rest of a trial's time goes: to a long run of the step that it pays for most.
 
-Short runs of all steps tell which are far too long, and which one may be the fastest that is good.
-It and the next shorter and longer ones then run for the rest of the time.  The step is judged by
-its long run alone, which leaves out as much as the short runs lasted: what chose it does not judge
-it, so its margins are those of a single step, not of one of several.  Together the three tell the
-errors of shorter steps, too, in case it is not good.
+Short runs of all steps tell which are far too long, how large the errors of the others may be, and
+how noisy they are.  From that follows of each step the chance that a run of it for the rest of the
+time finds it good for sure.  The step with the largest chance over cost gets the time.
+
+It is then judged by that run alone, which leaves out as much as the short runs lasted: what chose
+the step does not judge it, so its margins are those of a single step, not of one of several.
 """
 
 from __future__ import annotations
@@ -12,63 +13,108 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+from scipy import special
 
 from validation.own import trial
 from validation.own.system import Own
 from validation.own.targets import MEANS, judged, steps_of_cost
 from validation.running import run
 from validation.running.store import Store
-from validation.statistics.estimate import Estimate
-from validation.sweep.choice import before_bad, least, nearest, simplest
+from validation.statistics.estimate import Estimate, margin
+from validation.sweep.choice import before_bad, least
 
 FIRST = 0.35  # of the time of all runs, for the short ones
-WORTH = 1.5  # times as long as these, at least
+WORTH = 1.5  # times what counts of the short runs, at least
 FOLDER = "longer"  # of the runs
+
+
+class Plan(NamedTuple):
+    """A step to which the time could go.
+
+    Attributes:
+        row: of the step.
+        again: whether the run that means are held against is done as long, too.
+        time: of the run, in the script's units.
+        times: what counts of it, over what counts of the short one.
+    """
+
+    row: Any
+    again: bool
+    time: float
+    times: float
 
 
 def total() -> int:
     """Runs that a meter counts, at most."""
-    return 4
+    return 2
 
 
-def promises(row: Mapping[str, Any], wanted: Mapping[str, float]) -> bool:
-    """Whether a step would be within the targets if its errors were what is seen of them, without
-    their noise."""
-    errors = row["errors"]
-    return not row["failed"] and all(
-        name in errors and seen(Estimate.of(errors[name])) <= most for name, most in wanted.items()
-    )
-
-
-def seen(error: Estimate) -> float:
-    """An error's size, without its noise."""
-    return math.sqrt(max(error.value**2 - error.error**2, 0.0))
-
-
-def promising(rows: Sequence[Any], wanted: Mapping[str, float]) -> Any:
-    """The row of the step that is worth more time; None if there is none, or one that is as fast is
-    good already.
-
-    Args:
-        rows: of `trial.rows`, that are asked for.
-    """
-    rows = [row | {"cost": row["rough"]} for row in rows]
-    best = trial.chosen(rows, wanted, trial.level(rows)).best
-    able: list[Any] = [
-        row for row in before_bad(rows, wanted) if row["cost"] and judged(row, wanted) == wanted
+def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
+    """What is run for so many s; None if nothing is worth it, as when the fastest step that may be
+    good is known to be."""
+    wanted = summary["targets"]
+    asked = [row | {"cost": row["rough"]} for row in summary["points"] if row["asked"]]
+    best = trial.chosen(asked, wanted, trial.level(asked)).fastest
+    rows: list[Any] = before_bad(asked, wanted)
+    rows = [
+        row
+        for row in rows
+        if judged(row, wanted) == wanted and wanted.keys() <= row["by_itself"].keys()
     ]
-    if best and not any(least(row) < least(best) for row in able):
-        return None
-    able = [row for row in able if not row["is_reference"]]  # means are held against its run
-    good = [row for row in able if promises(row, wanted)]
-    if good:
-        return simplest(good)
-    near = nearest(able, wanted)
-    return near and near[0]
+    if best:
+        rows = [row for row in rows if least(row) < least(best)]
+    plans = [_plan(own, summary, seconds, row, False) for row in rows]
+    if not MEANS.isdisjoint(wanted):
+        plans += [_plan(own, summary, seconds, row, True) for row in rows]
+    plans = [one for one in plans if one.times >= WORTH]
+    return max(plans, key=lambda one: pays(one, wanted), default=None)
 
 
-def more(
+def _plan(own, summary, seconds, row, again) -> Plan:
+    held = [one for one in summary["points"] if one["is_reference"]]
+    some = [row, *(held if again else [])]
+    each = sum(one["rough"]["median"] for one in some) / steps_of_cost(own, 1.0)
+    short, long = summary["time"], (seconds - len(some) * trial.startup(own)) / each
+    counts = long - max(trial.SETTLES * long, short)
+    return Plan(row, again, long, counts / ((1 - trial.SETTLES) * short))
+
+
+def pays(plan: Plan, wanted: Mapping[str, float]) -> tuple[float, float]:
+    """The chance that the run finds the step good for sure over what the step costs, and for those
+    that have none how far error bars are from a target, in parts of it."""
+    chance, room = 1.0, math.inf
+    for name, most in wanted.items():
+        error = Estimate.of(plan.row["errors"][name])
+        noise = plan.row["by_itself"][name]["error"] * _shrinks(plan, name)
+        left = most - margin(noise)
+        spread = math.hypot(error.error, noise)
+        room = min(room, left / most)
+        if left <= 0:
+            chance = 0.0
+        elif spread:
+            above, below = ((side * left - error.value) / spread for side in (1, -1))
+            chance *= float(special.ndtr(above) - special.ndtr(below))
+        elif error.value > left:
+            chance = 0.0
+    return chance / least(plan.row), room
+
+
+def _shrinks(plan: Plan, name: str) -> float:
+    """The noise of the long run over that of the short one.
+
+    That of a slope goes as the length to -3/2.  Of what is held against another run, half of the
+    variance is that run's.
+    """
+    if name == "drift":
+        return plan.times**-1.5
+    if name in MEANS and not plan.again:
+        return math.sqrt((1 + 1 / plan.times) / 2)
+    return plan.times**-0.5
+
+
+def long_run(
     own: Own,
     tried: trial.Trial,
     seconds: float,
@@ -77,8 +123,7 @@ def more(
     silence: float,
     meter: run.Meter,
 ) -> None:
-    """Run the step that promises most, and its neighbours, for the rest of the time; and judge all
-    again.
+    """Run what pays most, and judge all again.
 
     Args:
         tried: is changed.
@@ -87,43 +132,14 @@ def more(
     Raises:
         KeyboardInterrupt: after a Ctrl-C.
     """
-    summary, wanted = tried.summary, tried.summary["targets"]
-    asked = [row for row in summary["points"] if row["asked"]]
-    best = promising(asked, wanted)
+    best = plan(own, tried.summary, seconds)
     if best is None:
         return
-    rows = neighbours(asked, best)
-    if any(_hidden(best, name, wanted[name]) for name in MEANS & {*wanted}):
-        held = next(row for row in summary["points"] if row["is_reference"])
-        rows = [held, *(row for row in rows if row is not held)]
-    each = sum(row["rough"]["median"] for row in rows) / steps_of_cost(own, 1.0)
-    time = (seconds - len(rows) * trial.startup(own)) / each
-    if time < WORTH * summary["time"]:
-        return
-    some = [_point(own, row) for row in rows]
-    how = FOLDER, summary["time"], out, ranks, silence, meter
-    tried.found |= runs(own, some, time, *how)
-    tried.alone = _point(own, best)
+    tried.alone = trial.Point(own.integrators[best.row["integrator"]], best.row["dt"])
+    some = [*(tried.every[:1] if best.again else []), tried.alone]
+    how = FOLDER, tried.summary["time"], out, ranks, silence, meter
+    tried.found |= runs(own, some, best.time, *how)
     tried.judge(own)
-
-
-def _hidden(best, name, most) -> bool:
-    """Whether noise of the run that a mean is held against, half of its variance, hides whether the
-    step is within a target."""
-    error = Estimate.of(best["errors"][name])
-    return seen(error) + error.margin / math.sqrt(2) > most
-
-
-def neighbours(rows: Sequence[Any], best: Mapping[str, Any]) -> list[Any]:
-    """The row, and those of its integrator with the next shorter and longer step, if these run."""
-    own = [row for row in rows if row["integrator"] == best["integrator"] and not row["failed"]]
-    own.sort(key=lambda row: row["dt"])
-    at = [row["dt"] for row in own].index(best["dt"])
-    return own[max(0, at - 1) : at + 2]
-
-
-def _point(own, row) -> trial.Point:
-    return trial.Point(own.integrators[row["integrator"]], row["dt"])
 
 
 def runs(

@@ -24,7 +24,7 @@ from validation.running import machine, rounds, run
 from validation.running.store import Store
 from validation.scenes.integrators import OURS, Integrator
 from validation.statistics import measures
-from validation.statistics.estimate import CONFIDENCE
+from validation.statistics.estimate import CONFIDENCE, Estimate
 from validation.sweep.choice import (
     Choice,
     before_bad,
@@ -344,7 +344,11 @@ def rows(
     wanted: Mapping[str, float],
     alone: Point | None = None,
 ) -> list[dict]:
-    """A row for each point, as ``sweep.choice`` takes them; for the arguments see `Trial`."""
+    """A row for each point, as ``sweep.choice`` takes them; for the arguments see `Trial`.
+
+    Of each error there is ``errors``, which all steps of the integrator tell, and ``by_itself``,
+    which its own run does.
+    """
     held = every[0]
     failed = {one: done.failed for one, done in found.items()}
     numbers = {one: done.numbers for one, done in found.items() if not done.failed}
@@ -375,23 +379,31 @@ def rows(
             "cost": None,
             "errors": {},
             "signed": {},
+            "by_itself": {},
         }
         if not fails and done is not None:
             spent = np.array(done.seconds) * steps_of_cost(own, one.dt)
             parts = np.array_split(spent, 5)
             row["rough"] = measures.spread(float(part.mean()) for part in parts if len(part))
             alike = {
-                other.dt: said
-                for other, said in numbers.items()
-                if other.integrator is integrator and (other == one or one != alone)
+                other.dt: said for other, said in numbers.items() if other.integrator is integrator
             }
-            finer = held.dt if held.integrator is integrator else 0.0
-            signed = errors.errors(own, integrator, one.dt, alike, numbers.get(held), finer)
+            against = numbers.get(held), held.dt if held.integrator is integrator else 0.0
+            own_run = {one.dt: alike[one.dt]}
+            by_itself = errors.errors(own, integrator, one.dt, own_run, *against)
+            signed = by_itself
+            if one != alone:
+                signed = errors.errors(own, integrator, one.dt, alike, *against)
             row["signed"] = {name: error.plain() for name, error in signed.items()}
-            row["errors"] = {
-                name: error._replace(value=abs(error.value)).plain()
-                for name, error in signed.items()
-                if name in wanted
-            }
+            row["errors"] = _sizes(signed, wanted)
+            row["by_itself"] = _sizes(by_itself, wanted)
         made.append(row)
     return made
+
+
+def _sizes(signed: Mapping[str, Estimate], names: Iterable[str]) -> dict[str, dict]:
+    return {
+        name: signed[name]._replace(value=abs(signed[name].value)).plain()
+        for name in names
+        if name in signed
+    }
