@@ -60,9 +60,13 @@ def test_time_goes_to_the_step_that_pays_most():
     assert step(good, near, far, behind) == step(good, near, behind | {"failed": "it heats"})
     assert step(good, far) == ("nosquish", 2.0) and step(far, behind) is None
     # its own run is noisier than what all steps tell of it, and the time does not change that
-    noisy = row(6.0, temperature=(0.3, 0.3), by_itself={"temperature": (0.3, 3.0)})
+    noisy = row(6.0, "fast", temperature=(0.3, 0.5), by_itself={"temperature": (0.3, 3.0)})
     assert step(good, noisy, seconds=100.0) == ("nosquish", 2.0)
-    assert step(good, noisy, seconds=1e6) == ("nosquish", 6.0)
+    assert step(good, noisy, seconds=1e6) == ("fast", 6.0)
+    # noise of means is that of the integrator, not what the step's short run makes of it
+    quiet = row(3.0, temperature=(0.3, 0.5), by_itself={"temperature": (0.3, 0.01)})
+    found = planned([good, near, quiet], wanted, 1e3)
+    assert found.noise == {"temperature": 0.5} and found.row["dt"] == 3.0
     # none can be told: the nearest
     assert step(row(2.0, temperature=(0.3, 9.0)), row(4.0, temperature=(0.3, 7.0)))[1] == 4.0
     assert step(row(2.0), row(3.0, "fast", drift=(0.0, 0.1))) is None

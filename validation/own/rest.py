@@ -11,6 +11,7 @@ the step does not judge it, so its margins are those of a single step, not of on
 from __future__ import annotations
 
 import math
+import statistics
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,7 +26,7 @@ from validation.running.store import Store
 from validation.statistics.estimate import Estimate, margin
 from validation.sweep.choice import before_bad, least
 
-FIRST = 0.35  # of the time of all runs, for the short ones
+FIRST = 0.5  # of the time of all runs, for the short ones
 WORTH = 1.5  # times what counts of the short runs, at least
 FOLDER = "longer"  # of the runs
 
@@ -35,12 +36,14 @@ class Plan(NamedTuple):
 
     Attributes:
         row: of the step.
+        noise: standard errors of the short run, by target.
         again: whether the run that means are held against is done as long, too.
         time: of the run, in the script's units.
         times: what counts of it, over what counts of the short one.
     """
 
     row: Any
+    noise: Mapping[str, float]
     again: bool
     time: float
     times: float
@@ -65,20 +68,37 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
     ]
     if best:
         rows = [row for row in rows if least(row) < least(best)]
-    plans = [_plan(own, summary, seconds, row, False) for row in rows]
-    if not MEANS.isdisjoint(wanted):
-        plans += [_plan(own, summary, seconds, row, True) for row in rows]
+    plans = []
+    for row in rows:
+        noise = _noise(row, summary["points"], wanted)
+        for again in (False, True)[: 1 if MEANS.isdisjoint(wanted) else 2]:
+            plans.append(_plan(own, summary, seconds, row, noise, again))
     plans = [one for one in plans if one.times >= WORTH]
     return max(plans, key=lambda one: pays(one, wanted), default=None)
 
 
-def _plan(own, summary, seconds, row, again) -> Plan:
+def _noise(row, rows, wanted) -> dict[str, float]:
+    """Standard errors of a row's own run.
+
+    Those of means are about the same at all steps of an integrator, and a run as short as these
+    tells them badly: the median of all is taken.  Else the step would be chosen whose noise is the
+    most underrated.
+    """
+    found = {name: row["by_itself"][name]["error"] for name in wanted}
+    for name in wanted.keys() & {"temperature", *MEANS}:
+        alike = [one for one in rows if one["integrator"] == row["integrator"]]
+        told = [one["by_itself"][name]["error"] for one in alike if name in one["by_itself"]]
+        found[name] = statistics.median(told)
+    return found
+
+
+def _plan(own, summary, seconds, row, noise, again) -> Plan:
     held = [one for one in summary["points"] if one["is_reference"]]
     some = [row, *(held if again else [])]
     each = sum(one["rough"]["median"] for one in some) / steps_of_cost(own, 1.0)
     short, long = summary["time"], (seconds - len(some) * trial.startup(own)) / each
     counts = long - max(trial.SETTLES * long, short)
-    return Plan(row, again, long, counts / ((1 - trial.SETTLES) * short))
+    return Plan(row, noise, again, long, counts / ((1 - trial.SETTLES) * short))
 
 
 def pays(plan: Plan, wanted: Mapping[str, float]) -> tuple[float, float]:
@@ -87,7 +107,7 @@ def pays(plan: Plan, wanted: Mapping[str, float]) -> tuple[float, float]:
     chance, room = 1.0, math.inf
     for name, most in wanted.items():
         error = Estimate.of(plan.row["errors"][name])
-        noise = plan.row["by_itself"][name]["error"] * _shrinks(plan, name)
+        noise = plan.noise[name] * _shrinks(plan, name)
         left = most - margin(noise)
         spread = math.hypot(error.error, noise)
         room = min(room, left / most)
