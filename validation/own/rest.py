@@ -2,7 +2,7 @@
 
 Short runs of all steps tell which are far too long, how large the errors of the others may be, and
 how noisy they are.  From that follows of each step the chance that a run of it for the rest of the
-time finds it good for sure.  The step with the largest chance over cost gets the time.
+time finds it good for sure.  The time goes to the step with the largest chance times gain in speed.
 
 It is then judged by that run alone, which leaves out as much as the short runs lasted: what chose
 the step does not judge it, so its margins are those of a single step, not of one of several.
@@ -74,7 +74,8 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
         for again in (False, True)[: 1 if MEANS.isdisjoint(wanted) else 2]:
             plans.append(_plan(own, summary, seconds, row, noise, again))
     plans = [one for one in plans if one.times >= WORTH]
-    return max(plans, key=lambda one: pays(one, wanted), default=None)
+    known = least(best) if best else math.inf
+    return max(plans, key=lambda one: pays(one, wanted, known), default=None)
 
 
 def _noise(row, rows, wanted) -> dict[str, float]:
@@ -101,9 +102,13 @@ def _plan(own, summary, seconds, row, noise, again) -> Plan:
     return Plan(row, noise, again, long, counts / ((1 - trial.SETTLES) * short))
 
 
-def pays(plan: Plan, wanted: Mapping[str, float]) -> tuple[float, float]:
-    """The chance that the run finds the step good for sure over what the step costs, and for those
-    that have none how far error bars are from a target, in parts of it."""
+def pays(plan: Plan, wanted: Mapping[str, float], known: float = math.inf) -> tuple[float, float]:
+    """The chance that the run finds the step good for sure, times how much faster it is; and for
+    those that have none how far error bars are from a target, in parts of it.
+
+    Args:
+        known: cost of the fastest step that is known to be good.
+    """
     chance, room = 1.0, math.inf
     for name, most in wanted.items():
         error = Estimate.of(plan.row["errors"][name])
@@ -118,7 +123,7 @@ def pays(plan: Plan, wanted: Mapping[str, float]) -> tuple[float, float]:
             chance *= float(special.ndtr(above) - special.ndtr(below))
         elif error.value > left:
             chance = 0.0
-    return chance / least(plan.row), room
+    return chance * (1 / least(plan.row) - 1 / known), room
 
 
 def _shrinks(plan: Plan, name: str) -> float:
