@@ -11,12 +11,13 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 from validation.own import law, rest, trial
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate
+from validation.sweep.choice import level_of_each
 
 STEPS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0
 # what is asked of a script: its units and its atoms
-OWN = SimpleNamespace(scene=SimpleNamespace(units="lj"), found=SimpleNamespace(body=()))
-COST = 100.0  # s of 1,000 times with a step of 1
-TIME = 300.0  # of short runs
+OWN = SimpleNamespace(scene=SimpleNamespace(units="lj"), found=SimpleNamespace(body=range(9)))
+COST = 0.1  # s of 1,000 times with a step of 1
+TIME = 3e5  # of short runs
 
 
 @pytest.fixture(autouse=True)
@@ -31,7 +32,14 @@ def row(dt, name="nosquish", cost=COST, by_itself=None, **errors):
     return {
         **{"integrator": name, "label": name, "dt": dt, "lines": [f"fix {name}"], "failed": None},
         **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
-        **{"cost": None, "rough": spent, "signed": {}, "time": TIME, "alone": False},
+        **{
+            "cost": None,
+            "rough": spent,
+            "signed": {},
+            "time": TIME,
+            "alone": False,
+            "independent": 100.0,
+        },
         "errors": told,
         "by_itself": {key: Estimate(*one).plain() for key, one in (by_itself or errors).items()},
     }
@@ -39,7 +47,13 @@ def row(dt, name="nosquish", cost=COST, by_itself=None, **errors):
 
 def planned(rows, wanted, seconds):
     """What is run for longer."""
-    return rest.plan(OWN, {"points": rows, "targets": wanted, "time": TIME}, seconds)
+    summary = {"points": rows, "targets": wanted, "time": TIME, "level": level_of(rows)}
+    return rest.plan(OWN, summary, seconds)
+
+
+def level_of(rows):
+    """The confidence of what short runs name."""
+    return level_of_each(rows, rest.SHARE)
 
 
 def test_time_goes_to_the_step_that_pays_most():
@@ -81,9 +95,9 @@ def test_the_run_that_means_are_held_against_is_longer_where_it_hides_an_error()
     """Locks out a long run that is held against a short one whose noise is as large as the target,
     and a run that costs much and tells nothing new."""
     held = row(0.5, temperature=(0.0, 0.6)) | {"is_reference": True, "asked": False}
-    wanted = {"temperature": 1.0, "density": 1.0}
+    wanted = {"temperature": 1.0, "rdf": 1.0}
     for noise, again in (0.8, True), (0.1, False):
-        one = row(2.0, temperature=(0.1, 0.6), density=(0.1, noise))
+        one = row(2.0, temperature=(0.1, 0.6), rdf=(0.1, noise))
         found = planned([held, one], wanted, 1e3)
         assert found.again is again
         cost = (1 / 2.0 + 2 * again) * COST * found.time / 1e3
@@ -95,8 +109,8 @@ def test_the_run_that_means_are_held_against_is_longer_where_it_hides_an_error()
     # the short run of another integrator or step
     assert rest._shrinks(found._replace(times=4.0), "drift") == 1 / 8
     assert rest._shrinks(found._replace(times=4.0), "temperature") == 1 / 2
-    assert rest._shrinks(found._replace(times=4.0), "density") == pytest.approx(np.sqrt(5 / 8))
-    assert rest._shrinks(found._replace(times=4.0, again=True), "density") == 1 / 2
+    assert rest._shrinks(found._replace(times=4.0), "rdf") == pytest.approx(np.sqrt(5 / 8))
+    assert rest._shrinks(found._replace(times=4.0, again=True), "rdf") == 1 / 2
 
 
 @pytest.mark.parametrize("error", [0.2, 0.8])
@@ -112,7 +126,7 @@ def test_the_chance_that_a_run_tells_is_what_it_is(seconds, error):
     for _ in range(20000):
         long = error + short * random.normal() + noise * random.normal()
         told.append(abs(long) + Estimate(long, noise).margin <= 1)
-    chance = rest.pays(found, wanted)[0] * one["rough"]["min"]
+    chance = rest.pays(found)[0] * one["rough"]["min"]
     assert chance == pytest.approx(np.mean(told), abs=0.015)
 
 
@@ -140,23 +154,25 @@ def procedure(shape, size, bar, random):
 
     def named(found):
         found = [one | {"cost": one["rough"]} for one in found]
-        best = trial.chosen(found, wanted, trial.level(found)).best
+        best = trial.chosen(found, wanted, level).best
         return best["dt"] if best else 0.0
 
+    level = level_of_each([{"integrator": name} for name in names])
     alike = named(rows({name: {dt: mean(dt, bar) for dt in STEPS} for name in names}))
+    level = level_of_each([{"integrator": name} for name in names], rest.SHARE)
     short = bar / np.sqrt(rest.FIRST)
     means = {name: {dt: mean(dt, short) for dt in STEPS} for name in names}
     seconds = (1 / rest.FIRST - 1) * 1e-3 * TIME * sum(names.values()) * sum(1 / dt for dt in STEPS)
-    best = planned(rows(means), wanted, seconds)
+    found = rows(means)
+    best = planned(found, wanted, seconds)
     if best:
         own, dt = best.row["integrator"], best.row["dt"]
-        means[own][dt] = mean(dt, short / np.sqrt(best.times))
-        found = rows(means)
+        alone = mean(dt, short / np.sqrt(best.times))
         for one in found:
             if (one["integrator"], one["dt"]) == (own, dt):
-                one["errors"] = one["by_itself"]
-                one["alone"] = True
-    return alike, named(found if best else rows(means))
+                error = abs(alone.value), alone.error
+                one |= row(dt, own, names[own], temperature=error) | {"alone": True}
+    return alike, named(found)
 
 
 SHAPES = {
@@ -184,20 +200,64 @@ def test_time_for_one_step_names_longer_steps_and_no_wrong_ones():
     assert wrong / 80 < 0.02 and max(one[2] for one in gained) < 0.15 * 80
 
 
-def test_a_step_that_its_own_run_judges_is_good_by_itself():
-    """Locks out a step that waits for shorter ones that nobody has run for long; and a long run
-    that fails, or that is not timed, and is named."""
+def test_a_step_that_its_own_run_judges_is_good_or_bad_by_that():
+    """Locks out a step that waits for shorter ones that nobody has run for long, or that a short
+    run of one takes back; and a long run that fails, or that is not timed, and is named."""
     wanted = {"temperature": 1.0}
     rows = [row(dt, temperature=(0.3, 0.6)) | {"cost": measures.spread([1 / dt])} for dt in STEPS]
-    assert trial.chosen(rows, wanted, trial.level(rows)).best is None
+    assert trial.chosen(rows, wanted, 0.975).best is None
     rows[2] |= {"alone": True, "errors": {"temperature": Estimate(0.5, 0.25).plain()}}
-    assert trial.level(rows) == trial.CONFIDENCE
-    assert trial.chosen(rows, wanted, trial.level(rows)).best == rows[2]
-    other = row(1.0, "other", temperature=(0.3, 0.6))
-    assert trial.level([*rows, other]) == pytest.approx(0.975)
+    assert trial.chosen(rows, wanted, 0.975).best == rows[2]  # not by 97.5 %
+    bad = row(1.5, temperature=(3.0, 0.6))
+    assert trial.chosen([rows[0], bad, *rows[2:]], wanted, 0.975).best == rows[2]
     for worse in {"failed": "it heats"}, {"cost": None}:
         some = [*rows[:2], rows[2] | worse, *rows[3:]]
         assert trial.chosen(some, wanted, 0.95).best is None
     rows[2]["errors"] = {"temperature": Estimate(2.0, 0.25).plain()}
     choice = trial.chosen(rows, wanted, 0.95)
     assert choice.best is None and {one["dt"] for one in choice.perhaps} == {1.0, 1.5}
+
+
+def test_an_integrator_whose_energy_says_nothing_gets_the_time_if_there_is_no_other():
+    """Locks out time that nobody gets, where only a fix of LAMMPS was asked for."""
+    wanted = {"drift": 1.0, "temperature": 1.0}
+    lost = [row(dt, "rigid/nvt", temperature=(0.3, 0.6)) | {"uncounted": True} for dt in (1.0, 2.0)]
+    found = planned(lost, wanted, 1e3)
+    assert found.row["integrator"] == "rigid/nvt" and found.wanted == {"temperature": 1.0}
+    ours = row(1.0, temperature=(0.3, 0.6), drift=(0.3, 0.6))
+    assert planned([*lost, ours], wanted, 1e3).row["integrator"] == "nosquish"
+    assert planned([row(1.0, "rigid/nvt") | {"uncounted": True}], {"drift": 1.0}, 1e3) is None
+
+
+def test_frames_tell_no_more_than_there_are(monkeypatch):
+    """Locks out a chance that counts on noise that goes as the length of a run, where the memory
+    has room for no more frames."""
+    one = row(2.0, temperature=(0.3, 0.6), drift=(0.0, 0.1))
+    wanted = {"temperature": 1.0, "drift": 1.0}
+    free = planned([one], wanted, 1e3)
+    assert rest._shrinks(free, "temperature") == pytest.approx(free.times**-0.5)
+    monkeypatch.setattr(trial, "frames_of", lambda own, time, dt: 110)
+    full = planned([one], wanted, 1e3)
+    assert full.times == free.times and rest._shrinks(full, "drift") == full.times**-1.5
+    assert 1.0 <= rest._shrinks(full, "temperature") < 1.2
+
+
+def test_a_long_run_is_held_against_a_long_one(monkeypatch):
+    """Locks out what is still settling after the start that counts as an error of the step, for it
+    is held against another part of a run; and a run that the machine ended that counts as one."""
+    runs = {}
+    monkeypatch.setattr(trial, "rows", lambda own, every, some, found, wanted: runs.update(found)
+                        or [{"asked": one in some, "dt": one.dt} for one in every])  # fmt: skip
+    held, one, two = (trial.Point(name, dt) for name, dt in zip("aaa", (1.0, 2.0, 3.0)))
+    tried = trial.Trial({"targets": {}}, [held, one, two], {held: "short", one: "s", two: "s"})
+    assert [row["dt"] for row in rest.rows(OWN, tried, [one], {one: "long", held: "long"})] == [2.0]
+    assert runs == {held: "long", one: "long"}
+    runs.clear()
+    rest.rows(OWN, tried, [two, one], {one: "long", two: "long"})
+    assert runs == {held: "short", one: "long", two: "long"}
+    for wanted, choices in (
+        ({"density": 1.0, "rdf": 1.0}, (True,)),
+        ({"rdf": 1.0}, (False, True)),
+        ({"drift": 1.0, "temperature": 1.0}, (False,)),
+    ):
+        assert rest._choices(wanted) == choices

@@ -430,15 +430,15 @@ def test_what_is_timed_could_be_advised():
         row(2.0, name="rigid/nve", cost=[2.4], drift=good),
         row(2.0, name="rigid", cost=[3.0], drift=good),
     ]
-    found = timed.candidates(rows, wanted)
+    found = timed.candidates(summary_of(wanted, *rows))
     assert [(one["integrator"], one["dt"]) for one in found] == [
         ("nosquish", 4.0),
         ("nosquish", 2.0),
         ("rigid/nve", 2.0),
     ]
     many = [row(dt, cost=[1 / dt], drift=wide) for dt in range(1, 20)]
-    assert len(timed.candidates(many, wanted)) == timed.FASTEST
-    assert not timed.candidates([row(1.0, drift=good) | {"asked": False}], wanted)
+    assert len(timed.candidates(summary_of(wanted, *many))) == timed.FASTEST
+    assert not timed.candidates(summary_of(wanted, row(1.0, drift=good) | {"asked": False}))
 
 
 def test_what_is_timed_in_turn_is_done_by_one_process(taken, tmp_path, monkeypatch):

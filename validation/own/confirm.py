@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from validation.own import rest, trial
 from validation.own.system import Own
-from validation.own.targets import judged
+from validation.own.targets import MEANS, judged
 from validation.running import run
 from validation.statistics.estimate import SURE, Estimate
 from validation.sweep.choice import meets
@@ -36,7 +36,7 @@ def confirm(
     meter: run.Meter,
 ) -> dict:
     """Run the advised integrator with the advised and with a longer step, each ten times as long as
-    before.  Means are held against the trial's run.
+    before; and so the run that means are held against, if there are any.
 
     Args:
         best: the trial's row that is advised.
@@ -47,14 +47,14 @@ def confirm(
     Raises:
         KeyboardInterrupt: after a Ctrl-C.
     """
-    one, time = own.integrators[best["integrator"]], LONGER * best["time"]
+    one, how = own.integrators[best["integrator"]], (out, ranks, silence, meter)
     some = [trial.Point(one, factor * best["dt"]) for factor in (1.0, FURTHER)]
-    found = rest.runs(own, some, time, FOLDER, best["time"], out, ranks, silence, meter)
+    found = rest.runs(own, some, LONGER * best["time"], FOLDER, best["time"], *how)
     held = tried.every[0]
-    every = [held, *(point for point in some if point != held)]
-    found = {held: tried.found[held], **found}
-    rows = trial.rows(own, every, some, found, tried.summary["targets"])
-    return {"time": time, "points": [row for row in rows if row["asked"]]}
+    if held not in some and not MEANS.isdisjoint(tried.summary["targets"]):
+        before = best["held"] or tried.summary["time"]
+        found |= rest.runs(own, [held], LONGER * before, FOLDER, before, *how)
+    return {"time": LONGER * best["time"], "points": rest.rows(own, tried, some, found)}
 
 
 def points(summary: Mapping) -> list[Measured]:

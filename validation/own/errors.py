@@ -39,7 +39,7 @@ def numbers(own: Own, dt: float, result: run.Result, settles: float) -> dict:
         "conserved": thermo.get("Econserve", thermo["TotEng"]),
         "potential": measures.mean(thermo["PotEng"] / own.bodies),
         "kinetic": float(np.std(thermo["KinEng"])),
-        "kinds": _kinds(own, moving, turning),
+        **_temperature_errors(own, moving, turning),
         "freedom": 2 * thermo["KinEng"].mean() / (own.said["boltzmann"] * thermo["Temp"].mean()),
     }
     if "Density" in thermo:
@@ -77,14 +77,19 @@ def _temperatures(own, motion, frames, rest) -> tuple[np.ndarray, np.ndarray | N
     return moving * scale / freedom, turning * scale / rest if rest else None
 
 
-def _kinds(own, moving, turning) -> list[Estimate]:
-    """By which part of it temperatures differ: of translation from that of rotation, and of either
-    from the thermostat's."""
+def _temperature_errors(own, moving, turning) -> dict:
+    """``kinds``: by which part of it temperatures differ, of translation from that of rotation, and
+    of either from the thermostat's.  ``independent``: how many such frames would have the error of
+    the first, if there were no correlation."""
     kelvin = shapes.temperature(own)
     series = [] if turning is None else [moving - turning]
     if own.found.state.temp:
         series += [one - kelvin for one in (moving, turning) if one is not None]
-    return [measures.mean(one / kelvin) for one in series]
+    kinds = [measures.mean(one / kelvin) for one in series]
+    independent = float(len(moving))
+    if kinds and kinds[0].error:
+        independent = min(independent, float(np.var(series[0] / kelvin)) / kinds[0].error ** 2)
+    return {"kinds": kinds, "independent": independent}
 
 
 def errors(
@@ -123,11 +128,17 @@ def errors(
             if error:
                 found[name] = error.times(1 / scale)
     if "rdf" in mine:
-        g = {other: said["rdf"] for other, said in alike.items()}
-        error = law.rms_by_law(dt, g, held["rdf"], finer)
+        parts = min(len(said["rdf"]) for said in (held, *alike.values()))
+        g = {other: _joined(said["rdf"], parts) for other, said in alike.items()}
+        error = law.rms_by_law(dt, g, _joined(held["rdf"], parts), finer)
         if error:
             found["rdf"] = error
     return found
+
+
+def _joined(g, number) -> np.ndarray:
+    """Of (parts, bins) so many parts."""
+    return np.array([some.mean(axis=0) for some in np.array_split(g, number)])
 
 
 def _of_energy(own, mine) -> dict[str, Estimate]:

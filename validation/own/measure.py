@@ -8,6 +8,9 @@ from pathlib import Path
 from validation.own import confirm, lists, report, rest, timed, trial
 from validation.own.system import Own
 from validation.running import run
+from validation.sweep.choice import level_of_each
+
+LATE = 1.5  # of the time that runs may take: then no further one begins
 
 
 def total(points: Sequence[trial.Point], many: bool, confirms: bool) -> int:
@@ -40,16 +43,21 @@ def measure(
     how = out, ranks, silence, meter
     all_runs = 60 * minutes * (1 - lists.share(many)) - timed.seconds(own, points)
     all_runs = max(all_runs, trial.LEAST_PART * 60 * minutes)
-    short = all_runs if many else rest.FIRST * all_runs
-    tried = trial.trial(own, points, short, *how, wanted)
+    starts = trial.startup(own) * (1 + len(points))
+    parts = not many and len(points) >= rest.CHOICE
+    short = starts + rest.FIRST * max(0.0, all_runs - starts) if parts else all_runs
+    tried = trial.trial(own, points, short, LATE * all_runs, *how, wanted)
     summary = tried.summary
     summary["minutes"] = minutes
+    summary["level"] = level_of_each(
+        ({"integrator": one.integrator.name} for one in points), rest.SHARE if parts else 1.0
+    )
     if summary["interrupted"]:
         return summary
     try:
-        if not (many or summary["late"]):
-            rest.long_run(own, tried, all_runs - short, *how)
-        timed.time(own, timed.candidates(summary["points"], wanted), *how)
+        if parts and not summary["late"]:
+            rest.long_run(own, tried, all_runs - tried.seconds, *how)
+        timed.time(own, timed.candidates(summary), *how)
         best = report.answer(summary)[0].best
         if best and not many:
             summary["lists"] = lists.tried(own, best, minutes, *how)

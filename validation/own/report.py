@@ -13,7 +13,7 @@ from validation.pages import report
 from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
-from validation.statistics.estimate import SURE, Estimate, margin
+from validation.statistics.estimate import CONFIDENCE, SURE, Estimate, margin
 from validation.sweep.choice import Choice, before_bad, bound, meets, nearest
 
 EACH = "Each integrator's fastest step"
@@ -34,7 +34,7 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
 
 
 def _chosen(summary, points, targets) -> Choice:
-    return trial.chosen(points, targets, trial.level(summary["points"]))
+    return trial.chosen(points, targets, summary["level"])
 
 
 def _asked(summary) -> tuple[list, list]:
@@ -83,11 +83,7 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
         f"{best['label']} with a step of {best['dt']:g} {time}: {_cost(best)} s per "
         f"{summary['ns']}, on {ranks_of(summary['ranks'])}. {sure}: {_within(best, wanted)}."
     )
-    if best["alone"]:
-        yield (
-            f"Runs of all steps, {summary['time']:.3g} {time} long, chose it; it is judged by one "
-            f"of {best['time']:.3g} {time} alone."
-        )
+    yield from _judged_alone(summary, points, time)
     longer = [
         one for one in points if one["integrator"] == best["integrator"] and one["dt"] > best["dt"]
     ]
@@ -116,6 +112,16 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
         yield f"As fast or faster, if they are within the targets: {_named(others, time)}."
     if tried := summary.get("lists"):
         yield _skin(tried)
+
+
+def _judged_alone(summary, points, time) -> Iterator[str]:
+    for one in points:
+        if one["alone"]:
+            yield (
+                f"All steps ran for {summary['time']:.3g} {time}. Then {one['label']}, "
+                f"{one['dt']:g} {time}, was worth a run of {one['time']:.3g} {time}, and is judged "
+                "by it alone."
+            )
 
 
 def _named(points, time) -> str:
@@ -147,6 +153,7 @@ def _none(summary, points, choice, wanted, time):
             "error bars, or those of shorter steps, reach across a target. "
             f"{_longer(summary, points, choice.perhaps, wanted)}"
         )
+        yield from _judged_alone(summary, points, time)
         yield from _resolved(summary, points, choice.perhaps, wanted, time)
     else:
         yield (
@@ -183,11 +190,12 @@ def _longer(summary, points, perhaps, wanted) -> str:
 
 def _telling(summary, points, perhaps, wanted) -> int | None:
     """Minutes that tell whether one of the points is within the targets, as errors are now."""
-    level = trial.level(summary["points"])
     factors = []
     for one in perhaps:
         own = [point for point in points if point["integrator"] == one["integrator"]]
-        before = [one] if one["alone"] else [point for point in own if point["dt"] <= one["dt"]]
+        before, level = [point for point in own if point["dt"] <= one["dt"]], summary["level"]
+        if one["alone"]:
+            before, level = [one], CONFIDENCE
         if all(math.isfinite(bound(point, name)) for point in before for name in wanted):
             each = (
                 _above(point, name, most, level)
@@ -354,9 +362,9 @@ def write(summary: dict, out: Path) -> None:
 
 def show(console: Console, summary: dict, out: Path) -> bool:
     """Print the answer; whether there is one."""
-    first = tables(summary)[0]
-    cells = [[cell.text for cell in row] for row in first.rows]
-    report.table(console, first.title, first.columns, cells, ("integrator", ""))
+    for first in tables(summary)[:1]:  # none of a Ctrl-C before the first run
+        cells = [[cell.text for cell in row] for row in first.rows]
+        report.table(console, first.title, first.columns, cells, ("integrator", ""))
     choice, told, lines = answer(summary)
     for line in told:
         console.print(line, markup=False, soft_wrap=True)

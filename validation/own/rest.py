@@ -26,9 +26,13 @@ from validation.running.store import Store
 from validation.statistics.estimate import Estimate, margin
 from validation.sweep.choice import before_bad, least
 
-FIRST = 0.5  # of the time of all runs, for the short ones
+FIRST = 0.5  # of the time of all steps, for the short runs
+CHOICE = 3  # points: among fewer there is none
+SHARE = 0.5  # of what may go wrong, for steps that short runs name
+GAIN = 0.9  # of the cost of the fastest step that is known to be good: one that is worth a run
 WORTH = 1.5  # times what counts of the short runs, at least
 FOLDER = "longer"  # of the runs
+FRAMED = frozenset(("temperature", "rdf"))  # targets that frames tell
 
 
 class Plan(NamedTuple):
@@ -36,17 +40,21 @@ class Plan(NamedTuple):
 
     Attributes:
         row: of the step.
+        wanted: the targets that it has errors of.
         noise: standard errors of the short run, by target.
         again: whether the run that means are held against is done as long, too.
         time: of the run, in the script's units.
         times: what counts of it, over what counts of the short one.
+        frames: of it, over those of the short one that are independent.
     """
 
     row: Any
+    wanted: Mapping[str, float]
     noise: Mapping[str, float]
     again: bool
     time: float
     times: float
+    frames: float
 
 
 def total() -> int:
@@ -58,27 +66,42 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
     """What is run for so many s; None if nothing is worth it, as when the fastest step that may be
     good is known to be."""
     wanted = summary["targets"]
-    asked = [row | {"cost": row["rough"]} for row in summary["points"] if row["asked"]]
-    best = trial.chosen(asked, wanted, trial.level(asked)).fastest
-    rows: list[Any] = before_bad(asked, wanted)
-    rows = [
-        row
-        for row in rows
-        if judged(row, wanted) == wanted and wanted.keys() <= row["by_itself"].keys()
-    ]
-    if best:
-        rows = [row for row in rows if least(row) < least(best)]
+    asked: list[Any] = [row | {"cost": row["rough"]} for row in summary["points"] if row["asked"]]
+    told = [row for row in asked if judged(row, wanted) == wanted]
+    if not told:  # nobody knows their energy
+        wanted = judged(asked[0], wanted) if asked else {}
+    known = least_known(told or asked, wanted, summary["level"])
+    rows: list[Any] = before_bad(told or asked, wanted)
+    rows = [row for row in rows if wanted and wanted.keys() <= row["by_itself"].keys()]
     plans = []
     for row in rows:
-        noise = _noise(row, summary["points"], wanted)
-        for again in (False, True)[: 1 if MEANS.isdisjoint(wanted) else 2]:
-            plans.append(_plan(own, summary, seconds, row, noise, again))
+        if least(row) < GAIN * known:
+            alike = [one for one in told or asked if one["integrator"] == row["integrator"]]
+            noise = _noise(row, alike, wanted)
+            frames = statistics.median(one["independent"] for one in alike if one["independent"])
+            for again in _choices(wanted):
+                plans.append(_plan(own, summary, seconds, row, wanted, noise, frames, again))
     plans = [one for one in plans if one.times >= WORTH]
-    known = least(best) if best else math.inf
-    return max(plans, key=lambda one: pays(one, wanted, known), default=None)
+    return max(plans, key=lambda one: pays(one, known), default=None)
 
 
-def _noise(row, rows, wanted) -> dict[str, float]:
+def least_known(rows: Sequence[Any], wanted: Mapping[str, float], level: float) -> float:
+    """The cost of the fastest step that short runs name; infinite if there is none."""
+    best = trial.chosen(rows, wanted, level).fastest
+    return least(best) if best else math.inf
+
+
+def _choices(wanted) -> tuple[bool, ...]:
+    """Whether the run that means are held against may be, or has to be, as long.
+
+    Densities and potential energies go on to settle for long: the same part of a run counts.
+    """
+    if not wanted.keys().isdisjoint(MEANS - {"rdf"}):
+        return (True,)
+    return (False, True) if "rdf" in wanted else (False,)
+
+
+def _noise(row, alike, wanted) -> dict[str, float]:
     """Standard errors of a row's own run.
 
     Those of means are about the same at all steps of an integrator, and a run as short as these
@@ -86,23 +109,24 @@ def _noise(row, rows, wanted) -> dict[str, float]:
     most underrated.
     """
     found = {name: row["by_itself"][name]["error"] for name in wanted}
-    for name in wanted.keys() & {"temperature", *MEANS}:
-        alike = [one for one in rows if one["integrator"] == row["integrator"]]
-        told = [one["by_itself"][name]["error"] for one in alike if name in one["by_itself"]]
-        found[name] = statistics.median(told)
+    for name in wanted.keys() & (FRAMED | MEANS):
+        known = (one["by_itself"].get(name) for one in alike)
+        found[name] = statistics.median(one["error"] for one in known if one)
     return found
 
 
-def _plan(own, summary, seconds, row, noise, again) -> Plan:
+def _plan(own, summary, seconds, row, wanted, noise, frames, again) -> Plan:
     held = [one for one in summary["points"] if one["is_reference"]]
     some = [row, *(held if again else [])]
     each = sum(one["rough"]["median"] for one in some) / steps_of_cost(own, 1.0)
     short, long = summary["time"], (seconds - len(some) * trial.startup(own)) / each
     counts = long - max(trial.SETTLES * long, short)
-    return Plan(row, noise, again, long, counts / ((1 - trial.SETTLES) * short))
+    times = counts / ((1 - trial.SETTLES) * short)
+    kept = trial.frames_of(own, long, row["dt"]) * counts / long
+    return Plan(row, wanted, noise, again, long, times, kept / frames)
 
 
-def pays(plan: Plan, wanted: Mapping[str, float], known: float = math.inf) -> tuple[float, float]:
+def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
     """The chance that the run finds the step good for sure, times how much faster it is; and for
     those that have none how far error bars are from a target, in parts of it.
 
@@ -110,7 +134,7 @@ def pays(plan: Plan, wanted: Mapping[str, float], known: float = math.inf) -> tu
         known: cost of the fastest step that is known to be good.
     """
     chance, room = 1.0, math.inf
-    for name, most in wanted.items():
+    for name, most in plan.wanted.items():
         error = Estimate.of(plan.row["errors"][name])
         noise = plan.noise[name] * _shrinks(plan, name)
         left = most - margin(noise)
@@ -130,13 +154,12 @@ def _shrinks(plan: Plan, name: str) -> float:
     """The noise of the long run over that of the short one.
 
     That of a slope goes as the length to -3/2.  Of what is held against another run, half of the
-    variance is that run's.
+    variance is that run's.  What comes from frames has less noise if there are more of them.
     """
     if name == "drift":
         return plan.times**-1.5
-    if name in MEANS and not plan.again:
-        return math.sqrt((1 + 1 / plan.times) / 2)
-    return plan.times**-0.5
+    times = min(plan.times, plan.frames) if name in FRAMED else plan.times
+    return math.sqrt((1 + 1 / times) / 2 if name in MEANS and not plan.again else 1 / times)
 
 
 def long_run(
@@ -148,23 +171,49 @@ def long_run(
     silence: float,
     meter: run.Meter,
 ) -> None:
-    """Run what pays most, and judge all again.
+    """Run what pays most, and put its row in the place of its short run's.
+
+    Short runs are held against a short run, and a long one against a long one, if there is one: so
+    what is still settling after the start is the same in both.
 
     Args:
-        tried: is changed.
+        tried: its ``points`` are changed.
         seconds: that are left.
 
     Raises:
         KeyboardInterrupt: after a Ctrl-C.
     """
-    best = plan(own, tried.summary, seconds)
+    summary, held = tried.summary, tried.every[0]
+    best = plan(own, summary, seconds)
     if best is None:
         return
-    tried.alone = trial.Point(own.integrators[best.row["integrator"]], best.row["dt"])
-    some = [*(tried.every[:1] if best.again else []), tried.alone]
-    how = FOLDER, tried.summary["time"], out, ranks, silence, meter
-    tried.found |= runs(own, some, best.time, *how)
-    tried.judge(own)
+    one = trial.Point(own.integrators[best.row["integrator"]], best.row["dt"])
+    some = [*([held] if best.again else []), one]
+    found = runs(own, some, best.time, FOLDER, summary["time"], out, ranks, silence, meter)
+    if one not in found:
+        return
+    row = rows(own, tried, [one], found)[0]
+    row |= {"alone": True, "held": best.time if held in found else None}
+    summary["points"] = [
+        row if (other["integrator"], other["dt"]) == (row["integrator"], row["dt"]) else other
+        for other in summary["points"]
+    ]
+
+
+def rows(
+    own: Own,
+    tried: trial.Trial,
+    some: Sequence[trial.Point],
+    found: Mapping[trial.Point, trial.Done],
+) -> list[dict]:
+    """Rows of points, from the shortest step, by these runs alone; and by the short one that means
+    are held against, if there is no other."""
+    held = tried.every[0]
+    every = [held, *(one for one in some if one != held)]
+    those = {one: found.get(one) or tried.found.get(one) for one in every}
+    known = {one: done for one, done in those.items() if done}
+    made = trial.rows(own, every, some, known, tried.summary["targets"])
+    return sorted((row for row in made if row["asked"]), key=lambda row: row["dt"])
 
 
 def runs(
@@ -193,4 +242,8 @@ def runs(
     names = {one.name: one for one in some}
     for name in Store(out / "records" / folder, __name__).shared(names):
         trial.one_run(own, names[name], jobs[name], meter)
-    return {one: trial.done(own, one, jobs[one.name], lengths, settles) for one in some}
+    return {
+        one: trial.done(own, one, jobs[one.name], lengths, settles)
+        for one in some
+        if run.is_there(jobs[one.name], failures=True)
+    }

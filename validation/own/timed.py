@@ -1,6 +1,6 @@
 """What the steps of a trial cost that could be advised: timed in turn, without samples."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,12 @@ def seconds(own: Own, some: Sequence[trial.Point]) -> float:
     return total(some) * (trial.startup(own) + (1 + rounds.SEGMENTS) * SECONDS)
 
 
-def candidates(rows: Iterable[Any], wanted: Mapping[str, float]) -> list[Any]:
+def candidates(summary: Mapping) -> list[Any]:
     """The rows that could be advised, by what the runs themselves took."""
-    rows = [row for row in rows if row["asked"]]
+    wanted = summary["targets"]
+    rows = [row for row in summary["points"] if row["asked"]]
     asked = [row | {"cost": row["rough"]} for row in rows]
-    best = trial.chosen(asked, wanted, trial.level(asked)).fastest
+    best = trial.chosen(asked, wanted, summary["level"]).fastest
     found = []
     for row in rows:
         own = judged(row, wanted)

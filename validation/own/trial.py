@@ -31,7 +31,6 @@ from validation.sweep.choice import (
     choose,
     from_the_shortest,
     least,
-    level_of_each,
     passes,
 )
 
@@ -39,13 +38,11 @@ FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
 USUAL = 2  # integrators: ours and the script's, or a rigid fix of LAMMPS; the fewer share a budget
 FRAMES, APART = 200, 12  # of a run, or steps between them if it is long
-ATOMS, FEW = 2_000_000, 20  # in all frames of a run at most, but so many frames at least
+ATOMS, FEW = 6_000_000, 20  # in all frames of a run at most, but so many frames at least
 SETTLES = 0.25  # of the frames are left out
 PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
 LEAST = 400  # steps of a run
 LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
-SHARE = 0.5  # of what may go wrong, for steps judged one after the other if one is judged alone
-LATE = 1.5  # of the time that runs may take: then no further one begins
 
 
 @dataclass(frozen=True)
@@ -117,9 +114,13 @@ def startup(own: Own) -> float:
 
 def lengths_of(own: Own, time: float, some: Iterable[Point]) -> Lengths:
     """Of runs of points, with as many frames as the longest step and the memory have room for."""
-    longest = max(one.dt for one in some)
+    return Lengths(time, frames_of(own, time, max(one.dt for one in some)), own.scene.dt)
+
+
+def frames_of(own: Own, time: float, dt: float) -> int:
+    """Frames of a run with this step, at most."""
     most = max(FEW, ATOMS // len(own.found.body))
-    return Lengths(time, min(most, max(FRAMES, int(time / longest / APART))), own.scene.dt)
+    return min(most, max(FRAMES, int(time / dt / APART)))
 
 
 class Done(NamedTuple):
@@ -138,27 +139,21 @@ class Trial:
     Attributes:
         summary: plain data, with ``points``, a row of each point, see `rows`.
         every: the points; the first is what means are held against.
-        asked: those of them that are wanted.
         found: the runs.
-        alone: the point that its own run judges alone, if there is one.
+        seconds: that these take, by the time of a step when it was measured.
     """
 
     summary: dict
     every: Sequence[Point]
-    asked: Sequence[Point]
     found: dict[Point, Done]
-    alone: Point | None = None
-
-    def judge(self, own: Own) -> None:
-        """Make rows of the runs."""
-        how = self.found, self.summary["targets"], self.alone
-        self.summary["points"] = rows(own, self.every, self.asked, *how)
+    seconds: float = 0.0
 
 
 def trial(
     own: Own,
     some: Sequence[Point],
     seconds: float,
+    most: float,
     out: Path,
     ranks: int,
     silence: float,
@@ -170,6 +165,7 @@ def trial(
     Args:
         some: of `points`.
         seconds: that all may take, by the time of a step now.
+        most: s, after which no further run begins.
         wanted: of `targets.targets`.
 
     Returns:
@@ -195,16 +191,19 @@ def trial(
         "late": False,
         "points": [],
     }
-    tried = Trial(summary, every, some, {})
+    tried = Trial(summary, every, {})
     alike = own.scene, seconds, ranks, [one.name for one in every]
     origin = store.origin(*alike, files=[own.scene.folder])
     try:
         with store.locked("plan"):
             make = partial(_plan, own, every, seconds, out, ranks, silence, meter)
-            lengths = lengths_of(own, store.once("plan", origin, make)["time"], every)
+            plan = store.once("plan", origin, make)
+        lengths = lengths_of(own, plan["time"], every)
         summary["time"] = lengths.time
+        steps = sum(lengths.time / one.dt for one in every)
+        tried.seconds = startup(own) * len(every) + plan["step"] * steps
         jobs = {one: job(own, one, out / "runs", lengths, ranks, silence) for one in every}
-        summary["late"] = not _run(own, jobs, store, LATE * seconds, meter)
+        summary["late"] = not _run(own, jobs, store, most, meter)
     except KeyboardInterrupt:
         summary["interrupted"] = True
         if "jobs" not in locals():
@@ -212,33 +211,29 @@ def trial(
     for one, job_of_it in jobs.items():
         if run.is_there(job_of_it, failures=True):
             tried.found[one] = done(own, one, job_of_it, lengths)
-    tried.judge(own)
+    summary["points"] = rows(own, every, some, tried.found, wanted)
     return tried
-
-
-def level(rows: Iterable[Any]) -> float:
-    """The confidence by which rows that are asked for are judged one after the other, see
-    `from_the_shortest`."""
-    asked = [row for row in rows if row["asked"]]
-    return level_of_each(asked, SHARE if any(row["alone"] for row in asked) else 1.0)
 
 
 def chosen(points: Iterable[Any], wanted: Mapping[str, float], level: float) -> Choice:
     """The `Choice` among `rows`.
 
     Of each integrator it is among those up to the first one that is not good for sure, see
-    `from_the_shortest`; ``level`` is that of all integrators.  A row that its own run judges
-    ``alone`` is good by that.
+    `from_the_shortest`; ``level`` is that of all integrators.  A row that a run of its own judges,
+    ``alone``, is good or bad by that.
     """
 
     def within(some, targets):
-        good = from_the_shortest(some, targets, level)
-        known = {id(one) for one in good}
-        alone = [one for one in some if one["alone"] and one["cost"] and id(one) not in known]
+        good = from_the_shortest([one for one in some if not one["alone"]], targets, level)
+        alone = [one for one in some if one["alone"] and one["cost"]]
         good += [one for one in alone if passes(one, targets, CONFIDENCE)]
         return sorted(good, key=least)
 
-    return choose(before_bad(points, wanted), wanted, within)
+    points = list(points)
+    some = before_bad(points, wanted)
+    kept = {id(one) for one in some}
+    some += [one for one in points if one["alone"] and id(one) not in kept]
+    return choose(some, wanted, within)
 
 
 def _plan(own, every, seconds, out, ranks, silence, meter) -> dict:
@@ -260,7 +255,7 @@ def _plan(own, every, seconds, out, ranks, silence, meter) -> dict:
     left = max(LEAST_PART * seconds, seconds - startup(own) * len(every))
     longest = max(one.dt for one in every)
     long = left / (step * sum(1 / one.dt for one in every))
-    return {"time": max(long, LEAST * longest / 4, LEAST * own.scene.dt)}
+    return {"time": max(long, LEAST * longest / 4, LEAST * own.scene.dt), "step": step}
 
 
 def job(
@@ -331,7 +326,7 @@ def done(own: Own, one: Point, job: run.Job, lengths: Lengths, settles: float = 
     """What is kept of a point's run, but for the part in which it ``settles``."""
     result = run.collect(job.directory)
     failed = failure(own, result)
-    spent = [timing.seconds / timing.steps for timing in result.timings]
+    spent = [wall / steps for wall, steps in zip(result.seconds.get("runs", ()), job.runs)]
     numbers = {} if failed else errors.numbers(own, one.dt, result, settles)
     return Done(failed, lengths.time, spent, numbers)
 
@@ -342,9 +337,8 @@ def rows(
     some: Sequence[Point],
     found: Mapping[Point, Done],
     wanted: Mapping[str, float],
-    alone: Point | None = None,
 ) -> list[dict]:
-    """A row for each point, as ``sweep.choice`` takes them; for the arguments see `Trial`.
+    """A row for each point, as ``sweep.choice`` takes them; ``some`` are those that are asked for.
 
     Of each error there is ``errors``, which all steps of the integrator tell, and ``by_itself``,
     which its own run does.
@@ -370,7 +364,8 @@ def rows(
             "dt": one.dt,
             "starts": 1,
             "time": done and done.time,
-            "alone": one == alone,
+            "alone": False,  # whether a run of its own judges it, see ``rest``
+            "held": None,  # how long a run it is then held against, if not a short one
             "failed": fails[0] if fails else None,
             "is_reference": one == held,
             "asked": one in some,
@@ -380,6 +375,7 @@ def rows(
             "errors": {},
             "signed": {},
             "by_itself": {},
+            "independent": None,  # so many frames
         }
         if not fails and done is not None:
             spent = np.array(done.seconds) * steps_of_cost(own, one.dt)
@@ -389,11 +385,11 @@ def rows(
                 other.dt: said for other, said in numbers.items() if other.integrator is integrator
             }
             against = numbers.get(held), held.dt if held.integrator is integrator else 0.0
-            own_run = {one.dt: alike[one.dt]}
-            by_itself = errors.errors(own, integrator, one.dt, own_run, *against)
-            signed = by_itself
-            if one != alone:
-                signed = errors.errors(own, integrator, one.dt, alike, *against)
+            signed, by_itself = (
+                errors.errors(own, integrator, one.dt, runs, *against)
+                for runs in (alike, {one.dt: alike[one.dt]})
+            )
+            row["independent"] = numbers[one]["independent"]
             row["signed"] = {name: error.plain() for name, error in signed.items()}
             row["errors"] = _sizes(signed, wanted)
             row["by_itself"] = _sizes(by_itself, wanted)

@@ -102,7 +102,15 @@ def work(job: dict, out: Path) -> None:
     seconds = {"commands": [timed(command) for command in job["commands"]]}
     seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
     names = ("x", "v") if job["motion"] else ("x",)
-    kept = {name: [gather(lmp, name, 1, 3)] for name in names if job["body_property"]}
+    kept: dict[str, list] = {name: [] for name in names if job["body_property"]}
+
+    def keep():
+        for name, values in kept.items():
+            frame = gather(lmp, name, 1, 3)
+            if world.rank == 0:  # which writes them: others need no memory for it
+                values.append(frame)
+
+    keep()
     cell, periodic = geometry(lmp)
     cells = [cell]
     seconds["runs"] = []
@@ -112,8 +120,7 @@ def work(job: dict, out: Path) -> None:
         last = index == len(job["runs"]) - 1
         command = f"run {steps} {whole}" + " pre no" * bool(index)
         seconds["runs"].append(timed(command, counted=last))
-        for name, values in kept.items():
-            values.append(gather(lmp, name, 1, 3))
+        keep()
         cells.append(geometry(lmp)[0])
     bodies = bodies_of(lmp, job["body_property"]) if job["body_property"] else None
     more: dict = topology(lmp) if kept and job["motion"] else {}

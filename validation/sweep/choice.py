@@ -129,7 +129,7 @@ def by_levels(points: Sequence[Measured], targets: Targets) -> list[Measured]:
     return [point for point, level in levels(points, targets) if passes(point, targets, level)]
 
 
-def level_of_each(points: Iterable[Measured], share: float = 1.0) -> float:
+def level_of_each(points: Iterable[Mapping], share: float = 1.0) -> float:
     """The confidence by which all points are judged in `from_the_shortest`; at least the usual
     one, for errors below zero are no mistake.
 
@@ -195,13 +195,6 @@ def choose(
     perhaps = sorted((point for point in perhaps if point is not best), key=_by_cost)
     fastest = good[0] if good else None
     return Choice(dict(targets), best, fastest, ties, tuple(perhaps), sure)
-
-
-def simplest(points: Sequence[Measured]) -> Measured:
-    """Of the fastest point and those that tie with it, the one that takes the fewest words."""
-    first = min(points, key=_by_cost)["cost"]
-    usual = first["median"] if first else math.inf
-    return min((point for point in points if least(point) <= usual), key=_by_words)
 
 
 def _plain(best, perhaps, targets):
