@@ -29,6 +29,7 @@ from validation.own import (
     trial,
     turns,
 )
+from validation.pages import console
 from validation.running import rounds, run
 from validation.running.store import Store
 from validation.sampling import plan as sampling_plan
@@ -416,6 +417,23 @@ def test_the_reference_is_advised_if_its_step_was_asked_for():
     alone = report.answer(summary_of({"drift": 1.0, "rdf": 0.1}, held))[1]  # no other step
     assert "another step of the same integrator to tell rdf. But for that" in alone[1]
     assert not any("inf" in line for line in alone)
+
+
+def test_a_trial_that_ends_before_its_first_run_says_so(capsys, tmp_path):
+    """Locks out a traceback after a Ctrl-C while a step's time is measured."""
+    summary = summary_of({"drift": 1.0}) | {"interrupted": True}
+    assert report.show(console.console(), summary, tmp_path) is False
+    said = capsys.readouterr().out
+    assert "Interrupted: the same command goes on from here." in said
+
+
+def test_g_of_runs_with_other_numbers_of_parts_is_compared():
+    """Locks out a g(r) that is left out, for one run has room for fewer frames than another."""
+    random = np.random.default_rng(3)
+    g = random.normal(size=(20, 7))
+    few = errors._joined(g, 13)
+    assert few.shape == (13, 7) and np.array_equal(errors._joined(g, 20), g)
+    assert np.allclose(errors._joined(g, 10).mean(axis=0), g.mean(axis=0))
 
 
 def test_what_is_timed_could_be_advised():
