@@ -565,6 +565,24 @@ def test_no_step_behind_a_bad_one_may_be_good():
     assert not any("As fast or faster" in line for line in told)
 
 
+def test_a_step_near_one_that_fails_is_not_named():
+    """Locks out a step with which bonds break, but so rarely that no run of some minutes sees it: a
+    brush's was named that ended a run ten times as long."""
+    good = Estimate(0.1, 0.1)
+    fails = row(0.02, drift=good) | {"failed": "Bad FENE bond", "errors": {}}
+    rows = [row(dt, cost=[1 / dt], drift=good) for dt in (0.005, 0.01, 0.015)]
+    summary = summary_of({"drift": 1.0}, *rows, fails)
+    choice, told, lines = report.answer(summary)
+    assert choice.best == rows[1] and "timestep 0.01" in lines
+    assert any(line.startswith("0.015 fs is too near to a step that fails") for line in told)
+    assert [one["dt"] for one in timed.candidates(summary)] == [0.01]
+    rows[2]["alone"] = True
+    assert trial.chosen([*rows, fails], {"drift": 1.0}, 0.95).best == rows[1]
+    other = row(0.0151, "other", cost=[50.0], drift=good)
+    assert trial.chosen([*rows, fails, other], {"drift": 1.0}, 0.95).best == other
+    assert not trial.near_failure([rows[1], row(0.015) | {"failed": "it heats"}])
+
+
 def test_the_budget_that_tells_a_drift_is_what_a_longer_run_needs():
     """Locks out a budget that a slope does not need: its error goes as the length to -3/2."""
     rng, lengths = np.random.default_rng(5), (1000, 4000)

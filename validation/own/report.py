@@ -103,6 +103,13 @@ def _told(summary, points, choice, wanted, time) -> Iterator[str]:
     elif bad:
         first = min(bad, key=lambda one: one["dt"])
         yield f"With {first['dt']:g} {time}: {_why_not(first, wanted)}."
+    near = [one for one in trial.near_failure(points) if one in longer and one not in bad]
+    if near:
+        steps = ", ".join(f"{one['dt']:g}" for one in near)
+        yield (
+            f"{steps} {time} is too near to a step that fails to be named: what ends a run is rare "
+            "there, and a longer one meets it."
+        )
     if choice.ties:
         yield f"As fast, within the spread of the timings: {_named(choice.ties, time)}."
     others = [

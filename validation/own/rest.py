@@ -24,7 +24,7 @@ from validation.own.targets import MEANS, judged, steps_of_cost
 from validation.running import run
 from validation.running.store import Store
 from validation.statistics.estimate import Estimate, margin
-from validation.sweep.choice import before_bad, least
+from validation.sweep.choice import least
 
 FIRST = 0.5  # of the time of all steps, for the short runs
 CHOICE = 3  # points: among fewer there is none
@@ -71,7 +71,7 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
     if not told:  # nobody knows their energy
         wanted = judged(asked[0], wanted) if asked else {}
     known = least_known(told or asked, wanted, summary["level"])
-    rows: list[Any] = before_bad(told or asked, wanted)
+    rows = trial.able(told or asked, wanted)
     rows = [row for row in rows if wanted and wanted.keys() <= row["by_itself"].keys()]
     plans = []
     for row in rows:

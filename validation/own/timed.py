@@ -32,8 +32,9 @@ def candidates(summary: Mapping) -> list[Any]:
     rows = [row for row in summary["points"] if row["asked"]]
     asked = [row | {"cost": row["rough"]} for row in rows]
     best = trial.chosen(asked, wanted, summary["level"]).fastest
+    near = {id(row) for row in trial.near_failure(rows)}
     found = []
-    for row in rows:
+    for row in (one for one in rows if id(one) not in near):
         own = judged(row, wanted)
         if row["rough"] and own and meets(row, own) is not False:
             found.append(row)

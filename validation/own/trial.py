@@ -42,6 +42,7 @@ ATOMS, FEW = 6_000_000, 20  # in all frames of a run at most, but so many frames
 SETTLES = 0.25  # of the frames are left out
 PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
 LEAST = 400  # steps of a run
+SAFE = 1.5  # times a step that is named, the integrator still runs
 LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
 
 
@@ -218,7 +219,7 @@ def trial(
 def chosen(points: Iterable[Any], wanted: Mapping[str, float], level: float) -> Choice:
     """The `Choice` among `rows`.
 
-    Of each integrator it is among those up to the first one that is not good for sure, see
+    It is among those that are `able`.  Of each integrator they are judged one after the other, see
     `from_the_shortest`; ``level`` is that of all integrators.  A row that a run of its own judges,
     ``alone``, is good or bad by that.
     """
@@ -229,11 +230,36 @@ def chosen(points: Iterable[Any], wanted: Mapping[str, float], level: float) -> 
         good += [one for one in alone if passes(one, targets, CONFIDENCE)]
         return sorted(good, key=least)
 
+    return choose(able(points, wanted), wanted, within)
+
+
+def able(points: Iterable[Any], wanted: Mapping[str, float]) -> list[Any]:
+    """The rows that may be good: of each integrator those up to the first that is not good for
+    sure, and those that a run of its own judges; without those that are `near_failure`."""
     points = list(points)
-    some = before_bad(points, wanted)
-    kept = {id(one) for one in some}
-    some += [one for one in points if one["alone"] and id(one) not in kept]
-    return choose(some, wanted, within)
+    kept = {id(one) for one in before_bad(points, wanted)}
+    kept |= {id(one) for one in points if one["alone"]}
+    kept -= {id(one) for one in near_failure(points)}
+    return [one for one in points if id(one) in kept]
+
+
+def near_failure(points: Iterable[Any]) -> list[Any]:
+    """The rows whose step is more than 1 / `SAFE` of one with which their integrator fails.
+
+    What ends a run, as a bond that breaks, is rare at steps that are a little shorter.  A run that
+    does not see it says nothing of one that is longer.
+    """
+    points, ends = list(points), dict[str, float]()
+    for one in points:
+        if one["failed"]:
+            name = one["integrator"]
+            ends[name] = min(one["dt"], ends.get(name, math.inf))
+    return [
+        one
+        for one in points
+        if not one["failed"]
+        and SAFE * one["dt"] > ends.get(one["integrator"], math.inf) * (1 + 1e-9)
+    ]
 
 
 def _plan(own, every, seconds, out, ranks, silence, meter) -> dict:
