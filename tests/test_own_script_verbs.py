@@ -13,7 +13,7 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 from validation import command_line
 from validation.__main__ import main
 from validation.check import measure as check
-from validation.own import confirm, lists, rest, shapes, stress, timed, trial
+from validation.own import confirm, lists, measure, rest, shapes, stress, timed, trial
 from validation.running import run, store
 
 
@@ -108,7 +108,7 @@ def test_compare_and_bench_of_a_script(tmp_path, capsys):
 def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monkeypatch):
     """Locks out advice for a step at which the run heats or its energy fluctuates above the target:
     rings at constant energy, with a step that is safe and one that is far too long."""
-    monkeypatch.setattr(trial, "LATE", 100)  # a busy machine takes longer than was planned
+    monkeypatch.setattr(measure, "LATE", 100)  # a busy machine takes longer than was planned
     monkeypatch.setattr(lists, "LEAST", 1)  # and its steps are too long for the skins
     path = scripts.rings(tmp_path)
     path.write_text(path.read_text().replace("fix heat all langevin 300 300 200 11\n", ""))
@@ -156,7 +156,7 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
 def test_advise_runs_what_promises_most_for_longer(tmp_path, monkeypatch):
     """Locks out a budget that is spent on steps that are not named, a long run that is judged by
     what chose it, and one that is run again by the same command."""
-    monkeypatch.setattr(trial, "LATE", 100)
+    monkeypatch.setattr(measure, "LATE", 100)
     monkeypatch.setattr(trial, "startup", lambda own: 0.5)
     monkeypatch.setattr(timed, "FASTEST", 1)
     path = scripts.rings(tmp_path)
