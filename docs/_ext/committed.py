@@ -572,21 +572,22 @@ def _confirmed(row, targets, unit):
 
 def own_scripts():
     """What was advised for each of five scripts, and what longer runs say of it."""
-    lines = []
-    for folder in sorted((RESULTS / "own-scripts").iterdir()):
+    lines, confirms = [], [NOTHING, NOTHING]
+    folders = sorted((RESULTS / "own-scripts").iterdir())
+    known = [summary(f"own-scripts/{folder.name}").get("confirmed") for folder in folders]
+    for folder, confirmed in zip(folders, known):
         found = summary(f"own-scripts/{folder.name}")
-        longer = rows(f"own-scripts/{folder.name}", "confirmed") if found.get("confirmed") else []
+        longer = rows(f"own-scripts/{folder.name}", "confirmed") if confirmed else []
         unit = "τ" if found["units"] == "lj" else "fs"
-        told = [_confirmed(row, found["targets"], unit) for row in longer]
+        told = [_confirmed(row, found["targets"], unit) for row in longer] or confirms
         best = found["advised"]
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
         more = found["minutes_that_tell"] or NOTHING
-        lines.append([found["title"], own, name, more, *(told or [NOTHING, NOTHING])])
-    head = [
-        *("script", "its step", "advised", "minutes that would tell, about"),
-        *("ten times as long", "1.5 times that step"),
-    ]
+        lines.append([found["title"], own, name, more, *(told if any(known) else [])])
+    head = ["script", "its step", "advised", "minutes that would tell, about"]
+    if any(known):
+        head += ["ten times as long", "1.5 times that step"]
     return markdown(head, lines)
 
 

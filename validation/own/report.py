@@ -125,9 +125,9 @@ def _judged_alone(summary, points, time) -> Iterator[str]:
     for one in points:
         if one["alone"]:
             yield (
-                f"All steps ran for {summary['time']:.3g} {time}. Then {one['label']}, "
-                f"{one['dt']:g} {time}, was worth a run of {one['time']:.3g} {time}, and is judged "
-                "by it alone."
+                f"All steps ran for {summary['time']:.3g} {time}. The rest of the time went to "
+                f"{one['label']}, {one['dt']:g} {time}: a run of {one['time']:.3g} {time}, which "
+                "alone judges it."
             )
 
 
