@@ -109,7 +109,11 @@ def test_the_run_that_means_are_held_against_is_longer_where_it_hides_an_error()
     # the short run of another integrator or step
     assert rest._shrinks(found._replace(times=4.0), "drift") == 1 / 8
     assert rest._shrinks(found._replace(times=4.0), "temperature") == 1 / 2
-    assert rest._shrinks(found._replace(times=4.0), "rdf") == pytest.approx(np.sqrt(5 / 8))
+    # g(r) that short runs tell stays theirs
+    alone = found._replace(again=False)
+    assert rest.pays(alone)[0] > 0
+    hidden = row(2.0, temperature=(0.1, 0.6), rdf=(0.1, 0.8))
+    assert rest.pays(alone._replace(row=hidden | {"cost": hidden["rough"]}))[0] == 0
     assert rest._shrinks(found._replace(times=4.0, again=True), "rdf") == 1 / 2
 
 

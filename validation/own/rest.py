@@ -136,6 +136,9 @@ def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
     chance, room = 1.0, math.inf
     for name, most in plan.wanted.items():
         error = Estimate.of(plan.row["errors"][name])
+        if name in MEANS and not plan.again:  # the short runs tell it, or nothing does
+            chance *= error.value + error.margin <= most
+            continue
         noise = plan.noise[name] * _shrinks(plan, name)
         left = most - margin(noise)
         spread = math.hypot(error.error, noise)
@@ -153,13 +156,12 @@ def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
 def _shrinks(plan: Plan, name: str) -> float:
     """The noise of the long run over that of the short one.
 
-    That of a slope goes as the length to -3/2.  Of what is held against another run, half of the
-    variance is that run's.  What comes from frames has less noise if there are more of them.
+    That of a slope goes as the length to -3/2.  What comes from frames has less noise if there are
+    more of them.
     """
     if name == "drift":
         return plan.times**-1.5
-    times = min(plan.times, plan.frames) if name in FRAMED else plan.times
-    return math.sqrt((1 + 1 / times) / 2 if name in MEANS and not plan.again else 1 / times)
+    return (min(plan.times, plan.frames) if name in FRAMED else plan.times) ** -0.5
 
 
 def long_run(
@@ -173,8 +175,9 @@ def long_run(
 ) -> None:
     """Run what pays most, and put its row in the place of its short run's.
 
-    Short runs are held against a short run, and a long one against a long one, if there is one: so
-    what is still settling after the start is the same in both.
+    Short runs are held against a short run, and a long one against a long one: so what is still
+    settling after the start is the same in both.  If there is no other long one, the errors of
+    means stay those that the short runs tell.
 
     Args:
         tried: its ``points`` are changed.
@@ -194,6 +197,9 @@ def long_run(
         return
     row = rows(own, tried, [one], found)[0]
     row |= {"alone": True, "held": best.time if held in found else None}
+    if held not in found:
+        for kind in ("errors", "signed"):
+            row[kind] |= {name: one for name, one in best.row[kind].items() if name in MEANS}
     summary["points"] = [
         row if (other["integrator"], other["dt"]) == (row["integrator"], row["dt"]) else other
         for other in summary["points"]
