@@ -32,14 +32,8 @@ def row(dt, name="nosquish", cost=COST, by_itself=None, **errors):
     return {
         **{"integrator": name, "label": name, "dt": dt, "lines": [f"fix {name}"], "failed": None},
         **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
-        **{
-            "cost": None,
-            "rough": spent,
-            "signed": {},
-            "time": TIME,
-            "alone": False,
-            "independent": 100.0,
-        },
+        **{"cost": None, "rough": spent, "signed": {}, "independent": 100.0},
+        **{"time": TIME, "alone": False},
         "errors": told,
         "by_itself": {key: Estimate(*one).plain() for key, one in (by_itself or errors).items()},
     }
@@ -191,13 +185,12 @@ def test_time_for_one_step_names_longer_steps_and_no_wrong_ones():
     """Locks out a second part of a trial that tells less than the same time for all, and an answer
     that is wrong more often than it says, for the step was chosen by what the runs show."""
     gained = []
-    for shape, grows in SHAPES.items():
+    for grows in SHAPES.values():
         for size in (0.02, 0.05, 0.15, 0.5):
             for bar in (0.15, 0.5):
                 random = np.random.default_rng(9)
                 named = np.array([procedure(grows, size, bar, random) for _ in range(80)])
                 wrong = sum(size * grows(dt) > 1 for dt in named[:, 1] if dt)
-                print(shape, size, bar, named.mean(axis=0), wrong)
                 gained.append((*named.mean(axis=0), wrong))
     before, after, wrong = np.mean(gained, axis=0)
     assert after > 1.2 * before

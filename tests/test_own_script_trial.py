@@ -314,9 +314,8 @@ def test_the_energys_change_is_what_is_said_of_it(kind, taken):
     about = targets.about(own, {"energy": 0.2, "drift": 1.0})
     assert f"kept in {span:g} fs, rms" in about["energy"]["what"]
     heated = kind == "spce"
-    assert about["drift"]["default"] == (
-        targets.HEATED if heated else 0.01
-    )  # the page says it, too
+    usual = targets.HEATED if heated else 0.01  # the page says it, too
+    assert about["drift"]["default"] == usual
 
 
 @pytest.mark.parametrize("long", [1200.0, 4e4, 1e6, 1e8])

@@ -572,21 +572,24 @@ def _confirmed(row, targets, unit):
 
 def own_scripts():
     """What was advised for each of five scripts, and what longer runs say of it."""
-    lines, confirms = [], [NOTHING, NOTHING]
-    folders = sorted((RESULTS / "own-scripts").iterdir())
-    known = [summary(f"own-scripts/{folder.name}").get("confirmed") for folder in folders]
-    for folder, confirmed in zip(folders, known):
-        found = summary(f"own-scripts/{folder.name}")
-        longer = rows(f"own-scripts/{folder.name}", "confirmed") if confirmed else []
+    folders = sorted(one.name for one in (RESULTS / "own-scripts").iterdir())
+    known = {folder: summary(f"own-scripts/{folder}") for folder in folders}
+    confirms = any(found.get("confirmed") for found in known.values())
+    lines = []
+    for folder, found in known.items():
         unit = "τ" if found["units"] == "lj" else "fs"
-        told = [_confirmed(row, found["targets"], unit) for row in longer] or confirms
         best = found["advised"]
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
-        more = found["minutes_that_tell"] or NOTHING
-        lines.append([found["title"], own, name, more, *(told if any(known) else [])])
+        line = [found["title"], own, name, found["minutes_that_tell"] or NOTHING]
+        if found.get("confirmed"):
+            longer = rows(f"own-scripts/{folder}", "confirmed")
+            line += [_confirmed(row, found["targets"], unit) for row in longer]
+        elif confirms:
+            line += [NOTHING, NOTHING]
+        lines.append(line)
     head = ["script", "its step", "advised", "minutes that would tell, about"]
-    if any(known):
+    if confirms:
         head += ["ten times as long", "1.5 times that step"]
     return markdown(head, lines)
 

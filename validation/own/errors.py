@@ -20,11 +20,12 @@ BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
 BLOCKS = 20
 
 
-def numbers(own: Own, dt: float, result: run.Result, settles: float) -> dict:
+def numbers(own: Own, dt: float, result: run.Result, settles: float, rest: int) -> dict:
     """Means and series of a run without its first part.
 
     Args:
         settles: the part of the run that is left out.
+        rest: degrees of freedom of all bodies' turning.
     """
     assert result.positions
     frames = len(result.positions.x) - 1
@@ -32,7 +33,6 @@ def numbers(own: Own, dt: float, result: run.Result, settles: float) -> dict:
     kept = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
     thermo = {name: values[kept] for name, values in result.thermo.items()}
     motion = Motion(result.positions)
-    rest = shapes.freedom_of_turning(own)
     moving, turning = _temperatures(own, motion, range(1 + first, 1 + frames), rest)
     found = {
         "time": thermo["Step"] * dt,
@@ -101,7 +101,15 @@ def errors(
     finer: float,
 ) -> dict[str, Estimate]:
     """How far an integrator with a step is off, by the names of `TARGETS`; without those that
-    cannot be told.
+    cannot be told.  For the arguments see `of_means`."""
+    energies = {} if counted.wrongly(one) else _of_energy(own, alike[dt])
+    return energies | of_means(own, dt, alike, held, finer)
+
+
+def of_means(
+    own: Own, dt: float, alike: Mapping[float, Mapping], held: Mapping | None, finer: float
+) -> dict[str, Estimate]:
+    """The part of `errors` that other steps tell, too.
 
     Args:
         alike: what `numbers` gives of this step, and of others of this integrator that help to
@@ -109,8 +117,7 @@ def errors(
         held: what it gives of the run that means are held against.
         finer: that run's step if it is of this integrator, else 0: see `law.by_law`.
     """
-    mine, energy = alike[dt], shapes.thermal(own)
-    found = {} if counted.wrongly(one) else _of_energy(own, mine)
+    mine, found = alike[dt], dict[str, Estimate]()
     series = [
         law.by_law(dt, {other: said["kinds"][k] for other, said in alike.items()})
         for k in range(len(mine["kinds"]))
@@ -122,7 +129,7 @@ def errors(
         return found
     for name in ("potential", "density"):
         if name in mine:
-            scale = energy if name == "potential" else held[name].value
+            scale = shapes.thermal(own) if name == "potential" else held[name].value
             means = {other: said[name] for other, said in alike.items()}
             error = law.by_law(dt, means, held[name], finer)
             if error:

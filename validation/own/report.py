@@ -42,14 +42,9 @@ def _asked(summary) -> tuple[list, list]:
     nothing."""
     wanted, asked = summary["targets"], [one for one in summary["points"] if one["asked"]]
     if not any(one["cost"] for one in asked):  # of a Ctrl-C
-        asked = _roughly(asked)
+        asked = trial.roughly(asked)
     points = [one for one in asked if judged(one, wanted) == wanted]
     return points, [one for one in asked if judged(one, wanted) != wanted]
-
-
-def _roughly(points) -> list:
-    """With costs of the runs themselves where there are no others."""
-    return [one | {"cost": one["cost"] or one["rough"]} for one in points]
 
 
 def _uncounted(summary, points, wanted, time) -> Iterator[str]:
@@ -286,7 +281,7 @@ def _lines(summary, choice) -> list[str]:
 def tables(summary: dict) -> list[Table]:
     """Each integrator's longest good step, and all points."""
     wanted, units = summary["targets"], UNITS[summary["units"]]
-    points = _roughly(one for one in summary["points"] if one["asked"])
+    points = trial.roughly(one for one in summary["points"] if one["asked"])
     columns = [*(f"{name}, ≤ {most:g}" for name, most in wanted.items()), ""]
     heads = ("integrator", f"step, {units.time}", f"s per {summary['ns']}", *columns)
     longest = []
@@ -301,7 +296,7 @@ def tables(summary: dict) -> list[Table]:
         first, step, *more = _row(one, wanted)
         every.append([first, step, f"{one['time']:.3g}" if one["time"] else "–", *more])
     skins = [(one["command"], _ratio(one)) for one in summary.get("lists", ())]
-    longer = [_row(one, wanted) for one in _roughly(confirm.points(summary))]
+    longer = [_row(one, wanted) for one in trial.roughly(confirm.points(summary))]
     found = [
         Table.of(f"{EACH} within the targets, else the nearest", heads, longest),
         Table.of(

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from scipy import special
 
-from validation.own import trial
+from validation.own import shapes, trial
 from validation.own.system import Own
 from validation.own.targets import MEANS, judged, steps_of_cost
 from validation.running import run
@@ -66,7 +66,7 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
     """What is run for so many s; None if nothing is worth it, as when the fastest step that may be
     good is known to be."""
     wanted = summary["targets"]
-    asked: list[Any] = [row | {"cost": row["rough"]} for row in summary["points"] if row["asked"]]
+    asked = trial.roughly(row for row in summary["points"] if row["asked"])
     told = [row for row in asked if judged(row, wanted) == wanted]
     if not told:  # nobody knows their energy
         wanted = judged(asked[0], wanted) if asked else {}
@@ -216,8 +216,8 @@ def rows(
     are held against, if there is no other."""
     held = tried.every[0]
     every = [held, *(one for one in some if one != held)]
-    those = {one: found.get(one) or tried.found.get(one) for one in every}
-    known = {one: done for one, done in those.items() if done}
+    newest = {**tried.found, **found}
+    known = {one: newest[one] for one in every if one in newest}
     made = trial.rows(own, every, some, known, tried.summary["targets"])
     return sorted((row for row in made if row["asked"]), key=lambda row: row["dt"])
 
@@ -248,8 +248,9 @@ def runs(
     names = {one.name: one for one in some}
     for name in Store(out / "records" / folder, __name__).shared(names):
         trial.one_run(own, names[name], jobs[name], meter)
+    turning = shapes.freedom_of_turning(own)
     return {
-        one: trial.done(own, one, jobs[one.name], lengths, settles)
+        one: trial.done(own, one, jobs[one.name], lengths, turning, settles)
         for one in some
         if run.is_there(jobs[one.name], failures=True)
     }

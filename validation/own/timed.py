@@ -30,8 +30,7 @@ def candidates(summary: Mapping) -> list[Any]:
     """The rows that could be advised, by what the runs themselves took."""
     wanted = summary["targets"]
     rows = [row for row in summary["points"] if row["asked"]]
-    asked = [row | {"cost": row["rough"]} for row in rows]
-    best = trial.chosen(asked, wanted, summary["level"]).fastest
+    best = trial.chosen(trial.roughly(rows), wanted, summary["level"]).fastest
     near = {id(row) for row in trial.near_failure(rows)}
     found = []
     for row in (one for one in rows if id(one) not in near):

@@ -209,9 +209,10 @@ def trial(
         summary["interrupted"] = True
         if "jobs" not in locals():
             return tried
+    rest = shapes.freedom_of_turning(own)
     for one, job_of_it in jobs.items():
         if run.is_there(job_of_it, failures=True):
-            tried.found[one] = done(own, one, job_of_it, lengths)
+            tried.found[one] = done(own, one, job_of_it, lengths, rest)
     summary["points"] = rows(own, every, some, tried.found, wanted)
     return tried
 
@@ -231,6 +232,11 @@ def chosen(points: Iterable[Any], wanted: Mapping[str, float], level: float) -> 
         return sorted(good, key=least)
 
     return choose(able(points, wanted), wanted, within)
+
+
+def roughly(points: Iterable[Any]) -> list[Any]:
+    """Rows, with costs of the runs themselves where there are no others."""
+    return [one | {"cost": one["cost"] or one["rough"]} for one in points]
 
 
 def able(points: Iterable[Any], wanted: Mapping[str, float]) -> list[Any]:
@@ -348,12 +354,14 @@ def failure(own: Own, result: run.Result) -> str | None:
     return f"it heats: the temperature is {kelvin[bad][0]:.4g} at step {step:.0f}"
 
 
-def done(own: Own, one: Point, job: run.Job, lengths: Lengths, settles: float = SETTLES) -> Done:
-    """What is kept of a point's run, but for the part in which it ``settles``."""
+def done(
+    own: Own, one: Point, job: run.Job, lengths: Lengths, rest: int, settles: float = SETTLES
+) -> Done:
+    """What is kept of a point's run; ``rest`` and ``settles`` as for `errors.numbers`."""
     result = run.collect(job.directory)
     failed = failure(own, result)
     spent = [wall / steps for wall, steps in zip(result.seconds.get("runs", ()), job.runs)]
-    numbers = {} if failed else errors.numbers(own, one.dt, result, settles)
+    numbers = {} if failed else errors.numbers(own, one.dt, result, settles, rest)
     return Done(failed, lengths.time, spent, numbers)
 
 
@@ -411,10 +419,9 @@ def rows(
                 other.dt: said for other, said in numbers.items() if other.integrator is integrator
             }
             against = numbers.get(held), held.dt if held.integrator is integrator else 0.0
-            signed, by_itself = (
-                errors.errors(own, integrator, one.dt, runs, *against)
-                for runs in (alike, {one.dt: alike[one.dt]})
-            )
+            mine = {one.dt: alike[one.dt]}
+            by_itself = errors.errors(own, integrator, one.dt, mine, *against)
+            signed = by_itself | errors.of_means(own, one.dt, alike, *against)
             row["independent"] = numbers[one]["independent"]
             row["signed"] = {name: error.plain() for name, error in signed.items()}
             row["errors"] = _sizes(signed, wanted)
