@@ -225,7 +225,7 @@ class BuildLoops(build_py):
         if self.editable_mode:  # whose sources will change
             return
         package = Path(self.build_lib).resolve() / "fix_nosquish"
-        command = [sys.executable, "-m", "fix_nosquish.bitcode", str(package / "loops.bitcode")]
+        command = [sys.executable, "-m", "fix_nosquish.loops", str(package / "loops.bitcode")]
         clean = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # the wheel is for all Pythons
         if subprocess.call(command, cwd=package.parent, env=clean):
             print("the loops are left to the first run: see above", file=sys.stderr)

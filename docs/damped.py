@@ -3,11 +3,11 @@
 from math import exp
 
 from fix_nosquish import of_fix_line
-from fix_nosquish.block import LANES, P, V
-from fix_nosquish.compiled import inlined
-from fix_nosquish.nve import NVE, Operation
-from fix_nosquish.operations import PARAMETERS, free_motion, rotation_by
-from fix_nosquish.rotor import permute_1, permute_2, permute_3, rotation
+from fix_nosquish.integrators.nve import NVE, Operation
+from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.motion.block import LANES, P, V
+from fix_nosquish.motion.operations import PARAMETERS, free_motion, rotation_by
+from fix_nosquish.motion.rotor import permute_1, permute_2, permute_3, rotation
 
 
 @inlined

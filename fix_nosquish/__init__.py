@@ -31,12 +31,13 @@ INTEGRATORS = {
     "FIRE": "fire",
     "MatubayasiNakahara": "matubayasi_nakahara",
     "Gear": "gear",
-}  # class: its module, which is imported when a fix line names the class
+}  # class: its module in `integrators`, which is imported when a fix line names the class
 
 
 def __getattr__(name: str) -> partial:
     name_of_class = _class_in(name, INTEGRATORS)
-    module = __import__(f"{__name__}.{INTEGRATORS[name_of_class]}", fromlist=[name_of_class])
+    place = f"{__name__}.integrators.{INTEGRATORS[name_of_class]}"
+    module = __import__(place, fromlist=[name_of_class])
     return partial(getattr(module, name_of_class), words=name)
 
 
@@ -90,7 +91,7 @@ def body_table(lmp: Any, fix_id: str) -> "np.ndarray":
     Raises:
         RunError: if there is no such fix of this package, or no run yet.
     """
-    from .nve import NVE
+    from .integrators.nve import NVE
 
     return NVE.of_fix(lmp, fix_id).table()
 
@@ -102,7 +103,7 @@ class _PointInWords:
     @staticmethod
     def find_spec(name: str, path: object = None, target: object = None) -> None:
         if name.startswith(__name__ + ".") and " " in name:
-            from .command import Command, Unfinished
+            from .host.command import Command, Unfinished
 
             text = name.removeprefix(__name__ + ".")
             own = getattr(__getattr__(_class_in(text, INTEGRATORS)).func, "keywords", ())

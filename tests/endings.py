@@ -26,9 +26,9 @@ Types
 # Classes that do, when LAMMPS calls them, what no input script can.
 SPOIL = """
 from ctypes import c_double
-from fix_nosquish.lammps import Lammps
-from fix_nosquish.hosts import hook
-from fix_nosquish.nve import NVE
+from fix_nosquish.host.lammps import Lammps
+from fix_nosquish.host.hosts import hook
+from fix_nosquish.integrators.nve import NVE
 
 class NoMass:
     mass = 0.0

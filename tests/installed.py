@@ -12,8 +12,10 @@ from validation.running import startup
 SOURCE = Path(__file__).resolve().parent.parent / "fix_nosquish"
 
 COMPILE = """
-from fix_nosquish import bitcode, communicator, compiled
-compiled.load(communicator.ALONE, *(one.name for one in bitcode.modules()))
+from fix_nosquish.loops import machine_code
+from fix_nosquish.loops.__main__ import modules
+from fix_nosquish.ranks import communicator
+machine_code.load(communicator.ALONE, *(one.name for one in modules()))
 """
 
 

@@ -9,8 +9,8 @@ import pytest
 from endings import SECONDS, assert_ended
 
 import fix_nosquish
-from fix_nosquish.command import Command
 from fix_nosquish.errors import RunError
+from fix_nosquish.host.command import Command
 
 # 27 bodies of three atoms; what a case adds goes before the fix, and after it
 SCRIPT = """

@@ -30,7 +30,8 @@ from test_rotor import (
     tops,
 )
 
-from fix_nosquish import block, gear, matubayasi_nakahara
+from fix_nosquish.integrators import gear, matubayasi_nakahara
+from fix_nosquish.motion import block
 
 MN, GEAR = (NVE.replace("NVE", name) for name in ("MatubayasiNakahara", "Gear"))
 DIPOLE, E, G = (

@@ -15,13 +15,13 @@ import pytest
 import test_own_fix
 from llvmlite import binding as llvm
 
-from fix_nosquish import compiled
+from fix_nosquish.loops import compiled, machine_code
 from validation.running import startup
 
 BIN = Path(sys.executable).parent
 
 HELPERS = """
-from fix_nosquish.compiled import inlined
+from fix_nosquish.loops.compiled import inlined
 
 SHIFT = 0.25, 3
 
@@ -45,7 +45,7 @@ LOOPS = """
 from math import sin, sqrt
 
 import helpers
-from fix_nosquish.compiled import F1, F2, I1, L1, F, I, inlined, loop
+from fix_nosquish.loops.compiled import F1, F2, I1, L1, F, I, inlined, loop
 from helpers import SHIFT, square
 
 twice = helpers.doubled(square)
@@ -78,7 +78,7 @@ def rounded_once(a: F, b: F, c: F, result: F1):
 BAD = {
     "allocates": """
 import numpy as np
-from fix_nosquish.compiled import F1, loop
+from fix_nosquish.loops.compiled import F1, loop
 
 @loop
 def innocent(x: F1):
@@ -89,7 +89,7 @@ def allocates(x: F1):
     x[:] = x.copy()
 """,
     "raises": """
-from fix_nosquish.compiled import F1, I, loop
+from fix_nosquish.loops.compiled import F1, I, loop
 
 @loop
 def raises(x: F1) -> I:
@@ -102,15 +102,15 @@ def raises(x: F1) -> I:
 # counts what a process compiles
 COUNT = """
 import sys
-from fix_nosquish import compiled
+from fix_nosquish.loops import machine_code
 
-made, compile = [], compiled.Module._compile
+made, compile = [], machine_code.Module._compile
 
 def counted(module):
     made.append(module.name)
     compile(module)
 
-compiled.Module._compile = counted
+machine_code.Module._compile = counted
 """
 # a process that uses a loop, and says what it got, whether it has compiled, and its warnings
 USE = f"""
@@ -133,7 +133,7 @@ EXPECTED = [26.0, 10.0, 26.0]
 USE_RANKS = f"""
 import numpy as np
 from mpi4py import MPI
-from fix_nosquish.communicator import Communicator
+from fix_nosquish.ranks.communicator import Communicator
 from fix_nosquish.errors import RunError
 {COUNT}
 import loops
@@ -141,15 +141,15 @@ import loops
 world = Communicator(MPI.COMM_WORLD.py2f())
 (case,) = sys.argv[1:]
 if case == "processors" and world.rank == 1:
-    compiled._processor = lambda: "another"
+    machine_code._processor = lambda: "another"
 if case == "early" and world.rank == 1:
     loops.total(np.arange(3), 0)
 if case == "failure":
     def fail(module):
         raise OSError("no memory")
-    compiled.Module._compile = fail
+    machine_code.Module._compile = fail
 try:
-    compiled.load(world, "loops")
+    machine_code.load(world, "loops")
     said = [int(loops.total(np.arange(10), world.rank)), bool(made)]
 except RunError as error:
     said = [error.everywhere, str(error)]
@@ -360,10 +360,10 @@ ANEW = """
 import gc
 import numpy as np
 import loops
-from fix_nosquish import compiled
+from fix_nosquish.loops import machine_code
 
 def total():
-    compiled.MODULES["loops"].load()
+    machine_code.MODULES["loops"].load()
     gc.collect()
     return int(loops.total(np.arange(10), 1))
 
@@ -488,7 +488,7 @@ def fresh(tmp_path_factory, monkeypatch):
     without = shutil.ignore_patterns("__pycache__")
     package = shutil.copytree(startup.package(), folder / "fix_nosquish", ignore=without)
     if not (package / "loops.bitcode").exists():  # an editable installation has none
-        words = [sys.executable, "-m", "fix_nosquish.bitcode", package / "loops.bitcode"]
+        words = [sys.executable, "-m", "fix_nosquish.loops", package / "loops.bitcode"]
         subprocess.run(words, cwd=folder, check=True, timeout=250)
     (folder / "numba.py").write_text("raise ImportError('numba is not needed')")
     monkeypatch.setenv("PYTHONPATH", str(folder))
@@ -545,16 +545,17 @@ def test_compilers_do_not_look_into_the_folder_of_the_run(tmp_path, monkeypatch)
     for name in here:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(f"raise ImportError('{name} of the folder')")
-    name = "fix_nosquish.lookup"
+    name = "fix_nosquish.ranks.lookup"
     importlib.import_module(name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*filter(None, sys.path), "."])  # as in lmp
-    assert compiled.in_processes("compile", [compiled.MODULES[name]])[name]
+    assert machine_code.in_processes("compile", [machine_code.MODULES[name]])[name]
 
 
 KEPT = """
-from fix_nosquish import bitcode
-every, kept = {one.name for one in bitcode.modules()}, bitcode.kept()
+from fix_nosquish.loops import bitcode
+from fix_nosquish.loops.__main__ import modules
+every, kept = {one.name for one in modules()}, bitcode.kept()
 import json
 print(json.dumps([sorted(every - set(kept)), len(kept)]))
 """

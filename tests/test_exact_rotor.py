@@ -15,7 +15,7 @@ from test_rotor import (
 )
 from test_rotor import advance as advance_by
 
-from fix_nosquish.operations import EXACT
+from fix_nosquish.motion.operations import EXACT
 from validation.scenes import bodies as shapes_of
 from validation.scenes.boxes import nearest
 from validation.theory import loops

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from systems import OURS, SMALL
 
-from fix_nosquish import shapes
+from fix_nosquish.bodies import shapes
 
 
 class Scene(NamedTuple):

@@ -13,7 +13,7 @@ from test_nvt import fix as nvt_fix
 # integrators whose tests of trajectories say what is asked here
 MINE = """
 from fix_nosquish import of_fix_line
-from fix_nosquish.hmc import HMC
+from fix_nosquish.integrators.hmc import HMC
 
 class Rejects(HMC):
     def take_energy(self):

@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from systems import LIKE_LAMMPS, OURS, RIGID, apart, mixture
 from test_bad_input import Case
 
-from fix_nosquish.command import Command
 from fix_nosquish.errors import RunError
+from fix_nosquish.host.command import Command
 from validation.scenes.data_file import data_file
 
 

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 from systems import Result, apart, mixture
 
-from fix_nosquish import philox
+from fix_nosquish.motion import philox
 
 THERMOSTATS = {
     "langevin": "seed 771",
@@ -205,7 +205,7 @@ REVERSE = """
 import sys
 import numpy as np
 from lammps import lammps
-from fix_nosquish.nvt import NVT
+from fix_nosquish.integrators.nvt import NVT
 
 lmp = lammps()
 lmp.file(sys.argv[1])
@@ -241,9 +241,9 @@ def test_chains_are_reversible(run_lammps, tmp_path, name):
 
 HALVES = """
 from fix_nosquish import of_fix_line
-from fix_nosquish.nve import NVE
-from fix_nosquish.rescaling import Rescaling, measure, scale
-from fix_nosquish.step import Operation
+from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.integrators.rescaling import Rescaling, measure, scale
+from fix_nosquish.motion.step import Operation
 
 class Halves(Rescaling):
     operations = NVE.operations | {"O": Operation(scale, prepared=True, measures=measure)}

@@ -360,7 +360,7 @@ def test_file_that_cannot_be_written(simulate, tmp_path, name, said, ranks):
 SMALL_DISK = """
 import errno, io, os, sys
 import lammps
-from fix_nosquish import output
+from fix_nosquish.run import output
 
 class File(io.FileIO):
     def write(self, text):

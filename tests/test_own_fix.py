@@ -23,10 +23,10 @@ from test_bad_input import CASES
 from test_threads import FEW
 
 import fix_nosquish
-from fix_nosquish.communicator import ALONE
 from fix_nosquish.errors import RunError
-from fix_nosquish.integrator import Integrator
-from fix_nosquish.own_fix import OwnFix
+from fix_nosquish.host.own_fix import OwnFix
+from fix_nosquish.ranks.communicator import ALONE
+from fix_nosquish.run.integrator import Integrator
 from validation.scenes.data_file import data_file
 
 LMP = Path(os.environ.get("DEBIAN_LAMMPS", "/usr/bin/lmp"))

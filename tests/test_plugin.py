@@ -429,8 +429,8 @@ class Counting(NVE):
 FOLLOWER = """
 import numpy as np
 from types import SimpleNamespace
-from fix_nosquish.compiled import cells
-from fix_nosquish.lammps import ARRAYS
+from fix_nosquish.loops.compiled import cells
+from fix_nosquish.host.lammps import ARRAYS
 
 class Follower(Counting):
     follows_atoms = True

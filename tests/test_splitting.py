@@ -2,9 +2,9 @@
 
 import pytest
 
-from fix_nosquish.nve import NVE
-from fix_nosquish.operations import kick
-from fix_nosquish.step import Operation, stages
+from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.motion.operations import kick
+from fix_nosquish.motion.step import Operation, stages
 
 PAUSE = Operation(kick, prepared=True, measures=kick)
 KNOWN = NVE.operations | {

@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from fix_nosquish import rotor
+from fix_nosquish.motion import rotor
 from validation.scenes import SCENES
 from validation.statistics import measures
 from validation.theory import calculus

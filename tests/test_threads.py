@@ -12,8 +12,8 @@ from test_nvt import SMOOTH
 # threads have a part of few bodies, too; and the log tells how many blocks each had last
 FEW = """
 import fix_nosquish
-from fix_nosquish import threads
-from fix_nosquish.integrator import Integrator
+from fix_nosquish.run import threads
+from fix_nosquish.run.integrator import Integrator
 
 def post_run(self, plain=Integrator.post_run):
     plain(self)

@@ -106,8 +106,8 @@ thermo_style custom step c_ke
 
 FOLLOWING = """
 from mpi4py import MPI
-from fix_nosquish.bodies import Bodies
-from fix_nosquish.nve import NVE
+from fix_nosquish.bodies.bodies import Bodies
+from fix_nosquish.integrators.nve import NVE
 
 class Lazy(NVE):
     calls = 0

@@ -376,8 +376,8 @@ def test_momentum_and_angular_momentum(simulate, ranks, steps):
 
 
 BREAKS = """
-from fix_nosquish.hosts import hook
-from fix_nosquish.nve import NVE
+from fix_nosquish.host.hosts import hook
+from fix_nosquish.integrators.nve import NVE
 
 class Breaks(NVE):
     method = None

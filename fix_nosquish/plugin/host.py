@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.ctypeslib import as_array
 
-from ..compiled import array
+from ..loops.compiled import array
 from .structs import Bridge, FixFacts
 
 # lists of passes, and their names in `passes`

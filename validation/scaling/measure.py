@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fix_nosquish import block, migration
+from fix_nosquish.motion import block
+from fix_nosquish.ranks import migration
 from validation.running import counting, machine, run
 from validation.running.store import Store
 from validation.scenes import SCENES, Scene

@@ -108,7 +108,7 @@ def mrot(data: dict) -> Drawn:
     inner, error = np.array(found["mrot"]), found["error"]
     figure, axis = plt.subplots(figsize=(5, 4), layout="constrained")
     axis.loglog(inner, error[0] / inner**2, color=PALE, lw=1, label="∝ 1/m_rot²")
-    axis.loglog(inner, error, "o", color=OURS, label="fix_nosquish.rotor")
+    axis.loglog(inner, error, "o", color=OURS, label="fix_nosquish.motion.rotor")
     axis.set(xlabel="m_rot", ylabel="largest error of q")
     axis.legend(frameon=False)
     return figure, (

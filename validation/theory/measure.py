@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import expm
 
-from fix_nosquish.rotor import free_rotor
+from fix_nosquish.motion.rotor import free_rotor
 from validation.running.run import Meter
 from validation.scenes import SCENES, Scene
 from validation.statistics import measures

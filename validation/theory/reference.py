@@ -4,7 +4,7 @@ integrators of them.
 Plain functions of a state x = {p, q} (2.34): momenta first, then coordinates, along the first axis;
 further axes are states side by side.  Numbers may be complex, so that derivatives can be taken
 through a whole step (see `calculus`).  The free rotor is the package's own,
-`fix_nosquish.rotor`.
+`fix_nosquish.motion.rotor`.
 
 Units: Angstrom, g/mol, kcal/mol; time in Angstrom sqrt(g/kcal), of which `FS` is a femtosecond.
 """
@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fix_nosquish import rotor
+from fix_nosquish.motion import rotor
 from validation.scenes import Scene
 from validation.theory.calculus import Energy, Part, State, composed, leading_term, repeated, strang
 

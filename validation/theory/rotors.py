@@ -10,11 +10,11 @@ from time import perf_counter
 
 import numpy as np
 
-from fix_nosquish import block, step
-from fix_nosquish.bodies import MASS, MOMENT, Bodies, P, Q
-from fix_nosquish.compiled import F2, Cell, F
-from fix_nosquish.nve import NVE
-from fix_nosquish.operations import EXACT
+from fix_nosquish.bodies.bodies import MASS, MOMENT, Bodies, P, Q
+from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.loops.compiled import F2, Cell, F
+from fix_nosquish.motion import block, step
+from fix_nosquish.motion.operations import EXACT
 from validation.theory.reference import multiply
 from validation.theory.top import free_top
 

@@ -1,0 +1,1 @@
+"""What the rigid bodies are, and how they are made of LAMMPS's atoms."""

@@ -1,0 +1,499 @@
+"""How bodies are made of LAMMPS's atoms: image, mass, centre of mass, inertia, principal frame."""
+
+import numpy as np
+
+from ..errors import RunError
+from ..loops import machine_code
+from ..motion.frames import product
+from ..ranks.sharing import Sharers
+from . import extended, infile
+from .bodies import (
+    HOME,
+    ID,
+    IMAGE,
+    MASS,
+    MOMENT,
+    NATOMS,
+    ROWS,
+    Bodies,
+    Q,
+    X,
+    matrices,
+    quaternions,
+)
+from .extended import particles_of
+from .membership import POINTS
+from .shapes import keep
+from .unfold import unfold
+
+ZERO_MOMENT = (
+    1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
+)
+_EQUAL_MOMENTS = (
+    1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
+)
+_LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
+_OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
+_OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
+_SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
+
+
+def build(
+    lammps, communicator, membership, path=None, own_rows=0, former=None, atoms=None,
+    shapes=None, oriented=False,
+):  # fmt: skip
+    """Make the bodies from LAMMPS's atoms as they are; collective.
+
+    Args:
+        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
+        membership: the `Membership`.
+        path: the file of keyword infile, None for none.
+        own_rows: rows of zeros in the bodies' state, behind those that `block` names.
+        former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
+        atoms: indices of this rank's atoms to make bodies of, ascending; None for all that the
+            membership names.
+        shapes: see `hosts.Host.shapes`.
+        oriented: whether atoms of this atom style can have an orientation, on any rank.
+    Returns:
+        (Bodies, dict): the bodies, with q and p of the rigid motion that has the linear and
+        angular momentum of the atoms' velocities, and notes for the log: the number of
+        bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
+        puts in a body, the kinetic energy `kinetic` of the atoms and the part `removed` of
+        it that is not rigid motion, whether atoms that have moments of their own are `still`, the
+        IDs `given` that the file names, `warnings`, a list of lines, and the `Kept` in `kept`, if
+        something has turned or deformed bodies, and whether some of the bodies are `new`.
+    Raises:
+        RunError: on all ranks, naming the body.
+    """
+    atoms, ids, body, mass, tag = _members(lammps, communicator, membership, shapes, atoms)
+    sharers, n, plane = _sharers(communicator, ids), len(ids), lammps.dimension == 2
+
+    def total(*columns):
+        """Sums over the bodies' atoms, on all ranks, (len(columns), bodies)."""
+        sums = np.array([np.bincount(body, c, minlength=n) for c in columns])
+        sharers.combine(sums)
+        return sums
+
+    def blame(wrong, text):
+        """End the run if `wrong` marks a body."""
+        k = np.argmax(wrong) if wrong.any() else None
+        communicator.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
+
+    natoms, body_mass = total(np.ones(len(atoms)), mass)
+    atoms_mass = body_mass.copy()
+    given = infile.read(path, communicator, ids, sharers.owned) if path else None
+    if given:
+        body_mass[given.bodies] = given.mass
+    blame(
+        ~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero"
+    )
+
+    place, image, delta, rebuilt, doubt = unfold(
+        lammps, communicator, membership, sharers, ids, body, tag, atoms
+    )
+    of_atoms = centre = total(*(mass * delta.T)) / atoms_mass
+    if given:
+        centre = _centres_in_file(lammps, given, place, image, of_atoms, blame)
+    r, kept, new = delta - centre[:, body].T, None, True
+    shaped = oriented or lammps.radius is not None
+    particles = particles_of(lammps, shapes, atoms) if shaped else None
+    if former is not None:
+        r, particles, kept, new = keep(
+            lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r,
+            particles, oriented,
+        )  # fmt: skip
+    own = total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n) if shaped else 0.0
+    inertia = _inertia(total, mass, r) + own
+    size = np.sqrt(np.trace(inertia) / atoms_mass)
+    blame(
+        (natoms > 1)
+        & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
+        & (given.absent if given else True),
+        lambda k: (
+            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, "
+            "or leave them out of the group"
+        ),
+    )
+    inertia = inertia.transpose(2, 0, 1)
+    doubts = [doubt] if doubt else []
+    if given:
+        inertia[given.bodies] = given.inertia
+        doubts += _off_centre(
+            lammps, communicator, membership, ids, centre - of_atoms, size, sharers.owned
+        )
+
+    def weighted():
+        places = np.array([r.T, r.T])
+        if oriented:  # a particle has directions of its own
+            places += particles.directions()
+        return total(*(w * c for w, p in zip(weights(tag), places) for c in p)).reshape(2, 3, n)
+
+    if plane:
+        moment, axes = _principal_in_plane(inertia)
+    else:
+        moment, axes = _frames(inertia, membership.command.order, communicator, weighted)
+
+    def alike():
+        shared = _inertia(total, (body_mass / natoms)[body], r) + own
+        return np.einsum("nak,abn,nbk->kn", axes, shared, axes)
+
+    chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
+    state = np.concatenate([np.zeros((ROWS + own_rows, n)), slower])
+    state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = (
+        body_mass,
+        natoms,
+        chosen,
+        sharers.home,
+        ids,
+    )
+    state[X], state[IMAGE], state[Q] = place + centre, image, quaternions(axes)
+    # every copy of a shared body starts from the lowest rank's numbers, to the last bit
+    state[:, ~sharers.owned] = 0.0
+    sharers.combine(state)
+    row = ROWS + own_rows if len(slower) else 0
+    result = _with_atoms(
+        state, body, tag, r, atoms, particles, oriented, bool(membership.command.mol),
+        communicator, plane, row,
+    )  # fmt: skip
+    if result.spin:  # the bodies have these atoms in another order
+        particles = particles_of(lammps, shapes, result.index)
+    spins, energy = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
+    result.take_velocities(lammps, spins, given and given.momenta(result.id))
+    finite = result.spin and np.count_nonzero(particles.moment.any(axis=0))
+    notes = _notes(
+        result, lammps, communicator, membership, rebuilt[sharers.owned].sum(), energy, finite
+    )
+    return result, notes | {
+        "given": given.named if given else (),
+        "warnings": doubts,
+        "kept": kept,
+        "new": new,
+    }
+
+
+def _centres_in_file(lammps, given, place, image, of_atoms, blame):
+    """Centres of mass (3, n) from the bodies' first atoms, `place` and `image`: those of the file,
+    and else those `of_atoms`; `blame` as in `build`."""
+    here, centre = given.bodies, of_atoms.copy()
+    centre[:, here] = (
+        given.x
+        - place[:, here]
+        + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
+    )
+    far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
+    blame(
+        far.any(axis=0),
+        lambda k: (
+            "has its centre in the infile more than half the box from its atoms: "
+            "check the image flags there"
+        ),
+    )
+    return centre
+
+
+def _off_centre(lammps, communicator, membership, ids, off, size, owned):
+    """A warning of bodies that an infile has far from their atoms, if any; collective.
+
+    Args:
+        ids (n,), off (3, n): the bodies, and how far their centre is off.
+        size: (n,) root of the trace of the atoms' inertia about that centre over their mass.
+        owned: (n,) bool, which to look at.
+    """
+    off = np.linalg.norm(off, axis=0)
+    radius = np.sqrt(np.maximum(0.5 * size**2 - off**2, 0.0))  # of gyration, about their own centre
+    point = radius < 1e-6 * off  # an atom alone, to rounding
+    radius[point] = 0.0
+    odd = owned & (off > np.where(point, _OFF_POINT * lammps.box.size, _OFF_CENTRE * radius))
+    rows = communicator.gather_to_all(np.array([off, radius, ids], float).T[odd])
+    if not len(rows):
+        return []
+    off, radius, name = rows[rows[:, 0].argmax()]
+    return [
+        f"WARNING: the infile has the centres of {len(rows)} bodies far from their atoms: that of "
+        f"{membership.name(int(name))} by {off:.3g}, where its radius of gyration is {radius:.3g}. "
+        "Give each fix the file of its own bodies"
+    ]
+
+
+def _chosen(lammps, command, moment, plane, alike):
+    """The moments that bodies have instead of those of their atoms; see `Command.moments`.
+
+    Args:
+        moment: those of the atoms, (3, n).  plane: whether bodies turn about axis 3 only.
+        alike: a function that gives those of atoms that share their body's mass alike, (3, n).
+    Returns:
+        moments (3, n), and the root of each over that of the atoms, (3, n); (0, n) if they are
+        those.
+    """
+    if command.moments is None:
+        return moment, moment[:0]
+    how, word = command.moments
+    if how == "alike":
+        value = alike()
+    else:
+        value = lammps.number(word)
+        command.refuse_unless_positive(f"keyword moments: {how}", value)
+    turns = (moment > 0) & (value > 0)
+    if plane:
+        turns[:2] = False  # a moment about these axes only says that the body is no point
+    slower = np.ones_like(moment)
+    factor = np.full_like(moment, value) / (1.0 if how == "scale" else np.where(turns, moment, 1.0))
+    slower[turns] = np.sqrt(factor[turns])
+    return moment * slower**2, slower
+
+
+def count(lammps, communicator, membership):
+    """How many bodies there are, None if that cannot be told (yet); collective."""
+    if membership.variable:
+        return None  # the variable may need a run
+    ids, problem = np.empty(0, np.int64), False
+    try:
+        ids = np.unique(membership.bodies(membership.atoms()))
+        ids = ids[ids < POINTS]
+    except RunError:
+        problem = True
+    if communicator.any(problem):
+        return None
+    return round(communicator.total(np.array([_sharers(communicator, ids).owned.sum()]))[0]) or None
+
+
+def _sharers(communicator, ids):
+    """The `Sharers` of bodies of which nothing else is known."""
+    return Sharers(communicator).find(len(ids), np.arange(len(ids)), ids, ids % communicator.size)
+
+
+def _notes(bodies, lammps, communicator, membership, rebuilt, own, finite):
+    """What `build` has to say for the log; collective.
+
+    Args:
+        own: kinetic energy of the rotation of this rank's atoms themselves.
+        finite: how many of these atoms have moments of their own.
+    """
+    v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
+    before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum() + own
+    zero = owned & (bodies.id == 0) & (membership.command.style == "molecule")
+    after, stray = bodies.kinetic()[:, owned].sum(), bodies.natoms[zero].sum()
+    before, after, rebuilt, stray, own, finite = communicator.total(
+        np.array([before, after, rebuilt, stray, own, finite])
+    )
+    return {
+        "kinetic": lammps.mvv2e * before,
+        "removed": lammps.mvv2e * (before - after),
+        "rebuilt": round(rebuilt),
+        "stray": round(stray),
+        "still": finite > 0 and own == 0,
+    }
+
+
+def _inertia(total, mass, r):
+    """Tensors of inertia (3, 3, bodies) of atoms with these masses (m,) and places (m, 3)."""
+    x, y, z = r.T
+    xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (x * x, y * y, z * z, x * y, x * z, y * z)))
+    return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
+
+
+def _with_atoms(state, body, tag, r, atoms, particles, oriented, come, communicator, plane, chosen):
+    """The `Bodies` of this state and these atoms; collective.
+
+    Args:
+        r: (m, 3) places from the bodies' centres, space frame.
+        particles: the `Particles` that the atoms are, None if all are points.
+        oriented: whether their atom style has orientations.
+        come: whether to be ready for others, of any kind that the atom style has.
+    """
+    turn = matrices(state[Q])[:, :, body]
+    d = np.vstack([np.einsum("abn,na->bn", turn, r), tag])
+    spin = directed = False
+    if particles:
+        directed = come and oriented
+        directed = communicator.any(directed or particles.quat.any() or particles.dipole.any())
+        spin = directed or communicator.any(come or particles.moment.any())
+    if oriented:
+        d = np.vstack([d, *_in_bodies(particles, state[Q][:, body], turn)])
+    if spin:
+        machine_code.load(communicator, extended.__name__)
+    return Bodies(state, body, d, atoms, plane, spin, directed, communicator, chosen)
+
+
+def _in_bodies(particles, q, turn):
+    """The rows of `extended` in the bodies' displace.
+
+    Args:
+        q (4, m), turn (3, 3, m): the quaternion of each particle's body, and its matrix.
+    """
+    back = np.array(product(q * np.array([[1.0], [-1.0], [-1.0], [-1.0]]), particles.quat))
+    size = np.sqrt((back * back).sum(axis=0))
+    orient = np.divide(back, size, out=np.zeros_like(back), where=size > 0)
+    return (
+        orient,
+        particles.moment * particles.keeps,
+        np.einsum("abm,am->bm", turn, particles.dipole),
+    )
+
+
+def _members(lammps, communicator, membership, shapes, atoms):
+    """This rank's atoms of bodies, or these of them; collective.
+
+    Returns:
+        their index, the bodies' IDs, the place of each atom's body there, mass, tag.
+    """
+    problem = None
+    atoms = membership.atoms() if atoms is None else atoms
+    try:
+        ids_of_atoms = membership.bodies(atoms)
+        mass = lammps.masses[atoms]
+        tag = lammps.tags[atoms].astype(np.int64)
+    except RunError as error:
+        if error.everywhere:
+            raise
+        problem = str(error)
+    else:
+        if (tag <= 0).any():
+            problem = "the fix needs atom IDs, which this script turns off (atom_modify id no)"
+    communicator.agree(problem)
+    if not membership.command.mol and not communicator.count(len(atoms)):
+        raise RunError(
+            f"there is no atom to form a body of in group '{membership.command.group}': "
+            "fill the group before the run, or give keyword mol if a fix inserts the bodies",
+            everywhere=True,
+        )
+    more = lammps.unknown(shapes)
+    more = more[atoms] if more is not None else np.zeros(len(atoms), "U1")
+    odd = more != ""
+    communicator.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
+    bad = ~(mass >= 0)
+    if bad.any():
+        problem = (
+            f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: "
+            "give it a mass above zero"
+        )
+    communicator.agree(problem)
+    ids, body = np.unique(ids_of_atoms, return_inverse=True)
+    far = (ids_of_atoms < _LEAST_ID) | ((ids_of_atoms >= POINTS) & (ids_of_atoms != POINTS + tag))
+    communicator.agree(
+        f"{membership.name(ids_of_atoms[far][0])} has too large an ID: less than 2^52 is possible"
+        if far.any()
+        else None
+    )
+    return atoms, ids, body, mass, tag
+
+
+def _principal(inertia):
+    """Principal moments and axes in three dimensions.
+
+    Args:
+        inertia: (n, 3, 3) tensors of inertia.
+    Returns:
+        moment (3, n), from the largest to the smallest; axes (n, 3, 3), in columns; and (2, n)
+        bool, whether moments 1 and 2, and 2 and 3, are equal, so that their axes are arbitrary.
+    """
+    values, axes = np.linalg.eigh(inertia)
+    moment, axes = values[:, ::-1].T.copy(), axes[:, :, ::-1].copy()
+    point = moment[0] <= 0
+    moment[:, point] = 0.0
+    axes[point] = np.eye(3)
+    linear = moment[2] <= ZERO_MOMENT * moment[0]
+    moment[2, linear] = 0.0
+    moment[:2, linear] = 0.5 * (moment[0] + moment[1])[linear]
+    axes[linear] = _frames_along(axes[linear, :, 2])
+    equal = (moment[:2] - moment[1:] < _EQUAL_MOMENTS * moment[0]) & ~linear
+    both = equal.all(axis=0)
+    moment[:, both] = moment[:, both].mean(axis=0)
+    for k in range(2):
+        pair = equal[k] & ~both
+        moment[k : k + 2, pair] = moment[k : k + 2, pair].mean(axis=0)
+    return moment, axes, equal
+
+
+def _frames(inertia, order, communicator, weighted):
+    """Principal moments and axes as the integrator takes them; collective.
+
+    Args:
+        inertia: (n, 3, 3).  order: keyword order.
+        weighted: a function that gives two weighted sums of each body's atoms, (2, 3, n).
+    Returns:
+        moment (3, n); axes (n, 3, 3), in columns, right-handed.
+    """
+    moment, axes, equal = _principal(inertia)
+    if communicator.any(equal.any()):
+        _choose_axes(axes, equal, weighted().transpose(2, 0, 1))
+    if order == 123:
+        solid = moment[2] > 0
+        moment[:, solid] = moment[::-1, solid]
+        axes[solid] = axes[solid, :, ::-1]
+    axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
+    return moment, axes
+
+
+def _frames_along(axis):
+    """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3);
+    the rest follows from the vector alone."""
+    n = np.arange(len(axis))
+    axis = axis * np.sign(axis[n, np.abs(axis).argmax(axis=1)])[:, None]
+    other = np.zeros_like(axis)
+    other[n, np.abs(axis).argmin(axis=1)] = 1.0
+    first = np.cross(axis, other)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(axis, first), axis], axis=2)
+
+
+def _principal_in_plane(inertia):
+    """Principal moments and axes of bodies that turn about z, which is axis 3; as `_principal`."""
+    values, turned = np.linalg.eigh(inertia[:, :2, :2])
+    axes = np.zeros_like(inertia)
+    axes[:, 2, 2] = 1.0
+    axes[:, :2, 0] = turned[:, :, 1]
+    axes[:, 0, 1], axes[:, 1, 1] = -turned[:, 1, 1], turned[:, 0, 1]
+    return np.maximum([values[:, 1], values[:, 0], inertia[:, 2, 2]], 0.0), axes
+
+
+def weights(tag):
+    """Two numbers in [0, 1) for each atom that follow from its tag and are like no others, (2, n).
+
+    They are splitmix64 of it.
+    """
+    bits = 2 * tag.astype(np.uint64) + np.array([[0], [1]], np.uint64)
+    bits = (bits + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    for shift, factor in (30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB):
+        bits = (bits ^ (bits >> np.uint64(shift))) * np.uint64(factor)
+    return ((bits ^ (bits >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
+
+
+def _choose_axes(axes, equal, sums):
+    """Where moments are equal, turn the axes to weighted sums of the atoms' places, in place.
+
+    A frame that follows from the atoms alone is found again, whenever and on however many ranks
+    the bodies are made.  The splitting into rotations about axes, and so the trajectory, needs it.
+
+    Args:
+        axes: (n, 3, 3), in columns.  equal: (2, n), see `_principal`.
+        sums: (n, 2, 3), two vectors of each body.
+    """
+    chosen = np.flatnonzero(equal.any(axis=0))
+    equal, frames = equal[:, chosen], axes[chosen]
+    # all moments are equal; the third one is alone
+    both, last = equal.all(axis=0), equal[0] & ~equal[1]
+    one, two = sums[chosen, 0], sums[chosen, 1]
+    alone = np.where(last[:, None], frames[:, :, 2], frames[:, :, 0])
+
+    def dot(a, b):
+        return (a * b).sum(axis=1, keepdims=True)
+
+    def without(a, b):
+        """The part of a that is perpendicular to b."""
+        return (
+            a - np.divide(dot(a, b), dot(b, b), out=np.zeros((len(a), 1)), where=dot(b, b) > 0) * b
+        )
+
+    first = np.where(both[:, None], one, alone)
+    one, two = without(one, alone), without(two, first)
+    second = np.where(both[:, None] | (dot(one, one) < 1e-6 * dot(two, two)), two, one)
+    # a sphere has no direction
+    found = dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))
+    found &= dot(first, first)[:, 0] > 0
+    first, second = (a[found] / np.sqrt(dot(a, a)[found]) for a in (first, second))
+    third = np.cross(first, second)
+    last = last[found, None, None]
+    axes[chosen[found]] = np.where(
+        last, np.stack([second, third, first], axis=2), np.stack([first, second, third], axis=2)
+    )

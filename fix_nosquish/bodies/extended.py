@@ -1,0 +1,173 @@
+"""Particles that are more than points: spheres, ellipsoids, lines, triangles, dipoles.
+
+Each adds its own moment of inertia to its body's, and its own torque.  Ellipsoids, lines, triangles
+and dipoles have an orientation, which turns with the body: behind an atom's place, ID included,
+`displace` then has its quaternion in the body's principal frame, its own principal moments, and its
+dipole there.
+"""
+
+from math import sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from ..loops.compiled import F1, F2, I1, L1, address, call, loop
+from ..motion.block import ATOM, LANES, MOMENT, Layout, P, Q, four, take, three, write
+from ..motion.frames import angular_velocity, product, rotation_matrix, to_body, to_space
+from ..motion.step import show_atoms_moments
+
+# moments of inertia of unit mass and size: a solid sphere's radius, an ellipsoid's half axes, the
+# length of a line
+SPHERE, ELLIPSOID, LINE = 0.4, 0.2, 1.0 / 12.0
+# rows of `displace`, if atoms can have an orientation: a quaternion, moments about its axes for
+# particles that keep an angular momentum, a dipole; zero for what an atom has not
+ORIENT, OWN_MOMENT, DIPOLE, ROWS = 4, 8, 11, 14
+
+
+class Particles(NamedTuple):
+    """What atoms are besides points.
+
+    Attributes:
+        moment: (3, m) principal moments of inertia of each, 0 of a point.
+        quat: (4, m) the orientation of its principal frame in space, 0 if it has none.
+        dipole: (3, m) its dipole in space.
+        momentum: (3, m) its angular momentum in space.
+        keeps: (m,) bool, whether LAMMPS has this momentum, not its angular velocity.
+    """
+
+    moment: np.ndarray
+    quat: np.ndarray
+    dipole: np.ndarray
+    momentum: np.ndarray
+    keeps: np.ndarray
+
+    @property
+    def finite(self):
+        """Which of them have a moment of inertia, (m,)."""
+        return self.moment.any(axis=0)
+
+    @property
+    def axes(self):
+        """Rotations (3, 3, m) from their principal frames to space."""
+        none = ~self.quat.any(axis=0)
+        quat = self.quat + np.outer([1.0, 0.0, 0.0, 0.0], none)
+        return np.array(rotation_matrix(quat)).reshape(3, 3, -1)
+
+    def inertia(self):
+        """Their tensors of inertia in space, (3, 3, m)."""
+        axes = self.axes
+        return np.einsum("akm,km,bkm->abm", axes, self.moment, axes)
+
+    def directions(self):
+        """Two vectors that each of them points to, (2, 3, m), 0 for one without an orientation."""
+        axes = self.axes * self.quat.any(axis=0)
+        return np.array([axes[:, 0], axes[:, 1]]) + self.dipole
+
+    def kinetic(self):
+        """The energy of their rotation, (m,)."""
+        momentum = np.einsum("akm,am->km", self.axes, self.momentum)
+        turns = self.moment > 0
+        squares = np.divide(momentum**2, self.moment, out=np.zeros_like(momentum), where=turns)
+        return 0.5 * squares.sum(axis=0)
+
+
+def particles_of(lammps, shapes, atoms):
+    """What these atoms are besides points: `Particles`.
+
+    Args:
+        lammps: the `Lammps`.  atoms: (m,) indices of atoms.
+        shapes: (natoms, 7), see `hosts.Host.shapes`; None if none is known.
+    """
+    m, mass = len(atoms), lammps.masses[atoms]
+    moment, quat, dipole, momentum = (np.zeros((k, m)) for k in (3, 4, 3, 3))
+    keeps = np.zeros(m, bool)
+    radius, mu = lammps.radius, lammps.per_atom("mu", columns=4)
+    omega, angmom = (lammps.per_atom(name, columns=3) for name in ("omega", "angmom"))
+    if radius is not None:
+        moment[:] = SPHERE * mass * radius[atoms] ** 2
+        momentum[:] = moment * omega[atoms].T
+    if mu is not None:
+        dipole[:] = mu[atoms, :3].T * (mu[atoms, 3] > 0)
+    if shapes is not None:
+        sizes, quat = shapes[atoms, :3].T, shapes[atoms, 3:].T
+        for name, of_shape in (
+            (
+                "ellipsoid",
+                lambda a: ELLIPSOID * np.roll(a**2, 1, 0) + ELLIPSOID * np.roll(a**2, 2, 0),
+            ),
+            ("line", lambda a: LINE * a[0] ** 2 * np.array([[0.0], [1.0], [1.0]])),
+            ("tri", None),
+        ):
+            index = lammps.per_atom(name, np.int32)
+            if index is None:
+                continue
+            which = index[atoms] >= 0
+            size = sizes[:, which]
+            moment[:, which] = size if of_shape is None else mass[which] * of_shape(size)
+            if name == "line":  # LAMMPS's lines are in two dimensions
+                momentum[:, which] = moment[:, which] * omega[atoms[which]].T * [[0], [0], [1]]
+            else:
+                momentum[:, which], keeps[which] = angmom[atoms[which]].T, True
+    return Particles(moment, quat, dipole, momentum, keeps)
+
+
+@loop
+def add_torques(body: L1, index: I1, atom_torque: F2, wrench: F2):
+    """Add the torques that act on the atoms themselves to those on their bodies."""
+    for j in range(index.size if atom_torque.size else 0):
+        for k in range(3):
+            wrench[3 + k, body[j]] += atom_torque[index[j], k]
+
+
+@loop
+def set_spins(layout: Layout, atom_omega: F2, atom_angmom: F2):
+    """Write the bodies' angular velocity, space frame, as that of their atoms, and for those that
+    keep it, the angular momentum that they have with it."""
+    block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
+    for k in range(blocks.shape[0] - 1):
+        take(layout, k, MOMENT, P + 4, MOMENT)
+        show_atoms_moments(layout, k)
+        for b in range(LANES):
+            q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
+            w1, w2, w3 = angular_velocity(q, four(block, P, b), i1, i2, i3)
+            write(block, ATOM, b, to_space(rotation_matrix(q), w1, w2, w3))
+        for r in range(blocks[k, 1], blocks[k + 1, 1]):
+            for b in range(rounds[r + 1] - rounds[r]):
+                j = rounds[r] + b
+                i, (x, y, z) = layout.index[j], three(block, ATOM, b)
+                if atom_omega.size:
+                    atom_omega[i, 0], atom_omega[i, 1], atom_omega[i, 2] = x, y, z
+                if atom_angmom.size and d.shape[0] == ROWS and d[OWN_MOMENT, j] > 0.0:
+                    a = rotation_matrix(product(four(block, Q, b), four(d, ORIENT, j)))
+                    w1, w2, w3 = to_body(a, x, y, z)
+                    i1, i2, i3 = three(d, OWN_MOMENT, j)
+                    momentum = to_space(a, i1 * w1, i2 * w2, i3 * w3)
+                    for c in range(3):
+                        atom_angmom[i, c] = momentum[c]
+
+
+@loop
+def turn(layout: Layout, atom_mu: F2, turn_atom: L1, quat: F1):
+    """Give the atoms the orientation and the dipoles that follow from their bodies'.
+
+    Args:
+        turn_atom: (2,) address of a function of LAMMPS's fix and its first argument; 0 for none.
+        quat: (4,) to work with.
+    """
+    block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
+    for k in range(blocks.shape[0] - 1):
+        take(layout, k, Q, Q + 4, Q)
+        for r in range(blocks[k, 1], blocks[k + 1, 1]):
+            for b in range(rounds[r + 1] - rounds[r]):
+                j = rounds[r] + b
+                i, q = layout.index[j], four(block, Q, b)
+                w, x, y, z = product(q, four(d, ORIENT, j))
+                size = sqrt(w * w + x * x + y * y + z * z)
+                if size > 0.0:
+                    quat[0], quat[1], quat[2], quat[3] = w / size, x / size, y / size, z / size
+                    call(turn_atom[0], turn_atom[1], np.int64(i), address(quat))
+                x, y, z = to_space(rotation_matrix(q), *three(d, DIPOLE, j))
+                size = sqrt(x * x + y * y + z * z)
+                if size > 0.0:
+                    part = atom_mu[i, 3] / size  # the length stays to the last bit
+                    atom_mu[i, 0], atom_mu[i, 1], atom_mu[i, 2] = part * x, part * y, part * z

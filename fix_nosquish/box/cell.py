@@ -1,0 +1,195 @@
+"""The box of an integrator at constant pressure: its numbers, its pressure, and how it stretches.
+
+The pressure is the molecular one: of the bodies' translation, and the virial of the forces on their
+centres of mass.  `crescale` and `mtk` say how the box follows it.
+"""
+
+from math import floor
+from typing import NamedTuple
+
+from ..loops.compiled import F1, F2, L1, I, address, call, inlined, loop
+from ..motion.block import IMAGE, Layout, Q, at, take
+from ..motion.step import displaced, rotation_matrices
+from ..ranks.migration import Box, reflag
+
+# what can change: three axes, three tilts; matrices are upper triangular, in the order of this
+XX, YY, ZZ, XY, XZ, YZ, COMPONENTS = range(7)
+# numbers of a barostat: pressure at the begin and the end of the run, as energies in a volume;
+# compressibility over damping time, of a piston 1 over it; mass times velocity squared as an
+# energy; steps between two changes; 1.0 in three dimensions, 0.0 in two; how many k T its own
+# volume adds to the pressure of an axis; 1.0 if tilts change, else 0.0; of this rank, twice the
+# kinetic energy along each axis, and the virial of forces about the bodies' centres, the same with
+# tilts; factors of the axes, and what tilts them then; the centre; 1.0 once one was out of bounds;
+# 1.0 while the box has changed and the forces behind are not known
+P_START, P_STOP, RATE, UNIT, EVERY, SPACE, WEIGHT, TILTED = 0, 6, 12, 13, 14, 15, 16, 22
+MOTION, SPREAD, TILT_MOTION, TILT_SPREAD, STRETCH, SHEAR = 23, 26, 29, 32, 35, 38
+CENTRE, BROKEN, OPEN, NUMBERS = 41, 44, 45, 46
+OUT_OF_BOUNDS = -2  # what the loops return then
+MOST = 2.0  # the largest factor by which an axis may change at once, and its inverse the smallest
+FLIP = 0.6  # of an edge: the tilt from which on there are better box vectors, as in LAMMPS's fixes
+
+
+class Barostat(NamedTuple):
+    """What changes the box.
+
+    Attributes:
+        barostat: (NUMBERS,), see above.
+        axes: (COMPONENTS,) which change together: a number from 0 to 5, or -1 for one that does
+            not.
+        cell_sums: (12,) to work with.
+        forces_virial: (6,) the virial of LAMMPS's forces on all ranks (xx yy zz xy xz yz).
+        new_box: (12,) lowest and highest coordinates, tilts xy, xz, yz; of a flip, how many box
+            vectors are added: a to b, a to c, b to c.
+        set_box: (2,) address of LAMMPS's function that takes these, and its first argument.
+        flip_box: (2,) the same of the one for a flip.
+    """
+
+    barostat: F1
+    axes: L1
+    cell_sums: F1
+    forces_virial: F1
+    new_box: F1
+    set_box: L1
+    flip_box: L1
+
+
+@loop
+def virial_about_centres(layout: Layout, atom_f: F2, barostat: F1):
+    """The virial of the forces on this rank's atoms about their bodies' centres.
+
+    A tilt moves what is further along its second axis along the first.  So of xy it is the force
+    along x and the place along y that count.
+    """
+    block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
+    tilted = barostat[TILTED] > 0.0
+    for k in range(3):
+        barostat[SPREAD + k] = barostat[TILT_SPREAD + k] = 0.0
+    for k in range(blocks.shape[0] - 1):
+        take(layout, k, Q, Q + 4, Q)
+        rotation_matrices(block)
+        for r in range(blocks[k, 1], blocks[k + 1, 1]):
+            for b in range(rounds[r + 1] - rounds[r]):
+                j = rounds[r] + b
+                i = at(layout.index[at(j)])
+                x, y, z = displaced(block, b, d, j)
+                barostat[SPREAD] += x * atom_f[i, 0]
+                barostat[SPREAD + 1] += y * atom_f[i, 1]
+                barostat[SPREAD + 2] += z * atom_f[i, 2]
+                if tilted:
+                    barostat[TILT_SPREAD] += y * atom_f[i, 0]
+                    barostat[TILT_SPREAD + 1] += z * atom_f[i, 0]
+                    barostat[TILT_SPREAD + 2] += z * atom_f[i, 1]
+
+
+@inlined
+def is_due(step, cell):
+    """Whether the box changes in this step."""
+    return (step[0] - 1) % int(cell.barostat[EVERY]) == 0
+
+
+@inlined
+def three_of(numbers, k):
+    """Three numbers from this one on."""
+    return numbers[k], numbers[k + 1], numbers[k + 2]
+
+
+@inlined
+def volume_of(box, numbers):
+    """The volume of the box, in two dimensions its area."""
+    return box.h[0, 0] * box.h[1, 1] * (box.h[2, 2] if numbers[SPACE] > 0.0 else 1.0)
+
+
+@inlined
+def pressure_now(numbers, k, part):
+    """The pressure that is asked for along an axis, or by which a tilt is driven."""
+    return numbers[P_START + k] + part * (numbers[P_STOP + k] - numbers[P_START + k])
+
+
+@inlined
+def stretch_box(cell, box, shift):
+    """Stretch the box about its centre, then shear it, with all that follows from it; tell LAMMPS.
+
+    Returns:
+        OUT_OF_BOUNDS if a factor or a shear is, or was, else 0.
+    """
+    h, inverse, lo, new_box, numbers = box.h, box.inverse, box.lo, cell.new_box, cell.barostat
+    for k in range(3):
+        if not 1.0 / MOST < numbers[STRETCH + k] < MOST:  # nor if it is not a number
+            numbers[BROKEN] = 1.0
+        if not abs(numbers[SHEAR + k]) < MOST - 1.0:
+            numbers[BROKEN] = 1.0
+    if numbers[BROKEN] > 0.0:
+        return OUT_OF_BOUNDS
+    for k in range(3):
+        factor, centre = numbers[STRETCH + k], lo[k]
+        for i in range(3):
+            centre += 0.5 * h[k, i]
+        numbers[CENTRE + k] = centre
+        lo[k] = centre + factor * (lo[k] - centre)
+        for i in range(3):
+            h[k, i] *= factor
+            inverse[i, k] /= factor
+        for i in range(shift.shape[0]):
+            shift[i, k] *= factor
+    if numbers[TILTED] > 0.0:
+        shear_box(numbers, h, inverse, lo, shift)
+    tell_box(h, lo, new_box)
+    call(cell.set_box[0], cell.set_box[1], address(new_box))
+    numbers[OPEN] = 1.0
+    return 0
+
+
+@inlined
+def tell_box(h, lo, new_box):
+    """Have the numbers of the box ready for LAMMPS."""
+    for k in range(3):
+        new_box[k], new_box[3 + k] = lo[k], lo[k] + h[k, k]
+        h[k, k] = new_box[3 + k] - lo[k]  # as LAMMPS will have it
+    new_box[6], new_box[7], new_box[8] = h[0, 1], h[0, 2], h[1, 2]
+
+
+@inlined
+def shear_box(numbers, h, inverse, lo, shift):
+    """Shear the box about its centre."""
+    xy, xz, yz = three_of(numbers, SHEAR)
+    y, z = lo[1] - numbers[CENTRE + 1], lo[2] - numbers[CENTRE + 2]
+    lo[0] += xy * y + xz * z
+    lo[1] += yz * z
+    h[0, 2] += xy * h[1, 2] + xz * h[2, 2]
+    h[0, 1] += xy * h[1, 1]
+    h[1, 2] += yz * h[2, 2]
+    for i in range(3):
+        inverse[i, 2] += inverse[i, 0] * (xy * yz - xz) - inverse[i, 1] * yz
+        inverse[i, 1] -= inverse[i, 0] * xy
+    for i in range(shift.shape[0]):
+        shift[i, 0] += xy * shift[i, 1] + xz * shift[i, 2]
+        shift[i, 1] += yz * shift[i, 2]
+
+
+@loop
+def flip(state: F2, cell: Barostat, box: Box) -> I:
+    """Where a tilt has become large, take other vectors of the same lattice for the box.
+
+    Nothing moves but the bodies' image flags, which count these vectors.  The box keeps its centre,
+    from which it stretches, so that a run backwards, which flips elsewhere, finds the same.
+    """
+    h, inverse, lo, new = box.h, box.inverse, box.lo, cell.new_box
+    yz = -floor(h[1, 2] / h[1, 1] + 0.5) if abs(h[1, 2]) > FLIP * h[1, 1] else 0.0
+    tilt = h[0, 2] + yz * h[0, 1]
+    xz = -floor(tilt / h[0, 0] + 0.5) if abs(tilt) > FLIP * h[0, 0] else 0.0
+    xy = -floor(h[0, 1] / h[0, 0] + 0.5) if abs(h[0, 1]) > FLIP * h[0, 0] else 0.0
+    if xy == 0.0 and xz == 0.0 and yz == 0.0:
+        return 0
+    lo[0] += 0.5 * (h[0, 2] - tilt - (xy + xz) * h[0, 0])
+    lo[1] -= 0.5 * yz * h[1, 1]
+    h[0, 2] = tilt + xz * h[0, 0]
+    h[1, 2] += yz * h[1, 1]
+    h[0, 1] += xy * h[0, 0]
+    for i in range(3):  # the inverse of the flips acts from the left
+        inverse[1, i] -= yz * inverse[2, i]
+        inverse[0, i] -= xy * inverse[1, i] + xz * inverse[2, i]
+    reflag(state, IMAGE, xy, xz, yz)
+    tell_box(h, lo, new)
+    new[9], new[10], new[11] = xy, xz, yz
+    call(cell.flip_box[0], cell.flip_box[1], address(new))
+    return 0

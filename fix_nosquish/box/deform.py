@@ -1,0 +1,119 @@
+"""The box is changed by another fix, as by fix deform; bodies keep their shapes.
+
+With its remap x each body's centre keeps its place in units of the box vectors, as with LAMMPS's
+fix rigid.  With remap v bodies stay where they are, and periodic images stream past each other:
+what crosses a face gets the velocity that its image has there (`migration.take_into_box`).
+"""
+
+from math import floor
+
+from ..loops.compiled import F1, F2, F, I, inlined, loop
+from ..motion.block import IMAGE, Images, Layout, Q, X, take
+from ..motion.step import move_to_images, place
+from ..ranks.migration import OF_BODY, Box, cartesian, fractional, image_velocity, reflag
+from .cell import three_of
+
+SAME_LATTICE = 1e-9  # of a box vector, by which a tilt may miss the lattice
+
+
+@inlined
+def edges(told_box):
+    """How long a box is along x, y and z."""
+    return told_box[3] - told_box[0], told_box[4] - told_box[1], told_box[5] - told_box[2]
+
+
+@inlined
+def images_of(inverse, shift, a):
+    """How many box vectors the image is away in which LAMMPS has an atom."""
+    x, y, z = three_of(shift[a], 0)
+    u, v, w = fractional(inverse, x, y, z)
+    return floor(u + 0.5), floor(v + 0.5), floor(w + 0.5)
+
+
+@inlined
+def know(images, box, told_box):
+    """Have the box, and what follows from it, as it is told."""
+    h, inverse, shift = box.h, box.inverse, images.shift
+    for a in range(shift.shape[0]):
+        shift[a, 0], shift[a, 1], shift[a, 2] = images_of(inverse, shift, a)
+    xx, yy, zz = edges(told_box)
+    xy, xz, yz = three_of(told_box, 6)
+    h[0, 0], h[0, 1], h[0, 2], h[1, 1], h[1, 2], h[2, 2] = xx, xy, xz, yy, yz, zz
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = 1.0 / xx, 1.0 / yy, 1.0 / zz
+    inverse[0, 1], inverse[1, 2] = -xy / (xx * yy), -yz / (yy * zz)
+    inverse[0, 2] = (xy * yz - xz * yy) / (xx * yy * zz)
+    for k in range(3):
+        box.lo[k] = told_box[k]
+    for a in range(shift.shape[0]):
+        n1, n2, n3 = three_of(shift[a], 0)
+        shift[a, 0], shift[a, 1], shift[a, 2] = cartesian(h, n1, n2, n3)
+
+
+@loop
+def deform(layout: Layout, images: Images, box: Box, told_box: F1, atom_x: F2):
+    """Move the bodies into the box that LAMMPS has now, and place their atoms.
+
+    Args:
+        told_box: (9,) its lowest and highest coordinates, its tilts xy, xz, yz.
+    """
+    lo, state = box.lo, layout.state
+    for b in range(state.shape[1]):
+        x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
+        state[X, b], state[X + 1, b], state[X + 2, b] = fractional(box.inverse, x, y, z)
+    know(images, box, told_box)
+    for b in range(state.shape[1]):
+        x, y, z = cartesian(box.h, state[X, b], state[X + 1, b], state[X + 2, b])
+        state[X, b], state[X + 1, b], state[X + 2, b] = lo[0] + x, lo[1] + y, lo[2] + z
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, X, Q + 4, X)
+        place(layout, k, atom_x)
+    move_to_images(layout, images, atom_x)
+
+
+@loop
+def stream(layout: Layout, images: Images, box: Box, told_box: F1, atom_x: F2):
+    """Know the box that LAMMPS has now; atoms in another image than their body go with it."""
+    for a in range(images.aways[0]):
+        for c in range(3):
+            atom_x[layout.index[images.away[a]], c] -= images.shift[a, c]
+    know(images, box, told_box)
+    move_to_images(layout, images, atom_x)
+
+
+@loop
+def speed_up(layout: Layout, images: Images, box: Box, atom_v: F2, sign: F):
+    """Give atoms in another image than their body that image's velocity, or, with sign -1.0, take
+    it from them."""
+    for a in range(images.aways[0]):
+        i = layout.index[images.away[a]]
+        n1, n2, n3 = images_of(box.inverse, images.shift, a)
+        vx, vy, vz = image_velocity(box.rate, n1, n2, n3)
+        atom_v[i, 0] += sign * vx
+        atom_v[i, 1] += sign * vy
+        atom_v[i, 2] += sign * vz
+
+
+@loop
+def flipped(layout: Layout, images: Images, box: Box, told_box: F1, arrived: F2) -> I:
+    """Know the other vectors of the same lattice that LAMMPS has now for its box.
+
+    So many of a were added to b (xy), and to c (xz), and of b to c (yz).  Bodies that have just
+    come from another rank count the old ones, too.
+
+    Returns:
+        1 if the box has become another one, else 0.
+    """
+    h = box.h
+    xx, yy, zz = edges(told_box)
+    if xx != h[0, 0] or yy != h[1, 1] or zz != h[2, 2]:
+        return 1
+    u, v = (told_box[6] - h[0, 1]) / xx, (told_box[8] - h[1, 2]) / yy
+    xy, yz = floor(u + 0.5), floor(v + 0.5)
+    w = (told_box[7] - h[0, 2] - yz * h[0, 1]) / xx
+    xz = floor(w + 0.5)
+    if not max(abs(u - xy), max(abs(v - yz), abs(w - xz))) < SAME_LATTICE:
+        return 1
+    reflag(layout.state, IMAGE, xy, xz, yz)
+    reflag(arrived.T, OF_BODY + IMAGE, xy, xz, yz)
+    know(images, box, told_box)
+    return 0

@@ -1,0 +1,164 @@
+"""What calls an integrator: this package's plugin, or a LAMMPS's own fix python/move."""
+
+import sys
+from collections.abc import Sequence
+from functools import wraps
+from typing import Protocol
+
+import numpy as np
+
+
+class Host(Protocol):
+    """The fix as its integrator sees it.
+
+    Attributes:
+        fix_id, group: the fix's ID and its group; None if that is not known.
+        phase: an `integrator.Phase`.
+        velocities_set: whether the atoms' velocities are those of the bodies at the step's end.
+        vflag: what virial LAMMPS asks for in this step; 0 for none.
+        changes: a number that changes when bodies do without Python.
+        calls_setup: whether LAMMPS calls setup before the first step of a run.
+        follows: whether LAMMPS takes along with its atoms what is to be known of them.
+        has_virial: whether LAMMPS asks for the virial, where that is known early.
+        ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
+        scalar_pressure: whether of the long-range forces only the mean pressure of all axes is
+            known, as with kspace_style msm.
+        next_output: the next step for which LAMMPS writes something; None if that is not known.
+        begins, energy_step: the next step that Python begins, and the next one that it ends, if
+            there are any; where the integrator needs it with the potential energy, for which
+            energy_step is None if LAMMPS does not give it.
+        energy: that of all atoms there, the same on all ranks.
+        renews: whether LAMMPS is to move the bodies' atoms by what is in place of their velocities
+            when the method that ends the step returns, to compute the forces there, and to call the
+            method `renewed`.
+        last_step: the last step of the run.
+        span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
+        changes_box: in the steps after the multiples of this the box changes, 0 for never.
+        forces_virial, set_box, flip_box: as `cell.Barostat` has them; None where LAMMPS does not
+            give them.
+        turn_atom: (2,) int64, the address of a function that gives an atom an orientation, and its
+            first argument; those behind are the atom's index and the address of a quaternion.  None
+            where LAMMPS has none.
+        stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
+            argument; None where LAMMPS does not give it.
+        told_box: (9,) what the passes `deform` and `flipped` take; None where LAMMPS does not call
+            them.
+        rate: (6,) how fast the box vectors' components change by fix deform, xx yy zz yz xz xy.
+        stream_group: the bit of the group whose velocities change at periodic faces by these rates,
+            as with its remap v; 0 for none.
+        command: the words of LAMMPS's last command; none where they are not known.
+    """
+
+    fix_id: str | None
+    group: str | None
+    phase: int
+    velocities_set: bool
+    vflag: int
+    changes: int
+    calls_setup: bool
+    follows: bool
+    has_virial: bool
+    ghost_velocity: bool
+    scalar_pressure: bool
+    next_output: int | None
+    begins: int | None
+    energy_step: int | None
+    energy: float
+    renews: int
+    last_step: int
+    span: tuple | None
+    changes_box: int
+    forces_virial: np.ndarray | None
+    set_box: np.ndarray | None
+    flip_box: np.ndarray | None
+    told_box: np.ndarray | None
+    rate: np.ndarray | None
+    stream_group: int
+    turn_atom: np.ndarray | None
+    command: Sequence[str]
+
+    def log(self, text):
+        """Print lines on LAMMPS's screen and in its log; collective."""
+
+    def fixes(self):
+        """All other fixes, in the order in which LAMMPS calls them; None if they are not known."""
+
+    def shapes(self, natoms):
+        """Shape and orientation of each of LAMMPS's atoms on this rank.
+
+        Returns:
+            (natoms, 7) three numbers and a quaternion: half axes of an ellipsoid; length of a line,
+            0, 0; principal moments of a triangle; 0 for others. None where they cannot be known.
+        """
+
+    def removed_freedom(self, fix_id, group):
+        """Degrees of freedom that another fix takes from a group of atoms; collective."""
+
+    def gravity(self, fix_id):
+        """The acceleration that another fix gives, (3,), as it is at any time; None if none."""
+
+    def advice(self, removed):
+        """Lines for the log, on what to add to the input so that temp and press are right."""
+
+    def begin_run(self, virial):
+        """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""
+
+    def set_bodies(self, body, mass):
+        """Lend LAMMPS the body of each atom and the mass of each body; None, None ends that."""
+
+    def set_array_rows(self, n):
+        """Tell LAMMPS how many rows ``compute_array`` gives now."""
+
+    def carry(self, lammps, bodies):
+        """Have LAMMPS take along, with atoms of these bodies, what is to be known of them;
+        None, None for no more."""
+
+    def point(self):
+        """Point the cells of `lammps.Lammps` at LAMMPS's arrays as they are; collective."""
+
+    def noted(self):
+        """Where each atom is, is in the cell of origins now."""
+
+    def atoms_moved(self):
+        """Whether LAMMPS has re-neighboured unsaid since this was last asked."""
+
+    def keep_box(self):
+        """What follows the atoms is for the box as it is now."""
+
+    def go_alone(self, lists, *, velocities_every, python_every, ended, late, without):
+        """Leave calls out, and do lists of passes instead, from now on until `call_always`.
+
+        Args:
+            lists: see `passes`.
+            velocities_every, python_every: every how many steps something may read the atoms'
+                velocities, or Python has something to do at the step's end; 0 for never.
+            ended: the phase at the end of a step that something looks at.
+            late: whether something may have changed the atoms' velocities by then.
+            without: names of lists that it may not do by itself.
+        """
+
+    def call_always(self):
+        """Call every method again."""
+
+    def end(self, error):
+        """End the run on all ranks, with the error's message, where LAMMPS does not."""
+
+
+def driven_by_plugin():
+    """Whether this package's plugin is there, which then is what makes and calls the integrator."""
+    return "fix_nosquish.plugin.bridge" in sys.modules
+
+
+def hook(method):
+    """A method that LAMMPS calls: an exception in it ends the run on all ranks."""
+
+    @wraps(method)
+    def guarded(self, *arguments):
+        try:
+            return method(self, *arguments)
+        except BaseException as error:
+            if self.host:
+                self.host.end(error)
+            raise
+
+    return guarded

@@ -1,0 +1,463 @@
+"""LAMMPS as the fix sees it: views of its arrays, box, units; the only file that touches it.
+
+The C library interface is called with ctypes, through the symbols of the LAMMPS that
+runs this very process, so that the `lammps` Python module, whose version may be
+another one, is not needed.
+"""
+
+import ctypes
+from ctypes import c_char_p, c_double, c_int, c_int64, c_void_p
+from functools import cached_property
+
+import numpy as np
+
+from ..errors import RunError
+from ..loops.compiled import F1, F2, I1, L1, L2, Cell, array, cells
+
+_IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
+_MISSING = "this fix does not advance"
+_TURNS = (
+    "whose orientation this LAMMPS does not give: install this package where its plugin serves, "
+    "and use the atom style without a suffix"
+)
+_EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
+_STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
+
+# LAMMPS's arrays as loops take them; the plugin has the same order
+ARRAYS = {
+    "atom_x": F2,
+    "atom_v": F2,
+    "atom_f": F2,
+    "groups": I1,
+    "origins": L1,
+    "arrived": F2,
+    "atom_torque": F2,
+    "atom_omega": F2,
+    "atom_mass": F1,
+    "type_mass": F1,
+    "type": I1,
+    "virial": F1,
+    "atom_virial": F2,
+    "atom_angmom": F2,
+    "atom_mu": F2,
+}
+
+
+def pointer(ptr):
+    """The address in what LAMMPS hands a class: a capsule, an integer or c_void_p."""
+    if isinstance(ptr, int):
+        return ptr
+    if isinstance(ptr, c_void_p):
+        return ptr.value
+    capsule = ctypes.pythonapi.PyCapsule_GetPointer
+    capsule.restype, capsule.argtypes = c_void_p, [ctypes.py_object, c_char_p]
+    return capsule(ptr, None)
+
+
+def _library():
+    lib = ctypes.CDLL(None)
+    for name, result, arguments in (
+        ("command", c_void_p, [c_void_p, c_char_p]),
+        ("extract_atom", c_void_p, [c_void_p, c_char_p]),
+        ("extract_global", c_void_p, [c_void_p, c_char_p]),
+        ("extract_setting", c_int, [c_void_p, c_char_p]),
+        ("extract_variable", c_void_p, [c_void_p, c_char_p, c_char_p]),
+        ("free", None, [c_void_p]),
+        ("get_thermo", c_double, [c_void_p, c_char_p]),
+        ("get_mpi_comm", c_int, [c_void_p]),
+        ("has_id", c_int, [c_void_p, c_char_p, c_char_p]),
+        ("id_name", c_int, [c_void_p, c_char_p, c_int, c_char_p, c_int]),
+        ("is_running", c_int, [c_void_p]),
+        ("fix_external_set_virial_global", None, [c_void_p, c_char_p, ctypes.POINTER(c_double)]),
+        ("set_fix_external_callback", None, [c_void_p, c_char_p, c_void_p, c_void_p]),
+    ):
+        function = getattr(lib, "lammps_" + name)
+        function.restype, function.argtypes = result, arguments
+    return lib
+
+
+class Box:
+    """The periodic box.
+
+    Attributes:
+        h: (3, 3) upper triangular matrix whose columns are the box vectors.
+        periodic: (3,) bool; wrap: the same as 0.0 and 1.0.
+        lo: (3,) the origin.
+        size: the largest component of a box vector.
+        farthest: the largest coordinate of a corner.
+    """
+
+    def __init__(self, lo, hi, tilt, periodic):
+        xy, yz, xz = tilt
+        edge = hi - lo
+        self.h = np.array([[edge[0], xy, xz], [0.0, edge[1], yz], [0.0, 0.0, edge[2]]])
+        self.inverse = np.linalg.inv(self.h)
+        self.lo, self.periodic, self.wrap, self.size = (
+            lo,
+            periodic,
+            periodic.astype(float),
+            np.abs(self.h).max(),
+        )
+        self.farthest = max(np.abs(lo).max(), np.abs(lo + self.h.sum(axis=1)).max())
+
+    def lattice(self, vectors):
+        """The nearest lattice vectors' integer coordinates (zero where not periodic), (n, 3)."""
+        return np.rint(vectors @ self.inverse.T) * self.periodic
+
+    def cells(self, positions):
+        """How many box vectors each position is away from the box itself, (n, 3)."""
+        return np.floor((positions - self.lo) @ self.inverse.T) * self.periodic
+
+
+class Lammps:
+    """One LAMMPS instance on this rank."""
+
+    def __init__(self, ptr):
+        self.handle = pointer(ptr)
+        self.lib = _library()
+        if not self.setting("box_exist"):
+            raise RunError(
+                "the fix needs a simulation box: define it after read_data or create_box",
+                everywhere=True,
+            )
+        if self.setting("bigint") != 8:
+            raise RunError(
+                "a LAMMPS of -DLAMMPS_SMALLSMALL counts steps in 32 bits: build it with "
+                "-DLAMMPS_SMALLBIG, the default",
+                everywhere=True,
+            )
+        # these never move while LAMMPS lives
+        self._natoms = self._scalar("nlocal", c_int)
+        self._dt = self._scalar("dt", c_double)
+        self._step = self._scalar("ntimestep", c_int64)
+        self._all_atoms = self._scalar("natoms", c_int64)
+        # the number of the step for loops, which read it there
+        self.step_cell = Cell(L1, array(self._global("ntimestep"), (1,), np.int64))
+        self.ftm2v = self._scalar("ftm2v", c_double).value
+        self.mvv2e = self._scalar("mvv2e", c_double).value
+        self.boltz = self._scalar("boltz", c_double).value
+        self.nktv2p = self._scalar("nktv2p", c_double).value
+        self.units = ctypes.string_at(self._global("units")).decode()
+        tag = self.setting("tagint")
+        self.tagint = {4: np.int32, 8: np.int64}[tag]
+        self.imageint = {4: np.int32, 8: np.int64}[self.setting("imageint")]
+        self._image_bits = _IMAGE_BITS[self.setting("imageint")]
+        self.dimension = self.setting("dimension")
+        self.ranks = self.setting("world_size")
+        self.rank = self.setting("world_rank")
+        self._box_then = None
+        self._views = {}  # of per-atom arrays, by name, with the address and shape that each is of
+        # what loops that stay bound take of LAMMPS's atoms; a host points the cells at the arrays
+        self.table, self.cells = cells(ARRAYS)
+        self.cells["arrays"] = Cell(L2, self.table)
+
+    def _global(self, name):
+        address = self.lib.lammps_extract_global(self.handle, name.encode())
+        if not address:
+            raise RunError(
+                f"this LAMMPS does not give its {name}: it is too old for the fix", everywhere=True
+            )
+        return address
+
+    def _scalar(self, name, ctype):
+        return ctype.from_address(self._global(name))
+
+    def setting(self, name):
+        """An integer of LAMMPS's lammps_extract_setting()."""
+        return self.lib.lammps_extract_setting(self.handle, name.encode())
+
+    @cached_property
+    def openmp(self):
+        """The addresses of functions of the OpenMP that LAMMPS runs with: one that has each thread
+        of a team call a function, the number of a thread, the size of its team; None without it.
+
+        Compilers call these by themselves: GCC's names, which LLVM's and Intel's have, too.
+        """
+        names = "GOMP_parallel", "omp_get_thread_num", "omp_get_num_threads"
+        try:
+            return [ctypes.cast(getattr(self.lib, name), c_void_p).value for name in names]
+        except AttributeError:
+            return None
+
+    @property
+    def threads(self):
+        """How many threads LAMMPS uses on this rank: see its command package omp."""
+        return max(1, self.setting("nthreads")) if self.openmp else 1
+
+    @property
+    def dt(self):
+        """The time step."""
+        return self._dt.value
+
+    @property
+    def step(self):
+        """The number of the step."""
+        return self._step.value
+
+    @property
+    def natoms(self):
+        """How many atoms there are on all ranks, as LAMMPS counts them."""
+        return self._all_atoms.value
+
+    @property
+    def time(self):
+        """The simulated time."""
+        return self.lib.lammps_get_thermo(self.handle, b"time")
+
+    @property
+    def respa_dt(self):
+        """The time steps of run_style respa's levels, innermost first; None without it."""
+        levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
+        count = c_int.from_address(levels).value if levels else 0
+        return array(self._global("respa_dt"), (count,), float).copy() if count else None
+
+    @property
+    def innermost_dt(self):
+        """The time step with which bodies move."""
+        levels = self.respa_dt
+        return self.dt if levels is None else levels[0]
+
+    @property
+    def running(self):
+        """Whether a run or minimisation is under way (or being set up)."""
+        return bool(self.lib.lammps_is_running(self.handle))
+
+    @property
+    def neighbor_builds(self):
+        """How many times the neighbour lists were built in this run."""
+        return self.lib.lammps_get_thermo(self.handle, b"nbuild")
+
+    @cached_property
+    def bounds(self):
+        """Views of the box's numbers (lo, hi, tilt, periodic) as they change."""
+        lo, hi = (array(self._global(name), (3,), float) for name in ("boxlo", "boxhi"))
+        tilt = [self._scalar(name, c_double) for name in ("xy", "yz", "xz")]
+        return lo, hi, tilt, array(self._global("periodicity"), (3,), np.int32)
+
+    @property
+    def box(self):
+        """The box as it is now; the same `Box` as before if nothing has changed."""
+        lo, hi, tilt, periodic = self.bounds
+        now = lo.tobytes(), hi.tobytes(), periodic.tobytes(), *[t.value for t in tilt]
+        if now != self._box_then:
+            self._box_then, self._box = (
+                now,
+                Box(lo.copy(), hi.copy(), [t.value for t in tilt], periodic.astype(bool)),
+            )
+        return self._box
+
+    def per_atom(self, name, dtype=float, columns=0):
+        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns), the same
+        as long as it holds; None if absent."""
+        n = self._natoms.value
+        shape = (n, columns) if columns else (n,)
+        if n == 0:
+            return np.empty(shape, dtype)
+        address = self.lib.lammps_extract_atom(self.handle, name.encode())
+        if not address:
+            return None
+        where = c_void_p.from_address(address).value if columns else address, shape
+        known = self._views.get(name)
+        if not known or known[0] != where:
+            known = self._views[name] = where, array(*where, dtype)
+        return known[1]
+
+    @property
+    def tags(self):
+        """Atom IDs, (natoms,)."""
+        return self.per_atom("id", self.tagint)
+
+    @property
+    def masses(self):
+        """Mass of each atom, (natoms,)."""
+        mass = self.per_atom("rmass")
+        return self.type_masses[self.per_atom("type", np.int32)] if mass is None else mass
+
+    @property
+    def type_masses(self):
+        """Mass of each type of atoms, from 1 on, where atoms have none of their own."""
+        address = self.lib.lammps_extract_atom(self.handle, b"mass")
+        return array(address, (self.setting("ntypes") + 1,), float)
+
+    @property
+    def groups(self):
+        """The bits of the groups that each atom is in, (natoms,)."""
+        return self.per_atom("mask", np.uint32)
+
+    @property
+    def images(self):
+        """Image flags (natoms, 3): how many box vectors an atom is from its place in the box."""
+        packed = self.per_atom("image", self.imageint).astype(np.int64)
+        mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
+        return np.stack(
+            [(packed >> (self._image_bits * k) & mask) - half for k in range(3)], axis=1
+        )
+
+    def image_difference(self, difference):
+        """What a difference of image flags means: their counters start again at the other end."""
+        half = 1 << (self._image_bits - 1)
+        return (difference + half) % (2 * half) - half
+
+    @property
+    def radius(self):
+        """The spheres' radii, (natoms,), 0 for a point; None where the atom style has none."""
+        # asked of the settings, because a rank without atoms must give the same answer
+        flags = "radius_flag", "omega_flag", "torque_flag"
+        return self.per_atom("radius") if all(self.setting(flag) > 0 for flag in flags) else None
+
+    @property
+    def orients(self):
+        """Whether atoms of this atom style can have an orientation."""
+        names = b"ellipsoid", b"line", b"tri", b"mu"
+        return any(self.lib.lammps_extract_atom(self.handle, name) for name in names)
+
+    def unknown(self, shapes):
+        """What atoms are that this fix does not move.
+
+        Args:
+            shapes: see `hosts.Host.shapes`.
+        Returns:
+            (natoms,) what an atom is, and what of it this fix does not move, '' for none; None if
+            there is none in this atom style.
+        """
+        kinds = {}
+        for name, what in ("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"):
+            index = self.per_atom(name, np.int32)
+            if index is not None and shapes is None:
+                kinds[f"{what}, {_TURNS}"] = index >= 0
+        body = self.per_atom("body", np.int32)
+        if body is not None:
+            kinds[f"a body particle, whose shape {_MISSING}"] = body >= 0
+        spins = self.per_atom("sp", columns=4)
+        if spins is not None:
+            kinds[f"a magnetic spin, whose precession {_MISSING}"] = spins[:, 3] > 0
+        spin, phase = (self.per_atom(name, np.int32) for name in ("spin", "rheo_status"))
+        if self.per_atom("quat", columns=4) is not None:
+            kinds[f"a particle of atom style bpm/sphere, whose orientation {_MISSING}"] = True
+        if spin is not None:
+            kinds[f"an electron, whose radius {_MISSING}"] = np.abs(spin) == 1
+        if phase is not None:
+            kinds[
+                f"a fluid particle of RHEO, whose density {_MISSING}; give it rheo/status 1 (solid)"
+            ] = phase & 1 == 0
+        if (
+            self.per_atom("vest", columns=3) is not None
+        ):  # velocities for the forces, which only these styles' own integrators extrapolate
+            if self.per_atom("esph") is not None:
+                kinds[
+                    f"an SPH particle, whose density and energy {_MISSING}; use fix rigid/meso"
+                ] = True
+            elif self.per_atom("edpd_temp") is not None:
+                kinds[f"a DPD particle of atom style edpd, whose temperature {_MISSING}"] = True
+            elif self.per_atom("rho") is None:  # style mdpd has it, whose forces are of v
+                kinds[f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"] = True
+        every = [np.broadcast_to(which, self._natoms.value) for which in kinds.values()]
+        return np.select(every, list(kinds), "") if kinds else None
+
+    def has(self, category, name):
+        """Whether a group, variable, fix … of this ID is defined."""
+        return bool(self.lib.lammps_has_id(self.handle, category.encode(), name.encode()))
+
+    def group_bit(self, name):
+        """The bit of a group in the atoms' mask."""
+        buffer = ctypes.create_string_buffer(256)
+        for bit in range(32):
+            known = self.lib.lammps_id_name(self.handle, b"group", bit, buffer, 256)
+            if known and buffer.value.decode() == name:
+                return 1 << bit
+        raise RunError(f"there is no group {name}", everywhere=True)
+
+    def variable(self, name, group):
+        """Values of an atom-style variable, (natoms,); collective."""
+        address = self._evaluate(name, group, _ATOM_STYLE)
+        values = array(address, (self._natoms.value,), float).copy()
+        self.lib.lammps_free(address)
+        return values
+
+    def text(self, word):
+        """A word of the fix line, or the value of the variable that v_NAME names; collective.
+
+        Raises:
+            RunError: if there is no such variable, or it is not a string-style one.
+        """
+        if word[:2] != "v_":
+            return word
+        return ctypes.string_at(self._evaluate(self._named(word), None, _STRING)).decode()
+
+    def number(self, word):
+        """A word of the fix line as a number: what stands there, or the value now of the variable
+        that v_NAME names; collective.
+
+        Raises:
+            RunError: if there is no such variable, or it is not an equal-style one.
+        """
+        if word[:2] != "v_":
+            return float(word)
+        place = self._evaluate(self._named(word), None, _EQUAL)
+        value = c_double.from_address(place).value
+        self.lib.lammps_free(place)
+        return value
+
+    def _named(self, word):
+        """The name in v_NAME, of a variable that there is."""
+        name = word[2:]
+        if not self.has("variable", name):
+            raise RunError(
+                f"there is no variable '{name}' ({word}): define it before the fix", everywhere=True
+            )
+        return name
+
+    def _evaluate(self, name, group, style):
+        """The address of a variable's value; collective."""
+        style_of = getattr(
+            self.lib, "lammps_extract_variable_datatype", None
+        )  # LAMMPS has it since 2022
+        if style_of and style_of(c_void_p(self.handle), name.encode()) != style:
+            kind = _STYLES[style]
+            raise RunError(
+                f"variable {name} is not {kind}-style variable: define it with "
+                f"'variable {name} {kind.split()[1]} ...'",
+                everywhere=True,
+            )
+        address = self.lib.lammps_extract_variable(
+            self.handle, name.encode(), group and group.encode()
+        )
+        if not address:
+            # an atom's value may be the trouble of its rank alone
+            everywhere = style != _ATOM_STYLE
+            raise RunError(f"variable {name} cannot be evaluated", everywhere=everywhere)
+        return address
+
+    @property
+    def communicator(self):
+        """Fortran handle of LAMMPS's own communicator."""
+        return self.lib.lammps_get_mpi_comm(self.handle)
+
+    def print(self, text):
+        """Write lines to screen and log with LAMMPS's print command; collective."""
+        for line in text.splitlines():
+            self.lib.lammps_command(self.handle, f'print "{line}"'.encode())
+
+    def call_in_post_force(self, fix, function):
+        """Have a `fix external … pf/callback` call function() once the forces are known."""
+        prototype = ctypes.CFUNCTYPE(None, c_void_p, c_int64, c_int, c_void_p, c_void_p, c_void_p)
+
+        def call(_, step, natoms, tags, x, forces):
+            if natoms:  # the fix adds its own array of forces, which holds what memory held
+                ctypes.memset(
+                    c_void_p.from_address(forces).value, 0, natoms * 3 * ctypes.sizeof(c_double)
+                )
+            function()
+
+        callback = prototype(call)
+        self.lib.lammps_set_fix_external_callback(
+            self.handle, fix.encode(), ctypes.cast(callback, c_void_p), None
+        )
+        return callback
+
+    def set_external_virial(self, fix, virial):
+        """Give a fix external the virial of all ranks (xx yy zz xy xz yz)."""
+        virial = np.ascontiguousarray(virial)
+        self.lib.lammps_fix_external_set_virial_global(
+            self.handle, fix.encode(), virial.ctypes.data_as(ctypes.POINTER(c_double))
+        )

@@ -1,0 +1,181 @@
+"""A LAMMPS's own fix python/move: it knows no setup, degrees of freedom, virial or migration."""
+
+import ctypes
+import sys
+import traceback
+import weakref
+
+import numpy as np
+
+from ..errors import RunError
+from ..ranks.lookup import describe, fetch, find, look_up
+from ..ranks.migration import OF_BODY
+
+EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
+_callbacks = {}  # LAMMPS's address -> what its fix external calls
+
+
+class OwnFix:
+    """A `hosts.Host` for LAMMPS's own fix python/move.
+
+    Args:
+        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
+    """
+
+    fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
+    begins = energy_step = stop = turn_atom = rate = None
+    stream_group = 0
+    calls_setup = follows = velocities_set = scalar_pressure = False
+    command = ()  # not known
+    ghost_velocity = True  # not known: velocities at the half step may be read
+    phase = vflag = changes = 0
+
+    def __init__(self, lammps, communicator):
+        self.lammps, self.communicator = lammps, communicator
+        self._virial_fix = self._problem = self._bodies = None
+        self._builds = 0.0
+        self._tags = self._origins = np.empty(0, np.int64)
+
+    @property
+    def has_virial(self):
+        return self._virial_fix is not None
+
+    def log(self, text):
+        """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
+        if not self.lammps.running:
+            self.lammps.print(text)
+        elif self.communicator.rank == 0:
+            print(text, end="", flush=True)
+
+    def fixes(self):
+        return None
+
+    def shapes(self, natoms):
+        return None
+
+    def removed_freedom(self, fix_id, group):
+        return 0
+
+    def gravity(self, fix_id):
+        return None
+
+    def advice(self, removed):
+        return (
+            "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. "
+            "For temp to be right:",
+            f"    compute_modify thermo_temp extra/dof {removed + self.lammps.dimension}",
+            "  and for press to be right, after all other fixes:",
+            f"    fix {EXTERNAL} all external pf/callback 1 1",
+        )
+
+    def set_bodies(self, body, mass):
+        """Of no use here, as the next four."""
+
+    set_array_rows = call_always = keep_box = go_alone = lambda self, *_, **__: None
+
+    def carry(self, lammps, bodies):
+        """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""
+        self._bodies = bodies
+
+    def point(self):
+        lammps = self.lammps
+        cells, empty = lammps.cells, np.empty(0)
+        for name, of in (
+            ("x", "x"),
+            ("v", "v"),
+            ("f", "f"),
+            ("torque", "torque"),
+            ("omega", "omega"),
+            ("angmom", "angmom"),
+        ):
+            values = lammps.per_atom(of, columns=3)
+            if values is not None:
+                cells[f"atom_{name}"].set(values)
+        mu = lammps.per_atom("mu", columns=4)
+        if mu is not None:
+            cells["atom_mu"].set(mu)
+        mass = lammps.per_atom("rmass")
+        cells["atom_mass"].set(empty if mass is None else mass)
+        cells["type_mass"].set(empty if mass is not None else lammps.type_masses)
+        cells["type"].set(lammps.per_atom("type", np.int32))
+        cells["atom_virial"].set(np.empty((0, 9)))
+        cells["groups"].set(lammps.groups.view(np.int32))
+        origins, moved = self._find_origins()
+        strangers = np.flatnonzero((origins >= 0) & (origins >> 32 != self.communicator.rank))
+        rows = self._rows(strangers[:0])
+        if moved:
+            rows = fetch(self.communicator, origins[strangers], self._rows)
+        rows[:, 0] = origins[strangers].view(float)
+        origins[strangers] = -2 - np.arange(len(strangers))
+        cells["origins"].set(origins)
+        cells["arrived"].set(rows)
+
+    def noted(self):
+        self._tags = self.lammps.tags.astype(np.int64)
+        self._origins = self.lammps.cells["origins"].array
+
+    def _rows(self, places):
+        bodies = self._bodies
+        rows = np.empty((len(places), OF_BODY + len(bodies.state) + len(bodies.displace)))
+        describe(places, bodies.body, bodies.displace, bodies.state, rows)
+        return rows
+
+    def _find_origins(self):
+        """Where each atom was, and whether any has come to or gone from any rank; collective."""
+        communicator, tags = self.communicator, self.lammps.tags.astype(np.int64)
+        before = find(self._tags, tags)
+        stayed = before >= 0
+        origins = np.full(len(tags), -1)
+        origins[stayed] = self._origins[before[stayed]]
+        gone = self._origins >= 0
+        gone[before[stayed]] = False
+        moved = communicator.any(gone.any() or not stayed.all())
+        if moved:
+            came = look_up(communicator, self._tags[gone], self._origins[gone], tags[~stayed])
+            origins[~stayed] = came
+        return origins, moved
+
+    def atoms_moved(self):
+        if self._problem:
+            raise self._problem
+        before, self._builds = self._builds, self.lammps.neighbor_builds
+        return self._builds != before
+
+    def begin_run(self, virial):
+        """If there is a fix external for it, have it take the virial whenever forces are new."""
+        self._builds = 0.0  # LAMMPS counts from zero in each run
+        if not self.lammps.has("fix", EXTERNAL):
+            return
+        self._virial_fix = EXTERNAL
+        method = weakref.WeakMethod(virial)  # the fix external may outlive the integrator
+
+        def report():
+            try:
+                self.lammps.set_external_virial(EXTERNAL, method()() if method() else np.zeros(6))
+            except (
+                BaseException
+            ) as error:  # LAMMPS cannot be told from here: the next hook raises it
+                self._problem = error
+
+        _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)
+
+    def end(self, error):
+        """Print the message once and end the run on all ranks; on one rank, come back."""
+        if getattr(error, "said", False):
+            return
+        error.said = True  # not kept here: it holds all that it came through, this object among it
+        text, everywhere = str(error), getattr(error, "everywhere", False)
+        several = self.communicator.size > 1
+        if not isinstance(error, RunError):
+            text = f"{type(error).__name__}: {text}"
+            if several:  # on one rank LAMMPS prints it
+                traceback.print_exception(error)
+        if self.communicator.rank == 0 or not everywhere:
+            where = f" on proc {self.communicator.rank}" if several and not everywhere else ""
+            print(f"ERROR{where}: {text}", file=sys.stderr)
+        sys.stderr.flush()
+        ctypes.CDLL(None).fflush(None)
+        if everywhere:
+            self.communicator.any(True)  # rank 0 has printed
+        if several:
+            self.communicator.abort()

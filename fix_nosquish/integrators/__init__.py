@@ -1,0 +1,1 @@
+"""The integrators that a fix line names, and their thermostats and barostats."""

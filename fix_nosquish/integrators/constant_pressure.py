@@ -1,0 +1,265 @@
+"""What integrators at constant pressure have in common: the words for it, and what they refuse.
+
+How the box follows the pressure is said by `crescale` and `mtk`.
+"""
+
+import numpy as np
+
+from ..box import cell, others
+from ..box.cell import (
+    EVERY,
+    MOST,
+    NUMBERS,
+    OUT_OF_BOUNDS,
+    P_START,
+    P_STOP,
+    SPACE,
+    TILTED,
+    UNIT,
+    WEIGHT,
+    XY,
+    flip,
+)  # fmt: skip
+from ..errors import RunError
+from ..host.command import PRESSURES, TILTS
+from ..loops.compiled import F1, L1, Cell
+from ..run.integrator import READERS
+from .nvt import NVT
+
+AXES = "xyz"
+# parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
+# a box that follows the fast fluctuations of a liquid's pressure in long jumps is too restless
+PARTS, FEWEST_PARTS = 50, 20
+# fixes that change forces, but not the mean of what these do within bodies, or not along an axis
+# that can change
+_HARMLESS = (*READERS, "langevin", "temp/", "viscous", "gravity", "enforce2d", "property/", "wall/")
+COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
+
+
+class ConstantPressure(NVT):
+    """An integrator whose box changes every so many steps.
+
+    All atoms of the system are in its bodies, or points, or keyword dilate says of the others which
+    ones move with the box.
+
+    Attributes:
+        numbers: how many numbers its barostat has; see `cell`.
+        has_others: whether there are atoms that are in no body.
+
+    Raises:
+        RunError: for words that do not go together, for atoms that are left out, and where a face
+            of the box is not periodic.
+    """
+
+    keywords = (*PRESSURES, "couple", "every", "dilate")
+    modules, numbers = (cell.__name__, others.__name__), NUMBERS
+    respa, every, has_others = False, 1, False
+
+    def own_parameters(self):
+        self._refuse()
+        self.own_warnings = tuple(self._warnings_of_forces())
+        self._choose_every()
+        return super().own_parameters()
+
+    def _choose_every(self):
+        """Say in which steps the box changes."""
+        dt, damping = self.lammps.dt, self.damping
+        usual = min(damping / (PARTS * dt) + 1e-9, 2.0**31 - 1.0)
+        self.every = self.command.every or max(1, int(usual))
+        self.host.changes_box = self.every
+        parts = damping / (self.every * dt)
+        if self.command.every and parts < FEWEST_PARTS:
+            self.own_warnings += (
+                f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
+                f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
+                "break. Give keyword every a smaller number, or leave it out",
+            )
+
+    def _warnings_of_forces(self):
+        """Lines on fixes whose forces LAMMPS's virial lacks; collective.
+
+        The pressure takes from it what all forces do within bodies, and on atoms that stay.
+        """
+        for fix in self._fixes:
+            harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
+            if not fix.post_force or fix.virial_in_press or harmless:
+                continue
+            if self.acts_on_bodies(fix) or (self.has_others and self._hits_what_stays(fix)):
+                remedy = (
+                    f"use 'fix_modify {fix.id} virial yes'"
+                    if fix.has_virial
+                    else "it has none that fix_modify could add: use constant volume, or take the "
+                    "mean of a run without the fix"
+                )
+                yield (
+                    f"WARNING: fix {fix.id} (style {fix.style}) changes forces, and the virial "
+                    f"lacks these: the box follows a wrong pressure: {remedy}"
+                )
+
+    def complaint(self, found):
+        if found == OUT_OF_BOUNDS:
+            return (
+                f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
+                f"tilt by more than an edge, by step {self.lammps.step}: the pressure is far from "
+                "the one asked for, or PDAMP is too short. Bring the system near this pressure at "
+                "constant volume or with a longer PDAMP first, or give keyword every a smaller "
+                "number"
+            )
+        return super().complaint(found)
+
+    def _refuse(self):
+        """Raise an error for a system whose box this fix cannot change; collective."""
+        lammps = self.lammps
+        if self.host.set_box is None:
+            raise RunError(
+                "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
+                "package where its plugin serves, or use fix_nosquish.NVT or NVE",
+                everywhere=True,
+            )
+        for mate in self.mates:
+            if mate is not self:
+                raise RunError(
+                    f'fix {mate.host.fix_id} ("{mate.command.text}") has bodies, too, which would '
+                    "not follow the box that this fix changes: have one fix move all bodies, or "
+                    "move what else there is by a fix of LAMMPS's",
+                    everywhere=True,
+                )
+        outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
+        if outside and not self.command.dilate:
+            raise RunError(
+                f"{outside} atoms are in no body: give their group to keyword points, so that this "
+                "fix moves them, too, or say by keyword dilate which of them the box takes along",
+                everywhere=True,
+            )
+        self.has_others = outside > 0
+        if self.has_others:
+            self._refuse_changed_forces()
+        flat = {"z", "xz", "yz"} & {*self.command.pressure, self.command.couple}
+        if lammps.dimension == 2 and flat:
+            raise RunError(
+                f"in two dimensions the box has no length along z: leave out {flat.pop()}",
+                everywhere=True,
+            )
+        if self.command.force or self.command.torque:
+            raise RunError(
+                "keywords force and torque are for a box that does not change", everywhere=True
+            )
+        if self.flips and not lammps.setting("triclinic"):
+            raise RunError(
+                "keywords tri, xy, xz, yz are for a triclinic box, and this one is orthogonal: use "
+                "aniso, or make it triclinic (change_box all triclinic) before the fix line",
+                everywhere=True,
+            )
+        if self.host.scalar_pressure and self.axes.tolist() != [0, 0, 0, -1, -1, -1]:
+            raise RunError(
+                "kspace_style msm gives the mean pressure of all axes only, and this box has more "
+                "than one to follow: use iso, or kspace_modify pressure/scalar no",
+                everywhere=True,
+            )
+        for part, group in zip((*AXES, *TILTS), self.axes, strict=True):
+            fixed = [axis for axis in part if not lammps.box.periodic[AXES.index(axis)]]
+            if group >= 0 and fixed:
+                raise RunError(
+                    f"there is no pressure along {fixed[0]}, which is not periodic: name other "
+                    "axes" + (f", and no tilt {part}" if len(part) > 1 else ""),
+                    everywhere=True,
+                )
+
+    def _refuse_changed_forces(self):
+        """Raise an error if forces on atoms that stay are not those of LAMMPS's virial."""
+        for fix in self._fixes:
+            changes = fix.style.startswith(("setforce", "aveforce", "freeze"))
+            if changes and self._hits_what_stays(fix):
+                raise RunError(
+                    f"fix {fix.id} changes forces on atoms that stay where they are when the box "
+                    "changes, and the pressure needs these forces: leave that fix out (atoms that "
+                    "no fix integrates do not move), or have keyword dilate take the atoms along",
+                    everywhere=True,
+                )
+
+    def _hits_what_stays(self, fix):
+        """Whether a fix acts on atoms that stay where they are when the box changes; collective."""
+        groups = self.lammps.groups
+        stays = (groups & self.lammps.group_bit(self.command.dilate)) == 0
+        stays[self.bodies.index] = False
+        return self.communicator.any(fix.has(groups[stays]).any())
+
+    def loops_of_others(self, cells):
+        """Loops for atoms that are in no body: what they say of the pressure, and what moves them
+        with the box; two lists, empty where there are none."""
+        if not self.has_others:
+            return [], []
+        bit = np.array([self.lammps.group_bit(self.command.dilate)], np.uint32).view(np.int32)[0]
+        return (
+            [others.virial_of_others.bind_to(cells, dilated=int(bit))],
+            [others.move_others.bind_to(cells, dilated=int(bit))],
+        )
+
+    @property
+    def axes(self):
+        """Which axes change together, and which tilts, (6,): see `cell.Barostat`."""
+        command = self.command
+        coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
+        groups = zip((*AXES, *TILTS), (*coupled, 3, 4, 5), strict=True)
+        flat = "" if self.lammps.dimension == 3 else "z"
+        return np.array(
+            [
+                group if command.pressure_of(part) and not (flat and flat in part) else -1
+                for part, group in groups
+            ]
+        )
+
+    @property
+    def flips(self):
+        """Whether tilts change, so that other box vectors may be better."""
+        return bool((self.axes[XY:] >= 0).any())
+
+    def flip_loops(self, cells):
+        return [flip.bind_to(cells)]
+
+    @property
+    def damping(self):
+        """PDAMP, which is one for all axes."""
+        every = {self.lammps.number(words[2]) for words in self.command.pressure.values()}
+        damping, *others = sorted(every)
+        self.command.refuse_unless_positive("PDAMP", damping)
+        if others:
+            raise self.command.wrong(
+                f"PDAMP is {damping:g} for one axis and {others[0]:g} for another: "
+                "give all axes the same"
+            )
+        return damping
+
+    def own_numbers(self):
+        """The numbers of the barostat, (n,): see `cell`."""
+        lammps, numbers, of_group = self.lammps, np.zeros(self.numbers), {}
+        for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
+            if group >= 0:
+                words = self.command.pressure_of(part)[:2]
+                start, stop = pressures = tuple(lammps.number(word) for word in words)
+                if of_group.setdefault(group, pressures) != pressures:
+                    raise self.command.wrong(
+                        f"keyword couple {self.command.couple}: {part} goes from {start:g} to "
+                        f"{stop:g}, and an axis coupled to it from {of_group[group][0]:g} to "
+                        f"{of_group[group][1]:g}: give both the same"
+                    )
+                numbers[[P_START + k, P_STOP + k]] = start / lammps.nktv2p, stop / lammps.nktv2p
+        numbers[[UNIT, EVERY, SPACE]] = lammps.mvv2e, self.every, lammps.dimension == 3
+        # a change of an axis stretches a tilt along it, and narrows one that it is the second of
+        changing = [tilt for tilt, group in zip(TILTS, self.axes[XY:], strict=True) if group >= 0]
+        for k, axis in enumerate(AXES):
+            along, across = (sum(tilt[n] == axis for tilt in changing) for n in (0, 1))
+            numbers[WEIGHT + k] = 1.0 + along - across
+        numbers[TILTED] = self.flips
+        return numbers
+
+    def own_cells(self):
+        return super().own_cells() | {
+            "barostat": Cell(F1, self.own_numbers()),
+            "axes": Cell(L1, self.axes),
+            "cell_sums": Cell(F1, np.zeros(12)),
+            "forces_virial": Cell(F1, self.host.forces_virial),
+            "new_box": Cell(F1, np.zeros(12)),
+            "set_box": Cell(L1, self.host.set_box),
+            "flip_box": Cell(L1, self.host.flip_box),
+        }

@@ -1,0 +1,259 @@
+"""Stochastic cell rescaling: the box, and with it the centres of mass, follow the pressure.
+
+Bernetti and Bussi, J. Chem. Phys. 153, 114107 (2020), for the whole box or for some of its axes
+together (Del Tatto et al., Appl. Sci. 12, 1139 (2022)).  With lambda = sqrt(V), for d coupled axes
+
+    d lambda = -(beta d lambda / 6 tau) (P_0 - P - k T / 2 V) dt + sqrt(beta k T d / 6 tau) dW
+
+Centres of mass are stretched with the box, velocities by the inverse; shapes stay.  So P is the
+molecular pressure: of the bodies' translation, and the virial of the forces on their centres.
+
+It is done every so many steps, when the bodies have moved and before their forces are computed: no
+force of the old box acts in the new one.
+
+The energy that a change of the box gives to the system is noted as heat is.  Of the kinetic energy
+it is known.  Of the potential energy it is what the mean of the forces before and behind does,
+which is right to the second order in the change.
+"""
+
+from math import log, sqrt
+
+from ..box import cell
+from ..box.cell import (
+    CENTRE,
+    EVERY,
+    MOTION,
+    OPEN,
+    OUT_OF_BOUNDS,
+    RATE,
+    SHEAR,
+    SPREAD,
+    STRETCH,
+    TILT_MOTION,
+    TILT_SPREAD,
+    TILTED,
+    UNIT,
+    WEIGHT,
+    XY,
+    Barostat,
+    pressure_now,
+    stretch_box,
+    three_of,
+    volume_of,
+)  # fmt: skip
+from ..errors import RunError
+from ..loops.compiled import F1, F2, L1, F, I, inlined, loop
+from ..motion.block import HOME, MASS, Images, Layout, Q, V, X, take
+from ..motion.philox import normal_pair
+from ..motion.step import move_to_images, place
+from ..ranks.migration import Box
+from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
+from .constant_pressure import ConstantPressure
+from .nvt import HEAT, KT, OF_BAROSTAT, prepare, words_of_all
+
+COMPRESSIBILITY = 4.6e-5  # of water, 1/atm
+# atm that the unit of pressure is
+_PER_ATM = {
+    "real": 1.0, "metal": 1 / 1.01325, "si": 1 / 101325.0, "cgs": 1 / 1013250.0,
+    "electron": 1 / 101325.0,
+}  # fmt: skip
+
+
+@inlined
+def find_stretch(parameters, cell, box, part, dt):
+    """The factors of the axes, and the shear, for dt, by kinetic energies and virials."""
+    kt, numbers = parameters[KT] * cell.barostat[UNIT], cell.barostat
+    volume = volume_of(box, numbers)
+    for k in range(3):
+        numbers[STRETCH + k] = 1.0
+    for group in range(3):
+        count, excess, weight = 0, 0.0, 0.0
+        for k in range(3):
+            if cell.axes[k] == group:
+                count += 1
+                energy = cell.cell_sums[k] * numbers[UNIT]
+                energy += cell.forces_virial[k] - cell.cell_sums[3 + k]
+                excess += pressure_now(numbers, k, part) - energy / volume
+                weight += numbers[WEIGHT + k]
+        if count > 0:
+            w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
+            noise, _ = normal_pair(w0, w1)
+            root, strength = sqrt(volume), numbers[RATE] * count * dt / 6.0
+            root -= strength * root * (excess / count - (weight / count - 0.5) * kt / volume)
+            root += sqrt(strength * kt) * noise
+            factor, volume = root * root / volume, root * root
+            if count == 2:
+                factor = sqrt(factor)
+            elif count == 3:
+                factor = factor ** (1.0 / 3.0)
+            for k in range(3):
+                if cell.axes[k] == group:
+                    numbers[STRETCH + k] = factor
+    if numbers[TILTED] > 0.0:
+        find_shear(parameters, cell, box, part, kt, numbers[RATE] * dt / 3.0)
+
+
+@inlined
+def find_shear(parameters, cell, box, part, kt, strength):
+    """The shear, by what the motion and the forces do along one axis with the other."""
+    numbers, volume = cell.barostat, volume_of(box, cell.barostat)
+    for k in range(3):
+        numbers[SHEAR + k] = 0.0
+        if cell.axes[XY + k] >= 0:
+            w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + XY + k)
+            noise, _ = normal_pair(w0, w1)
+            energy = cell.cell_sums[6 + k] * numbers[UNIT]
+            energy += cell.forces_virial[XY + k] - cell.cell_sums[9 + k]
+            excess = pressure_now(numbers, XY + k, part) - energy / volume
+            numbers[SHEAR + k] = sqrt(2.0 * strength * kt / volume) * noise - strength * excess
+
+
+@inlined
+def measure_axes(state, rank, numbers):
+    """Twice the kinetic energy of this rank's bodies along each axis."""
+    for k in range(3):
+        numbers[MOTION + k] = 0.0
+        for b in range(state.shape[1]):
+            if state[HOME, b] == rank:
+                numbers[MOTION + k] += state[MASS, b] * state[V + k, b] * state[V + k, b]
+
+
+@inlined
+def measure_tilts(state, rank, numbers):
+    """Twice the kinetic energy of this rank's bodies along two axes, xy, xz, yz."""
+    xy = xz = yz = 0.0
+    for b in range(state.shape[1]):
+        if state[HOME, b] == rank:
+            xy += state[MASS, b] * state[V, b] * state[V + 1, b]
+            xz += state[MASS, b] * state[V, b] * state[V + 2, b]
+            yz += state[MASS, b] * state[V + 1, b] * state[V + 2, b]
+    numbers[TILT_MOTION], numbers[TILT_MOTION + 1], numbers[TILT_MOTION + 2] = xy, xz, yz
+
+
+@inlined
+def shear(state, numbers):
+    """Shear the centres of mass about the box's centre."""
+    xy, xz, yz = three_of(numbers, SHEAR)
+    for b in range(state.shape[1]):
+        y, z = state[X + 1, b] - numbers[CENTRE + 1], state[X + 2, b] - numbers[CENTRE + 2]
+        state[X, b] += xy * y + xz * z
+        state[X + 1, b] += yz * z
+
+
+@inlined
+def slow_by_shear(state, numbers):
+    """Shear the velocities by the inverse."""
+    xy, xz, yz = three_of(numbers, SHEAR)
+    for b in range(state.shape[1]):
+        state[V, b] += (xy * yz - xz) * state[V + 2, b] - xy * state[V + 1, b]
+        state[V + 1, b] -= yz * state[V + 2, b]
+
+
+@inlined
+def note_work(mpi, parameters, cell):
+    """Note half of the energy that the change of the box gives by way of the forces, this rank's
+    part: with the forces before it, and with those behind."""
+    numbers, tilted = cell.barostat, cell.barostat[TILTED] > 0.0
+    x, y, z = (log(numbers[STRETCH]), log(numbers[STRETCH + 1]), log(numbers[STRETCH + 2]))
+    xy, xz, yz = three_of(numbers, SHEAR)
+    # the logarithm of shear times stretch, to the second order
+    tilts = (
+        xy + 0.5 * xy * (y - x), xz + 0.5 * xz * (z - x) - 0.5 * xy * yz, yz + 0.5 * yz * (z - y)
+    )  # fmt: skip
+    axes, given = (x, y, z), 0.0
+    for k in range(3):
+        given += axes[k] * numbers[SPREAD + k]
+        if tilted:
+            given += tilts[k] * numbers[TILT_SPREAD + k]
+        if mpi.interface[RANK] == 0:
+            given -= axes[k] * cell.forces_virial[k]
+            if tilted:
+                given -= tilts[k] * cell.forces_virial[XY + k]
+    parameters[HEAT] += 0.5 * given / numbers[UNIT]
+
+
+@inlined
+def note_motion(parameters, numbers, sign):
+    """Add this rank's kinetic energy to the noted one, with this sign."""
+    parameters[HEAT] += 0.5 * sign * (numbers[MOTION] + numbers[MOTION + 1] + numbers[MOTION + 2])
+
+
+@loop
+def end_change(mpi: Mpi, parameters: F1, cell: Barostat):
+    """The forces in the new box are known."""
+    if cell.barostat[OPEN] > 0.0:
+        note_work(mpi, parameters, cell)
+        cell.barostat[OPEN] = 0.0
+
+
+@loop
+def rescale_cell(
+    mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F, rank: I,
+    step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: Box,
+) -> I:  # fmt: skip
+    """Change the box, stretch the centres of mass with it, and place the atoms anew.
+
+    Returns:
+        as `stretch_box`.
+    """
+    state, numbers = layout.state, cell.barostat
+    measure_axes(state, rank, numbers)
+    count = 6
+    if numbers[TILTED] > 0.0:
+        measure_tilts(state, rank, numbers)
+        count = 12
+    add_up(mpi, DOUBLE, numbers[MOTION : MOTION + count], cell.cell_sums)
+    part = prepare(parameters, step, begin_step, end_step)
+    find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
+    if stretch_box(cell, box, images.shift) < 0:
+        return OUT_OF_BOUNDS
+    note_work(mpi, parameters, cell)
+    if numbers[TILTED] > 0.0:
+        note_motion(parameters, numbers, -1.0)
+        slow_by_shear(state, numbers)
+        measure_axes(state, rank, numbers)
+        note_motion(parameters, numbers, 1.0)
+    for k in range(3):
+        slower = 1.0 / (numbers[STRETCH + k] * numbers[STRETCH + k])
+        parameters[HEAT] += 0.5 * numbers[MOTION + k] * (slower - 1.0)
+    for k in range(3):
+        factor, centre = numbers[STRETCH + k], numbers[CENTRE + k]
+        for b in range(state.shape[1]):
+            state[X + k, b] = centre + factor * (state[X + k, b] - centre)
+            state[V + k, b] /= factor
+    if numbers[TILTED] > 0.0:
+        shear(state, numbers)
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, MASS, Q + 4, MASS)
+        place(layout, k, atom_x)
+    move_to_images(layout, images, atom_x)
+    return 0
+
+
+class StochasticCell(ConstantPressure):
+    """What an integrator with stochastic cell rescaling has besides its thermostat."""
+
+    @property
+    def method(self):
+        return f"{super().method}, and stochastic cell rescaling"
+
+    def cell_loops(self, cells):
+        seen, moved = self.loops_of_others(cells)
+        behind = [*seen, end_change.bind_to(cells)]
+        pressure = [cell.virial_about_centres.bind_to(cells), *behind]
+        return pressure, [rescale_cell.bind_to(cells), *moved]
+
+    def own_numbers(self):
+        numbers, lammps = super().own_numbers(), self.lammps
+        if self.command.compressibility:
+            compressibility = lammps.number(self.command.compressibility)
+            self.command.refuse_unless_positive("keyword compressibility", compressibility)
+        elif lammps.units in _PER_ATM:
+            compressibility = COMPRESSIBILITY * _PER_ATM[lammps.units]
+        else:
+            raise RunError(
+                f"keyword compressibility is missing: with units {lammps.units} it has no default",
+                everywhere=True,
+            )
+        numbers[RATE] = compressibility * lammps.nktv2p / self.damping
+        return numbers

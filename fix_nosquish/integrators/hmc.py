@@ -1,0 +1,273 @@
+"""HMC: hybrid Monte Carlo, whose trajectories are steps of `NVE`.
+
+Duane, Kennedy, Pendleton and Roweth, Phys. Lett. B 195, 216 (1987); with momenta that are drawn
+anew in part, Horowitz, Phys. Lett. B 268, 247 (1991).  A trajectory
+
+    draws momenta        p <- sqrt(1 - mix) p + sqrt(mix) noise, and keeps where the bodies are
+    does so many steps   of NVE, which are reversible and keep volumes in phase space
+    is accepted          with probability min(1, exp(-dH / kT)), else the bodies go back to where
+                         they were, with their momenta reversed
+
+So configurations have the right distribution at any step, and a long step costs acceptance only.
+
+What a body goes back to is a part of its state, and so goes with it to other ranks.  Its atoms'
+places follow from it.  LAMMPS then brings atoms to their ranks, makes new lists of neighbors and
+computes the forces once more, in the same step: all that it prints is of the state that stays.
+"""
+
+from math import inf, log1p
+from typing import ClassVar
+from zlib import crc32
+
+import numpy as np
+
+from ..errors import RunError
+from ..host.hosts import hook
+from ..loops.compiled import F1, F2, I, inlined, loop
+from ..motion.block import (
+    IMAGE,
+    MASS,
+    ROWS,
+    Images,
+    Layout,
+    P,
+    Q,
+    V,
+    X,
+    kind_of,
+    put,
+    take,
+    take_names,
+)
+from ..motion.philox import minus_log, words
+from ..motion.step import move_to_images, place
+from ..run import thermo
+from ..run.integrator import Integrator, Phase
+from .langevin import WORK, thermalise
+from .nve import NVE
+from .nvt import ALL_BODIES, KEY_0, KEY_1, KT, STEP, key_of
+
+# rows of the state: where a body was, X to P, and its image flags
+WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
+KEPT = WAS_IMAGE + 3 - ROWS
+# numbers of a restart file
+KIND, TRIED, ACCEPTED, CHANGE, LAST, TIMES_BACK, WAS_AT = range(7)
+
+
+@loop
+def draw_momenta(layout: Layout, parameters: F1, rank: I, mask: F2):
+    """Draw the momenta of a trajectory, and keep the bodies as they are then."""
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, MASS, P + 4, MASS)
+        take_names(layout, k, rank, mask)
+        thermalise(layout.block, kind_of(layout, layout.blocks[k, 0]), 1.0, parameters)
+        put(layout, k, V, P + 4, V)
+    copy_rows(layout.state, X, P + 4, WAS)
+    copy_rows(layout.state, IMAGE, IMAGE + 3, WAS_IMAGE)
+
+
+@inlined
+def copy_rows(state, row, until, to):
+    """Copy rows of the state to those from `to` on."""
+    for r in range(until - row):
+        for b in range(state.shape[1]):
+            state[to + r, b] = state[row + r, b]
+
+
+@loop
+def go_back(layout: Layout, images: Images, h: F2, atom_x: F2, atom_v: F2):
+    """Have the bodies where they were, with their momenta reversed.
+
+    Their image flags stay: they are those of LAMMPS's atoms, which do not move here.  How far these
+    are from their places is in place of their velocities.
+    """
+    state = layout.state
+    copy_rows(state, WAS, WAS_IMAGE, X)
+    for b in range(state.shape[1]):
+        for k in range(3):
+            for c in range(k, 3):
+                state[X + k, b] += h[k, c] * (state[WAS_IMAGE + c, b] - state[IMAGE + c, b])
+            state[V + k, b] *= -1.0
+        for k in range(4):
+            state[P + k, b] *= -1.0
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, X, Q + 4, X)
+        place(layout, k, atom_v)
+    move_to_images(layout, images, atom_v)
+    for i in layout.index:
+        for k in range(3):
+            atom_v[i, k] -= atom_x[i, k]
+
+
+class HMC(NVE):
+    """fix python/move "fix_nosquish.HMC GROUP BODYSTYLE temp T steps N seed S [mix X] ...".
+
+    A trajectory ends in each step that is a multiple of N.
+
+    Attributes:
+        restart_state: (7,) a number for what it is, how many trajectories were tried and accepted,
+            of the last one the change of the energy and whether it was accepted; how often the step
+            counter has gone back, and where it was.
+
+    Raises:
+        RunError: for a temperature or a share of noise that cannot be, for a run that ends within a
+            trajectory, and for other fixes that change what the test must know.
+    """
+
+    keywords = "temp T", "steps", "seed", "mix", "moments"
+    kept, work, respa, needs_energy = KEPT, WORK, False, True
+    method = "hybrid Monte Carlo with NO_SQUISH"
+    kind: ClassVar = float(crc32(b"HMC 7"))
+
+    def __init__(self, ptr, words):
+        super().__init__(ptr, words)
+        self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+
+    def own_parameters(self):
+        self._refuse()
+        if self.restart_state[KIND] != self.kind:
+            self.host.log("WARNING: the restart file has no state of hybrid Monte Carlo\n")
+            self.restart_state[KIND] = self.kind
+        command, lammps = self.command, self.lammps
+        temperature, mix = (lammps.number(word) for word in (*command.temp, command.mix))
+        command.refuse_unless_positive("keyword temp: T", temperature)
+        if not 0 < mix <= 1:
+            raise command.wrong(f"keyword mix is {mix:g}, and must be above 0 and at most 1")
+        self._plan(lammps.step)
+        if lammps.running and self.host.last_step > lammps.step:
+            self._refuse_part()
+        self.restart_state[TIMES_BACK] += lammps.step < self.restart_state[WAS_AT]
+        kt = lammps.boltz / lammps.mvv2e * temperature
+        rate = -0.5 * log1p(-mix) if mix < 1 else inf  # of friction for a time of 1
+        key = key_of(command, self.restart_state[TIMES_BACK])
+        return rate, kt, kt, kt, -1.0, 0.0, *key, 0.0
+
+    def _refuse_part(self):
+        """End a run that would end within a trajectory."""
+        last, steps = self.host.last_step, self.command.steps
+        if last % steps:
+            raise RunError(
+                f"the run ends in step {last}, within a trajectory, which would not be tested: "
+                f"have it end in a multiple of {steps}, the number of keyword steps",
+                everywhere=True,
+            )
+
+    def resumed(self):
+        self._refuse_part()
+        if self.lammps.step != self.host.begins:
+            raise RunError(
+                f"step {self.lammps.step} does not follow the last trajectory: "
+                "begin the run with 'pre yes'",
+                everywhere=True,
+            )
+
+    def own_lists(self, cells):
+        return {"draw": [draw_momenta.bind_to(cells)], "back": [go_back.bind_to(cells)]}
+
+    def _plan(self, step):
+        """Have the next trajectory begin behind this step."""
+        steps = self.command.steps
+        self.host.begins, self.host.energy_step = step + 1, (step // steps + 1) * steps
+
+    def _refuse(self):
+        """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
+        if self.host.energy_step is None:
+            raise RunError(
+                "a LAMMPS's own fix python/move gives no potential energy in the steps that need "
+                "it, and no forces anew: install this package where its plugin serves, or use "
+                "fix_nosquish.NVT",
+                everywhere=True,
+            )
+        if self.command.force or self.command.torque:
+            raise RunError(
+                "keywords force and torque are of no use to hybrid Monte Carlo, which draws all "
+                "momenta anew: use fix_nosquish.NVT",
+                everywhere=True,
+            )
+        if self.host.ghost_velocity:
+            raise RunError(
+                "hybrid Monte Carlo needs forces that do not depend on velocities, and ghost atoms "
+                "have some here: leave out pair styles with friction, and comm_modify vel yes",
+                everywhere=True,
+            )
+        for mate in self.mates:
+            if mate is not self:
+                raise RunError(
+                    f'fix {mate.host.fix_id} ("{mate.command.text}") moves bodies beside hybrid '
+                    "Monte Carlo, which tests all motion at once: have one fix move all bodies",
+                    everywhere=True,
+                )
+        if (found := self.fix_without_energy()) is not None:
+            fix, remedy = found
+            raise RunError(
+                f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "
+                "with no energy that hybrid Monte Carlo could test: "
+                f"{remedy}, or use fix_nosquish.NVT",
+                everywhere=True,
+            )
+
+    # ------------------------------------------------------------- a trajectory
+
+    def _total_energy(self):
+        """Of the bodies, and LAMMPS's potential energy; collective."""
+        kinetic = thermo.energies(self.bodies, self.communicator, self.lammps)[:2].sum()
+        return kinetic + self.host.energy
+
+    def begin_trajectory(self):
+        """Draw momenta; collective."""
+        self.parameters[STEP] = self.lammps.step
+        self.do("draw")
+        self.reports.forget()
+        self._before = self._total_energy()
+
+    def take_energy(self):
+        """Test the trajectory, and go back if it is not accepted; collective.
+
+        Returns:
+            whether it is.
+        """
+        parameters, state = self.parameters, self.restart_state
+        change = self.communicator.share(self._total_energy() - self._before)
+        step, key_0, key_1 = (int(parameters[k]) for k in (STEP, KEY_0, KEY_1))
+        word, *_ = words(0.0, step, 0, key_0, key_1 | ALL_BODIES)
+        accepted = change <= self.lammps.mvv2e * parameters[KT] * minus_log(word)
+        state[[CHANGE, LAST, WAS_AT]] = change, accepted, self.lammps.step
+        state[[TRIED, ACCEPTED]] += 1, accepted
+        self._plan(self.lammps.step)
+        if not accepted:
+            self.do("back")
+            self.do("turn")
+            self.host.renews = True
+        return accepted
+
+    @hook
+    def post_run(self):
+        """As of `Integrator`; a run that something else has ended may end within a trajectory."""
+        if self.phase != Phase.NEW and self.lammps.step >= self.host.begins:
+            self.host.log(
+                f"WARNING: the run has ended in step {self.lammps.step}, within a trajectory: its "
+                "steps were not tested, and count as if they were accepted\n"
+            )
+        super().post_run()
+
+    def renewed(self):
+        """The forces are known where the bodies have gone back to."""
+        self.do("gather")
+        self.set_velocities()
+        self.reports.forget()
+        self._show()
+
+    # ------------------------------------------------------------- what LAMMPS asks
+
+    vector_extensive = (*Integrator.vector_extensive, False, False, False)
+
+    @hook
+    def compute_vector(self, i):
+        """As of `Integrator`, and behind it the part of trajectories that were accepted, and of the
+        last one the change of the energy and whether it was accepted; collective."""
+        own = i - len(Integrator.vector_extensive)
+        if own < 0:
+            return super().compute_vector(i)
+        state = self.restart_state
+        accepted = state[ACCEPTED] / state[TRIED] if state[TRIED] else 0.0
+        return (accepted, state[CHANGE], state[LAST])[own]

@@ -1,0 +1,101 @@
+"""Langevin's thermostat: friction and noise on each body by itself, exact for any time step.
+
+    v   <- c v   + sqrt((1 - c^2) k T / M)   xi
+    L_k <- c L_k + sqrt((1 - c^2) k T I_k)   xi_k       c = exp(-dt / TDAMP)
+
+with independent standard normal numbers xi, and the angular momentum L in the principal frame.
+The three numbers xi_k are drawn in the space frame: so they do not depend on the choice of axes
+that moments leave open, nor on their signs, which may be others after a restart.
+"""
+
+from math import exp, sqrt
+
+from ..loops.compiled import F1, L1, inlined, loop
+from ..motion.block import (
+    BLOCK_ROWS,
+    COUNTED,
+    FREE,
+    LANES,
+    MASS,
+    MOMENT,
+    NUMBER,
+    PLANAR,
+    POINT,
+    P,
+    Q,
+    V,
+    four,
+    three,
+    write,
+)  # fmt: skip
+from ..motion.frames import angular_momentum, rotation_matrix, to_body
+from ..motion.philox import normal_pair, words
+from ..motion.rotor import s_times
+from ..motion.step import Operation
+from .nve import NVE
+from .nvt import BODY, DRAW, HEAT, KEY_0, KEY_1, KT, NVT, RATE, STEP, prepare
+
+NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six numbers; energy given
+
+
+@loop
+def set_temperature(parameters: F1, step: L1, begin_step: L1, end_step: L1):
+    """`prepare`."""
+    prepare(parameters, step, begin_step, end_step)
+
+
+@inlined
+def draw(block, parameters, second):
+    """Draw normal numbers for each body: four in rows NOISE, two behind them if `second`."""
+    step, number = int(parameters[STEP]), 2 * int(parameters[DRAW]) + second
+    key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | BODY
+    for b in range(LANES):
+        w0, w1, w2, w3 = words(block[NUMBER, b], step, number, key_0, key_1)
+        write(block, NOISE + 4 * second, b, normal_pair(w0, w1))
+        if not second:
+            write(block, NOISE + 2, b, normal_pair(w2, w3))
+
+
+@inlined
+def thermalise(block, kind, dt, parameters):
+    """Friction and noise for dt, on translation and rotation."""
+    keep = exp(-parameters[RATE] * dt)
+    lost, noise = 1.0 - keep, sqrt((1.0 - keep * keep) * parameters[KT])
+    draw(block, parameters, 0)
+    for b in range(LANES):
+        mass, (x, y, z), (a1, a2, a3) = block[MASS, b], three(block, V, b), three(block, NOISE, b)
+        (f1, f2, f3), push = three(block, FREE, b), noise / sqrt(mass)
+        u = x + f1 * (push * a1 - lost * x)
+        v = y + f2 * (push * a2 - lost * y)
+        w = z + f3 * (push * a3 - lost * z)
+        write(block, V, b, (u, v, w))
+        block[GIVEN, b] = 0.5 * mass * ((u * u + v * v + w * w) - (x * x + y * y + z * z))
+    if kind != POINT:
+        draw(block, parameters, 1)
+        about = 0.0 if kind == PLANAR else 1.0  # axes 1 and 2
+        for b in range(LANES):
+            q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
+            x, y, z = three(block, NOISE + 3, b)
+            a1, a2, a3 = to_body(rotation_matrix(q), x, y, z)
+            l1, l2, l3 = angular_momentum(q, four(block, P, b))
+            free = block[FREE + 3, b]
+            n1 = l1 + free * about * (noise * sqrt(i1) * a1 - lost * l1)
+            n2 = l2 + free * about * (noise * sqrt(i2) * a2 - lost * l2)
+            n3 = l3 + free * (noise * sqrt(i3) * a3 - lost * l3)
+            write(block, P, b, s_times(q, 2.0 * n1, 2.0 * n2, 2.0 * n3))
+            given = (n1 * n1 - l1 * l1) / i1 if i1 > 0.0 else 0.0
+            given += (n2 * n2 - l2 * l2) / i2 if i2 > 0.0 else 0.0
+            given += (n3 * n3 - l3 * l3) / i3 if i3 > 0.0 else 0.0
+            block[GIVEN, b] += 0.5 * given
+    given = 0.0
+    for b in range(LANES):
+        given += block[COUNTED, b] * block[GIVEN, b]
+    parameters[HEAT] += given
+
+
+class Langevin(NVT):
+    """`NVT` with keyword thermostat langevin."""
+
+    operations = NVE.operations | {"O": Operation(thermalise, prepared=True)}
+    splitting, work, prepares, keeps_momentum = "B A O A B", WORK, set_temperature, False
+    method = "NO_SQUISH with Langevin's thermostat in the middle of the step"

@@ -1,0 +1,266 @@
+"""Loops over arrays, written as functions and compiled once to machine code that a file keeps.
+
+    class Points(NamedTuple):
+        x: F2
+        index: I1
+
+    @inlined
+    def square(a, b):
+        return a * a + b * b
+
+    @loop
+    def lengths(points: Points, result: F1):
+        for i in range(len(points.x)):
+            result[i] = sqrt(square(points.x[i, 0], points.x[i, 1]))
+
+An argument's annotation is its `Kind`, or a NamedTuple whose fields have kinds: a bundle.  Where
+the machine code is kept, and who makes it, `machine_code` says.
+
+A loop can use functions of `math`, functions that are `inlined`, what `lower.PRIMITIVES` names,
+and numbers and tuples of numbers, which are constants to the compiler.  It makes no array and
+raises no exception; it returns nothing or an integer.  Nothing checks its indices.
+"""
+
+import ctypes
+import math
+import operator
+from functools import partial, update_wrapper
+from typing import NamedTuple
+
+import numpy as np
+
+from .machine_code import INLINED, module_of
+
+
+class Kind(NamedTuple):
+    """What an argument of a loop is: a scalar (of no dimension) or a C-contiguous array."""
+
+    name: str
+    dtype: np.dtype
+    dimensions: int
+    columns: int = 0  # if not 0, the loop is compiled for an array of so many
+
+    def __str__(self):
+        if self.columns:
+            return f"a C-contiguous {self.dtype} array of {self.columns} columns"
+        if self.dimensions:
+            return f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions"
+        return f"a {self.dtype}"
+
+    def describe(self, value):
+        """A value as integers: a number's bits, or an array's address and shape.
+
+        Raises:
+            TypeError: for a value that is not of this kind.
+        """
+        if self is I:
+            return [operator.index(value)]
+        if self is F:
+            return [ctypes.c_int64.from_buffer(ctypes.c_double(value)).value]
+        alike = isinstance(value, np.ndarray) and value.dtype == self.dtype
+        alike = alike and value.ndim == self.dimensions and value.flags.c_contiguous
+        if alike and (not self.columns or value.shape[1] == self.columns):
+            return [_address(value), *value.shape]
+        raise TypeError
+
+
+def _address(array):
+    try:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))
+    except (TypeError, ValueError):  # read-only, or empty; this takes four times as long
+        return array.ctypes.data
+
+
+F, F1, F2 = (Kind(f"F{n or ''}", np.dtype(np.float64), n) for n in range(3))
+I, L1, L2 = (  # noqa: E741  a kind's letter, as F
+    Kind(f"L{n}" if n else "I", np.dtype(np.int64), n) for n in range(3)
+)
+I1, I2 = (Kind(f"I{n}", np.dtype(np.int32), n) for n in (1, 2))
+LANES = 64
+F64 = Kind("F64", np.dtype(np.float64), 2, LANES)
+KINDS = F, F1, F2, F64, I, L1, L2, I1, I2
+
+_memory = ctypes.pythonapi.PyMemoryView_FromMemory
+_memory.restype = ctypes.py_object
+_memory.argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int]
+_WRITABLE = 0x200  # PyBUF_WRITE
+
+
+def array(address, shape, dtype):
+    """A numpy view of memory that something else owns."""
+    count = math.prod(shape) * np.dtype(dtype).itemsize
+    if not address or not count:
+        return np.empty(shape, dtype)
+    # (ctypes would make a class for each size)
+    return np.frombuffer(_memory(address, count, _WRITABLE), dtype).reshape(shape)
+
+
+class Cell:
+    """Where loops find an argument each time they run: a bound loop follows it when it is set anew.
+
+    Args:
+        kind: the argument's `Kind`.
+        value: what is in it from the start, or None.
+        numbers: int64, memory for 1 + dimensions numbers; None for its own.
+
+    Attributes:
+        numbers: the value as integers (see `Kind.describe`); who writes others here sets the cell.
+        address: of these integers.
+    """
+
+    def __init__(self, kind, value=None, numbers=None):
+        self.kind = kind
+        numbers = np.zeros(3, np.int64) if numbers is None else numbers
+        self.numbers = numbers[: 1 + kind.dimensions]
+        self.address, self._owner = self.numbers.ctypes.data, None
+        if value is not None:
+            self.set(value)
+
+    def set(self, value):
+        """Put an array, which lives as long as it is here, or a number here.
+
+        Raises:
+            TypeError: if it is not of the kind.
+        """
+        self.numbers[:] = self.kind.describe(value)
+        self._owner = value
+
+    @property
+    def array(self):
+        """A view of the array that is here now; it keeps the memory of one that was set here."""
+        place, *shape = self.numbers.tolist()
+        if isinstance(self._owner, np.ndarray) and _address(self._owner) == place:
+            return self._owner.reshape(-1)[: math.prod(shape)].reshape(shape)
+        return array(place, shape, self.kind.dtype)
+
+    @property
+    def number(self):
+        """The number that is here now."""
+        return self.numbers.view(self.kind.dtype)[0].item()
+
+
+def cells(kinds):
+    """Cells side by side, so that a loop can set them.
+
+    Args:
+        kinds: a dictionary from names to `Kind`.
+    Returns:
+        (cells (len(kinds), 3), dictionary): their integers, and from names to each `Cell`.
+    """
+    table = np.zeros((len(kinds), 3), np.int64)
+    named = zip(kinds.items(), table, strict=True)
+    return table, {name: Cell(kind, numbers=numbers) for (name, kind), numbers in named}
+
+
+# ---------------------------------------------------------------- loops
+
+
+def inlined(function=None, *, contract=False):
+    """Decorator of a function that loops inline; Python's own callers have the plain function.
+
+    Args:
+        contract: whether a product and a sum may be rounded as one (fused multiply-add).
+    """
+    if function is None:
+        return partial(inlined, contract=contract)
+    INLINED[function] = {"fastmath": {"contract"}} if contract else {}
+    return function
+
+
+# what only loops can call
+def prefetch(array, row, column):
+    """Have the processor fetch an element of a two-dimensional array that a loop needs soon."""
+
+
+def address(array):
+    """Where an array begins in memory."""
+
+
+def floats(place, rows, columns):
+    """The float64 array (rows, columns) at this place in memory."""
+
+
+def longs(place, n):
+    """The int64 array (n,) at this place in memory."""
+
+
+def ints(place, n):
+    """The int32 array (n,) at this place in memory."""
+
+
+def int_rows(place, rows, columns):
+    """The int32 array (rows, columns) at this place in memory."""
+
+
+def call(place, *arguments):
+    """The integer that the C function at this place gives for up to 7 integers or addresses."""
+
+
+def loop(function):
+    """Decorator of a loop to be compiled: see the head of this file. Returns: the `Loop`."""
+    return Loop(function)
+
+
+class Loop:
+    """A compiled loop: call it, or `bind` it to arguments that stay the same."""
+
+    def __init__(self, function):
+        update_wrapper(self, function)
+        self.name = f"{function.__module__}.{function.__qualname__}"
+        notes = function.__annotations__
+        self.returns = bool(notes.get("return"))
+        self.parameters = {name: what for name, what in notes.items() if name != "return"}
+        self.kinds = {}  # of the parameters and of the fields of bundles
+        for name, what in self.parameters.items():
+            self.kinds |= {name: what} if isinstance(what, Kind) else what.__annotations__
+        self.machine_code = None
+        self.module = module_of(function)
+        self.module.loops.append(self)
+
+    def __call__(self, *values):
+        """Run the loop. Args, Raises: as `bind`. Returns: the loop's integer, or 0."""
+        return self.bind(*values)()
+
+    def bind(self, *values):
+        """Fix the arguments: each a value, the `Cell` that it is in, or a bundle of such.
+
+        Returns:
+            a function without arguments that runs the loop on what is in the arrays and cells then,
+            and returns the loop's integer, or 0.
+        Raises:
+            TypeError: for an argument that is not of its kind.
+        """
+        if len(values) != len(self.parameters):
+            raise TypeError(
+                f"{self.name} takes {len(self.parameters)} arguments, not {len(values)}"
+            )
+        flat = []
+        for what, value in zip(self.parameters.values(), values, strict=True):
+            flat += [value] if isinstance(what, Kind) else value
+        return self._bind(flat)
+
+    def bind_to(self, named, **more):
+        """Fix the arguments to what has their names (in a bundle, its fields') in a dictionary."""
+        named = {**named, **more}
+        return self._bind([named[name] for name in self.kinds])
+
+    def _bind(self, values):
+        used = []
+        for (name, kind), value in zip(self.kinds.items(), values, strict=True):
+            try:
+                used.append(value if isinstance(value, Cell) else Cell(kind, value))
+                if used[-1].kind != kind:
+                    raise TypeError
+            except TypeError:
+                given = value.kind if isinstance(value, Cell) else type(value).__name__
+                if isinstance(value, np.ndarray):
+                    layout = "" if value.flags.c_contiguous else ", not contiguous"
+                    given = f"{value.dtype} array of {value.ndim} dimensions{layout}"
+                message = f"{self.name}: {name} must be {kind}, not a {given}"
+                raise TypeError(message) from None
+        if not self.machine_code:
+            self.module.load()
+        addresses = (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
+        call = partial(self.machine_code, addresses)
+        call.cells = used  # they live as long as their addresses are in use
+        return call

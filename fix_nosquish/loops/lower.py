@@ -1,0 +1,203 @@
+"""From the loops of `compiled.Loop` to LLVM's bitcode, by numba: for any processor of this kind.
+
+    python -m fix_nosquish.loops.lower MODULE ...
+
+writes to standard output a pickled dictionary from the modules' names to the bitcode of their
+loops.  It is a process of its own: numba's memory, and the level at which it works, end with it.
+Only the public interfaces of numba and llvmlite are used.
+"""
+
+import gc
+import math
+import os
+
+from . import compiled, machine_code
+
+os.environ |= machine_code.NUMBA  # before numba is imported
+
+from llvmlite import binding as llvm
+from llvmlite import ir
+from numba import carray, cfunc, types
+from numba.core.errors import NumbaError
+from numba.extending import intrinsic, overload
+
+CELLS = types.CPointer(types.CPointer(types.int64))
+OPTIONS = {
+    "error_model": "numpy",  # a division by zero raises nothing
+    "no_cpython_wrapper": True,  # nothing but other loops calls an inlined function
+    "no_cfunc_wrapper": True,
+}
+LONG = ir.IntType(64)
+
+
+def bitcode(names):
+    """The bitcode of the loops of these modules, by the modules' names."""
+    gc.disable()  # it would search very many objects all the time
+    for function, options in machine_code.INLINED.items():
+        _teach(function, function, **options)
+    for function, meaning in PRIMITIVES.items():
+        _teach(function, meaning)
+    return {name: _bitcode(machine_code.MODULES[name].loops) for name in names}
+
+
+def _teach(function, meaning, **options):
+    """Let numba compile `meaning` where a compiled function calls `function`."""
+    overload(function, OPTIONS | options, strict=False)(lambda *types: meaning)
+
+
+# ---------------------------------------------------------------- what loops can use besides
+
+
+def _pointer_to(scalar):
+    """A function from an address to a pointer."""
+
+    @intrinsic
+    def pointer(typing, place):
+        def code(context, builder, signature, values):
+            return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(scalar)(types.int64), code
+
+    return pointer
+
+
+_to_float, _to_long, _to_int = (_pointer_to(s) for s in (types.float64, types.int64, types.int32))
+
+
+@intrinsic
+def _as_float(typing, bits):
+    def code(context, builder, signature, values):
+        return builder.bitcast(values[0], ir.DoubleType())
+
+    return types.float64(types.int64), code
+
+
+@intrinsic
+def _fetch(typing, place):
+    def code(context, builder, signature, values):
+        number, pointer = ir.IntType(32), ir.IntType(8).as_pointer()
+        kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
+        fetch = builder.module.globals.get("llvm.prefetch.p0")
+        fetch = fetch or ir.Function(builder.module, kind, "llvm.prefetch.p0")
+        to_read, into_second_cache, of_data = number(0), number(2), number(1)
+        pointer = builder.inttoptr(values[0], pointer)
+        builder.call(fetch, [pointer, to_read, into_second_cache, of_data])
+        return context.get_dummy_value()
+
+    return types.void(types.int64), code
+
+
+def _prefetch(array, row, column):
+    _fetch(array.ctypes.data + array.itemsize * (row * array.shape[1] + column))
+
+
+@intrinsic
+def _call(typing, place, arguments):
+    def code(context, builder, signature, values):
+        place, packed = values
+        numbers = [builder.extract_value(packed, k) for k in range(len(arguments))]
+        kind = ir.FunctionType(LONG, [LONG] * len(numbers))
+        return builder.call(builder.inttoptr(place, kind.as_pointer()), numbers)
+
+    return types.int64(types.int64, types.UniTuple(types.int64, len(arguments))), code
+
+
+PRIMITIVES = {
+    compiled.prefetch: _prefetch,
+    compiled.address: lambda array: array.ctypes.data,
+    compiled.floats: lambda place, rows, columns: carray(_to_float(place), (rows, columns)),
+    compiled.longs: lambda place, n: carray(_to_long(place), (n,)),
+    compiled.ints: lambda place, n: carray(_to_int(place), (n,)),
+    compiled.int_rows: lambda place, rows, columns: carray(_to_int(place), (rows, columns)),
+    compiled.call: lambda place, *arguments: _call(place, arguments),
+}
+
+
+# ---------------------------------------------------------------- from cells to arguments
+
+
+def _reader(kind):
+    """A function from a cell, a pointer to a few integers, to the argument of that kind."""
+    pointer, columns = _pointer_to(getattr(types, kind.dtype.name)), kind.columns
+    readers = {
+        "I": lambda cell: cell[0],
+        "F": lambda cell: _as_float(cell[0]),
+        "F64": lambda cell: carray(pointer(cell[0]), (cell[1], columns)),
+        1: lambda cell: carray(pointer(cell[0]), (cell[1],)),
+        2: lambda cell: carray(pointer(cell[0]), (cell[1], cell[2])),
+    }
+    read = readers.get(kind.name) or readers[kind.dimensions]
+    _teach(read, read)
+    return read
+
+
+READERS = {kind.name: _reader(kind) for kind in compiled.KINDS}
+
+
+def _entry(loop):
+    """A function that takes a loop's arguments out of their cells, and runs it."""
+    function = loop.__wrapped__
+    _teach(function, function)
+    known, places, arguments = READERS | {"loop": function}, iter(range(len(loop.kinds))), []
+    for what in loop.parameters.values():
+        if isinstance(what, compiled.Kind):
+            arguments.append(f"{what.name}(cells[{next(places)}])")
+        else:
+            kinds = what.__annotations__.values()
+            fields = [f"{kind.name}(cells[{next(places)}])" for kind in kinds]
+            arguments.append(f"{what.__name__}({', '.join(fields)})")
+            known[what.__name__] = what
+    run = f"loop({', '.join(arguments)})"
+    exec(f"def entry(cells):\n    {f'return {run}' if loop.returns else f'{run}; return 0'}", known)
+    return known["entry"]
+
+
+# ---------------------------------------------------------------- LLVM
+
+
+def _bitcode(loops):
+    """The bitcode of loops: for each a function `int64 NAME(int64 **cells)`.
+
+    Raises:
+        RuntimeError: for a loop that needs Python when it runs.
+    """
+    linked = llvm.parse_assembly("")
+    for loop in loops:
+        try:
+            entry = cfunc(types.int64(CELLS), **OPTIONS)(_entry(loop))
+        except NumbaError as error:
+            raise RuntimeError(f"{loop.name} is not what numba can compile: {error}") from error
+        module = llvm.parse_assembly(entry.inspect_llvm())
+        for value in (*module.functions, *module.global_variables):
+            if not value.is_declaration and value.name != entry.native_name:
+                value.linkage = "internal"
+                if value.is_function:
+                    value.add_function_attribute("alwaysinline")
+        module.get_function(entry.native_name).name = loop.name
+        needed = _simplify(module) and _simplify(module)
+        if needed:
+            raise RuntimeError(
+                f"{loop.name} makes an array or raises an exception, for which it needs "
+                f"{', '.join(needed)}"
+            )
+        linked.link_in(module)
+    return linked.as_bitcode()
+
+
+def _simplify(module):
+    """Make one short function of many: what follows from the processor is `compile`'s.
+
+    Returns:
+        the names of Python's functions that are left: those for errors that a second round may
+        find impossible.
+    """
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.loop_vectorization = options.slp_vectorization = False
+    builder = llvm.create_pass_builder(machine_code.target(cpu="", features=""), options)
+    builder.getModulePassManager().run(module, builder)
+    left = [function.name for function in module.functions if function.is_declaration]
+    return [name for name in left if not name.startswith("llvm.") and not hasattr(math, name)]
+
+
+if __name__ == "__main__":
+    machine_code.answer(bitcode)

@@ -1,0 +1,77 @@
+"""Between the principal frame of a body and the space frame."""
+
+from ..loops.compiled import inlined
+
+
+@inlined
+def rotation_matrix(q):
+    """Transpose of A(q), eq. 2.3, row by row: takes a vector of the principal frame to space."""
+    w, x, y, z = q
+    return (
+        w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z), w * w - x * x + y * y - z * z, 2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), w * w - x * x - y * y + z * z,
+    )  # fmt: skip
+
+
+@inlined(contract=True)
+def to_space(r, x, y, z):
+    """The matrix r (9 numbers, row by row) times (x, y, z)."""
+    return (
+        r[0] * x + r[1] * y + r[2] * z,
+        r[3] * x + r[4] * y + r[5] * z,
+        r[6] * x + r[7] * y + r[8] * z,
+    )
+
+
+@inlined
+def to_body(r, x, y, z):
+    """The transpose of the matrix r times (x, y, z)."""
+    return (
+        r[0] * x + r[3] * y + r[6] * z,
+        r[1] * x + r[4] * y + r[7] * z,
+        r[2] * x + r[5] * y + r[8] * z,
+    )
+
+
+@inlined
+def angular_momentum(q, p):
+    """L in the principal frame, from S(q)^T p = 2 (0, L)."""
+    return (
+        0.5 * (-q[1] * p[0] + q[0] * p[1] + q[3] * p[2] - q[2] * p[3]),
+        0.5 * (-q[2] * p[0] - q[3] * p[1] + q[0] * p[2] + q[1] * p[3]),
+        0.5 * (-q[3] * p[0] + q[2] * p[1] - q[1] * p[2] + q[0] * p[3]),
+    )
+
+
+@inlined
+def quaternion_momentum(q, l1, l2, l3):
+    """p of the angular momentum L in the principal frame: p = 2 S(q) (0, L)."""
+    return (
+        2.0 * (-q[1] * l1 - q[2] * l2 - q[3] * l3),
+        2.0 * (q[0] * l1 - q[3] * l2 + q[2] * l3),
+        2.0 * (q[3] * l1 + q[0] * l2 - q[1] * l3),
+        2.0 * (-q[2] * l1 + q[1] * l2 + q[0] * l3),
+    )
+
+
+@inlined
+def angular_velocity(q, p, i1, i2, i3):
+    """omega in the principal frame; zero about an axis without moment."""
+    l1, l2, l3 = angular_momentum(q, p)
+    return (
+        l1 / i1 if i1 > 0.0 else 0.0,
+        l2 / i2 if i2 > 0.0 else 0.0,
+        l3 / i3 if i3 > 0.0 else 0.0,
+    )
+
+
+@inlined
+def product(p, q):
+    """The product of two quaternions: the rotation q, then p."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] + p[2] * q[0] + p[3] * q[1] - p[1] * q[3],
+        p[0] * q[3] + p[3] * q[0] + p[1] * q[2] - p[2] * q[1],
+    )

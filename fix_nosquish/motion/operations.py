@@ -1,0 +1,162 @@
+"""The parts of a step that are solved exactly, each for a block of bodies: kick, drift, rotation.
+
+An operation is a function (block, kind, dt, parameters): it moves all lanes of a block (see
+`block`) of bodies of this kind by dt.  Units are those of the LAMMPS run.  parameters[FTM2V] makes
+a force a mass times an acceleration, parameters[MROT] is the number of inner steps of a rotation,
+or EXACT.
+"""
+
+from ..loops.compiled import inlined
+from .block import (
+    FORCE,
+    LANES,
+    LINEAR,
+    MASS,
+    MOMENT,
+    OWN,
+    PLANAR,
+    ROTOR,
+    TORQUE,
+    P,
+    Q,
+    V,
+    X,
+    four,
+    three,
+    write,
+)
+from .exact_rotor import rotate_exactly
+from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
+
+FTM2V, MROT, PARAMETERS = 0, 1, 2
+EXACT = 0  # steps of a rotation that is not split
+FAST = OWN  # rows of the bodies that turn much: q, p, how many inner steps
+
+
+@inlined
+def kick(block, kind, dt, parameters):
+    """Momentum from force and torque (2.58).
+
+    The torque is in the space frame: with (0, tau) the four-torque, 2 S(q) (0, A tau) (2.60)
+    equals 2 (0, tau) q.
+    """
+    dtf = dt * parameters[FTM2V]
+    for b in range(LANES):
+        for k in range(3):
+            block[V + k, b] += dtf / block[MASS, b] * block[FORCE + k, b]
+        t1, t2, t3 = three(block, TORQUE, b)
+        x, y, z = 2.0 * dtf * t1, 2.0 * dtf * t2, 2.0 * dtf * t3
+        q0, q1, q2, q3 = four(block, Q, b)
+        p0, p1, p2, p3 = four(block, P, b)
+        write(block, P, b, (
+            p0 + (-x * q1 - y * q2 - z * q3),
+            p1 + (x * q0 + y * q3 - z * q2),
+            p2 + (-x * q3 + y * q0 + z * q1),
+            p3 + (x * q2 - y * q1 + z * q0),
+        ))  # fmt: skip
+
+
+@inlined
+def drift(block, dt):
+    """Move the centres of mass."""
+    for k in range(3):
+        for b in range(LANES):
+            block[X + k, b] += dt * block[V + k, b]
+
+
+def free_motion(rotate_rotors):
+    """The operation of drift and free rotation.
+
+    Args:
+        rotate_rotors: what turns a block of rotors: a function (block, dt, mrot), inlined.
+    """
+
+    @inlined
+    def move(block, kind, dt, parameters):
+        drift(block, dt)
+        if kind == ROTOR:
+            rotate_rotors(block, dt, int(parameters[MROT]))
+        elif kind == PLANAR:
+            rotate_in_plane(block, dt)
+        elif kind == LINEAR:
+            rotate_linear(block, dt)
+
+    return move
+
+
+def rotation_by(rotor):
+    """The free rotation of a block of rotors from that of one.
+
+    Power series serve bodies that turn little in an inner step, all lanes at once; the others'
+    motion is found before, one by one.
+
+    Args:
+        rotor: a function (q, p, i1, i2, i3, dt, small) that returns q and p, inlined; no angle in
+            it is above that of a rotation by dt.  See `rotor.free_rotor`.
+    Returns:
+        what `free_motion` takes, which does mrot inner steps.
+    """
+
+    @inlined
+    def rotate(block, dt, mrot):
+        inner, fast = dt / mrot, 0
+        for b in range(LANES):
+            i1, i2, i3 = three(block, MOMENT, b)
+            if not turns_little(four(block, P, b), min(i1, min(i2, i3)), inner):
+                fast += 1
+        if fast:
+            for b in range(LANES):
+                i1, i2, i3 = three(block, MOMENT, b)
+                q, p = four(block, Q, b), four(block, P, b)
+                turns = 0 if turns_little(p, min(i1, min(i2, i3)), inner) else mrot
+                for _ in range(turns):
+                    q, p = rotor(q, p, i1, i2, i3, inner, False)
+                write(block, FAST, b, q)
+                write(block, FAST + 4, b, p)
+                block[FAST + 8, b] = turns
+        for _ in range(mrot):
+            for b in range(LANES):
+                i1, i2, i3 = three(block, MOMENT, b)
+                q, p = rotor(four(block, Q, b), four(block, P, b), i1, i2, i3, inner, True)
+                write(block, Q, b, q)
+                write(block, P, b, p)
+        if fast:
+            for b in range(LANES):
+                if block[FAST + 8, b] > 0.0:
+                    write(block, Q, b, four(block, FAST, b))
+                    write(block, P, b, four(block, FAST + 4, b))
+
+    return rotate
+
+
+no_squish = rotation_by(free_rotor)  # (2.53), in mrot inner steps
+
+
+@inlined
+def rotate_rotors(block, dt, mrot):
+    """The free rotation of a block of rotors, in mrot inner steps or EXACT."""
+    if mrot == EXACT:
+        rotate_exactly(block, dt)
+    else:
+        no_squish(block, dt, mrot)
+
+
+@inlined
+def rotate_in_plane(block, dt):
+    """Rotation of bodies that turn about axis 3 only, as all in two dimensions: h_3 alone,
+    exact."""
+    for b in range(LANES):
+        q, p = four(block, Q, b), four(block, P, b)
+        rate = 0.25 / block[MOMENT + 2, b]
+        q, p = rotation(q, p, permute_3(q), permute_3(p), rate, dt, False)
+        write(block, Q, b, q)
+        write(block, P, b, p)
+
+
+@inlined
+def rotate_linear(block, dt):
+    """Free rotation of linear bodies, exact."""
+    for b in range(LANES):
+        q, p = free_linear_rotor(four(block, Q, b), four(block, P, b), block[MOMENT, b], dt)
+        write(block, Q, b, q)
+        write(block, P, b, p)

@@ -1,0 +1,464 @@
+"""The passes of a step over a rank's bodies, and how they follow from an integrator's splitting."""
+
+from typing import NamedTuple
+
+from ..loops.compiled import F1, F2, F, I, inlined, loop
+from .block import (
+    ALL,
+    ATOM,
+    BLOCK_ROWS,
+    FORCE,
+    LANES,
+    MASS,
+    MATRIX,
+    MOMENT,
+    ROWS,
+    TORQUE,
+    WHOLE,
+    Images,
+    Layout,
+    P,
+    Q,
+    V,
+    X,
+    at,
+    fetch_ahead,
+    four,
+    kind_of,
+    nine,
+    put,
+    take,
+    take_names,
+    three,
+    write,
+)  # fmt: skip
+from .frames import (
+    angular_momentum,
+    angular_velocity,
+    quaternion_momentum,
+    rotation_matrix,
+    to_space,
+)
+
+# ---------------------------------------------------------------- atoms and their bodies
+
+
+@inlined
+def rotation_matrices(block):
+    """What takes an atom's displacement to its place about the centre of mass."""
+    for b in range(LANES):
+        write(block, MATRIX, b, rotation_matrix(four(block, Q, b)))
+
+
+@inlined
+def velocity_matrices(block):
+    """What takes it to the velocity about the centre of mass: the rotation matrix times omega x."""
+    for b in range(LANES):
+        q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
+        w1, w2, w3 = angular_velocity(q, four(block, P, b), i1, i2, i3)
+        r = rotation_matrix(q)
+        write(block, MATRIX, b, (
+            w3 * r[1] - w2 * r[2], w1 * r[2] - w3 * r[0], w2 * r[0] - w1 * r[1],
+            w3 * r[4] - w2 * r[5], w1 * r[5] - w3 * r[3], w2 * r[3] - w1 * r[4],
+            w3 * r[7] - w2 * r[8], w1 * r[8] - w3 * r[6], w2 * r[6] - w1 * r[7],
+        ))  # fmt: skip
+
+
+@inlined
+def show_atoms_moments(layout, k):
+    """Where moments are chosen, have in the block those of the atoms, and the momenta of the same
+    kinetic energy: atoms then have velocities of the right distribution."""
+    block, row = layout.block, layout.kinds[3]
+    if row > 0:
+        take(layout, k, row, row + 3, ATOM)
+        for b in range(LANES):
+            q, (s1, s2, s3) = four(block, Q, b), three(block, ATOM, b)
+            l1, l2, l3 = angular_momentum(q, four(block, P, b))
+            write(block, P, b, quaternion_momentum(q, l1 / s1, l2 / s2, l3 / s3))
+            i1, i2, i3 = three(block, MOMENT, b)
+            write(block, MOMENT, b, (i1 / (s1 * s1), i2 / (s2 * s2), i3 / (s3 * s3)))
+
+
+@inlined
+def displaced(block, b, displace, j):
+    """The matrix of lane b times the displacement of atom j."""
+    return to_space(
+        nine(block, MATRIX, b), displace[0, at(j)], displace[1, at(j)], displace[2, at(j)]
+    )
+
+
+@inlined(contract=True)
+def apply_matrices(block, row, begin, end, displace):
+    """The vector in these rows plus the matrix times the displacement, for the atoms of a round."""
+    for b in range(end - begin):
+        x, y, z = three(block, row, b)
+        dx, dy, dz = displaced(block, b, displace, begin + b)
+        write(block, ATOM, b, (x + dx, y + dy, z + dz))
+
+
+@inlined
+def write_atoms(layout, k, row, atoms):
+    """Write, for each atom of block k, the vector in these rows plus matrix times displacement."""
+    blocks, rounds, block = layout.blocks, layout.rounds, layout.block
+    for r in range(blocks[k, 1], blocks[k + 1, 1]):
+        j = rounds[r]
+        apply_matrices(block, row, j, rounds[r + 1], layout.displace)
+        for b in range(rounds[r + 1] - j):
+            i = at(layout.index[at(j + b)])
+            for c in range(3):
+                atoms[i, c] = block[ATOM + c, b]
+
+
+@inlined
+def move_to_images(layout, images, atom_x):
+    """Move the atoms that LAMMPS has in another periodic image than their body there."""
+    blocks, rounds = layout.blocks, layout.rounds  # which can be some of the rank's only
+    begin, end = rounds[blocks[0, 1]], rounds[blocks[blocks.shape[0] - 1, 1]]
+    for a in range(images.aways[0]):
+        if begin <= images.away[a] < end:
+            for c in range(3):
+                atom_x[layout.index[images.away[a]], c] += images.shift[a, c]
+
+
+@inlined(contract=True)
+def add_forces(block, begin, end, displace):
+    """Add the forces of the atoms of a round, and their torques about the centre of mass."""
+    for b in range(end - begin):
+        fx, fy, fz = three(block, ATOM, b)
+        dx, dy, dz = displaced(block, b, displace, begin + b)
+        sx, sy, sz = three(block, FORCE, b)
+        tx, ty, tz = three(block, TORQUE, b)
+        write(block, FORCE, b, (sx + fx, sy + fy, sz + fz))
+        write(
+            block, TORQUE, b,
+            (tx + (dy * fz - dz * fy), ty + (dz * fx - dx * fz), tz + (dx * fy - dy * fx)),
+        )  # fmt: skip
+
+
+@inlined
+def gather_block(layout, k, atom_f):
+    """Sum force and torque over the atoms of block k; returns in how many bodies they are not
+    finite."""
+    blocks, rounds, block = layout.blocks, layout.rounds, layout.block
+    for row in range(FORCE, TORQUE + 3):
+        for b in range(LANES):
+            block[row, b] = 0.0
+    for r in range(blocks[k, 1], blocks[k + 1, 1]):
+        j = rounds[r]
+        for b in range(rounds[r + 1] - j):
+            i = at(layout.index[at(j + b)])
+            for c in range(3):
+                block[ATOM + c, b] = atom_f[i, c]
+        add_forces(block, j, rounds[r + 1], layout.displace)
+    bodies = blocks[k + 1, 0] - blocks[k, 0]
+    if bodies == 1:  # its atoms are in all lanes, and so must be the sums
+        for row in range(FORCE, TORQUE + 3):
+            for b in range(1, LANES):
+                block[row, 0] += block[row, b]
+            for b in range(1, LANES):
+                block[row, b] = block[row, 0]
+    wrong = 0
+    for b in range(bodies):
+        (fx, fy, fz), (tx, ty, tz) = three(block, FORCE, b), three(block, TORQUE, b)
+        if not 0.0 * (fx + fy + fz + tx + ty + tz) == 0.0:
+            wrong += 1
+    return wrong
+
+
+@loop
+def gather(layout: Layout, atom_f: F2, every: I) -> I:
+    """Sum force and torque (space frame, about the centre of mass) over this rank's atoms.
+
+    Of all bodies if `every`, else of those that are not whole here.
+
+    Returns:
+        the number of bodies for which they are not finite.
+    """
+    wrong = 0
+    for k in range(layout.blocks.shape[0] - 1):
+        if layout.blocks[k, 2] and not every:
+            continue
+        fetch_ahead(layout, k + 1, Q, Q + 4, atom_f)
+        take(layout, k, Q, Q + 4, Q)
+        rotation_matrices(layout.block)
+        wrong += gather_block(layout, k, atom_f)
+        put(layout, k, FORCE, TORQUE + 3, FORCE)
+    return wrong
+
+
+@loop
+def set_velocities(layout: Layout, atom_v: F2):
+    """Write the velocities v + omega x r of the bodies' atoms."""
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, MOMENT, P + 4, MOMENT)
+        show_atoms_moments(layout, k)
+        velocity_matrices(layout.block)
+        write_atoms(layout, k, V, atom_v)
+
+
+# ---------------------------------------------------------------- from a splitting to its loops
+
+GATHERS, KEEPS = 1, 2  # force and torque; and puts them to the bodies' state
+
+
+class Operation(NamedTuple):
+    """What a letter of a splitting stands for.
+
+    Attributes:
+        does: a function (block, kind, dt, parameters), inlined; see `operations`.
+        moves: whether it changes positions or orientations, so that forces are new after it.
+        prepared: whether the integrator's loop `prepares` sets parameters for it before, once a
+            step.  Such a letter stands once, from the first on that moves to the last.
+        measures: None, or a function as `does`, of what `prepares` must know of all bodies.  Then
+            the step is two passes over the bodies, and `prepares` is between them.
+        exact: whether it rotates bodies exactly where parameters[MROT] is EXACT; see `operations`.
+    """
+
+    does: object
+    moves: bool = False
+    prepared: bool = False
+    measures: object = None
+    exact: bool = False
+
+
+class Stages(NamedTuple):
+    """A splitting as functions (block, kind, dt, parameters): before what moves, what moves and
+    what is between, in one pass or two, after LAMMPS's forces; whether the last one moves, too; and
+    whether something is prepared."""
+
+    lead: object
+    middle: tuple
+    tail: object
+    tail_moves: bool
+    prepared: bool
+
+
+FORCES = "F"  # where LAMMPS computes them
+
+
+def stages(splitting, operations):
+    """The three stages of a step.
+
+    Args:
+        splitting: letters with spaces between, as "B A B".  A letter that stands n times does dt /
+            n each time.  Where forces are computed is an F, or, without one, after the last letter
+            that moves.
+        operations: dictionary from letters to `Operation`.
+    Raises:
+        ValueError: for a letter without an operation; for an operation of the letter F; if nothing
+            moves; and for a letter that is prepared and stands twice, before those that move, or
+            behind them.
+    """
+    letters = splitting.split()
+    if FORCES in operations:
+        raise ValueError(
+            f"the letter {FORCES} stands for the forces in a splitting: give the operation another"
+        )
+    for letter in letters:
+        if letter not in operations and letter != FORCES:
+            known = ", ".join(operations)
+            raise ValueError(
+                f"splitting {splitting!r}: there is no operation {letter}, only {known}"
+            )
+    movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
+    if not movers:
+        raise ValueError(f"splitting {splitting!r}: none of its operations moves the bodies")
+    cut = letters.index(FORCES) if FORCES in letters else movers[-1] + 1
+    first = min(movers[0], cut)
+    prepared = [k for k, one in enumerate(letters) if one != FORCES and operations[one].prepared]
+    if len(prepared) > 1 or not all(first <= k < cut for k in prepared):
+        raise ValueError(
+            f"splitting {splitting!r}: "
+            "a letter that is prepared stands once, and from the first on that moves to the last"
+        )
+
+    def chain(begin, end, last=None):
+        parts = [
+            (operations[one].does, 1.0 / letters.count(one))
+            for one in letters[begin:end]
+            if one != FORCES
+        ]
+        return _chain(parts + ([(last, 1.0)] if last else []))
+
+    pause = prepared[0] if prepared and operations[letters[prepared[0]]].measures else None
+    middle = (chain(first, cut),)
+    if pause is not None:
+        measures = operations[letters[pause]].measures
+        middle = chain(first, pause, measures), chain(pause, cut)
+    tail_moves = any(operations[one].moves for one in letters[cut:] if one != FORCES)
+    tail = chain(cut, len(letters))
+    return Stages(chain(0, first), middle, tail, tail_moves, bool(prepared))
+
+
+def _chain(parts):
+    """One function of several, done one after the other, each for its share of dt."""
+    if not parts:
+
+        @inlined
+        def nothing(block, kind, dt, parameters):
+            pass
+
+        return nothing
+    (does, share), *rest = parts
+    others = _chain(rest)
+
+    @inlined
+    def chain(block, kind, dt, parameters):
+        does(block, kind, share * dt, parameters)
+        others(block, kind, dt, parameters)
+
+    return chain
+
+
+def make_loops(integrator):
+    """The loops of an integrator's step.
+
+    Args:
+        integrator: the class, with `splitting`, `operations` and `rows`.
+    Returns:
+        (advance, go_on, kick), as loops of the integrator's module; go_on is None where a step is
+        one pass.
+    """
+    parts = stages(integrator.splitting, integrator.operations)
+    go_on = _make_go_on(integrator, parts) if len(parts.middle) > 1 else None
+    return _make_advance(integrator, parts), go_on, _make_kick(integrator, parts)
+
+
+def _ends(lead, tail):
+    """A function that ends a step, begins one, or both."""
+
+    @inlined
+    def end_and_begin(block, kind, dt, parameters, ends, begins):
+        if ends:
+            tail(block, kind, dt, parameters)
+        if begins:
+            lead(block, kind, dt, parameters)
+
+    return end_and_begin
+
+
+@inlined
+def place(layout, k, atom_x):
+    """Place the atoms of block k."""
+    rotation_matrices(layout.block)
+    write_atoms(layout, k, X, atom_x)
+
+
+def _make_advance(integrator, parts):
+    """The first pass of a step, or all of it."""
+    rows, middle, prepared = integrator.rows, parts.middle[0], parts.prepared
+    several, end_and_begin = len(parts.middle) > 1, _ends(parts.lead, parts.tail)
+
+    def advance(
+        layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F, parameters: F1,
+        gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
+    ) -> I:  # fmt: skip
+        """Move the bodies, and place their atoms.
+
+        It ends the last step, if `ends`, and begins this one, if `begins`: a whole step can be one
+        pass.  If it gathers, force and torque of bodies that are whole here are those of their
+        atoms; they go no further, unless it KEEPS them.  It does so to the bodies of one part: ALL,
+        WHOLE here or DIVIDED between ranks; if to these two, in this order.
+
+        Returns:
+            as `gather`, or 0.
+        """
+        wrong, blocks, block = 0, layout.blocks, layout.block
+        for k in range(blocks.shape[0] - 1):
+            if part != ALL and blocks[k, 2] != (part == WHOLE):
+                continue
+            fetch_ahead(layout, k + 1, MASS, P + 4, atom_f if gathers else atom_x)
+            take(layout, k, MASS, P + 4, MASS)
+            if gathers and blocks[k, 2]:
+                rotation_matrices(block)
+                bad = gather_block(layout, k, atom_f)
+                if bad or gathers == KEEPS:
+                    put(layout, k, FORCE, TORQUE + 3, FORCE)
+                if bad:  # these stay as they are, for who says why
+                    wrong += bad
+                    continue
+            else:
+                take(layout, k, FORCE, TORQUE + 3, FORCE)
+            take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            if prepared:
+                take_names(layout, k, rank, mask)
+            kind = kind_of(layout, blocks[k, 0])
+            end_and_begin(block, kind, dt, parameters, ends, begins)
+            middle(block, kind, dt, parameters)
+            put(layout, k, X, P + 4, X)
+            put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            if not several:
+                place(layout, k, atom_x)
+        if not several and part != WHOLE:
+            move_to_images(layout, images, atom_x)
+        return wrong
+
+    return _loop_of(integrator, advance)
+
+
+def _make_go_on(integrator, parts):
+    """The second pass of a step."""
+    rows, rest = integrator.rows, parts.middle[-1]
+
+    def go_on(
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, rank: I, mask: F2
+    ):  # fmt: skip
+        """The second pass of a step, which places the atoms."""
+        for k in range(layout.blocks.shape[0] - 1):
+            take(layout, k, MASS, P + 4, MASS)
+            take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            take_names(layout, k, rank, mask)
+            kind = kind_of(layout, layout.blocks[k, 0])
+            rest(layout.block, kind, dt, parameters)
+            put(layout, k, X, P + 4, X)
+            put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            place(layout, k, atom_x)
+        move_to_images(layout, images, atom_x)
+
+    return _loop_of(integrator, go_on)
+
+
+def _make_kick(integrator, parts):
+    """What a step ends or begins with, alone."""
+    rows, tail_moves = integrator.rows, parts.tail_moves
+    end_and_begin = _ends(parts.lead, parts.tail)
+
+    def kick(
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, ends: I, begins: I
+    ):  # fmt: skip
+        """End a step, or begin one, with the force and torque that the bodies have."""
+        for k in range(layout.blocks.shape[0] - 1):
+            take(layout, k, MASS, TORQUE + 3, MASS)
+            take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            kind = kind_of(layout, layout.blocks[k, 0])
+            end_and_begin(layout.block, kind, dt, parameters, ends, begins)
+            put(layout, k, X, P + 4, X)
+            put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            if tail_moves:
+                place(layout, k, atom_x)
+        if tail_moves:
+            move_to_images(layout, images, atom_x)
+
+    return _loop_of(integrator, kick)
+
+
+def make_start(integrator):
+    """The loop that sets the bodies' own rows when the forces of the start are known."""
+    starts, rows = integrator.starts, integrator.rows
+
+    def start(layout: Layout, dt: F, parameters: F1):
+        """Set the bodies' own rows, with the force and torque that the bodies have."""
+        for k in range(layout.blocks.shape[0] - 1):
+            take(layout, k, MASS, TORQUE + 3, MASS)
+            take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            starts(layout.block, kind_of(layout, layout.blocks[k, 0]), dt, parameters)
+            put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+
+    return _loop_of(integrator, start)
+
+
+def _loop_of(integrator, function):
+    """A loop that belongs to the module of an integrator."""
+    function.__module__ = integrator.__module__
+    function.__qualname__ = f"{integrator.__qualname__}.{function.__name__}"
+    return loop(function)

@@ -1,0 +1,1 @@
+"""Bodies and ranks of a run: which ranks share a body, and what goes with atoms that leave."""

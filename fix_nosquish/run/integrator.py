@@ -1,0 +1,980 @@
+"""How LAMMPS drives an integrator, step by step.
+
+    initial_integrate   begin: what stands before the forces in the splitting; atoms have new places
+    (LAMMPS)            moves atoms between ranks if it is time to, computes forces
+    post_neighbor       follow the atoms, if they were moved
+    final_integrate     end: force and torque of each body (of shared ones: one exchange), what
+                        stands behind the forces in the splitting, the atoms' velocities
+
+On a step that nothing looks at, the end is left to the next step, and is one pass with its begin.
+The plugin then does both by itself; it calls these methods where Python has something to do.  With
+run_style respa each level's forces begin and end a step with its own time step; the innermost level
+moves the bodies.
+"""
+
+import weakref
+from collections.abc import Callable
+from enum import IntEnum
+from itertools import count as count_from_zero
+from math import gcd
+from typing import NamedTuple
+
+import numpy as np
+
+from ..bodies import extended, turnover
+from ..bodies.build import build, count
+from ..bodies.extended import particles_of
+from ..bodies.kinds import compare
+from ..bodies.membership import Membership
+from ..box import deform
+from ..errors import RunError
+from ..host.command import Command
+from ..host.hosts import driven_by_plugin, hook
+from ..host.lammps import Lammps, pointer
+from ..host.own_fix import OwnFix
+from ..loops import machine_code
+from ..loops.compiled import Loop
+from ..motion import step, virial
+from ..motion.block import ROWS
+from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
+from ..ranks import lookup, migration, sharing
+from ..ranks.communicator import ALONE, Communicator
+from . import passes, reports, thermo, threads
+from .switches import Switches
+
+# fixes that read no velocities but those of their own atoms
+_BLIND = "nve", "rigid", "shake", "rattle"
+# fixes that keep a temperature
+_THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
+# fixes that act at the end of a step and change no velocity
+READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
+# fixes without an energy that change nothing of the bodies
+_HARMLESS = (*READERS, "property/", "balance", "enforce2d")
+
+
+def _deforms(fix):
+    """Whether a fix that changes the box tells rigid fixes, so that bodies move with it."""
+    return fix.style.startswith("deform")
+
+
+class Swaps(NamedTuple):
+    """Command temper, as one of the fixes that change velocities at the end of a step."""
+
+    id: str
+    style: str
+    nevery: int
+
+
+def _swaps(command, step):
+    """The `Swaps` of these words, temper N M ..., from this step on; an empty list for others."""
+    if not command or not command[0].startswith("temper"):
+        return []
+    return [Swaps(reports.TEMPER, "temper", gcd(int(command[2]), step))]
+
+
+class Phase(IntEnum):
+    """Where in a run the bodies are; the plugin has the same numbers."""
+
+    NEW = 0  # a run begins: the forces are not known
+    SET = 1  # a step is done
+    HALF = 2  # a step has begun
+    WAITING = 3  # a step has begun, and its end is left to the next one
+    OVER = 4  # the run is over: what changes velocities now is a script
+
+
+class Integrator:
+    """What LAMMPS's fix python/move drives; `nve.NVE` and others say how they move the bodies.
+
+    LAMMPS calls the methods; the documentation says what the words of the fix line mean.
+
+    Args:
+        ptr: the pointer to LAMMPS that fix python/move hands over.
+        words: the text of the fix line from the class on.
+    Raises:
+        RunError: with a message for the user, from any method.
+
+    A class derived from this one says
+        splitting, operations: what a step is; see `step.stages`.
+        rows: how many numbers of its own each body has; they go where the body goes, and begin as
+            0. In a block they are the rows from BLOCK_ROWS on.
+        kept: how many more numbers go where the body goes, behind its rows in the state, which
+            operations do not see.
+        work: how many more rows of a block its operations need to work with.
+        starts: what sets its own rows when the forces of the start are known, or None: a function
+            as in an operation.
+        method: what the log calls it.  splits: whether it has use for the keywords mrot and order.
+            Keyword rotor exact is for those with an operation that says so.
+        respa: whether it can have the forces of the levels of run_style respa.
+        keywords: those of its own, besides what `command.KEYWORDS` has for all.
+        middle: whether the velocities that atoms have at the end of a step are those of its middle,
+            before the letters behind the forces: with a thermostat there, these are the right ones.
+            Not with run_style respa.
+        prepares: a loop that sets parameters for the letter that is `prepared`, or None; it returns
+            0, or -1 to end the run with the message `unprepared`.
+        own_parameters: a method that returns numbers for its operations, behind those of
+            `operations`; it is asked when a run begins, and all are in `parameters` then.
+        own_cells: a method that returns a dictionary of cells that its own loop takes.
+        loops_behind: a method that binds a list of loops that come behind the second pass over the
+            bodies.
+        own_lists: a method that binds lists of loops of its own, by name.
+        needs_energy: whether it needs the potential energy at the end of steps that it names, as
+            host.energy_step.  Then it has a method take_energy for these, which names the next one
+            and says whether the state stays; if not, `renewed` is called when the forces are known
+            where it goes back to.
+        thermostat: whether it keeps a temperature, so that no other fix may.
+        quenches: whether it ends a run by itself.
+        crosses: whether bodies may get another velocity where they cross a face, as with remap v of
+            fix deform.
+        every: the box changes in the steps after the multiples of this; 0 for never.
+        flips: whether tilts of the box change, so that it may take other vectors of its lattice.
+        flip_loops: a method that binds the list of loops that do so, before atoms go to other
+            ranks.
+        cell_loops: a method that binds two lists of loops to cells: what the forces say of the
+            pressure, and what changes the box in the next step.
+        own_warnings: lines for the log on what is probably not meant.
+        modules: names of modules whose loops it needs, besides those of its classes.
+
+    Attributes:
+        bodies: the `Bodies`, from the first use of the fix on.
+        exact: whether their free rotation is exact, not split.
+        host: what calls this object: see `hosts.Host`.
+        virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
+            plugin's fix; None with LAMMPS's own fix python/move.
+        virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
+        parameters: (n,) what the operations take.
+        mask: what of forces and torques acts, (6, bodies) or (6, 1), as the run begins; None if all
+            does.
+        rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
+        late: other fixes that act at the end of a step, and so may change velocities.
+        told_box: the host's, if another fix changes the box in this run and bodies move with it;
+            else None.
+        streams: whether it is with remap v that this happens.
+        gravity: the acceleration by which bodies have weight, (3,); None for none.
+        half_step_velocities, velocities_every: whether something may read the atoms' velocities
+            between the halves of a step, and every how many steps at its end.
+    """
+
+    splitting, operations, rows, kept, work = "", {}, 0, 0, 0
+    starts: Callable | None = None
+    prepares: Loop | None = None
+    method, splits, respa, middle, thermostat, keywords = "", False, True, False, False, ()
+    advance: Loop  # of the splitting, as go_on and kick
+    go_on: Loop | None
+    kick: Loop
+    start: Loop | None
+
+    host = parameters = told_box = gravity = None
+    unprepared = ""
+    every, modules, flips, needs_energy = 0, (), False, False
+    crosses = streams = quenches = False
+    own_warnings = ()
+    follows_atoms = True
+    virial = virial_per_atom = None
+    rigid_flag = exact = False
+    _all, _numbers = weakref.WeakSet(), count_from_zero()
+
+    def __init_subclass__(cls):
+        if not vars(cls).keys().isdisjoint(("splitting", "operations", "rows", "starts")):
+            cls.advance, cls.go_on, cls.kick = step.make_loops(cls)
+            cls.start = cls.starts and step.make_start(cls)
+            cls.crosses = vars(cls).get("crosses", False)  # of each motion by itself
+
+    def own_parameters(self):
+        return ()
+
+    def own_cells(self):
+        return {}
+
+    def loops_behind(self, cells):
+        return []
+
+    def own_lists(self, cells):
+        return {}
+
+    @property
+    def carries(self):
+        """How many numbers go with an atom to another rank."""
+        of_body = ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
+        return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
+
+    def __init__(self, ptr, words):
+        self.lammps = Lammps(ptr)
+        several = self.lammps.ranks > 1
+        self.communicator = Communicator(self.lammps.communicator) if several else ALONE
+        self.number = next(self._numbers)
+        self.bodies = self.passes = self.notes = None
+        self._ran = self._lost = self._gathers_anew = False
+        self.late, self.half_step_velocities, self.velocities_every = [], True, (1,)
+        if not driven_by_plugin():
+            self.host = OwnFix(self.lammps, self.communicator)
+        self._begin(words)
+
+    @hook
+    def _begin(self, words):
+        modules = [step, migration, sharing, virial, passes]
+        if self.communicator.size > 1 or self.host:
+            modules.append(lookup)
+        if self.lammps.threads > 1:
+            modules.append(threads)
+        names = [module.__name__ for module in modules]
+        machine_code.load(
+            self.communicator,
+            *names,
+            *(kind.__module__ for kind in type(self).__mro__),
+            *self.modules,
+        )
+        self.command = Command.parse(words, self.keywords)
+        self._refuse_other_rotor(self.command.rotor)
+        self.membership = Membership(self.lammps, self.communicator, self.command)
+        self.infile = self.command.infile and self.lammps.text(self.command.infile)
+        self.restart_file = self.infile is not None
+        self.reports = reports.Reports(self)
+        self.oriented = self.communicator.any(self.lammps.orients)
+        self._all.add(self)
+        self.template = self.command.mol
+        if self.template and not self.lammps.has("molecule", self.template):
+            raise self.command.wrong(
+                f"there is no molecule template '{self.template}' (keyword mol): "
+                "define it before the fix, by command molecule"
+            )
+        self.reset_dt()
+        if self.host:
+            # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
+            self._build()
+            self.reports.say(False)
+        else:
+            self.array_rows = None  # they will be others
+            if not self.template:
+                self.array_rows = count(self.lammps, self.communicator, self.membership)
+            self.rigid_flag = self.lammps.radius is not None
+
+    def _refuse_other_rotor(self, rotor):
+        """Raise an error if the words ask for a rotation that this class does not have."""
+        problem = None
+        if rotor == "split" and not self.splits:
+            problem = (
+                "keywords mrot and order, and rotor split, are for integrators that split the "
+                "rotation, which {} does not"
+            )
+        elif rotor == "exact" and not self._can_be_exact:
+            problem = "keyword rotor exact is for the rotation of fix_nosquish.NVE, not that of {}"
+        if problem:
+            raise self.command.wrong(problem.format(type(self).__name__))
+
+    @property
+    def _can_be_exact(self):
+        return any(operation.exact for operation in self.operations.values())
+
+    def _choose_rotor(self):
+        """Whether the rotation is exact; collective.
+
+        By default that of symmetric tops is, whose axes may be chosen in more than one way.
+        """
+        if self.command.rotor or not self._can_be_exact or self.bodies.planar:
+            return self.command.rotor == "exact"
+        if not self.splits:
+            return True
+        moment = self.bodies.moment[:, : self.bodies.rotors]
+        equal = (moment[0] == moment[1]) | (moment[1] == moment[2])
+        return not self.communicator.any(not equal.all())
+
+    @classmethod
+    def of_fix(cls, lmp, fix_id):
+        """The integrator of a LAMMPS that the fix of this ID drives."""
+        handle = pointer(getattr(lmp, "lmp", lmp))
+        every = [other for other in cls._all if other.lammps.handle == handle]
+        for other in every:
+            # LAMMPS's own fix tells no ID
+            if other.host.fix_id == fix_id or (other.host.fix_id is None and len(every) == 1):
+                return other
+        if every and every[0].host.fix_id is None:
+            raise RunError(
+                "a LAMMPS's own fix python/move does not tell which of several fixes has the ID "
+                f"{fix_id}: use the keyword output of each",
+                everywhere=True,
+            )
+        raise RunError(f"there is no fix {fix_id} of fix_nosquish", everywhere=True)
+
+    @property
+    def mates(self):
+        """All integrators of this LAMMPS, this one among them."""
+        mates = [other for other in self._all if other.lammps.handle == self.lammps.handle]
+        return sorted(mates, key=lambda mate: mate.number)  # alike on all ranks
+
+    @property
+    def phase(self):
+        return self.host.phase if self.host else Phase.NEW
+
+    @phase.setter
+    def phase(self, phase):
+        self.host.phase = phase
+
+    @property
+    def ended(self):
+        """The phase at the end of a step that is looked at."""
+        return Phase.WAITING if self.middle else Phase.SET
+
+    has_begun = property(lambda self: self.phase in ({Phase.HALF, Phase.WAITING} - {self.ended}))
+    is_set = property(lambda self: self.phase in (self.ended, Phase.SET, Phase.OVER))
+    is_over = property(lambda self: self.phase == Phase.OVER)
+
+    # ------------------------------------------------------------- before the first step
+
+    @hook
+    def init(self):
+        """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
+        if self.lammps.respa_dt is not None and not self.respa:
+            raise RunError(
+                f"the integrator {type(self).__name__} takes one force a step, "
+                "not those of levels: use run_style verlet",
+                everywhere=True,
+            )
+        self.host.call_always()
+        self.middle = type(self).middle and self.lammps.respa_dt is None
+        self.phase = Phase.NEW
+        self.reports.begin()
+        self.host.set_bodies(None, None)  # the atoms are not those of the last run
+        # nor are the groups: deleted ones leave their bits to others
+        self.membership = Membership(self.lammps, self.communicator, self.command)
+        self._look_at_fixes()
+        self._refuse_streams()
+        anew = self.command.reinit or not self._ran
+        if anew:
+            self._build()
+        else:
+            self.bodies.bind(self.lammps, self.membership)
+        self._bind()
+        if anew:
+            if self.streams:  # velocities are those that bodies have where the box has them
+                self.bodies.settle(self.lammps)
+                self._take_velocities()
+            self.passes.do("turn")
+            self.set_velocities()
+            if self.streams and not self.runs:
+                self._set_plain_velocities()
+        self._refuse_second_integrator()
+        self.reset_dt()
+        self.reports.open()
+        self.host.begin_run(self.reports.virial_of_all)
+        if not self.host.calls_setup:
+            self.reports.say(self.host.has_virial)
+        self._tell_count()
+
+    @property
+    def runs(self):
+        """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
+        write_restart, also where command run names them."""
+        return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
+
+    def fix_without_energy(self):
+        """The first other fix that may change positions, momenta or forces with no energy in
+        LAMMPS's potential energy, and a remedy; None if there is no such fix."""
+        for fix in self._fixes:
+            moves = fix.time_integrate or fix.constrains
+            harmless = fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
+            known = fix.energy_in_pe and not moves
+            if fix.called and not harmless and (not known or fix.box_change):
+                potential = fix.has_energy and not moves
+                return fix, f"fix_modify {fix.id} energy yes" if potential else "unfix it"
+        return None
+
+    def acts_on_bodies(self, fix):
+        """Whether atoms of the bodies are in another fix's group; collective."""
+        groups = self.lammps.groups[self.membership.atoms()]
+        return self.communicator.any(fix.has(groups).any())
+
+    def _tell_count(self):
+        self.host.set_array_rows(self.communicator.count(self.bodies.listed.sum()))
+
+    def _look_at_fixes(self):
+        """Find out what other fixes may read and change."""
+        ours = {mate.host.fix_id for mate in self.mates}
+        fixes = self.host.fixes()
+        unknown = fixes is None
+        self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
+        self._forces_change = unknown or any(fix.post_force for fix in fixes)
+        ending = [fix for fix in fixes if fix.end_of_step]
+        ending += _swaps(self.host.command, self.lammps.step)
+        self.late = [fix for fix in ending if not fix.style.startswith(READERS)]
+        between = any(fix.between for fix in fixes)
+        self.half_step_velocities = self.host.ghost_velocity or between
+        each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
+        self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
+        changes = [fix for fix in fixes if fix.box_change]
+        deforms = changes and self.respa_dt is None and all(map(_deforms, changes))
+        self.told_box = self.host.told_box if deforms and not self.every else None
+        self.streams = self.told_box is not None and bool(self.host.stream_group)
+        if self.told_box is not None:
+            machine_code.load(self.communicator, deform.__name__)
+        self._box_may_change = unknown or (bool(changes) and self.told_box is None)
+
+    def _build(self):
+        known = self.bodies and (self.bodies.id, self.bodies.wrench.copy())
+        former = self.former()
+        self.host.carry(None, None)
+        self.bodies = self.passes = None  # there may be no room for both
+        self._lost = former is not None
+        self.bodies, self.notes = build(
+            self.lammps, self.communicator, self.membership, self.infile, self.rows + self.kept,
+            former, **self.particles(),
+        )  # fmt: skip
+        self._lost = self._started = False
+        bodies, self.exact = self.bodies, self._choose_rotor()
+        kept = self.notes.pop("kept")
+        # a rerun is to tell of the atoms as they stand in the file, which has rounded places
+        bodies.loose = self.command.reinit and "rerun" in self.host.command[:1]
+        if kept and kept.text and not bodies.loose:
+            self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
+            self.host.log(kept.text)
+        if kept and kept.turned:
+            self.host.log(
+                f"{kept.turned} particles were turned with their bodies, which something has moved "
+                "between the runs (an orientation that 'set' gave them there is dropped)\n"
+            )
+        if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
+            # commands like write_data compute no forces
+            bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
+        bodies.bind(self.lammps, self.membership)
+        bodies.know_box(self.lammps.box)
+        self.host.carry(self.lammps, bodies)
+        self.host.point()
+        bodies.note()
+        self.host.noted()
+        self._switches = Switches(self.command, self.lammps.dimension, self.communicator, bodies)
+        self._box = self.lammps.box
+        if self.notes.pop("new"):
+            self.notes["warnings"] += compare(
+                bodies, self.lammps, self.communicator, self.membership
+            )
+
+    @property
+    def _mrot(self):
+        """How the rotation is split, as operations have it."""
+        return EXACT if self.exact else self.command.mrot
+
+    def _weight(self):
+        """What the fix of keyword gravity gives; collective."""
+        name = self.command.gravity
+        if not name:
+            return None
+        found = self.host.gravity(name)
+        problem = (
+            "hybrid Monte Carlo and keyword shadow, whose energy would lack the weight's: "
+            f"use fix {name} without its word disable, and fix_modify {name} energy yes"
+            if self.needs_energy
+            else "with run_style respa: use fix gravity without its word disable"
+            if self.lammps.respa_dt is not None
+            else "with a LAMMPS's own fix python/move: use fix gravity without its word disable"
+            if not self.host.follows
+            else f"for '{name}', which is no fix gravity that stands before this fix"
+            if found is None
+            else None
+        )
+        if problem:
+            raise self.command.wrong(f"keyword gravity does not serve {problem}")
+        return found
+
+    def _refuse_streams(self):
+        """End the run if bodies cannot cross faces as with remap v of fix deform; collective."""
+        if not self.streams:
+            return
+        if not self.crosses or self.needs_energy:
+            raise RunError(
+                "fix deform has remap v, with which bodies get another velocity at periodic faces: "
+                f"{type(self).__name__} does not do so. Use fix_nosquish.NVE without keyword "
+                "shadow, and fix langevin with fix_modify temp for a temperature",
+                everywhere=True,
+            )
+        atoms, streams = self.membership.atoms(), self.host.stream_group & 0xFFFFFFFF
+        if self.communicator.any((self.lammps.groups[atoms] & streams == 0).any()):
+            raise RunError(
+                "fix deform has remap v for a group that lacks atoms of the bodies: "
+                "give it group all",
+                everywhere=True,
+            )
+
+    def _bind(self):
+        self.gravity = self._weight()
+        self.bodies.cells["rate"].set(self.host.rate if self.streams else np.zeros(6))
+        own = [0.0] * PARAMETERS
+        own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
+        self.mask = self._switches.mask(self.bodies)
+        self.parameters = np.array([*own, *self.own_parameters()])
+        self.passes = passes.Passes(
+            self, self.bodies, self.lammps, self.communicator, self.mask,
+            self.half_step_velocities, self.own_cells(),
+        )  # fmt: skip
+        self._set_time_step()
+
+    def shapes(self):
+        """Shapes and orientations of LAMMPS's atoms; see `hosts.Host.shapes`."""
+        return self.host.shapes(len(self.lammps.groups)) if self.oriented else None
+
+    def particles(self):
+        """What `build` must know of atoms that are more than points."""
+        return {"shapes": self.shapes(), "oriented": self.oriented}
+
+    def former(self):
+        """What the atoms were in the bodies of the last run, None if that says nothing; collective.
+
+        An atom that was in a body stays in it; a variable is asked for the others only.  (LAMMPS's
+        own fix cannot know which these are.)
+        """
+        if self._lost:
+            raise RunError(
+                "the bodies of the last run are gone, because this one could not begin: "
+                "unfix this fix and define it again",
+                everywhere=True,
+            )
+        if self.bodies is None:
+            return None
+        self.host.point()
+        former = self.bodies.of_atoms(self.lammps, self.host.follows)
+        if self.membership.variable and former.followed:
+            self.membership.before = former.id, former.known
+        return former if self._ran and not self.infile else None
+
+    def _refuse_second_integrator(self):
+        problem, lammps, command = None, self.lammps, self.command
+        atoms, groups = self.membership.atoms(), lammps.groups
+        ids = [[command.group]] + [command.arguments] * (command.style == "group")
+        points = [command.points] if command.points else []
+        for fix in self._fixes:
+            both = atoms[fix.has(groups[atoms])]
+            if fix.time_integrate:
+                if len(both):
+                    problem = (
+                        f'atom {lammps.tags[both[0]]} of the rigid bodies ("{command.text}") '
+                        f"is also integrated by fix {fix.id} (style {fix.style}): "
+                        "give that fix a group without the bodies' atoms"
+                    )
+            elif self.thermostat and fix.style.startswith(_THERMOSTATS):
+                if len(both):
+                    problem = (
+                        f"fix {fix.id} (style {fix.style}) keeps a temperature of atom "
+                        f"{lammps.tags[both[0]]} of the rigid bodies, as fix {self.host.fix_id} "
+                        f'("{command.text}") does: give it a group without the bodies\' atoms, or '
+                        "use fix_nosquish.NVE"
+                    )
+            elif any(self.host.removed_freedom(fix.id, group) for group in points):
+                problem = (
+                    f"fix {fix.id} (style {fix.style}) constrains atoms of group "
+                    f"'{command.points}', which keyword points moves as points: "
+                    "unfix it, or leave them out of the group"
+                )
+            elif all(
+                any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids
+            ):
+                problem = (
+                    f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, "
+                    f'which fix {self.host.fix_id} ("{command.text}") holds rigid: '
+                    "unfix it, or give it a group without the bodies' atoms"
+                )
+        for mate in self.mates:
+            # its own membership may be older than a group that was deleted and made anew
+            theirs = Membership(lammps, self.communicator, mate.command).atoms()
+            both = np.intersect1d(theirs, atoms) if mate is not self else ()
+            if len(both):
+                problem = (
+                    f"atom {lammps.tags[both[0]]} is claimed by two fixes: "
+                    f'"{mate.command.text}" and "{command.text}". An atom can be in one body only: '
+                    "use groups without common atoms"
+                )
+        self.communicator.agree(problem)
+
+    @hook
+    def setup(self, vflag):
+        """The forces of the start are known; LAMMPS is about to print its step."""
+        self.do("gather")
+        self.reports.forget()
+        if self.start and not self._started:
+            self.start.bind_to(self.passes.cells)()
+        self._started = True
+        if self._ran and not self.command.reinit:
+            if not self.streams:  # where LAMMPS has just taken an atom into the box, it is faster
+                self._say_ignored("reinit no")
+            self.set_velocities()
+        self.phase, self._ran = self.ended, True
+        if vflag:
+            self.reports.add_constraint_virial()
+        if self._pressure_is_due(self.lammps.step):
+            self.do("pressure")
+        # LAMMPS asks the fixes behind this one for their forces after it
+        self._gathers_anew = self._forces_change and not self.middle
+        if self._gathers_anew:
+            self.host.begins = self.lammps.step + 1
+        self._leave_to_host()
+        if self.host.calls_setup:
+            self.reports.say(bool(vflag))
+            self.reports.write()
+        cause, remedy, spacing = thermo.forces_at_start(self)
+        self.bodies.start = self.lammps.step, cause, remedy, spacing
+        if cause:
+            self.host.log(f"WARNING: {cause}: {remedy}\n")
+
+    @hook
+    def min_setup(self, vflag):
+        """A minimisation begins: it would move the atoms one by one."""
+        raise RunError(
+            "a minimisation would tear the rigid bodies apart: use fix_nosquish.FIRE and a run "
+            "instead, which keep their shapes; or minimise before the fix is defined",
+            everywhere=True,
+        )
+
+    @hook
+    def reset_dt(self):
+        """The time step may have changed."""
+        if self.phase != Phase.NEW:
+            self.catch_up()
+        self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
+        self._set_time_step()
+
+    # ------------------------------------------------------------- one step
+
+    @hook
+    def initial_integrate(self, vflag):
+        """The first half of a step."""
+        self._begin_step(vflag)
+        if self._gathers_anew:
+            self.do("gather")
+            self._gathers_anew = False
+        if self.lammps.step == self.host.begins:
+            self.begin_trajectory()
+        self.do("whole" if self.phase == Phase.WAITING else "begin")
+        if self._cell_is_due(self.lammps.step - 1):
+            self.do("cell")
+        self._has_begun()
+
+    @hook
+    def post_neighbor(self):
+        """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
+        self._refuse_new_box(self.lammps.box.periodic)
+        bodies = self.bodies
+        self.host.point()
+        if not bodies.follow(self.lammps):
+            self._turn_over()
+        self.host.noted()
+        self.host.keep_box()
+        if self._switches.choices:
+            self.passes.mask.set(self._switches.mask(bodies))
+        if self.rigid_flag:
+            body = np.full(len(self.lammps.groups), -1, np.int32)
+            body[bodies.index] = bodies.body
+            self.host.set_bodies(body, bodies.mass)
+
+    def _turn_over(self):
+        """Atoms of bodies came or are gone, and their bodies with them; collective."""
+        how = {"own_rows": self.rows + self.kept, **self.particles()}
+        lines = turnover.turn_over(
+            self.bodies, self.lammps, self.communicator, self.membership, how
+        )
+        if self.start or self.every or self.needs_energy:
+            raise RunError(
+                f"bodies came or are gone by step {self.lammps.step}, which the integrator "
+                f"{type(self).__name__} does not do in a run: use fix_nosquish.NVE or NVT, without "
+                "keyword shadow, or insert and delete between runs, with reinit yes",
+                everywhere=True,
+            )
+        if lines:
+            self.host.log("\n".join([*lines, ""]))
+        self.exact = self._choose_rotor()
+        self.parameters[MROT] = self._mrot
+        self.mask = self._switches.mask(self.bodies)
+        self.turned_over()
+        self._tell_count()
+        self.reports.forget()
+
+    def turned_over(self):
+        """There are other bodies than before, in a run; collective."""
+
+    def resumed(self):
+        """A run's first step begins without a setup before it; collective.
+
+        So it is with 'pre no', and always with a LAMMPS's own fix.
+        """
+
+    @hook
+    def final_integrate(self):
+        """The second half of a step, when it is not left to the plugin."""
+        self._follow()
+        self.do("end")
+        self.phase = self.ended
+        self.reports.forget()
+        if self.lammps.step != self.host.energy_step or self.take_energy():
+            self._show()
+
+    def _show(self):
+        """Tell LAMMPS and the user what they ask of the end of a step."""
+        step = self.lammps.step
+        if step == self.host.next_output or any(step % n == 0 for n in self.velocities_every):
+            self.set_velocities()
+        if self.host.vflag:
+            self.reports.add_constraint_virial()
+        if self._pressure_is_due(step):
+            self.do("pressure")
+        self.reports.write()
+
+    def _cell_is_due(self, step):
+        """Whether the forces of this step are followed by a change of the box."""
+        return self.every and step % self.every == 0
+
+    def _pressure_is_due(self, step):
+        """Whether the forces of this step are those before or behind a change of the box."""
+        return self._cell_is_due(step) or self._cell_is_due(step - 1)
+
+    def complaint(self, found):
+        """Why a loop that returned a number below 0 ends the run."""
+        return self.unprepared
+
+    def catch_up(self):
+        """Do what the last step has left to the next one."""
+        if self.phase == Phase.WAITING:
+            self.do("close")
+            self.phase, self.host.velocities_set = Phase.SET, False
+            self.reports.forget()
+
+    def come_to_rest(self):
+        """Have the bodies as a step that is looked at leaves them, with their forces."""
+        if self.phase == Phase.WAITING:
+            if self.middle:
+                self.do("gather")
+            else:
+                self.catch_up()
+
+    def do(self, name):
+        """Do a list of passes; see `passes`."""
+        found = self.passes.do(name)
+        if found < 0:
+            raise RunError(self.complaint(found), everywhere=True)
+        if found:
+            self._blame_forces()
+
+    def _begin_step(self, vflag):
+        if self.phase == Phase.NEW:
+            self.resumed()
+            self.post_neighbor()
+            self.setup(0)
+        elif self.phase == Phase.OVER:
+            self._refuse_new_box(self.lammps.box.periodic)
+            self.host.point()
+            self.bodies.refuse_moved_atoms(self.lammps)
+            self.resumed()
+            self._say_ignored("pre no")
+            self.phase = self.ended
+        elif self.late:
+            self.take_changed_velocities(self.lammps.step - 1)
+        self.host.vflag = vflag
+        self.reports.forget()
+
+    def begin_trajectory(self):
+        """The step ``host.begins`` is about to begin; collective."""
+
+    def _has_begun(self):
+        self.phase, self.host.velocities_set = Phase.HALF, False
+
+    def _set_time_step(self):
+        """Have the loops use the time step as it is now."""
+        if self.passes:
+            respa = self.respa_dt is not None
+            self.passes.dt.set(self.respa_dt[0] if respa else self.dt)
+            self.passes.level_dt.set(self.dt)
+            self.passes.begins.set(not respa)  # there each level begins by itself
+
+    def _leave_to_host(self):
+        """Have the plugin do what needs no Python; not what a derived class has a hook of its own
+        for."""
+        hooks = "initial_integrate", "final_integrate", "post_neighbor"
+        own = any(getattr(type(self), name) is not getattr(Integrator, name) for name in hooks)
+        if self.respa_dt is None and not own:
+            output = self.command.output[:1] if self.reports.file else ()
+            self.host.go_alone(
+                self.passes.lists,
+                velocities_every=gcd(*self.velocities_every),
+                python_every=gcd(*output),
+                ended=self.ended,
+                late=bool(self.late),
+                without=self._not_alone(),
+            )
+
+    def _not_alone(self):
+        """The lists of passes that need something of Python's before or after."""
+        if self._box_may_change:
+            return tuple(self.passes.lists)
+        return ("follow",) if self.rigid_flag or self._switches.choices else ()
+
+    def _follow(self):
+        if self.host.atoms_moved():
+            self.post_neighbor()
+        if self._box_may_change:
+            self._refuse_new_box(True)
+
+    def _refuse_new_box(self, held):
+        """End the run if one of the box vectors that are held, (3,) bool, has changed."""
+        box = self.lammps.box
+        if box is self._box or self.every:
+            return
+        if ((box.h != self.bodies.cells["h"].array) & held).any():
+            raise RunError(
+                f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
+                "in a run they do so with fix deform alone, with its remap x or v, and "
+                "run_style verlet, and with fix_nosquish.NPT or NPH, not with npt, nph or "
+                "box/relax. The box may change between runs: bodies keep their shape when the next "
+                "run makes them anew, with reinit yes and without infile or 'pre no'",
+                everywhere=True,
+            )
+        self._box = box
+
+    def _blame_forces(self):
+        bodies, step = self.bodies, self.lammps.step - (self.phase == Phase.WAITING)
+        bad = (~np.isfinite(bodies.wrench).all(axis=0)).argmax()
+        cause, remedy = bodies.instability(bad, self.lammps)
+        if self.phase == Phase.NEW:
+            cause, remedy = (
+                "atoms overlap at the start",
+                "minimise or move them apart before the fix line",
+            )
+        advice = (
+            "use a shorter time step or a better start, and look for what else acts on the body"
+        )
+        raise RunError(
+            f"{cause or 'the run is unstable'}, and the force on "
+            f"{self.membership.name(bodies.id[bad])} is not finite at step {step}: "
+            f"{remedy or advice}"
+        )
+
+    # ------------------------------------------------------------- velocities of atoms
+
+    def set_velocities(self):
+        """Give the atoms the velocities that the bodies' motion gives them."""
+        self.passes.do("velocities")
+        self.host.velocities_set = self.phase != Phase.HALF
+
+    def _set_plain_velocities(self):
+        """As `set_velocities`, but of the body itself, in whatever image of it an atom is."""
+        step.set_velocities.bind_to(self.passes.cells)()
+
+    def _velocities_changed(self):
+        """Whether the atoms' velocities are not those of the bodies, on any rank; collective."""
+        index, v = self.bodies.index, self.lammps.per_atom("v", columns=3)
+        expected = np.empty_like(v)
+        step.set_velocities.bind_to(self.bodies.cells, atom_v=expected)()
+        if self.streams and not self.is_over:
+            deform.speed_up.bind_to(self.bodies.cells, atom_v=expected, sign=1.0)()
+        return self.communicator.any(not np.array_equal(expected[index], v[index]))
+
+    def _say_ignored(self, why):
+        if self._velocities_changed():
+            self.host.log(
+                "The velocities of the bodies' atoms were changed between runs: "
+                f"without effect, because the bodies go on ({why})\n"
+            )
+
+    def take_changed_velocities(self, step):
+        """If a fix has changed the atoms' velocities at the end of this step, have the bodies move
+        with them; collective."""
+        due = [fix.id for fix in self.late if step % fix.nevery == 0]
+        if not due or not self._velocities_changed():
+            return
+        if self.streams:
+            deform.speed_up.bind_to(self.passes.cells, sign=-1.0)()
+        self._take_velocities()
+        self.set_velocities()
+        self.reports.forget()
+        self.reports.say_taken_over(step, due)
+
+    def _take_velocities(self):
+        """Have the bodies move as their atoms do, but for those of an infile; collective."""
+        bodies = self.bodies
+        kept = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
+        spins = None
+        if bodies.spin:
+            spins = particles_of(self.lammps, self.shapes(), bodies.index).momentum
+        bodies.take_velocities(self.lammps, spins, (kept, bodies.momenta()[:, kept]))
+
+    @hook
+    def post_run(self):
+        """A run is over; what comes now, from a script's commands to another run, finds the bodies
+        as their atoms are."""
+        if self.phase != Phase.NEW:
+            self.come_to_rest()
+            if not self.host.velocities_set:
+                self.set_velocities()
+            self.take_changed_velocities(self.lammps.step)
+            if self.streams:  # a body has one velocity between runs, wherever its atoms are
+                self.bodies.settle(self.lammps)
+                self._set_plain_velocities()
+            self.reports.forget()
+            if self.middle:
+                self.reports.end_run()
+            self.phase = Phase.OVER
+
+    # ------------------------------------------------------------- one step of run_style respa
+
+    @hook
+    def initial_integrate_respa(self, vflag, ilevel, iloop):
+        """A level begins a step; the innermost one moves the bodies."""
+        if ilevel == len(self.respa_dt) - 1:
+            self._begin_step(vflag)
+        elif self.host.atoms_moved():
+            self.post_neighbor()
+        self.passes.level_dt.set(self.respa_dt[ilevel])
+        self.do("kick")
+        if ilevel == 0:
+            self.do("begin")
+            self._has_begun()
+
+    @hook
+    def final_integrate_respa(self, ilevel, iloop):
+        """A level's new forces end its step."""
+        self._follow()
+        self.passes.level_dt.set(self.respa_dt[ilevel])
+        self.do("close")
+        self.reports.forget()
+        if ilevel == len(self.respa_dt) - 1 or self.half_step_velocities:
+            self.set_velocities()
+
+    @hook
+    def end_of_step(self):
+        """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
+        self.phase, self.host.velocities_set = Phase.SET, True  # the outermost level has set them
+        self.reports.forget()
+        if self.host.vflag or self.reports.due():
+            self.do("gather")
+        if self.host.vflag:
+            self.reports.add_constraint_virial()
+        self.reports.write()
+
+    # ------------------------------------------------------------- what LAMMPS asks
+
+    vector_extensive, array_columns = (True, True, False, False), 15
+
+    @hook
+    def dof(self, group):
+        """Degrees of freedom that the bodies take from LAMMPS's group of this number;
+        collective."""
+        return self.reports.removed_freedom(group)
+
+    @hook
+    def compute_scalar(self):
+        """Temperature of the bodies; as fix rigid's, but of all components, whether force and
+        torque act on them or not; collective."""
+        return self.reports.energies()[4]
+
+    @hook
+    def compute_vector(self, i):
+        """Kinetic energy of translation and of rotation, temperature of each; collective."""
+        return self.reports.energies()[i]
+
+    @hook
+    def compute_array(self, i, j):
+        """Value j of body i: see `output.global_array`; collective."""
+        return self.reports.array()[i, j]
+
+    @hook
+    def write_restart_file(self, name):
+        """LAMMPS writes a restart file: keep the bodies of an infile beside it; collective."""
+        self.reports.write_restart_file(name)
+
+    def table(self):
+        """The bodies that are counted on this rank as they are now: see `output.table`."""
+        return self.reports.table()
