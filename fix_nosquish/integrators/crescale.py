@@ -49,7 +49,7 @@ from ..motion.step import move_to_images, place
 from ..ranks.migration import Box
 from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
 from .constant_pressure import ConstantPressure
-from .nvt import HEAT, KT, OF_BAROSTAT, prepare, words_of_all
+from .constant_temperature import HEAT, KT, OF_BAROSTAT, prepare, words_of_all
 
 COMPRESSIBILITY = 4.6e-5  # of water, 1/atm
 # atm that the unit of pressure is

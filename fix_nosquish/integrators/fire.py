@@ -217,7 +217,7 @@ class FIRE(Integrator):
                 "plugin serves",
                 everywhere=True,
             )
-        for fix in self._fixes:
+        for fix in self.other_fixes:
             if fix.box_change:
                 raise RunError(
                     f"fix {fix.id} (style {fix.style}) changes the box, and FIRE finds a minimum "

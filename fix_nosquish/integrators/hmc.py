@@ -43,9 +43,9 @@ from ..motion.philox import minus_log, words
 from ..motion.step import move_to_images, place
 from ..run import thermo
 from ..run.integrator import Integrator, Phase
+from .constant_temperature import ALL_BODIES, KEY_0, KEY_1, KT, STEP, key_of
 from .langevin import WORK, thermalise
 from .nve import NVE
-from .nvt import ALL_BODIES, KEY_0, KEY_1, KT, STEP, key_of
 
 # rows of the state: where a body was, X to P, and its image flags
 WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
@@ -197,7 +197,7 @@ class HMC(NVE):
                     "Monte Carlo, which tests all motion at once: have one fix move all bodies",
                     everywhere=True,
                 )
-        if (found := self.fix_without_energy()) is not None:
+        if (found := self.other_fixes.without_energy()) is not None:
             fix, remedy = found
             raise RunError(
                 f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "

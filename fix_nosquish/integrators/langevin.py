@@ -32,8 +32,19 @@ from ..motion.frames import angular_momentum, rotation_matrix, to_body
 from ..motion.philox import normal_pair, words
 from ..motion.rotor import s_times
 from ..motion.step import Operation
+from .constant_temperature import (
+    BODY,
+    DRAW,
+    HEAT,
+    KEY_0,
+    KEY_1,
+    KT,
+    RATE,
+    STEP,
+    ConstantTemperature,
+    prepare,
+)
 from .nve import NVE
-from .nvt import BODY, DRAW, HEAT, KEY_0, KEY_1, KT, NVT, RATE, STEP, prepare
 
 NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six numbers; energy given
 
@@ -93,7 +104,7 @@ def thermalise(block, kind, dt, parameters):
     parameters[HEAT] += given
 
 
-class Langevin(NVT):
+class Langevin(ConstantTemperature):
     """`NVT` with keyword thermostat langevin."""
 
     operations = NVE.operations | {"O": Operation(thermalise, prepared=True)}

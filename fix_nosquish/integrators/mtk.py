@@ -67,7 +67,7 @@ from ..motion.step import Operation
 from ..ranks.migration import Box
 from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
 from .constant_pressure import ConstantPressure
-from .nvt import COMMON, HEAT, KT, OF_BAROSTAT, part_of_run, words_of_all
+from .constant_temperature import COMMON, HEAT, KT, OF_BAROSTAT, part_of_run, words_of_all
 
 # numbers behind those of `cell`: the inertia of each rate of strain, 0 where there is none; degrees
 # of freedom of translation; the molecular virial

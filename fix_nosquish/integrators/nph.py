@@ -7,9 +7,9 @@ from ..ranks.migration import Box
 from ..ranks.mpi import Mpi
 from ..run.thermo import energies
 from .constant_pressure import ConstantPressure
+from .constant_temperature import prepare
 from .mtk import DILATION, INERTIA_KT, Mtk, Piston, begin_move, end_move
 from .nve import NVE
-from .nvt import prepare
 
 
 @loop

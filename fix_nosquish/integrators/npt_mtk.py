@@ -6,6 +6,8 @@ from ..motion.block import Images
 from ..motion.step import Operation
 from ..ranks.migration import Box
 from ..ranks.mpi import Mpi
+from .constant_pressure import WITH_TEMPERATURE
+from .constant_temperature import KT, prepare
 from .langevin import Langevin, thermalise
 from .mtk import (
     DILATION,
@@ -18,9 +20,7 @@ from .mtk import (
     note_heat,
     thermalise_piston,
 )  # fmt: skip
-from .npt import NPT
 from .nve import NVE
-from .nvt import KT, prepare
 from .rescaling import (
     FACTOR,
     Rescaling,
@@ -114,20 +114,21 @@ def dilation_and_chains(
     return min(wrong, end_move(parameters, step, cell, box, images.shift, part, dt, factor))
 
 
-class LangevinNPT(Mtk, NPT, Langevin):
+class LangevinNPT(Mtk, Langevin):
     """`NPT` with keywords thermostat langevin and barostat mtk."""
 
     operations = NVE.operations | {"D": DILATION, "O": Operation(thermalise)}
-    splitting, prepares = SPLITTING, dilation_and_langevin
+    splitting, prepares, keywords = SPLITTING, dilation_and_langevin, WITH_TEMPERATURE
 
 
-class RescalingNPT(Mtk, NPT, Rescaling):
+class RescalingNPT(Mtk, Rescaling):
     """`NPT` with keywords thermostat csvr or nh, and barostat mtk."""
 
     operations = NVE.operations | {
         "D": DILATION._replace(measures=measure_all), "O": Operation(scale),
     }  # fmt: skip
     splitting, splits, number_of_chains = SPLITTING, True, 3
+    keywords = WITH_TEMPERATURE
 
     @property
     def prepares(self):

@@ -28,17 +28,17 @@ from ..motion.frames import angular_momentum, angular_velocity
 from ..motion.philox import minus_log, normal_pair
 from ..motion.step import Operation
 from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
-from .nve import NVE
-from .nvt import (
+from .constant_temperature import (
     COMMON,
     HEAT,
     KT,
-    NVT,
     OF_THERMOSTATS,
     RATE,
+    ConstantTemperature,
     prepare,
     words_of_all,
 )
+from .nve import NVE
 
 # of translation and of rotation, or of both and of none: degrees of freedom, twice the kinetic
 # energy of this rank's bodies, the factor
@@ -260,7 +260,7 @@ def nose_hoover(
     return move_chains(mpi, parameters, dt, sums, separate, chains)
 
 
-class Rescaling(NVT):
+class Rescaling(ConstantTemperature):
     """`NVT` with keyword thermostat csvr or nh."""
 
     operations = NVE.operations | {

@@ -90,7 +90,7 @@ class ShadowEnergy:
 
     def _refuse(self):
         integrator, problem = self._integrator, None
-        others = [fix.id for fix in integrator._fixes or () if fix.time_integrate]
+        others = [fix.id for fix in integrator.other_fixes if fix.time_integrate]
         others += [
             mate.host.fix_id for mate in integrator.mates if mate.number != integrator.number
         ]
@@ -106,7 +106,7 @@ class ShadowEnergy:
                 f"fix {others[0]} moves atoms, too, and the shadow energy of keyword shadow is "
                 "that of one fix's steps: have one fix move all atoms, with keyword points"
             )
-        elif (found := integrator.fix_without_energy()) is not None:
+        elif (found := integrator.other_fixes.without_energy()) is not None:
             fix, remedy = found
             problem = (
                 f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces with no "

@@ -13,11 +13,9 @@ moves the bodies.
 """
 
 import weakref
-from collections.abc import Callable
 from enum import IntEnum
 from itertools import count as count_from_zero
 from math import gcd
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,43 +31,15 @@ from ..host.hosts import driven_by_plugin, hook
 from ..host.lammps import Lammps, pointer
 from ..host.own_fix import OwnFix
 from ..loops import machine_code
-from ..loops.compiled import Loop
 from ..motion import step, virial
 from ..motion.block import ROWS
 from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
 from . import passes, reports, thermo, threads
+from .declaration import Declaration
+from .other_fixes import OtherFixes, refuse_other_integrators
 from .switches import Switches
-
-# fixes that read no velocities but those of their own atoms
-_BLIND = "nve", "rigid", "shake", "rattle"
-# fixes that keep a temperature
-_THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
-# fixes that act at the end of a step and change no velocity
-READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
-# fixes without an energy that change nothing of the bodies
-_HARMLESS = (*READERS, "property/", "balance", "enforce2d")
-
-
-def _deforms(fix):
-    """Whether a fix that changes the box tells rigid fixes, so that bodies move with it."""
-    return fix.style.startswith("deform")
-
-
-class Swaps(NamedTuple):
-    """Command temper, as one of the fixes that change velocities at the end of a step."""
-
-    id: str
-    style: str
-    nevery: int
-
-
-def _swaps(command, step):
-    """The `Swaps` of these words, temper N M ..., from this step on; an empty list for others."""
-    if not command or not command[0].startswith("temper"):
-        return []
-    return [Swaps(reports.TEMPER, "temper", gcd(int(command[2]), step))]
 
 
 class Phase(IntEnum):
@@ -82,8 +52,8 @@ class Phase(IntEnum):
     OVER = 4  # the run is over: what changes velocities now is a script
 
 
-class Integrator:
-    """What LAMMPS's fix python/move drives; `nve.NVE` and others say how they move the bodies.
+class Integrator(Declaration):
+    """What LAMMPS's fix python/move drives; a derived class declares how bodies move.
 
     LAMMPS calls the methods; the documentation says what the words of the fix line mean.
 
@@ -93,48 +63,8 @@ class Integrator:
     Raises:
         RunError: with a message for the user, from any method.
 
-    A class derived from this one says
-        splitting, operations: what a step is; see `step.stages`.
-        rows: how many numbers of its own each body has; they go where the body goes, and begin as
-            0. In a block they are the rows from BLOCK_ROWS on.
-        kept: how many more numbers go where the body goes, behind its rows in the state, which
-            operations do not see.
-        work: how many more rows of a block its operations need to work with.
-        starts: what sets its own rows when the forces of the start are known, or None: a function
-            as in an operation.
-        method: what the log calls it.  splits: whether it has use for the keywords mrot and order.
-            Keyword rotor exact is for those with an operation that says so.
-        respa: whether it can have the forces of the levels of run_style respa.
-        keywords: those of its own, besides what `command.KEYWORDS` has for all.
-        middle: whether the velocities that atoms have at the end of a step are those of its middle,
-            before the letters behind the forces: with a thermostat there, these are the right ones.
-            Not with run_style respa.
-        prepares: a loop that sets parameters for the letter that is `prepared`, or None; it returns
-            0, or -1 to end the run with the message `unprepared`.
-        own_parameters: a method that returns numbers for its operations, behind those of
-            `operations`; it is asked when a run begins, and all are in `parameters` then.
-        own_cells: a method that returns a dictionary of cells that its own loop takes.
-        loops_behind: a method that binds a list of loops that come behind the second pass over the
-            bodies.
-        own_lists: a method that binds lists of loops of its own, by name.
-        needs_energy: whether it needs the potential energy at the end of steps that it names, as
-            host.energy_step.  Then it has a method take_energy for these, which names the next one
-            and says whether the state stays; if not, `renewed` is called when the forces are known
-            where it goes back to.
-        thermostat: whether it keeps a temperature, so that no other fix may.
-        quenches: whether it ends a run by itself.
-        crosses: whether bodies may get another velocity where they cross a face, as with remap v of
-            fix deform.
-        every: the box changes in the steps after the multiples of this; 0 for never.
-        flips: whether tilts of the box change, so that it may take other vectors of its lattice.
-        flip_loops: a method that binds the list of loops that do so, before atoms go to other
-            ranks.
-        cell_loops: a method that binds two lists of loops to cells: what the forces say of the
-            pressure, and what changes the box in the next step.
-        own_warnings: lines for the log on what is probably not meant.
-        modules: names of modules whose loops it needs, besides those of its classes.
-
     Attributes:
+        name: how the fix line calls it.
         bodies: the `Bodies`, from the first use of the fix on.
         exact: whether their free rotation is exact, not split.
         host: what calls this object: see `hosts.Host`.
@@ -145,51 +75,20 @@ class Integrator:
         mask: what of forces and torques acts, (6, bodies) or (6, 1), as the run begins; None if all
             does.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
-        late: other fixes that act at the end of a step, and so may change velocities.
+        other_fixes: the `OtherFixes` of the run.
         told_box: the host's, if another fix changes the box in this run and bodies move with it;
             else None.
         streams: whether it is with remap v that this happens.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
-        half_step_velocities, velocities_every: whether something may read the atoms' velocities
-            between the halves of a step, and every how many steps at its end.
+        half_step_velocities: whether something may read the atoms' velocities between the halves of
+            a step.
     """
 
-    splitting, operations, rows, kept, work = "", {}, 0, 0, 0
-    starts: Callable | None = None
-    prepares: Loop | None = None
-    method, splits, respa, middle, thermostat, keywords = "", False, True, False, False, ()
-    advance: Loop  # of the splitting, as go_on and kick
-    go_on: Loop | None
-    kick: Loop
-    start: Loop | None
-
     host = parameters = told_box = gravity = None
-    unprepared = ""
-    every, modules, flips, needs_energy = 0, (), False, False
-    crosses = streams = quenches = False
-    own_warnings = ()
+    streams = rigid_flag = exact = False
     follows_atoms = True
     virial = virial_per_atom = None
-    rigid_flag = exact = False
     _all, _numbers = weakref.WeakSet(), count_from_zero()
-
-    def __init_subclass__(cls):
-        if not vars(cls).keys().isdisjoint(("splitting", "operations", "rows", "starts")):
-            cls.advance, cls.go_on, cls.kick = step.make_loops(cls)
-            cls.start = cls.starts and step.make_start(cls)
-            cls.crosses = vars(cls).get("crosses", False)  # of each motion by itself
-
-    def own_parameters(self):
-        return ()
-
-    def own_cells(self):
-        return {}
-
-    def loops_behind(self, cells):
-        return []
-
-    def own_lists(self, cells):
-        return {}
 
     @property
     def carries(self):
@@ -201,10 +100,10 @@ class Integrator:
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
-        self.number = next(self._numbers)
+        self.name, self.number = words.split()[0], next(self._numbers)
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = self._gathers_anew = False
-        self.late, self.half_step_velocities, self.velocities_every = [], True, (1,)
+        self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
         self._begin(words)
@@ -259,7 +158,7 @@ class Integrator:
         elif rotor == "exact" and not self._can_be_exact:
             problem = "keyword rotor exact is for the rotation of fix_nosquish.NVE, not that of {}"
         if problem:
-            raise self.command.wrong(problem.format(type(self).__name__))
+            raise self.command.wrong(problem.format(self.name))
 
     @property
     def _can_be_exact(self):
@@ -325,7 +224,7 @@ class Integrator:
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
         if self.lammps.respa_dt is not None and not self.respa:
             raise RunError(
-                f"the integrator {type(self).__name__} takes one force a step, "
+                f"the integrator {self.name} takes one force a step, "
                 "not those of levels: use run_style verlet",
                 everywhere=True,
             )
@@ -352,7 +251,7 @@ class Integrator:
             self.set_velocities()
             if self.streams and not self.runs:
                 self._set_plain_velocities()
-        self._refuse_second_integrator()
+        refuse_other_integrators(self)
         self.reset_dt()
         self.reports.open()
         self.host.begin_run(self.reports.virial_of_all)
@@ -366,18 +265,6 @@ class Integrator:
         write_restart, also where command run names them."""
         return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
 
-    def fix_without_energy(self):
-        """The first other fix that may change positions, momenta or forces with no energy in
-        LAMMPS's potential energy, and a remedy; None if there is no such fix."""
-        for fix in self._fixes:
-            moves = fix.time_integrate or fix.constrains
-            harmless = fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
-            known = fix.energy_in_pe and not moves
-            if fix.called and not harmless and (not known or fix.box_change):
-                potential = fix.has_energy and not moves
-                return fix, f"fix_modify {fix.id} energy yes" if potential else "unfix it"
-        return None
-
     def acts_on_bodies(self, fix):
         """Whether atoms of the bodies are in another fix's group; collective."""
         groups = self.lammps.groups[self.membership.atoms()]
@@ -389,24 +276,14 @@ class Integrator:
     def _look_at_fixes(self):
         """Find out what other fixes may read and change."""
         ours = {mate.host.fix_id for mate in self.mates}
-        fixes = self.host.fixes()
-        unknown = fixes is None
-        self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
-        self._forces_change = unknown or any(fix.post_force for fix in fixes)
-        ending = [fix for fix in fixes if fix.end_of_step]
-        ending += _swaps(self.host.command, self.lammps.step)
-        self.late = [fix for fix in ending if not fix.style.startswith(READERS)]
-        between = any(fix.between for fix in fixes)
-        self.half_step_velocities = self.host.ghost_velocity or between
-        each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
-        self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
-        changes = [fix for fix in fixes if fix.box_change]
-        deforms = changes and self.respa_dt is None and all(map(_deforms, changes))
-        self.told_box = self.host.told_box if deforms and not self.every else None
+        self.other_fixes = OtherFixes(self.host.fixes(), ours, self.host.command, self.lammps.step)
+        self.half_step_velocities = self.host.ghost_velocity or self.other_fixes.half_step
+        deforms = self.other_fixes.deform and self.respa_dt is None and not self.every
+        self.told_box = self.host.told_box if deforms else None
         self.streams = self.told_box is not None and bool(self.host.stream_group)
         if self.told_box is not None:
             machine_code.load(self.communicator, deform.__name__)
-        self._box_may_change = unknown or (bool(changes) and self.told_box is None)
+        self._box_may_change = self.other_fixes.change_box and self.told_box is None
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.wrench.copy())
@@ -481,7 +358,7 @@ class Integrator:
         if not self.crosses or self.needs_energy:
             raise RunError(
                 "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-                f"{type(self).__name__} does not do so. Use fix_nosquish.NVE without keyword "
+                f"{self.name} does not do so. Use fix_nosquish.NVE without keyword "
                 "shadow, and fix langevin with fix_modify temp for a temperature",
                 everywhere=True,
             )
@@ -534,54 +411,6 @@ class Integrator:
             self.membership.before = former.id, former.known
         return former if self._ran and not self.infile else None
 
-    def _refuse_second_integrator(self):
-        problem, lammps, command = None, self.lammps, self.command
-        atoms, groups = self.membership.atoms(), lammps.groups
-        ids = [[command.group]] + [command.arguments] * (command.style == "group")
-        points = [command.points] if command.points else []
-        for fix in self._fixes:
-            both = atoms[fix.has(groups[atoms])]
-            if fix.time_integrate:
-                if len(both):
-                    problem = (
-                        f'atom {lammps.tags[both[0]]} of the rigid bodies ("{command.text}") '
-                        f"is also integrated by fix {fix.id} (style {fix.style}): "
-                        "give that fix a group without the bodies' atoms"
-                    )
-            elif self.thermostat and fix.style.startswith(_THERMOSTATS):
-                if len(both):
-                    problem = (
-                        f"fix {fix.id} (style {fix.style}) keeps a temperature of atom "
-                        f"{lammps.tags[both[0]]} of the rigid bodies, as fix {self.host.fix_id} "
-                        f'("{command.text}") does: give it a group without the bodies\' atoms, or '
-                        "use fix_nosquish.NVE"
-                    )
-            elif any(self.host.removed_freedom(fix.id, group) for group in points):
-                problem = (
-                    f"fix {fix.id} (style {fix.style}) constrains atoms of group "
-                    f"'{command.points}', which keyword points moves as points: "
-                    "unfix it, or leave them out of the group"
-                )
-            elif all(
-                any(self.host.removed_freedom(fix.id, group) for group in some) for some in ids
-            ):
-                problem = (
-                    f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, "
-                    f'which fix {self.host.fix_id} ("{command.text}") holds rigid: '
-                    "unfix it, or give it a group without the bodies' atoms"
-                )
-        for mate in self.mates:
-            # its own membership may be older than a group that was deleted and made anew
-            theirs = Membership(lammps, self.communicator, mate.command).atoms()
-            both = np.intersect1d(theirs, atoms) if mate is not self else ()
-            if len(both):
-                problem = (
-                    f"atom {lammps.tags[both[0]]} is claimed by two fixes: "
-                    f'"{mate.command.text}" and "{command.text}". An atom can be in one body only: '
-                    "use groups without common atoms"
-                )
-        self.communicator.agree(problem)
-
     @hook
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
@@ -600,7 +429,7 @@ class Integrator:
         if self._pressure_is_due(self.lammps.step):
             self.do("pressure")
         # LAMMPS asks the fixes behind this one for their forces after it
-        self._gathers_anew = self._forces_change and not self.middle
+        self._gathers_anew = self.other_fixes.change_forces and not self.middle
         if self._gathers_anew:
             self.host.begins = self.lammps.step + 1
         self._leave_to_host()
@@ -671,7 +500,7 @@ class Integrator:
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
-                f"{type(self).__name__} does not do in a run: use fix_nosquish.NVE or NVT, without "
+                f"{self.name} does not do in a run: use fix_nosquish.NVE or NVT, without "
                 "keyword shadow, or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
@@ -683,15 +512,6 @@ class Integrator:
         self.turned_over()
         self._tell_count()
         self.reports.forget()
-
-    def turned_over(self):
-        """There are other bodies than before, in a run; collective."""
-
-    def resumed(self):
-        """A run's first step begins without a setup before it; collective.
-
-        So it is with 'pre no', and always with a LAMMPS's own fix.
-        """
 
     @hook
     def final_integrate(self):
@@ -706,7 +526,9 @@ class Integrator:
     def _show(self):
         """Tell LAMMPS and the user what they ask of the end of a step."""
         step = self.lammps.step
-        if step == self.host.next_output or any(step % n == 0 for n in self.velocities_every):
+        if step == self.host.next_output or any(
+            step % n == 0 for n in self.other_fixes.velocities_every
+        ):
             self.set_velocities()
         if self.host.vflag:
             self.reports.add_constraint_virial()
@@ -721,10 +543,6 @@ class Integrator:
     def _pressure_is_due(self, step):
         """Whether the forces of this step are those before or behind a change of the box."""
         return self._cell_is_due(step) or self._cell_is_due(step - 1)
-
-    def complaint(self, found):
-        """Why a loop that returned a number below 0 ends the run."""
-        return self.unprepared
 
     def catch_up(self):
         """Do what the last step has left to the next one."""
@@ -761,13 +579,10 @@ class Integrator:
             self.resumed()
             self._say_ignored("pre no")
             self.phase = self.ended
-        elif self.late:
+        elif self.other_fixes.late:
             self.take_changed_velocities(self.lammps.step - 1)
         self.host.vflag = vflag
         self.reports.forget()
-
-    def begin_trajectory(self):
-        """The step ``host.begins`` is about to begin; collective."""
 
     def _has_begun(self):
         self.phase, self.host.velocities_set = Phase.HALF, False
@@ -789,10 +604,10 @@ class Integrator:
             output = self.command.output[:1] if self.reports.file else ()
             self.host.go_alone(
                 self.passes.lists,
-                velocities_every=gcd(*self.velocities_every),
+                velocities_every=gcd(*self.other_fixes.velocities_every),
                 python_every=gcd(*output),
                 ended=self.ended,
-                late=bool(self.late),
+                late=bool(self.other_fixes.late),
                 without=self._not_alone(),
             )
 
@@ -872,7 +687,7 @@ class Integrator:
     def take_changed_velocities(self, step):
         """If a fix has changed the atoms' velocities at the end of this step, have the bodies move
         with them; collective."""
-        due = [fix.id for fix in self.late if step % fix.nevery == 0]
+        due = [fix.id for fix in self.other_fixes.late if step % fix.nevery == 0]
         if not due or not self._velocities_changed():
             return
         if self.streams:

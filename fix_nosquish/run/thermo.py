@@ -170,8 +170,8 @@ def summary(nve, virial):
         (nve.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
         (
-            nve.late,
-            f"velocities that {' '.join(fix.id for fix in nve.late)} may change, "
+            nve.other_fixes.late,
+            f"velocities that {' '.join(fix.id for fix in nve.other_fixes.late)} may change, "
             "at the end of a step",
             "",
         ),
@@ -186,8 +186,8 @@ def summary(nve, virial):
             "no body shared between ranks",
         ),
         (
-            nve.velocities_every,
-            f"velocities of the atoms {_often(nve.velocities_every)} and with output",
+            nve.other_fixes.velocities_every,
+            f"velocities of the atoms {_often(nve.other_fixes.velocities_every)} and with output",
             "velocities of the atoms on steps without output",
         ),
         (

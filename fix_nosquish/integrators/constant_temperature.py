@@ -1,0 +1,224 @@
+"""What integrators at constant temperature have in common, with the thermostat in mid-step.
+
+The step is B A O A B: half a kick, drift and free rotation for half a step, the thermostat, the
+same again.  Where the thermostat stands decides how long a step may be: configurations have the
+right distribution there up to steps that are three to four times those of a thermostat at the ends
+(Davidchack, Ouldridge and Tretyakov, J. Chem. Phys. 142, 144114, 2015; Leimkuhler and Matthews,
+Proc. R. Soc. A 472, 20160138, 2016; Zhang et al., J. Phys. Chem. A 123, 6056, 2019).
+
+At the end of a step velocities are too cold, by the square of the step.  So atoms have those of its
+middle then, which are right, and temperature and pressure follow from these.  What the thermostat
+does is said by `langevin` and `rescaling`.
+"""
+
+from zlib import crc32
+
+import numpy as np
+
+from ..errors import RunError
+from ..host.hosts import hook
+from ..loops.compiled import L1, Cell, inlined
+from ..motion.operations import PARAMETERS
+from ..motion.philox import words
+from ..run import thermo
+from ..run.integrator import Integrator
+
+# the parameters behind those of `operations`: damping rate; temperature at the begin and the end of
+# the run, and now, as energies in mass times velocity squared; the step, and which of its draws the
+# next one is; key of the random numbers; the energy that this rank has given to the bodies
+RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, HEAT, COMMON = range(PARAMETERS, PARAMETERS + 10)
+BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
+# numbers of a restart file: what they are; the energy that the bodies have given; how often the
+# step counter has gone back, and where it was; the thermostat's own
+KIND, ENERGY, TIMES_BACK, WAS_AT, OWN = range(5)
+# the system's draws: of translation and of rotation, or both; of the barostat
+OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
+
+# fixes that push what they act on from a place of their own
+PUSHING = "wall", "indent", "spring/self", "addforce", "setforce", "aveforce", "gravity", "drag"
+
+
+@inlined
+def part_of_run(step, begin_step, end_step):
+    """Which part of the run is over."""
+    steps = end_step[0] - begin_step[0]
+    return (step[0] - begin_step[0]) / steps if steps > 0 else 0.0
+
+
+@inlined
+def prepare(parameters, step, begin_step, end_step):
+    """Set the temperature of this step, and which draw of the step comes next.
+
+    Returns:
+        as `part_of_run`.
+    """
+    part = part_of_run(step, begin_step, end_step)
+    parameters[KT] = parameters[START] + part * (parameters[STOP] - parameters[START])
+    parameters[DRAW] = parameters[DRAW] + 1.0 if parameters[STEP] == step[0] else 0.0
+    parameters[STEP] = step[0]
+    return part
+
+
+def key_of(command, times_back):
+    """The key of a fix's random numbers: bodies of two fixes may have the same IDs, and a step
+    counter that has gone back, so many times, counts steps that there were."""
+    whose = " ".join((command.group, command.style, *command.arguments))
+    if times_back:
+        whose += f", {times_back:.0f}"
+    return command.seed or 0, crc32(whose.encode()) & 0xFFFFFFFE
+
+
+@inlined
+def words_of_all(parameters, number):
+    """Four random words for the system: the draw of this number in this step."""
+    step, draw = int(parameters[STEP]), int(parameters[DRAW])
+    key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | ALL_BODIES
+    return words(float(number), step, draw, key_0, key_1)
+
+
+class ConstantTemperature(Integrator):
+    """An integrator with a thermostat.
+
+    Attributes:
+        keeps_momentum: whether the thermostat leaves the total momentum at zero.
+        restart_state: (n,) what goes to a restart file and comes from there, see KIND; its energy
+            is nan if nothing has come.
+
+    Raises:
+        RunError: for words that do not go together, if the bodies are at rest, and if no motion is
+            left to keep at a temperature.
+    """
+
+    splits = middle = thermostat = couples = keeps_momentum = True
+    keywords = "temp", "thermostat", "seed", "tchain", "separate", "moments"
+    method = "NO_SQUISH"
+
+    def __init__(self, ptr, words):
+        super().__init__(ptr, words)
+        self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, *self.own_state()])
+        self._energy = 0.0  # given before this run, in all
+
+    def own_state(self):
+        """What of the thermostat must be known to go on, besides the energy that it has given."""
+        return np.empty(0)
+
+    @property
+    def kind(self):
+        """A number for what its own state is of."""
+        return 1.0 + crc32(" ".join(map(str, (OWN, *self.own_words))).encode())
+
+    @property
+    def own_words(self):
+        """The thermostat, the length of its chains and what it acts on."""
+        command = self.command
+        length = command.tchain if command.thermostat == "nh" else 0
+        return command.thermostat, length, command.separate
+
+    def degrees(self):
+        """Degrees of freedom of translation and of rotation that are free to change, less those of
+        the momentum if nothing changes it: all atoms are in bodies that are free; collective."""
+        lammps, bodies, owned = self.lammps, self.bodies, self.bodies.sharers.owned
+        dimension, mask = lammps.dimension, np.ones((6, len(bodies)))
+        mask *= self.mask if self.mask is not None else 1.0
+        of_rotation = thermo.freedom(bodies, dimension) - dimension
+        turns = mask[5] if dimension == 2 else mask[3:].prod(axis=0)
+        free = np.array([mask[:dimension].sum(axis=0), of_rotation * turns])[:, owned].sum(axis=1)
+        missing = dimension * owned.sum() - free[0] + len(lammps.groups) - len(bodies.index)
+        *free, missing = self.communicator.total(np.array([*free, missing]))
+        held = dimension if self.keeps_momentum and not (missing or self._is_pushed) else 0
+        if not sum(free) > held and not self.command.mol:
+            raise RunError(
+                f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
+                f"momentum takes {held}: there is none to keep at a temperature",
+                everywhere=True,
+            )
+        return np.array([max(free[0] - held, 0.0), free[1]])
+
+    @property
+    def _is_pushed(self):
+        """Whether something outside pushes the bodies, so that their momentum changes."""
+        fixes = (fix for fix in self.other_fixes if fix.style.startswith(PUSHING))
+        return self.gravity is not None or any(map(self.acts_on_bodies, fixes))
+
+    def temperature(self):
+        """The temperature at the begin and at the end of the run, and the rate of damping."""
+        start, stop, damping = (self.lammps.number(word) for word in self.command.temp)
+        for name, value in ("TSTART", start), ("TSTOP", stop), ("TDAMP", damping):
+            self.command.refuse_unless_positive(f"keyword temp: {name}", value)
+        return start, stop, 1.0 / damping
+
+    def own_parameters(self):
+        command, (start, stop, rate) = self.command, self.temperature()
+        if start != stop and self.host.span is None:
+            raise RunError(
+                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
+                "so TSTART and TSTOP must be the same",
+                everywhere=True,
+            )
+        self._refuse_parts_of_rotations()
+        state = self.restart_state
+        if state[KIND] != self.kind:
+            self.host.log(
+                "WARNING: the restart file has the state of another thermostat or barostat: "
+                "this one begins anew\n"
+            )
+            state[KIND] = self.kind
+        elif self.parameters is not None:  # what a restart file got meanwhile is of an earlier step
+            self._energy = self.energy()
+            if self.parameters[STEP] >= 0:  # else there was no step since this was last asked
+                state[WAS_AT] = self.parameters[STEP]
+        elif np.isfinite(state[ENERGY]):
+            self._energy, self.own_state()[:] = state[ENERGY], state[OWN:]
+        if self.lammps.step < state[WAS_AT]:
+            state[TIMES_BACK] += 1
+            state[WAS_AT] = self.lammps.step
+        unit = self.lammps.boltz / self.lammps.mvv2e
+        key = key_of(command, state[TIMES_BACK])
+        return rate, unit * start, unit * stop, unit * start, -1.0, 0.0, *key, 0.0
+
+    def _refuse_parts_of_rotations(self):
+        """End the run if some but not all components of a torque act; collective."""
+        if self.mask is None or self.lammps.dimension == 2:
+            return
+        if self.communicator.any((self.mask[3:] != self.mask[3]).any()):
+            raise RunError(
+                "keyword torque has one component off and another one on, and a thermostat acts on "
+                "the whole rotation of a body, or not at all: switch off all three, or use "
+                "fix_nosquish.NVE",
+                everywhere=True,
+            )
+
+    def resumed(self):
+        last = max(self.parameters[STEP], self.restart_state[WAS_AT])
+        if self.command.seed is not None and self.lammps.step <= last:
+            raise RunError(
+                "the step counter has gone back, and with it random numbers: "
+                "begin the run with 'pre yes', which takes others",
+                everywhere=True,
+            )
+
+    def own_cells(self):
+        begin, end = self.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
+        return {
+            "step": self.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end)
+        }  # fmt: skip
+
+    def energy(self):
+        """The energy that the bodies have given to the thermostat, in mass times velocity squared;
+        collective."""
+        return self._energy - self.communicator.total(self.parameters[HEAT : HEAT + 1])[0]
+
+    @hook
+    def compute_scalar(self):
+        """What the potential energy and that of the atoms' velocities have to be added to make the
+        energy that a right step keeps: what went to the thermostat, and what the bodies' kinetic
+        energy is more at the end of the step than in its middle; collective."""
+        end, middle = self.reports.kinetic_at_end()
+        return self.lammps.mvv2e * self.energy() + end - middle
+
+    @hook
+    def write_restart(self):
+        """LAMMPS writes a restart file: have the state ready for it; collective."""
+        if self.passes:  # else it is what the last restart file had
+            self.restart_state[[ENERGY, WAS_AT]] = self.energy(), self.lammps.step
+            self.restart_state[OWN:] = self.own_state()

@@ -1,0 +1,140 @@
+"""The other fixes of a run: what they read and change, and which ones cannot stand beside ours."""
+
+from math import gcd
+from typing import NamedTuple
+
+import numpy as np
+
+from ..bodies.membership import Membership
+from . import reports
+
+# fixes that read no velocities but those of their own atoms
+_BLIND = "nve", "rigid", "shake", "rattle"
+# fixes that keep a temperature
+_THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
+# fixes that act at the end of a step and change no velocity
+READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
+# fixes without an energy that change nothing of the bodies
+_HARMLESS = (*READERS, "property/", "balance", "enforce2d")
+
+
+class Swaps(NamedTuple):
+    """Command temper, as one of the fixes that change velocities at the end of a step."""
+
+    id: str
+    style: str
+    nevery: int
+
+
+def _swaps(command, step):
+    """The `Swaps` of these words, temper N M ..., from this step on; an empty list for others."""
+    if not command or not command[0].startswith("temper"):
+        return []
+    return [Swaps(reports.TEMPER, "temper", gcd(int(command[2]), step))]
+
+
+class OtherFixes:
+    """The fixes of a run that are not of this package, to iterate over.
+
+    Args:
+        fixes: all fixes, of this package too; None if they are not known.
+        ours: IDs of this package's.
+        command: the words of LAMMPS's last command.
+        step: the step at which the run begins.
+
+    Attributes:
+        change_forces: whether forces may change behind those that LAMMPS computes.
+        late: those that act at the end of a step, and so may change velocities.
+        half_step: whether something may read the atoms' velocities between the halves of a step.
+        velocities_every: every how many steps something may read them at its end.
+        change_box: whether the box may change.
+        deform: whether all that change it are fix deform, which tells rigid fixes.
+    """
+
+    def __init__(self, fixes, ours=(), command=(), step=0):
+        unknown = fixes is None
+        self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
+        self.change_forces = unknown or any(fix.post_force for fix in fixes)
+        ending = [*(fix for fix in fixes if fix.end_of_step), *_swaps(command, step)]
+        self.late = [fix for fix in ending if not fix.style.startswith(READERS)]
+        self.half_step = unknown or any(fix.between for fix in fixes)
+        each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
+        self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
+        changes = [fix for fix in fixes if fix.box_change]
+        self.change_box = unknown or bool(changes)
+        self.deform = bool(changes) and all(fix.style.startswith("deform") for fix in changes)
+
+    def __iter__(self):
+        return iter(self._fixes)
+
+    def without_energy(self):
+        """The first one that may change positions, momenta or forces with no energy in LAMMPS's
+        potential energy, and a remedy; None if there is no such fix."""
+        for fix in self:
+            moves = fix.time_integrate or fix.constrains
+            harmless = fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
+            known = fix.energy_in_pe and not moves
+            if fix.called and not harmless and (not known or fix.box_change):
+                potential = fix.has_energy and not moves
+                return fix, f"fix_modify {fix.id} energy yes" if potential else "unfix it"
+        return None
+
+
+def refuse_other_integrators(integrator):
+    """End the run if another fix moves, constrains or thermostats atoms of its bodies; collective.
+
+    Raises:
+        RunError: on all ranks.
+    """
+    groups, atoms = integrator.lammps.groups, integrator.membership.atoms()
+    problem = None
+    for fix in integrator.other_fixes:
+        both = atoms[fix.has(groups[atoms])]
+        problem = _problem_beside(fix, both, integrator) or problem
+    for mate in integrator.mates:
+        # its own membership may be older than a group that was deleted and made anew
+        theirs = Membership(integrator.lammps, integrator.communicator, mate.command).atoms()
+        both = np.intersect1d(theirs, atoms) if mate is not integrator else ()
+        if len(both):
+            problem = (
+                f"atom {integrator.lammps.tags[both[0]]} is claimed by two fixes: "
+                f'"{mate.command.text}" and "{integrator.command.text}". An atom can be in one '
+                "body only: use groups without common atoms"
+            )
+    integrator.communicator.agree(problem)
+
+
+def _problem_beside(fix, both, integrator):
+    """Why a fix cannot act beside an integrator, or None; collective.
+
+    Args:
+        both: indices of the atoms on this rank that both have.
+    """
+    command, host = integrator.command, integrator.host
+    ours, moves = f'fix {host.fix_id} ("{command.text}")', fix.time_integrate
+    if moves or (integrator.thermostat and fix.style.startswith(_THERMOSTATS)):
+        if not len(both):
+            return None
+        tag = integrator.lammps.tags[both[0]]
+        if moves:
+            return (
+                f'atom {tag} of the rigid bodies ("{command.text}") is also integrated by fix '
+                f"{fix.id} (style {fix.style}): give that fix a group without the bodies' atoms"
+            )
+        return (
+            f"fix {fix.id} (style {fix.style}) keeps a temperature of atom {tag} of the rigid "
+            f"bodies, as {ours} does: give it a group without the bodies' atoms, or use "
+            "fix_nosquish.NVE"
+        )
+    if command.points and host.removed_freedom(fix.id, command.points):
+        return (
+            f"fix {fix.id} (style {fix.style}) constrains atoms of group '{command.points}', which "
+            "keyword points moves as points: unfix it, or leave them out of the group"
+        )
+    ids = [[command.group]] + [command.arguments] * (command.style == "group")
+    if all(any(host.removed_freedom(fix.id, group) for group in some) for some in ids):
+        return (
+            f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, which {ours} "
+            "holds rigid: unfix it, or give it a group without the bodies' atoms"
+        )
+    return None
