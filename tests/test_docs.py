@@ -3,6 +3,7 @@
 The results' pages are filled when they are built, so what is looked at here is the filled page.
 """
 
+import ast
 import re
 from pathlib import Path
 
@@ -312,3 +313,17 @@ def test_rooms_use_those_below_them():
     there = [str(file) for folder in (package, ROOT / "validation") for file in folder.rglob("*.*")]
     for name in re.findall(r"`([\w/]+\.(?:py|h|cpp))`", text):
         assert (ROOT / name).exists() or any(file.endswith(f"/{name}") for file in there), name
+
+
+def test_rooms_of_the_harness_use_those_before_them():
+    """Locks out what the package's test does, in the harness: rooms that need a verb, or each other
+    in a circle."""
+    harness = ROOT / "validation"
+    below = ast.get_docstring(ast.parse((harness / "__init__.py").read_text())).split("Above")[0]
+    rooms = re.findall(r"(?m)^    (\w+)  ", below)
+    assert len(rooms) > 4
+    for floor, room in enumerate(rooms):
+        for file in (harness / room).glob("*.py"):
+            used = set(re.findall(r"(?m)^ *from validation\.(\w+)", file.read_text()))
+            folders = {one for one in used if (harness / one).is_dir()}
+            assert folders <= set(rooms[: floor + 1]), file

@@ -8,10 +8,10 @@ import pytest
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation.own import law, rest, trial
+from validation.choice import level_of_each
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate
-from validation.sweep.choice import level_of_each
+from validation.trial import law, rest, trial
 
 STEPS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0
 # what is asked of a script: its units and its atoms

@@ -13,8 +13,10 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 from validation import command_line
 from validation.__main__ import main
 from validation.check import measure as check
-from validation.own import confirm, lists, measure, rest, shapes, stress, timed, trial
+from validation.own import shapes
 from validation.running import run, store
+from validation.stability import stress
+from validation.trial import confirm, lists, measure, rest, timed, trial
 
 
 def test_an_integrator_that_is_none_is_refused(capsys):

@@ -225,7 +225,7 @@ def test_code_is_all_that_rows_follow_from(tmp_path, monkeypatch):
     for follows in (
         "statistics/measures",
         "statistics/motion",
-        "scenes/starts",
+        "running/starts",
         "scenes/bodies",
         "scenes/integrators",
         "scenes/peptide",

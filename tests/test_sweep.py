@@ -160,7 +160,7 @@ def test_helicity_of_a_helix_and_of_a_thread():
     cell = np.diag([38.0, 38.0, 38.0])
     found = motion([helix, helix + 17.0, thread], np.zeros(len(helix), int), np.ones(len(helix)))
     found.cell, found.x = cell, np.array([helix, helix + 17.0, thread]) % 38.0
-    kept = sweep_structure.helicity(found, slice(None))
+    kept = paper_peptide.helicity(found.x, found.cell, found.periodic)
     assert kept[:2] == pytest.approx([1.0, 1.0]) and kept[2] < 0.5
 
 

@@ -11,11 +11,11 @@ for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import RESULTS, __main__
+from validation import choice as sweep_choice
 from validation.pages import console
 from validation.scenes import SCENES
 from validation.scenes.integrators import SWEPT
 from validation.statistics.estimate import Estimate
-from validation.sweep import choice as sweep_choice
 from validation.sweep import figures as sweep_figures
 from validation.sweep import plan as sweep_plan
 from validation.sweep import report as sweep_report

@@ -1,12 +1,16 @@
 """Comparisons of fix_nosquish with LAMMPS's own rigid and constraint fixes.
 
-Run ``python -m validation --help``.  Below are rooms that import no verb:
+Run ``python -m validation --help``.  Below are rooms that import no verb, and of each other only
+those that stand before them:
 
-    scenes        what is simulated and by which fix: scenes, integrators, starts, data files
-    running       LAMMPS in processes of its own, in turn or counted; the store of results
-    own           a user's script as a scene: reading, finding, integrators; trial of steps
-    statistics    from logs, series and atoms to numbers with errors, and numbers beside bounds
+    statistics    from series and atoms to numbers with errors, and numbers beside bounds
+    scenes        what is simulated and by which fix: scenes, integrators, data files
+    running       LAMMPS in processes of its own, in turn or counted; starts; the store of results
     pages         tables, figures, HTML pages and the terminal, as all reports share them
+    own           a user's script as a scene: reading, finding, integrators
+    trial         which step does for a user's script, and what it costs
+
+``choice`` says which of the points that were measured is the fastest that is good enough.
 
 Above is a room for each verb, with the same few files: ``plan`` (what runs), ``measure`` (from runs
 to numbers), ``figures``, ``report`` (files, terminal, and what it says to the page of all verbs; a

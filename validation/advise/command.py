@@ -4,8 +4,8 @@ from argparse import Namespace
 from pathlib import Path
 
 from validation import command_line
-from validation.own import words as trial
 from validation.sweep.command import scenes
+from validation.trial import words as trial
 
 BUDGET = 8.0  # minutes, of a script
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from rich.console import Console
 
 from validation import RESULTS
+from validation.choice import Targets, choose, each, least, meets, nearest, ours, resolution
 from validation.pages import report
 from validation.statistics.estimate import SURE
-from validation.sweep.choice import Targets, choose, each, least, meets, nearest, ours, resolution
 from validation.sweep.report import ONE_START, error_of, named, names, over, seconds
 
 FOLDERS = (Path("results/sweep"), RESULTS / "sweep")  # looked into in this order

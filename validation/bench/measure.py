@@ -12,10 +12,10 @@ from pathlib import Path
 
 from validation.bench import bandwidth
 from validation.bench.plan import OPTIONAL, Optional, Point
-from validation.running import counting, lammps_log, machine, rounds, run, startup
+from validation.running import counting, lammps_log, machine, rounds, run, starts, startup
 from validation.running.rounds import Timing
 from validation.running.store import Store
-from validation.scenes import INPUTS, SCENES, Scene, starts
+from validation.scenes import INPUTS, SCENES, Scene
 from validation.scenes.integrators import BENCHMARKED, FREE, OURS, Integrator, nosquish
 from validation.statistics import measures
 

@@ -18,9 +18,9 @@ from validation.ensembles.plan import REFERENCES, SCHEMES, STARTER, TEMPERATURE,
 from validation.ensembles.schemes import Scheme
 from validation.running import machine, rounds, run
 from validation.scenes import FS_PER_PS
+from validation.scenes.units import BOLTZMANN
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate, combined
-from validation.sweep.errors import BOLTZMANN
 
 DEGREES = 3  # of freedom of a molecule's translation, and of its rotation
 ATM = 68568.415  # atm Angstrom^3 in a kcal/mol, LAMMPS's

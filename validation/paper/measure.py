@@ -15,7 +15,6 @@ from functools import partial
 import numpy as np
 
 from validation.paper.plan import AVERAGE_MEASURE, DT, ORDERED, SMALL_DT, STATEMENTS, STEPS
-from validation.running.run import Positions
 from validation.running.trajectory import Series
 from validation.scenes import FS_PER_PS, TEMPERATURE
 from validation.scenes import peptide as paper_peptide
@@ -23,6 +22,7 @@ from validation.scenes.integrators import PAPER
 from validation.statistics import measures
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate, combined, plain
+from validation.statistics.positions import Positions
 
 Found = Mapping[str, Series]  # by the trajectory's name
 Pairs = list[tuple[Series, ...]]  # of trajectories from the same start

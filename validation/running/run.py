@@ -25,6 +25,7 @@ import numpy as np
 from validation.running import lammps_log
 from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
+from validation.statistics.positions import Positions
 
 WORKER = Path(__file__).with_name("worker.py")
 RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid it later
@@ -76,36 +77,6 @@ class Job:
     silence: float = field(default=120.0, compare=False)  # no part of what the result follows from
     origin: str | None = None
     motion: bool = False
-
-
-def _nothing() -> np.ndarray:
-    return np.empty(0)
-
-
-@dataclass(frozen=True)
-class Positions:
-    """Atoms of a run, in order of ID, at its start and after each of its parts (see ``worker``).
-
-    Attributes:
-        x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
-        cells: (frames, 3, 3), of each frame the cell's vectors as rows.  periodic: (3,) bool.
-        v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), rows
-            of atoms counted from 0.
-    """
-
-    x: np.ndarray
-    bodies: np.ndarray
-    cells: np.ndarray
-    periodic: np.ndarray
-    v: np.ndarray = field(default_factory=_nothing)
-    mass: np.ndarray = field(default_factory=_nothing)
-    bonds: np.ndarray = field(default_factory=_nothing)
-    angles: np.ndarray = field(default_factory=_nothing)
-
-    @property
-    def cell(self) -> np.ndarray:
-        """Of the last frame."""
-        return self.cells[-1]
 
 
 @dataclass

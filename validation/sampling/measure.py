@@ -19,9 +19,9 @@ from validation.running import machine, rounds, run
 from validation.sampling import plan
 from validation.sampling.criteria import BOUNDS
 from validation.sampling.plan import Case, Point
+from validation.scenes.units import BOLTZMANN
 from validation.statistics import limit, measures, motion, precision, structure
 from validation.statistics.estimate import Estimate
-from validation.sweep.errors import BOLTZMANN
 
 COULOMB = 332.06371  # kcal/mol Angstrom of two unit charges: 1 / (4 pi epsilon_0)
 BLOCKS = 8  # of a start's frames, for the noise of g(r)

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from validation.scenes import Scene
 from validation.scenes.data_file import data_file
+from validation.scenes.units import BOLTZMANN
 
 AVOGADRO = 0.602214076  # molecules a cubic Angstrom have this times g/cm^3 over g/mol
-BOLTZMANN = 0.0019872067  # kcal/mol/K, of models whose depths are in K
 SIXTH = np.arange(6) * np.pi / 3
 RING = np.stack([np.cos(SIXTH), np.sin(SIXTH), 0 * SIXTH], axis=1)
 FACES = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])  # sites of a cell

@@ -1,6 +1,8 @@
-"""LAMMPS's unit styles, as tables and figures call them."""
+"""LAMMPS's unit styles, as tables and figures call them, and its constant of Boltzmann."""
 
 from dataclasses import dataclass
+
+BOLTZMANN = 0.0019872067  # kcal/mol/K
 
 
 @dataclass(frozen=True)

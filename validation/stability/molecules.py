@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from validation.running import starts as scene_starts
 from validation.scenes import FS_PER_PS, SCENES, Scene, smooth_water
 from validation.scenes import peptide as paper_peptide
-from validation.scenes import starts as scene_starts
 from validation.stability import criteria
 from validation.stability.measure import (
     COMPARED,

@@ -1,4 +1,4 @@
-"""What a run's atoms tell: how far bodies are from a reference, what holds them, g(r), helix,
+"""What a run's atoms tell: how far bodies are from a reference, what holds them, g(r),
 kinetic energies of single bodies."""
 
 import contextlib
@@ -12,11 +12,9 @@ import mdtraj
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from validation.running.run import Positions
-from validation.scenes import peptide as paper_peptide
-from validation.scenes.peptide import NM_PER_ANGSTROM
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate
+from validation.statistics.positions import Positions
 
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
 
@@ -24,6 +22,7 @@ import physical_validation  # noqa: E402  it imports pymbar
 
 records = physical_validation.data
 
+NM_PER_ANGSTROM = 0.1
 KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
 REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
@@ -192,17 +191,6 @@ def of_sites(
     # by a width it rounds their number down, as where 53 of them come to 52.999...
     how = {"r_range": ends, "n_bins": round((reach[1] - reach[0]) / width)}
     return np.array([mdtraj.compute_rdf(path[part], pairs, **how)[1] for part in parts])
-
-
-def helicity(motion: Motion, frames: Sequence[int] | slice) -> np.ndarray:
-    """Helical residues of the peptide over those of the first frame of all, (frames,)."""
-    atoms = slice(0, paper_peptide.topology().n_atoms)
-    x = motion.x[:, atoms]
-    # an atom is never far from the one before
-    steps = measures.nearest_image(np.diff(x, axis=1), motion.cell, motion.periodic)
-    whole = np.concatenate([x[:, :1], x[:, :1] + np.cumsum(steps, axis=1)], axis=1)
-    helical = paper_peptide.helical(whole)
-    return helical[frames] / helical[0]
 
 
 def _quiet(function, *arguments, **more):

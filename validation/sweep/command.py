@@ -4,8 +4,8 @@ from argparse import Namespace
 from collections.abc import Collection
 
 from validation import INPUTS, command_line
-from validation.own import words as trial
 from validation.scenes.integrators import SWEPT
+from validation.trial import words as trial
 
 SCRIPT_BUDGET = 30.0  # minutes, of a script
 

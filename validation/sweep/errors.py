@@ -13,13 +13,13 @@ from math import ceil
 import numpy as np
 
 from validation.running.run import Result
-from validation.scenes import FS_PER_PS
+from validation.scenes import FS_PER_PS, peptide
+from validation.scenes.units import BOLTZMANN
 from validation.statistics import measures, structure
 from validation.statistics.measures import Estimate
 from validation.statistics.structure import Motion
 from validation.sweep.plan import Parts, Point, Sweep
 
-BOLTZMANN = 0.0019872067  # kcal/mol/K, LAMMPS's
 PS_PER_NS, FS_PER_NS = 1000.0, 1e6
 APART = 0.25  # ps after which a body's kinetic energy is another one
 ENOUGH = 4  # starts whose scatter is an error by itself
@@ -154,7 +154,9 @@ def of_run(
         ),
         "pressure": lambda: measures.mean(thermo["Press"]),
         "g_oo": lambda: structure.pair_distribution(motion, parts.frames),
-        "helix": lambda: measures.mean(structure.helicity(motion, parts.frames)),
+        "helix": lambda: measures.mean(
+            peptide.helicity(motion.x, motion.cell, motion.periodic)[parts.frames]
+        ),
         "bond": lambda: Estimate(motion.bond_error()),
         "angle": lambda: Estimate(motion.angle_error()),
         "convergence": lambda: energy - energy.mean(),

@@ -16,13 +16,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from validation.running import machine, run, store
+from validation.choice import Measured
+from validation.running import machine, run, starts, store
 from validation.running.trajectory import Trajectory
-from validation.scenes import FS_PER_PS, starts
+from validation.scenes import FS_PER_PS
 from validation.scenes.integrators import OURS, SWEPT
 from validation.statistics import measures
 from validation.sweep import errors
-from validation.sweep.plan import FINER, Lengths, Measured, Point, parts, points, sweeps
+from validation.sweep.plan import FINER, Lengths, Point, parts, points, sweeps
 
 # kinetic energy of the bodies' centres, and of the atoms about them: from the atoms, so alike for
 # all integrators

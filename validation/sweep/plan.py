@@ -6,14 +6,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
-from typing import TypedDict
 
 from validation.running.rounds import LEAST
 from validation.scenes import FS_PER_PS, TEMPERATURE, Scene
 from validation.scenes import SCENES as ALL
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.integrators import OURS, SWEPT, Integrator
-from validation.statistics.measures import Spread
 
 BUDGET, SHORT_BUDGET = 290.0, 7.0  # minutes
 FINER = 16  # the reference's step is the smallest one over this
@@ -134,27 +132,6 @@ class Point:
     scene: str
     integrator: Integrator
     dt: float
-
-
-class Measured(TypedDict):
-    """A `Point` as plain data: what a sweep knows of an integrator with a time step."""
-
-    integrator: str  # name
-    label: str
-    ours: bool  # whether it is this package's, whatever its keywords
-    lines: list[str]  # of an input script
-    dt: float  # fs
-    steps: int
-    ps: float  # sampled, from each start
-    starts: int
-    failed: str | None  # why
-    failures: int  # starts that failed
-    cost: Spread | None  # s per ns of the clock
-    cpu: Spread | None  # and of all cores
-    errors: dict[str, dict]  # measure to its ``Estimate``; an error that is None is not known
-    signed: dict[str, dict]  # the same with its sign, where it has one
-    without: list[str]  # measures that do not apply
-    command: str  # that runs it again
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from rich.console import Console
 
+from validation.choice import Measured, fastest, front, least
 from validation.pages import report
 from validation.statistics.estimate import SURE, Estimate
 from validation.statistics.measures import Spread
-from validation.sweep.choice import fastest, front, least
 from validation.sweep.figures import MAIN, draw
-from validation.sweep.plan import MESH, SAMPLED, Measured
+from validation.sweep.plan import MESH, SAMPLED
 
 PARTS = "min", "median", "max"
 ONE_START = (

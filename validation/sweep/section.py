@@ -4,11 +4,11 @@ what it costs."""
 import math
 from dataclasses import dataclass
 
+from validation.choice import choose, each, fastest, least, meets, ours
 from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
 from validation.pages.tables import ranks_of
+from validation.scenes.units import BOLTZMANN
 from validation.statistics.estimate import SURE
-from validation.sweep.choice import choose, each, fastest, least, meets, ours
-from validation.sweep.errors import BOLTZMANN
 from validation.sweep.figures import READ
 from validation.sweep.plan import SWEEPS
 from validation.sweep.report import (

@@ -6,15 +6,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.own import confirm, counted, lists, trial
-from validation.own.figures import draw
-from validation.own.targets import ENERGIES, judged
+from validation.choice import Choice, before_bad, bound, meets, nearest
+from validation.own import counted
 from validation.pages import report
 from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import CONFIDENCE, SURE, Estimate, margin
-from validation.sweep.choice import Choice, before_bad, bound, meets, nearest
+from validation.trial import confirm, lists, trial
+from validation.trial.figures import draw
+from validation.trial.targets import ENERGIES, judged
 
 EACH = "Each integrator's fastest step"
 FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often

@@ -10,12 +10,12 @@ from rich.console import Console
 
 from validation.own import shapes
 from validation.own.system import Own
-from validation.own.trial import failure
 from validation.pages import report
 from validation.running import machine, run
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures
 from validation.statistics.check import Check
+from validation.trial.trial import failure
 
 LONGER = 2.0, 4.0, 8.0  # times the script's step
 STEPS = 400  # of a run with a longer step

@@ -5,14 +5,15 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from validation.own import counted, law, shapes
+from validation.own import counted, shapes
 from validation.own.system import Own
-from validation.own.targets import SPAN, has_rdf, steps_of_cost
 from validation.running import run
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
 from validation.statistics.structure import Motion
+from validation.trial import law
+from validation.trial.targets import SPAN, has_rdf, steps_of_cost
 
 BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
 # of a run's kept frames, at most, for the noise of g(r).  Few of them make margins wide, the more

@@ -16,19 +16,38 @@ import math
 import statistics
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TypedDict
 
 from validation.scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
 from validation.statistics.check import Check
 from validation.statistics.estimate import CONFIDENCE, Estimate, margin
-
-if TYPE_CHECKING:  # it reads inputs, which only a checkout has
-    from validation.sweep.plan import Measured
+from validation.statistics.measures import Spread
 
 # these say whether something is right, or not; they are no errors that a shorter step makes smaller
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"
 DECADES = 3.0  # a ladder of targets that spans more has one rung in each decade, else three
 Targets = Mapping[str, float]
+
+
+class Measured(TypedDict):
+    """What a sweep, or a trial, knows of an integrator with a time step, as plain data."""
+
+    integrator: str  # name
+    label: str
+    ours: bool  # whether it is this package's, whatever its keywords
+    lines: list[str]  # of an input script
+    dt: float  # fs
+    steps: int
+    ps: float  # sampled, from each start
+    starts: int
+    failed: str | None  # why
+    failures: int  # starts that failed
+    cost: Spread | None  # s per ns of the clock
+    cpu: Spread | None  # and of all cores
+    errors: dict[str, dict]  # measure to its ``Estimate``; an error that is None is not known
+    signed: dict[str, dict]  # the same with its sign, where it has one
+    without: list[str]  # measures that do not apply
+    command: str  # that runs it again
 
 
 @dataclass(frozen=True)

@@ -17,15 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from validation.own import counted, errors, shapes
-from validation.own.system import Own
-from validation.own.targets import SPAN, about, name_of_ns, steps_of_cost
-from validation.running import machine, rounds, run
-from validation.running.store import Store
-from validation.scenes.integrators import OURS, Integrator
-from validation.statistics import measures
-from validation.statistics.estimate import CONFIDENCE, Estimate
-from validation.sweep.choice import (
+from validation.choice import (
     Choice,
     before_bad,
     choose,
@@ -33,6 +25,15 @@ from validation.sweep.choice import (
     least,
     passes,
 )
+from validation.own import counted, shapes
+from validation.own.system import Own
+from validation.running import machine, rounds, run
+from validation.running.store import Store
+from validation.scenes.integrators import OURS, Integrator
+from validation.statistics import measures
+from validation.statistics.estimate import CONFIDENCE, Estimate
+from validation.trial import errors
+from validation.trial.targets import SPAN, about, name_of_ns, steps_of_cost
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's

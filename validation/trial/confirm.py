@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from validation.own import rest, trial
+from validation.choice import Measured, meets
 from validation.own.system import Own
-from validation.own.targets import MEANS, judged
 from validation.running import run
 from validation.statistics.estimate import SURE, Estimate
-from validation.sweep.choice import meets
-
-if TYPE_CHECKING:  # it reads inputs, which only a checkout has
-    from validation.sweep.plan import Measured
+from validation.trial import rest, trial
+from validation.trial.targets import MEANS, judged
 
 LONGER = 10.0  # times as long as the runs by which it was chosen
 FURTHER = 1.5  # times the advised step, which should not do, or more than was told would

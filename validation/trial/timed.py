@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from validation.own import trial, turns
+from validation.choice import least, meets
 from validation.own.system import Own
-from validation.own.targets import judged, steps_of_cost
 from validation.running import rounds, run
 from validation.statistics import measures
-from validation.sweep.choice import least, meets
+from validation.trial import trial, turns
+from validation.trial.targets import judged, steps_of_cost
 
 ROUNDS, SECONDS = 3, 0.5  # s of each segment of a round
 # what is timed costs so many times the fastest good one at most, by the runs; else so many points

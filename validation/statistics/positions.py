@@ -1,0 +1,35 @@
+"""Where a run's atoms were."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+def _nothing() -> np.ndarray:
+    return np.empty(0)
+
+
+@dataclass(frozen=True)
+class Positions:
+    """Atoms of a run, in order of ID, at its start and after each of its parts (see ``worker``).
+
+    Attributes:
+        x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
+        cells: (frames, 3, 3), of each frame the cell's vectors as rows.  periodic: (3,) bool.
+        v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), rows
+            of atoms counted from 0.
+    """
+
+    x: np.ndarray
+    bodies: np.ndarray
+    cells: np.ndarray
+    periodic: np.ndarray
+    v: np.ndarray = field(default_factory=_nothing)
+    mass: np.ndarray = field(default_factory=_nothing)
+    bonds: np.ndarray = field(default_factory=_nothing)
+    angles: np.ndarray = field(default_factory=_nothing)
+
+    @property
+    def cell(self) -> np.ndarray:
+        """Of the last frame."""
+        return self.cells[-1]
