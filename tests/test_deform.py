@@ -81,7 +81,7 @@ def test_shapes_stay(run_lammps, tmp_path, words, ranks):
         (
             "NVT all molecule temp 1 1 1 seed 5",
             "all deform 1 xy erate 0.3 remap v",
-            "Langevin does not do so",
+            "NVT does not do so",
         ),
         (
             "MatubayasiNakahara all molecule",
