@@ -10,7 +10,7 @@ from systems import mixture
 from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, gas, motion, thermo
 from test_nvt import fix as nvt_fix
 
-CHOSEN = {"equal": "moments equal 3", "scale": "moments scale v_four"}
+CHOSEN = {"equal": "moments equal 3", "scale": "moments scale v_four", "step": "moments step"}
 
 
 def fix(*words):
@@ -103,6 +103,29 @@ def test_moments_decide_the_step(run_lammps):
     assert spread["moments scale 16"] < 0.5 * spread["moments scale 1"], spread
 
 
+def test_moments_of_the_step(run_lammps):
+    """Locks out moments that the step does not need, or that are too small for it: where k T turns
+    a body by at most 0.08 in a step, no trajectory changes, and else it is that of the moments
+    which the equation gives."""
+    system = mixture("solid planar pair", side=2)
+
+    def energies(chosen, dt):
+        words = fix(f"seed 5 {chosen}", "1 2 1") + thermo("f_1[2]", 10)
+        script = f"{system.setup}\n{FREE}timestep {dt}\n{words}run 50\n"
+        result = run_lammps(script, files=system.files)
+        return result.thermo["f_1[2]"], result.log
+
+    short, log = energies("moments step", 1e-4)
+    assert "at least 3.125e-06, for a step of 0.0001" in log
+    np.testing.assert_allclose(short, energies("", 1e-4)[0], rtol=1e-12)
+    # all are below
+    long, equal, own = (
+        energies(chosen, 0.16)[0] for chosen in ("moments step", "moments equal 8", "")
+    )
+    np.testing.assert_allclose(long, equal, rtol=1e-9)
+    assert not np.allclose(long, own, rtol=1e-3)
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -110,6 +133,7 @@ def test_moments_decide_the_step(run_lammps):
         ("moments scale -1", "keyword moments: scale is -1, and must be above zero"),
         ("moments 6", "'6' was given where equal VALUE"),
         ("moments equal", "the fix line ends where equal VALUE"),
+        ("moments step 6", "unknown keyword '6'"),
     ],
 )
 def test_bad_words(refused, words, says):

@@ -35,6 +35,7 @@ _EQUAL_MOMENTS = (
 _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 _OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
 _OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
+TURN = 0.08  # rad in a step, of keyword moments step: TIP3P with 6 amu A^2 at 298 K and 12 fs
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
@@ -215,6 +216,20 @@ def _off_centre(lammps, communicator, membership, ids, off, size, owned):
     ]
 
 
+def least_moment(lammps, command):
+    """The least moment of a body that turns by `TURN` in a step, or less, as keyword moments step
+    has it: with the mean angular velocity, of equipartition, at the temperature of the fix line.
+
+    Raises:
+        RunError: if this is not above zero.
+    """
+    temperatures = [lammps.number(word) for word in command.temp[:2]]
+    for one in temperatures:
+        command.refuse_unless_positive("keyword temp: a temperature", one)
+    dt = lammps.dt if lammps.respa_dt is None else lammps.respa_dt[0]
+    return lammps.boltz / lammps.mvv2e * max(temperatures) * (dt / TURN) ** 2
+
+
 def _chosen(lammps, command, moment, plane, alike):
     """The moments that bodies have instead of those of their atoms; see `Command.moments`.
 
@@ -230,6 +245,8 @@ def _chosen(lammps, command, moment, plane, alike):
     how, word = command.moments
     if how == "alike":
         value = alike()
+    elif how == "step":
+        value = np.maximum(moment, least_moment(lammps, command))
     else:
         value = lammps.number(word)
         command.refuse_unless_positive(f"keyword moments: {how}", value)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from .. import __version__
+from ..bodies.build import least_moment
 from ..bodies.extended import DIPOLE, ORIENT
 
 _FAST = 1.0  # radians in a time step that call for a warning
@@ -217,7 +218,10 @@ def summary(nve, virial):
     ]
     if command.moments:
         how, word = command.moments
-        value = nve.lammps.number(word) if word else 1.0
+        value = (
+            least_moment(nve.lammps, command) if how == "step"
+            else nve.lammps.number(word) if word else 1.0
+        )  # fmt: skip
         of_dynamics = (
             ". Averages over configurations and velocities stay as they are; how long bodies take "
             "to turn does not"
@@ -225,6 +229,7 @@ def summary(nve, virial):
         chosen = {
             "equal": f"{value:g} instead of the atoms' own" + of_dynamics,
             "scale": f"{value:g} times those of the atoms' own" + of_dynamics,
+            "step": f"at least {value:.4g}, for a step of {nve.dt:g}" + of_dynamics,
             "alike": "those of atoms that share the mass of their body alike",
         }[how]
         lines.append(f"  principal moments: {chosen}")

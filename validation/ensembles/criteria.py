@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from validation.ensembles.lengths import LEAST
-from validation.ensembles.plan import EQUAL_STEPS, KNOWN_STEPS, SCHEMES, Point
+from validation.ensembles.plan import EQUAL_STEPS, KNOWN_STEPS, MOMENTS_STEPS, SCHEMES, Point
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate, combined
 
@@ -61,7 +61,8 @@ BOUNDS = [
         {"langevin-5": {4.0: 0.010, 6.0: 0.018, 8.0: 0.025},
          "langevin-20": dict.fromkeys((4.0, 6.0, 8.0), 0.010),
          # what users accept today at 2 fs
-         "langevin-20-equal": dict.fromkeys(EQUAL_STEPS, 0.006)},
+         "langevin-20-equal": dict.fromkeys(EQUAL_STEPS, 0.006),
+         "langevin-20-step": dict.fromkeys(MOMENTS_STEPS, 0.006)},
     ),
     *(
         Bound("temperature", "temperature", "mean of temp", "K", name, dt, 0.01 * aim, aim)
@@ -75,7 +76,8 @@ BOUNDS = [
     *_bounds(
         "pressure", "pressure_bias", "bias of the mean pressure", "atm",
         dict.fromkeys(OURS_NVT, dict.fromkeys(MODERATE, 25.0))
-        | {"langevin-20-equal": dict.fromkeys(EQUAL_STEPS, 25.0)},
+        | {"langevin-20-equal": dict.fromkeys(EQUAL_STEPS, 25.0),
+           "langevin-20-step": dict.fromkeys(MOMENTS_STEPS, 25.0)},
     ),
     # what is printed is the pressure that the barostat keeps, so the bound is that at constant
     # volume; 25 atm change the density of water by 0.1 %

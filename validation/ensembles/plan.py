@@ -26,6 +26,7 @@ STEPS = 2.0, 4.0, 6.0, 8.0  # fs
 STATES_STEPS = 2.0, 6.0  # of states that are compared with the first
 LIMIT_STEPS = 1.0, 2.0  # of LAMMPS's barostats, which have to agree in the limit only
 MOMENT, EQUAL_STEPS = 6, (4.0, 8.0, 12.0)  # amu Angstrom^2 about each axis; its points
+MOMENTS_STEPS = 6.0, 8.0, 12.0  # fs; points of moments that the step chooses
 # of which an output folder may have points; all divide `runs.SAMPLED`
 KNOWN_STEPS = 1.0, *STEPS, EQUAL_STEPS[-1]
 SHORT_STEPS = 4.0, 8.0
@@ -73,6 +74,10 @@ SCHEMES = {
         _nvt(
             "langevin-20-equal", f"NVT langevin 20/ps, moments of {MOMENT} amu Å²",
             f"langevin seed {SEED} moments equal {MOMENT}", STRONG, steps=EQUAL_STEPS,
+        ),
+        _nvt(
+            "langevin-20-step", "NVT langevin 20/ps, moments of the step",
+            f"langevin seed {SEED} moments step", STRONG, steps=MOMENTS_STEPS,
         ),
         _nvt("csvr", "NVT csvr", f"csvr seed {SEED}", held=3),
         _nvt("nh", "NVT nh", "nh", held=3),
