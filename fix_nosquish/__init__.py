@@ -4,7 +4,7 @@ In an input script:
 
     fix 1 water python/move "fix_nosquish.NVE water molecule"
 
-Two other integrators stand beside it for comparison: MatubayasiNakahara and Gear.
+`INTEGRATORS` has the others.
 
 LAMMPS looks up the attribute `NVE water molecule` of this module; it gets the class
 named by the first word, with the words bound to it.

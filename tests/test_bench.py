@@ -167,7 +167,8 @@ def test_scene_runs_alike_with_ours_and_lammps(name, tmp_path):
     ours, theirs = results
     moved = np.abs(ours.positions.x[1] - ours.positions.x[0]).max()
     assert np.abs(ours.positions.x[1] - theirs.positions.x[1]).max() < 1e-6 * moved + 1e-13
-    expected = {"water": 295, "peptide": 300, "mixed": 1, "big": 1, "dimer": 155}[name]
+    kelvin = {"water": 295, "peptide": 300, "mixed": 1, "big": 1, "dimer": 155}
+    expected = kelvin.get(name, theirs.thermo["Temp"][0])  # a new scene's, as LAMMPS has it
     assert ours.thermo["Temp"][0] == pytest.approx(expected, rel=0.04)
     assert np.abs(ours.thermo["TotEng"][1] / ours.thermo["TotEng"][0] - 1) < 1e-4
 

@@ -345,6 +345,14 @@ def test_wrong_scalars(loops):
         loops.total(np.arange(3), 1.5)
 
 
+def test_missing_arguments(loops):
+    """Locks out: a message that does not say which argument a loop lacks, and who gives it."""
+    with pytest.raises(TypeError, match="loops.total takes start, .* by the method own_cells"):
+        loops.total.bind_to({"numbers": np.arange(3)})
+    with pytest.raises(TypeError, match="bare must be annotated with a kind"):
+        compiled.loop(lambda bare: None)
+
+
 @pytest.mark.parametrize("name", ["allocates", "raises"])
 def test_a_loop_that_needs_python_is_refused(written, loops, name):
     """Locks out: machine code that calls what a process without numba does not have."""
@@ -572,7 +580,9 @@ def test_bitcode_that_counts(fresh):
         place.write_bytes(damaged)
         assert answer(start(fresh, KEPT))[1] == 0
     place.write_bytes(whole)
-    with open(package / "rotor.py", "a") as module:
+    changed = package / "motion" / "rotor.py"
+    assert changed.exists()
+    with open(changed, "a") as module:
         module.write("# changed\n")
     assert answer(start(fresh, KEPT))[1] == 0
 

@@ -1,6 +1,8 @@
 """Splittings: which ones are refused, and in what passes a step is done."""
 
+import numpy as np
 import pytest
+from systems import mixture
 
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.motion.operations import kick
@@ -21,6 +23,7 @@ KNOWN = NVE.operations | {
         ("B A O A O A B", {}, "stands once, and from the first on that moves"),
         ("O B A B", {}, "stands once, and from the first on that moves"),
         ("B A B O", {}, "stands once, and from the first on that moves"),
+        ("B A B", {"B": Operation(lambda *block: None)}, "of operation B is not marked @inlined"),
     ],
 )
 def test_refused(splitting, more, says):
@@ -45,3 +48,81 @@ def test_passes(splitting, passes, tail_moves, prepared):
     found = stages(splitting, KNOWN)
     assert len(found.middle) == passes
     assert (found.tail_moves, found.prepared) == (tail_moves, prepared)
+
+
+def test_nothing_prepares():
+    """Locks out parameters, as of random numbers, that stay the same in all steps."""
+    with pytest.raises(ValueError, match="no loop `prepares`"):
+        type("Own", (NVE,), {"splitting": "B A O A B", "operations": KNOWN})
+
+
+OWN = """
+from fix_nosquish import of_fix_line
+from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.motion.block import COUNTED, FREE, LANES, NUMBER, POINT, P, V
+from fix_nosquish.motion.step import Operation
+
+@inlined
+def slow(block, kind, dt, parameters):
+    for b in range(LANES):
+        factor = 1.0 if block[COUNTED, b] == 0.0 else block[COUNTED, b]
+        factor *= 1.0 - 0.1 * (block[NUMBER, b] == 3.0)
+        for k in range(3):
+            block[V + k, b] *= factor * block[FREE + k, b]
+        if kind != POINT:
+            for k in range(4):
+                block[P + k, b] *= factor * block[FREE + 3, b]
+
+class Slow(NVE):
+    splitting = "{splitting}"
+    operations = NVE.operations | {{"S": Operation(slow)}}
+
+__getattr__ = of_fix_line(Slow)
+"""
+
+
+@pytest.mark.parametrize(
+    ("splitting", "more"),
+    [("B A S A B", ""), ("S B A B", ""), ("S B A B", "run_style respa 2 2 pair 2\n")],
+)
+def test_rows_that_tell_who_a_body_is(run_lammps, tmp_path, splitting, more):
+    """Locks out operations that find other numbers than said in the rows COUNTED, NUMBER and FREE,
+    wherever they stand in a step: only body 3 is slowed down."""
+    system, steps = mixture(side=2), 4
+    end = "dump 1 all custom {0} end id mol vx vy vz\ndump_modify 1 sort id format float %.17g\n"
+    found = {}
+    for name in "slow.Slow", "fix_nosquish.NVE":
+        script = f"{system.setup}\n{more}pair_coeff * * 0 1\ntimestep 0.001\n"
+        script += f'fix 1 bodies python/move "{name} bodies molecule"\n{end.format(steps)}'
+        script += f"run {steps}\n"
+        files = system.files | {"slow.py": OWN.format(splitting=splitting)}
+        run_lammps(script, files=files)
+        found[name] = np.loadtxt((tmp_path / "end").read_text().split("vz\n")[-1].splitlines())
+    slowed, free = found.values()
+    other = slowed[:, 1] != 3
+    np.testing.assert_allclose(slowed[other], free[other], rtol=1e-6, atol=1e-9)
+    times = steps * (2 if more else 1)
+    energies = [(one[~other, 2:] ** 2).sum() for one in (slowed, free)]
+    assert energies[0] == pytest.approx(energies[1] * 0.9 ** (2 * times), rel=0.05)
+
+
+UNFINISHED = {
+    "lone": (
+        "from fix_nosquish.integrators.nve import NVE\nclass Own(NVE):\n    pass\n",
+        "Have in it: __getattr__ = fix_nosquish.of_fix_line(Own)",
+    ),
+    "chooser": (
+        "from fix_nosquish.integrators.nvt import NVT\nclass Own(NVT):\n    pass\n",
+        "NVT only chooses a class: derive from Langevin or Rescaling",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", UNFINISHED)
+def test_an_unfinished_integrator(refused, name):
+    """Locks out a message that does not say what a new integrator lacks, and one that is replaced
+    by another class without a word."""
+    system, (text, says) = mixture(side=2), UNFINISHED[name]
+    line = f'fix 1 bodies python/move "{name}.Own bodies molecule"\n'
+    refused(f"{system.setup}\n{line}run 0\n", says, system.files | {f"{name}.py": text})

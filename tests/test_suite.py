@@ -95,12 +95,14 @@ def test_imports_what_is_installed(checkout, how):
 
 def test_refuses_another_package(checkout):
     """Locks out a suite that silently tests another package than the checkout's."""
-    (checkout / "fix_nosquish" / "nve.py").open("a").write("# changed\n")
+    changed = checkout / "fix_nosquish" / "integrators" / "nve.py"
+    assert changed.exists()
+    changed.open("a").write("# changed\n")
     done = run(checkout, where="def test_nothing():\n    pass\n")
     assert done.returncode == pytest.ExitCode.USAGE_ERROR and "passed" not in done.stdout, (
         done.stdout
     )
-    assert "not the same: nve.py. Install it first: pip install ." in done.stdout
+    assert "not the same: integrators/nve.py. Install it first: pip install ." in done.stdout
 
 
 def test_differences(tmp_path):

@@ -72,7 +72,7 @@ _ELSEWHERE = {
     "shadow": "it is what the steps of fix_nosquish.NVE keep",
     "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
-    **dict.fromkeys(("nreset", "drag"), "the box is integrated in one way"),
+    **dict.fromkeys(("nreset", "drag"), "no piston of this package has it"),
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
         (*PRESSURES, "couple", "barostat", "every", "compressibility", "dilate"),

@@ -1,1 +1,1 @@
-"""The integrators that a fix line names, and their thermostats and barostats."""
+"""The integrators that a fix line names: thermostats, barostats, and the shadow energy."""

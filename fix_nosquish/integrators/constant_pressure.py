@@ -5,7 +5,7 @@ How the box follows the pressure is said by `crescale` and `mtk`.
 
 import numpy as np
 
-from ..box import cell, others
+from ..box import cell, free_atoms
 from ..box.cell import (
     EVERY,
     MOST,
@@ -54,7 +54,7 @@ class ConstantPressure(ConstantTemperature):
     """
 
     keywords = KEYWORDS
-    modules, numbers = (cell.__name__, others.__name__), NUMBERS
+    modules, numbers = (cell.__name__, free_atoms.__name__), NUMBERS
     respa, every, has_others = False, 1, False
 
     def own_parameters(self):
@@ -193,8 +193,8 @@ class ConstantPressure(ConstantTemperature):
             return [], []
         bit = np.array([self.lammps.group_bit(self.command.dilate)], np.uint32).view(np.int32)[0]
         return (
-            [others.virial_of_others.bind_to(cells, dilated=int(bit))],
-            [others.move_others.bind_to(cells, dilated=int(bit))],
+            [free_atoms.virial_of_others.bind_to(cells, dilated=int(bit))],
+            [free_atoms.move_others.bind_to(cells, dilated=int(bit))],
         )
 
     @property

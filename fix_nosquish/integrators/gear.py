@@ -253,8 +253,8 @@ class Gear(Integrator):
 
     splitting = "P F C"
     operations: ClassVar = {
-        "P": Operation(predict, moves=True),
-        "C": Operation(correct, moves=True),
+        "P": Operation(predict, moves=True, named=False),
+        "C": Operation(correct, moves=True, named=False),
     }
     rows, work, starts = WIDTH * ORDER, WIDTH * (ORDER + 2), start
     method, respa = "Gear's predictor-corrector", False

@@ -87,5 +87,7 @@ def rotate(block, dt, mrot):
 class MatubayasiNakahara(NVE):
     """fix python/move "fix_nosquish.MatubayasiNakahara GROUP BODYSTYLE ...", as `NVE`."""
 
-    operations = NVE.operations | {"A": Operation(free_motion(rotate), moves=True)}
+    operations = NVE.operations | {
+        "A": Operation(free_motion(rotate), moves=True, named=False)
+    }  # fmt: skip
     method = "Matubayasi and Nakahara's scheme"

@@ -13,6 +13,9 @@ class NPT:
 
     keywords = WITH_TEMPERATURE
 
+    def __init_subclass__(cls):
+        raise TypeError("NPT only chooses a class: derive from a class of npt_crescale or npt_mtk")
+
     def __new__(cls, ptr, words):
         command = Command.parse(words, cls.keywords)
         if command.barostat == "mtk":

@@ -18,8 +18,8 @@ class NVE(Integrator):
 
     splitting = "B A B"
     operations: ClassVar = {
-        "A": Operation(free_motion(rotate_rotors), moves=True, exact=True),
-        "B": Operation(kick),
+        "A": Operation(free_motion(rotate_rotors), moves=True, exact=True, named=False),
+        "B": Operation(kick, named=False),
     }
     method, splits, keywords = "NO_SQUISH", True, ("shadow",)
     crosses = True

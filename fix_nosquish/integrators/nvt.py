@@ -13,6 +13,9 @@ class NVT:
 
     keywords = ConstantTemperature.keywords
 
+    def __init_subclass__(cls):
+        raise TypeError("NVT only chooses a class: derive from Langevin or Rescaling")
+
     def __new__(cls, ptr, words):
         if Command.parse(words, cls.keywords).thermostat == "langevin":
             from .langevin import Langevin as chosen

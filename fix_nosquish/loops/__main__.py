@@ -14,11 +14,12 @@ NO_LOOPS = "fix_nosquish.loops", "fix_nosquish.plugin", "fix_nosquish.__main__"
 
 def modules():
     """All modules of the package that have loops, a list of `machine_code.Module`; imports them."""
-    for module in pkgutil.walk_packages([str(bitcode.PACKAGE)], f"{machine_code.PACKAGE}."):
+    for module in pkgutil.walk_packages([str(bitcode.FOLDER)], f"{machine_code.PACKAGE}."):
         if not module.name.startswith(NO_LOOPS):
             importlib.import_module(module.name)
     return machine_code.of_package(machine_code.PACKAGE)
 
 
 if __name__ == "__main__":
-    bitcode.keep(machine_code.in_processes("lower", modules()), sys.argv[1])
+    (place,) = sys.argv[1:]
+    bitcode.keep(machine_code.in_processes("lower", modules()), place)

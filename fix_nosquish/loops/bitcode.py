@@ -8,8 +8,8 @@ import importlib.util
 import pickle
 from pathlib import Path
 
-PACKAGE = Path(__file__).parent.parent
-FILE = PACKAGE / "loops.bitcode"
+FOLDER = Path(__file__).parent.parent
+FILE = FOLDER / "loops.bitcode"
 
 
 def kept():
@@ -30,6 +30,6 @@ def _made_of():
     """What bitcode follows from: the package's sources, LLVM, and the kind of processor."""
     from llvmlite import binding as llvm
 
-    texts = b"".join(path.read_bytes() for path in sorted(PACKAGE.rglob("*.py")))
+    texts = b"".join(path.read_bytes() for path in sorted(FOLDER.rglob("*.py")))
     kind = llvm.get_process_triple()
     return importlib.util.source_hash(texts), llvm.llvm_version_info, kind

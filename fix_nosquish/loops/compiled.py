@@ -210,6 +210,11 @@ class Loop:
         notes = function.__annotations__
         self.returns = bool(notes.get("return"))
         self.parameters = {name: what for name, what in notes.items() if name != "return"}
+        arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
+        if bare := [name for name in arguments if name not in notes]:
+            raise TypeError(
+                f"{self.name}: {' and '.join(bare)} must be annotated with a kind, such as F1"
+            )
         self.kinds = {}  # of the parameters and of the fields of bundles
         for name, what in self.parameters.items():
             self.kinds |= {name: what} if isinstance(what, Kind) else what.__annotations__
@@ -240,8 +245,18 @@ class Loop:
         return self._bind(flat)
 
     def bind_to(self, named, **more):
-        """Fix the arguments to what has their names (in a bundle, its fields') in a dictionary."""
+        """Fix the arguments to what has their names (in a bundle, its fields') in a dictionary.
+
+        Raises:
+            TypeError: for an argument that has no name there, or is not of its kind.
+        """
         named = {**named, **more}
+        missing = [name for name in self.kinds if name not in named]
+        if missing:
+            raise TypeError(
+                f"{self.name} takes {' and '.join(missing)}, of which there is no cell: an "
+                f"integrator gives its own by the method own_cells, besides {', '.join(named)}"
+            )
         return self._bind([named[name] for name in self.kinds])
 
     def _bind(self, values):

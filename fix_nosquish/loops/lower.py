@@ -166,7 +166,10 @@ def _bitcode(loops):
         try:
             entry = cfunc(types.int64(CELLS), **OPTIONS)(_entry(loop))
         except NumbaError as error:
-            raise RuntimeError(f"{loop.name} is not what numba can compile: {error}") from error
+            raise RuntimeError(
+                f"{loop.name} is not what numba can compile (is each function that it calls marked "
+                f"@inlined, and made of numbers, tuples and functions of math?): {error}"
+            ) from error
         module = llvm.parse_assembly(entry.inspect_llvm())
         for value in (*module.functions, *module.global_variables):
             if not value.is_declaration and value.name != entry.native_name:

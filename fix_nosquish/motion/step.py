@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from ..loops.compiled import F1, F2, F, I, inlined, loop
+from ..loops.machine_code import INLINED
 from .block import (
     ALL,
     ATOM,
@@ -212,6 +213,7 @@ class Operation(NamedTuple):
         measures: None, or a function as `does`, of what `prepares` must know of all bodies.  Then
             the step is two passes over the bodies, and `prepares` is between them.
         exact: whether it rotates bodies exactly where parameters[MROT] is EXACT; see `operations`.
+        named: whether it may read the rows COUNTED, NUMBER and FREE, see `block.take_names`.
     """
 
     does: object
@@ -219,18 +221,22 @@ class Operation(NamedTuple):
     prepared: bool = False
     measures: object = None
     exact: bool = False
+    named: bool = True
 
 
 class Stages(NamedTuple):
     """A splitting as functions (block, kind, dt, parameters): before what moves, what moves and
-    what is between, in one pass or two, after LAMMPS's forces; whether the last one moves, too; and
-    whether something is prepared."""
+    what is between, in one pass or two, after LAMMPS's forces; whether the last one moves, too;
+    whether something is prepared; and whether an operation, or one of the first and the last stage,
+    is `named`."""
 
     lead: object
     middle: tuple
     tail: object
     tail_moves: bool
     prepared: bool
+    named: bool
+    ends_named: bool
 
 
 FORCES = "F"  # where LAMMPS computes them
@@ -245,9 +251,9 @@ def stages(splitting, operations):
             that moves.
         operations: dictionary from letters to `Operation`.
     Raises:
-        ValueError: for a letter without an operation; for an operation of the letter F; if nothing
-            moves; and for a letter that is prepared and stands twice, before those that move, or
-            behind them.
+        ValueError: for a letter without an operation; for an operation of the letter F, or one that
+            is not inlined; if nothing moves; and for a letter that is prepared and stands twice,
+            before those that move, or behind them.
     """
     letters = splitting.split()
     if FORCES in operations:
@@ -259,6 +265,12 @@ def stages(splitting, operations):
             known = ", ".join(operations)
             raise ValueError(
                 f"splitting {splitting!r}: there is no operation {letter}, only {known}"
+            )
+    for letter, one in operations.items():
+        if one.does not in INLINED:
+            raise ValueError(
+                f"the function {one.does.__name__} of operation {letter} is not marked @inlined, "
+                "as it and all that it calls must be"
             )
     movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
     if not movers:
@@ -287,7 +299,13 @@ def stages(splitting, operations):
         middle = chain(first, pause, measures), chain(pause, cut)
     tail_moves = any(operations[one].moves for one in letters[cut:] if one != FORCES)
     tail = chain(cut, len(letters))
-    return Stages(chain(0, first), middle, tail, tail_moves, bool(prepared))
+    named, ends_named = (
+        any(operations[one].named for one in some if one != FORCES)
+        for some in (letters, [*letters[:first], *letters[cut:]])
+    )
+    return Stages(
+        chain(0, first), middle, tail, tail_moves, bool(prepared), named, ends_named
+    )  # fmt: skip
 
 
 def _chain(parts):
@@ -320,6 +338,10 @@ def make_loops(integrator):
         one pass.
     """
     parts = stages(integrator.splitting, integrator.operations)
+    if parts.prepared and integrator.prepares is None:
+        raise ValueError(
+            f"{integrator.__name__}: an operation is prepared, and there is no loop `prepares`"
+        )
     go_on = _make_go_on(integrator, parts) if len(parts.middle) > 1 else None
     return _make_advance(integrator, parts), go_on, _make_kick(integrator, parts)
 
@@ -346,7 +368,7 @@ def place(layout, k, atom_x):
 
 def _make_advance(integrator, parts):
     """The first pass of a step, or all of it."""
-    rows, middle, prepared = integrator.rows, parts.middle[0], parts.prepared
+    rows, middle, named = integrator.rows, parts.middle[0], parts.named
     several, end_and_begin = len(parts.middle) > 1, _ends(parts.lead, parts.tail)
 
     def advance(
@@ -380,7 +402,7 @@ def _make_advance(integrator, parts):
             else:
                 take(layout, k, FORCE, TORQUE + 3, FORCE)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-            if prepared:
+            if named:
                 take_names(layout, k, rank, mask)
             kind = kind_of(layout, blocks[k, 0])
             end_and_begin(block, kind, dt, parameters, ends, begins)
@@ -420,16 +442,19 @@ def _make_go_on(integrator, parts):
 
 def _make_kick(integrator, parts):
     """What a step ends or begins with, alone."""
-    rows, tail_moves = integrator.rows, parts.tail_moves
+    rows, tail_moves, named = integrator.rows, parts.tail_moves, parts.ends_named
     end_and_begin = _ends(parts.lead, parts.tail)
 
     def kick(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, ends: I, begins: I
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, ends: I, begins: I,
+        rank: I, mask: F2,
     ):  # fmt: skip
         """End a step, or begin one, with the force and torque that the bodies have."""
         for k in range(layout.blocks.shape[0] - 1):
             take(layout, k, MASS, TORQUE + 3, MASS)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            if named:
+                take_names(layout, k, rank, mask)
             kind = kind_of(layout, layout.blocks[k, 0])
             end_and_begin(layout.block, kind, dt, parameters, ends, begins)
             put(layout, k, X, P + 4, X)
@@ -446,11 +471,12 @@ def make_start(integrator):
     """The loop that sets the bodies' own rows when the forces of the start are known."""
     starts, rows = integrator.starts, integrator.rows
 
-    def start(layout: Layout, dt: F, parameters: F1):
+    def start(layout: Layout, dt: F, parameters: F1, rank: I, mask: F2):
         """Set the bodies' own rows, with the force and torque that the bodies have."""
         for k in range(layout.blocks.shape[0] - 1):
             take(layout, k, MASS, TORQUE + 3, MASS)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
+            take_names(layout, k, rank, mask)
             starts(layout.block, kind_of(layout, layout.blocks[k, 0]), dt, parameters)
             put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
 

@@ -6,10 +6,10 @@
 // what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
 enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 
-// where in a run the bodies are: see integrator.py
+// where in a run the bodies are: see run/integrator.py
 enum Phase { NEW = 0, SET = 1, HALF = 2, WAITING = 3, OVER = 4 };
 
-// cells for LAMMPS's arrays, in the order of lammps.py
+// cells for LAMMPS's arrays, in the order of host/lammps.py
 enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU };
 
 struct FixFacts {
@@ -91,7 +91,7 @@ struct Bridge {
   int32_t late;                // other fixes may have changed velocities at the end of such a step
   int32_t velocities_every;    // but not where its number is a multiple of this, when velocities are read (0: of none)
   int32_t python_every;        // or of this, when Python has something to do
-  const Pass *begin;           // lists of passes, null if Python must do it: see passes.py
+  const Pass *begin;           // lists of passes, null if Python must do it: see run/passes.py
   const Pass *end;
   const Pass *whole;
   const Pass *velocities;
@@ -125,7 +125,7 @@ struct Bridge {
   int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
-  int (*particles)(void *fix, double *numbers);    // of each local atom 7: see extended.py; 0 if its style is not known
+  int (*particles)(void *fix, double *numbers);    // of each local atom 7: see bodies/extended.py; 0 if its style is not known
   int64_t (*turn)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
   // methods of the instance, null where it has none
   int (*init)();

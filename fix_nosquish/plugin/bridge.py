@@ -110,7 +110,11 @@ def _construct(bridge):
     try:
         factory = getattr(module, name)
     except AttributeError as problem:
-        raise RunError(f"cannot find {target!r}: {problem}", everywhere=True) from None
+        text = f"cannot find {target!r}: {problem}"
+        first = name.split(" ")[0]
+        if isinstance(getattr(module, first, None), type) and not hasattr(module, "__getattr__"):
+            text += f". Have in it: __getattr__ = fix_nosquish.of_fix_line({first})"
+        raise RunError(text, everywhere=True) from None
     instance = factory(new_capsule(bridge.lammps, None, None))
     for method in REQUIRED:
         if not callable(getattr(instance, method, None)):

@@ -17,7 +17,7 @@ class Declaration:
             operations do not see.
         work: how many more rows of a block its operations need to work with.
         starts: what sets its own rows when the forces of the start are known, or None: a function
-            as in an operation.
+            as in an operation, inlined.
         prepares: a loop that sets parameters for the letter that is `prepared`, or None; it returns
             0, or -1 to end the run with the message `unprepared`.
         middle: whether the velocities that atoms have at the end of a step are those of its middle,
@@ -41,10 +41,11 @@ class Declaration:
         modules: names of modules whose loops it needs, besides those of its classes.
 
     The box:
-        every: it changes in the steps after the multiples of this; 0 for never.
+        every: it changes in the steps after the multiples of this; 0 for never.  If not, there are
         cell_loops: a method that binds two lists of loops to cells: what the forces say of the
             pressure, and what changes the box in the next step.
         flips: whether tilts of the box change, so that it may take other vectors of its lattice.
+            Then there is
         flip_loops: a method that binds the list of loops that do so, before atoms go to other
             ranks.
 

@@ -100,7 +100,7 @@ class Integrator(Declaration):
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
-        self.name, self.number = words.split()[0], next(self._numbers)
+        self.name, self.number = words.partition(" ")[0], next(self._numbers)
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = self._gathers_anew = False
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
