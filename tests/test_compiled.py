@@ -347,7 +347,7 @@ def test_wrong_scalars(loops):
 
 def test_missing_arguments(loops):
     """Locks out: a message that does not say which argument a loop lacks, and who gives it."""
-    with pytest.raises(TypeError, match="loops.total takes start, .* by the method own_cells"):
+    with pytest.raises(TypeError, match=r"loops.total takes start, .* by the method own_cells"):
         loops.total.bind_to({"numbers": np.arange(3)})
     with pytest.raises(TypeError, match="bare must be annotated with a kind"):
         compiled.loop(lambda bare: None)
