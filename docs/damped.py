@@ -29,8 +29,8 @@ def friction(block, kind, dt, parameters):
 
 class Damped(NVE):
     splitting, method = "B A O A B", "NO_SQUISH with friction"
-    motion = Operation(free_motion(rotation_by(rotor)), moves=True)
-    operations = NVE.operations | {"A": motion, "O": Operation(friction)}
+    motion = Operation(free_motion(rotation_by(rotor)), moves=True, named=False)
+    operations = NVE.operations | {"A": motion, "O": Operation(friction, named=False)}
     own_parameters = staticmethod(lambda: (0.01,))  # 1 / time
 
 
