@@ -16,7 +16,7 @@ from own_scripts import GAS, take
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation.own import counted, shapes
+from validation.own import counted, shapes, shifted
 from validation.pages import console
 from validation.running import rounds, run
 from validation.running.store import Store
@@ -24,7 +24,7 @@ from validation.sampling import plan as sampling_plan
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
-from validation.trial import errors, law, lists, report, shifted, targets, timed, trial, turns
+from validation.trial import errors, law, lists, report, targets, timed, trial, turns
 
 
 def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):

@@ -98,7 +98,8 @@ def test_compare_and_bench_of_a_script(tmp_path, capsys):
     assert all(row["distance"] is not None for row in summary["integrators"])
     judged = {row["name"]: row.get("energy_sd") is not None for row in summary["integrators"]}
     assert judged == {"rigid/nvt/small": False, "nosquish": True}
-    assert "ε" in (out / "report.html").read_text()
+    page = (out / "report.html").read_text()
+    assert "ε" in page and "pair_modify shift yes" in page
     out = tmp_path / "bench"
     words = ["--ranks", "1", "--rounds", "1", "--seconds", "0.02", *words[-3:]]
     assert main(["bench", path, "--short", "--out", str(out), *words]) == 0

@@ -44,7 +44,7 @@ _SCENES = [name for name, scene in SCENES.items() if scene.units == "real"]
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.compare import measure, report  # heavy: not for --help
-    from validation.own import system
+    from validation.own import shifted, system
     from validation.pages import console
     from validation.running import run as run_by
     from validation.running import store
@@ -58,7 +58,7 @@ def run(arguments: Namespace) -> int:
         out = command_line.folder(arguments)
     with store.alone(out):
         if script:
-            own = system.take(ask, out, arguments.ranks, arguments.silence)
+            own = shifted.shifted(system.take(ask, out, arguments.ranks, arguments.silence))
             scene, known, reference = own.scene, own.integrators, own.reference
             told: dict = {"ensemble": own.found.state.ensemble, "notes": own.notes}
         else:

@@ -36,10 +36,10 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
         many: whether all integrators are tried by default.
     """
     # heavy: not for --help
-    from validation.own import system
+    from validation.own import shifted, system
     from validation.pages import console
     from validation.running import run as run_by
-    from validation.trial import measure, report, shifted, targets, trial
+    from validation.trial import measure, report, targets, trial
 
     run_by.launch_by(arguments.launch)
     ask, out = system.begin(arguments, script)
