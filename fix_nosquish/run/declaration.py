@@ -25,8 +25,9 @@ class Declaration:
             Not with run_style respa.
 
     What it can do:
-        method: what the log calls it.  splits: whether it has use for the keywords mrot and order.
-            Keyword rotor exact is for those with an operation that says so.
+        method: what the log calls it.
+        splits: whether it has use for the keywords mrot and order.  Keyword rotor exact is for
+            those with an operation that says so.
         keywords: those of its own, besides what `command.KEYWORDS` has for all.
         respa: whether it can have the forces of the levels of run_style respa.
         thermostat: whether it keeps a temperature, so that no other fix may.
@@ -41,16 +42,16 @@ class Declaration:
         modules: names of modules whose loops it needs, besides those of its classes.
 
     The box:
-        every: it changes in the steps after the multiples of this; 0 for never.  If not, there are
-        cell_loops: a method that binds two lists of loops to cells: what the forces say of the
-            pressure, and what changes the box in the next step.
+        every: it changes in the steps after the multiples of this; 0 for never.
+        cell_loops: with `every`, a method that binds two lists of loops to cells: what the forces
+            say of the pressure, and what changes the box in the next step.
         flips: whether tilts of the box change, so that it may take other vectors of its lattice.
-            Then there is
-        flip_loops: a method that binds the list of loops that do so, before atoms go to other
-            ranks.
+        flip_loops: with `flips`, a method that binds the list of loops that do so, before atoms go
+            to other ranks.
 
-    Of the splitting there are, as loops:
-        advance, go_on: the passes of a step.  kick: that of a level of run_style respa.
+    Loops of the splitting:
+        advance, go_on: the passes of a step.
+        kick: that of a level of run_style respa.
         start: of `starts`.
     """
 
