@@ -1,6 +1,7 @@
 """The harness's verbs with a user's script."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -160,22 +161,25 @@ def test_advise_runs_what_promises_most_for_longer(tmp_path, monkeypatch):
     """Locks out a budget that is spent on steps that are not named, a long run that is judged by
     what chose it, and one that is run again by the same command."""
     monkeypatch.setattr(measure, "LATE", 100)
+    # whatever else the machine does, and however much short runs tell, a step gets the rest
+    monkeypatch.setattr(rest, "WORTH", 0.2)
+    monkeypatch.setattr(rest, "least_known", lambda *some: math.inf)
     monkeypatch.setattr(trial, "startup", lambda own: 0.5)
     monkeypatch.setattr(timed, "FASTEST", 1)
     path = scripts.rings(tmp_path)
     path.write_text(path.read_text().replace("fix heat all langevin 300 300 200 11\n", ""))
     out = tmp_path / "out"
-    words = ["--budget", "0.5", "--steps", "1,2,4", "--only", "nosquish", "--out", str(out)]
+    words = ["--budget", "0.7", "--steps", "1,2,4", "--only", "nosquish", "--out", str(out)]
     targets = ["--target", "energy=0.2", "drift=100", "temperature=0.1", "rdf=10"]
     status = main(["advise", str(path), *words, *targets])
     summary = json.loads((out / "summary.json").read_text())
     times = {one["dt"]: one["time"] for one in summary["points"]}
     (alone,) = (one for one in summary["points"] if one["alone"])
-    longer = {dt for dt, time in times.items() if time > summary["time"]}
+    longer = {dt for dt, time in times.items() if time != summary["time"]}
     held = 2.0  # fs, half of the script's step
     assert longer in ({alone["dt"]}, {alone["dt"], held})
     assert len({times[dt] for dt in longer}) == 1
-    assert times[alone["dt"]] > rest.WORTH * summary["time"]
+    assert times[alone["dt"]] > summary["time"]  # of which as much is left out
     assert status in (0, 1)
     begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
     assert main(["advise", str(path), *words, *targets]) == status
