@@ -218,16 +218,11 @@ def _off_centre(lammps, communicator, membership, ids, off, size, owned):
 
 def least_moment(lammps, command):
     """The least moment of a body that turns by `TURN` in a step, or less, as keyword moments step
-    has it: with the mean angular velocity, of equipartition, at the temperature of the fix line.
-
-    Raises:
-        RunError: if this is not above zero.
+    has it: with the mean angular velocity, of equipartition, at the temperature of the fix line,
+    the higher one of two.
     """
-    temperatures = [lammps.number(word) for word in command.temp[:2]]
-    for one in temperatures:
-        command.refuse_unless_positive("keyword temp: a temperature", one)
-    dt = lammps.dt if lammps.respa_dt is None else lammps.respa_dt[0]
-    return lammps.boltz / lammps.mvv2e * max(temperatures) * (dt / TURN) ** 2
+    temperature = max(lammps.number(word) for word in command.temp[:2])
+    return lammps.boltz / lammps.mvv2e * temperature * (lammps.innermost_dt / TURN) ** 2
 
 
 def _chosen(lammps, command, moment, plane, alike):

@@ -218,9 +218,10 @@ def summary(nve, virial):
     ]
     if command.moments:
         how, word = command.moments
+        lammps = nve.lammps
         value = (
-            least_moment(nve.lammps, command) if how == "step"
-            else nve.lammps.number(word) if word else 1.0
+            least_moment(lammps, command) if how == "step"
+            else lammps.number(word) if word else 1.0
         )  # fmt: skip
         of_dynamics = (
             ". Averages over configurations and velocities stay as they are; how long bodies take "
@@ -229,7 +230,7 @@ def summary(nve, virial):
         chosen = {
             "equal": f"{value:g} instead of the atoms' own" + of_dynamics,
             "scale": f"{value:g} times those of the atoms' own" + of_dynamics,
-            "step": f"at least {value:.4g}, for a step of {nve.dt:g}" + of_dynamics,
+            "step": f"at least {value:.4g}, for a step of {lammps.innermost_dt:g}" + of_dynamics,
             "alike": "those of atoms that share the mass of their body alike",
         }[how]
         lines.append(f"  principal moments: {chosen}")

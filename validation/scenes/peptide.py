@@ -14,11 +14,11 @@ import numpy as np
 
 from validation.scenes import SCENES, Scene
 from validation.statistics import measures, motion
+from validation.statistics.positions import NM_PER_ANGSTROM
 
 # names of the peptide's atoms, which are the data file's first
 PDB = SCENES["peptide"].folder / "peptide.pdb"
 BACKBONE = ("N", "CA", "C")
-NM_PER_ANGSTROM = 0.1
 
 
 def topology() -> mdtraj.Topology:

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+NM_PER_ANGSTROM = 0.1  # mdtraj has nm
+
 
 def _nothing() -> np.ndarray:
     return np.empty(0)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate
-from validation.statistics.positions import Positions
+from validation.statistics.positions import NM_PER_ANGSTROM, Positions
 
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
 
@@ -22,7 +22,6 @@ import physical_validation  # noqa: E402  it imports pymbar
 
 records = physical_validation.data
 
-NM_PER_ANGSTROM = 0.1
 KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
 REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
