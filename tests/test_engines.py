@@ -224,7 +224,7 @@ def test_an_engine_that_is_not_there(monkeypatch, tmp_path, capsys):
         main(["engines", "--out", str(tmp_path / "out")])
     assert "--only openmm-langevin-5 openmm-langevin-20" in str(it.value)
     with pytest.raises(SystemExit, match="no limit of the scene water"):
-        measure.known_limit(RESULTS / "ensembles-volume")
+        measure.known_limit(RESULTS / "ensembles-pressure")
     with pytest.raises(SystemExit, match=r"has no summary\.json"):
         measure.known_limit(tmp_path)
 

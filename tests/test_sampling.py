@@ -8,6 +8,7 @@ import pytest
 from scipy import signal
 
 from validation import __main__
+from validation.ensembles import plan as ensembles
 from validation.ensembles import runs
 from validation.ensembles.lengths import Lengths
 from validation.ensembles.schemes import SEED
@@ -228,13 +229,41 @@ def test_bounds():
         row["less"]["shake"] = Estimate(*less).plain()
         row["biases"] = {key: Estimate(one, 1e-6).plain() for key, one in biases.items()}
         summary = {"settings": {"time": time}, "known": [{"dt": 2.0}], "rows": [row]}
-        return [one.holds for one in criteria.checks(summary)]
+        return [one.holds for one in criteria.checks(summary | {"title": "x"})]
 
     for key, most in criteria.BOUNDS.items():
         assert verdicts(**{key: -0.99 * most}) == [True, True]
         assert verdicts(**{key: 1.01 * most}) == [False]  # samples of something else
     assert verdicts(time=19.0) == []
     assert verdicts(potential=0.0, less=(1.0, 0.5)) == [True]  # known to a factor only
+
+
+def test_bounds_of_thermostats():
+    """Locks out bounds of one thermostat on another's numbers, on another water, or twice; a
+    temperature or its parts in other units; and an error of the one that leaves out the other."""
+
+    def checks(title=ensembles.TITLE, scheme="langevin-5", dt=6.0, **more):
+        biases = {"potential": -0.01, "pressure": 24.0, "translation": -2.5, "rotation": 1.0} | more
+        label = plan.CASES["water"](None).schemes[scheme].label
+        row = {"scheme": scheme, "ours": True, "error": None, "label": label, "dt": dt, "less": {}}
+        row["biases"] = {key: Estimate(one, 1e-3).plain() for key, one in biases.items()}
+        summary = {"settings": {"time": 20.0}, "known": [{"dt": 2.0}], "rows": [row]}
+        made = criteria.checks(summary | {"title": title, "temperature": 298.0})
+        return {one.part: one for one in made if one.part != "bias"}, made
+
+    found, _ = checks()
+    assert set(found) == {"potential", "trial", "temperature", "equipartition"}
+    assert found["potential"].high == 0.018 and found["potential"].value == -0.01
+    assert found["temperature"].value == pytest.approx(297.25)
+    assert found["temperature"].error == pytest.approx(1e-3 / np.sqrt(2))
+    assert found["equipartition"].value == -3.5 and found["equipartition"].holds is True
+    assert found["equipartition"].error == pytest.approx(1e-3 * np.sqrt(2))
+    assert checks(rotation=1.6)[0]["equipartition"].holds is False
+    assert not checks(title="another water")[0]
+    assert not checks(scheme="langevin-2-equal")[0]
+    same, every = checks(scheme="langevin-20-equal", dt=12.0)
+    assert set(same) == {"temperature"}
+    assert len({(one.what, one.high) for one in every}) == len(every)
 
 
 # ---- numbers

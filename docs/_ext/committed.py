@@ -410,13 +410,8 @@ def _step(row):
     return float(row["step (fs)"])
 
 
+_OF_SAMPLING = "bias", "cost"  # parts of its bounds; the others are those of thermostats
 _TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
-
-
-def ensembles_volume():
-    """Means at constant volume."""
-    biases = ("bias of U/N", "kcal/mol"), ("bias of P", "atm")
-    return _schemes("ensembles-volume", *biases, *_TEMPERATURES)
 
 
 def ensembles_pressure():
@@ -428,7 +423,8 @@ def ensembles_pressure():
 
 def ensembles_bounds():
     """What is held against bounds, at constant volume and at constant pressure."""
-    table = [*rows("ensembles-volume", "checks"), *rows("ensembles-pressure", "checks")]
+    volume = [row for row in rows("sampling-water", "checks") if row["part"] not in _OF_SAMPLING]
+    table = [*volume, *rows("ensembles-pressure", "checks")]
     return _checks(table, {row["part"] for row in table})
 
 
@@ -475,8 +471,7 @@ def sampling_faster():
 
 def sampling_bounds():
     """What is held against bounds."""
-    table = rows("sampling-water", "checks")
-    return _checks(table, {row["part"] for row in table})
+    return _checks(rows("sampling-water", "checks"), _OF_SAMPLING)
 
 
 def engines_bias():
@@ -778,7 +773,6 @@ TABLES = [
     starts,
     messages,
     model,
-    ensembles_volume,
     ensembles_pressure,
     ensembles_bounds,
     sampling_bias,

@@ -12,6 +12,7 @@ from validation.scenes.integrators import Integrator, constrained, nosquish, rig
 
 TEMPERATURE, WARM = 298.0, 308.0  # K
 PRESSURE, PRESSED = 1.0, 400.0  # atm
+TITLE = "512 TIP3P molecules at 298 K and 0.997 g/cm³, smooth cutoff at 8.5 Å"
 # states at constant pressure: ends of a scheme's name and label, temperature, pressure. From the
 # first to the others it is as far as physical_validation advises: the tips of the distributions
 # are some two standard deviations apart, which are 35 kcal/mol of an enthalpy, 1.1 % of a volume
@@ -126,8 +127,7 @@ def reference(scheme: Scheme) -> Point:
 
 def scene() -> Scene:
     """The water that all schemes move."""
-    title = "512 TIP3P molecules at 298 K and 0.997 g/cm³, smooth cutoff at 8.5 Å"
-    return smooth_water("water-512", title, "water_512", "512", 512)
+    return smooth_water("water-512", TITLE, "water_512", "512", 512)
 
 
 def points(only: Collection[str] | None = None, dt: Collection[float] | None = None) -> list[Point]:

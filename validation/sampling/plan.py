@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from validation.command_line import chosen
+from validation.ensembles import plan as ensembles
 from validation.ensembles.lengths import Lengths, One, folder, step_of_starts
 from validation.ensembles.schemes import (
     MOVES,
@@ -25,7 +26,7 @@ from validation.own import counted
 from validation.own import schemes as own_schemes
 from validation.own.system import Own
 from validation.running import run
-from validation.scenes import TEMPERATURE, Scene, peptide, smooth_water
+from validation.scenes import TEMPERATURE, Scene, peptide
 from validation.scenes.integrators import OURS, Integrator, constrained, nosquish, rigid
 from validation.scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
 from validation.statistics.limit import Model
@@ -322,8 +323,7 @@ def _constrained(temperature, usual, kicks, everywhere, heavy) -> dict[Scheme, M
 
 
 def _water(_: Path) -> Case:
-    title = "512 TIP3P molecules at 298 K and 0.997 g/cm³, smooth cutoff at 8.5 Å"
-    scene, mass = smooth_water("water", title, "water_512", "512", 512), 15.9994 + 2 * 1.008
+    scene, mass = replace(ensembles.scene(), name="water"), 15.9994 + 2 * 1.008
     heavy = {one: (f"mass 1 {mass - 2 * one:.8g}", f"mass 2 {one:g}") for one in HEAVY}
     made, models = _schemes(298.0, shake=True, equal=True, heavy=heavy)
     more: dict = {"sites": "type 1", "dipole": True}
