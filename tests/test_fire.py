@@ -352,3 +352,11 @@ def test_nve_has_no_dmax(refused):
     system = mixture(side=2)
     script = f'{system.setup}\nfix 1 all python/move "fix_nosquish.NVE all molecule dmax 1"\n'
     refused(f"{script}run 0\n", "seeks no minimum, fix_nosquish.FIRE does", system.files)
+
+
+@pytest.mark.parametrize("column", [5, 7])
+def test_asked_before_the_first_run(refused, column):
+    """Locks out a number of bodies that are not there yet, or a traceback for it."""
+    system = mixture(side=2)
+    script = f"{system.setup}\n{fix()}variable x equal f_1[{column}]\nprint '${{x}}'\n"
+    refused(script, "'run 0' makes them", system.files)

@@ -245,3 +245,10 @@ def test_how_often_the_box_changes(run_lammps):
     assert re.findall("WARNING: the box changes (.*) times", done.log) == ["19.6"]
     volumes = done.log.rsplit("Volume", 1)[1].split("Loop time")[0].splitlines()[1:-1]
     assert len({row.split()[-1] for row in volumes}) == 5  # at the start, and after 0, 10, 20, 30
+
+
+def test_compute_that_is_gone(refused):
+    """Locks out a crash where a script takes away the compute that the barostat has added."""
+    system = mixture(side=3, spacing=2.9)
+    script = f"{system.setup}\n{fix('seed 5')}run 5\nuncompute 1_virial\nrun 5\n"
+    refused(script, "compute 1_virial is gone", system.files)

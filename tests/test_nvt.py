@@ -307,6 +307,49 @@ def test_other_fixes_change_velocities(run_lammps, tmp_path):
     assert "the bodies take them over" in log
 
 
+RESET = "fix 3 all dt/reset 10 1e-4 2e-3 5e-3 units box\n"
+
+
+@pytest.mark.parametrize("name", ["langevin", "nh"])
+def test_time_step_that_changes(run_lammps, name):
+    """Locks out velocities and energies of the step's end, or a half kick of another length, in a
+    step in which the time step changes: econserve keeps its value there as elsewhere."""
+    system = mixture(side=3, spacing=2.9)
+    reset = RESET
+    words = fix(THERMOSTATS[name], "2 2 2e-1") + reset + thermo("dt econserve", 1)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run 100\n"
+    rows = run_lammps(script, files=system.files).thermo
+    steps = rows["Dt"][1:]
+    assert len(np.unique(steps)) > 3
+    changed = np.flatnonzero(np.diff(rows["Dt"]))
+    jumps = np.abs(np.diff(rows["Econserve"]))
+    usual = np.delete(jumps, np.concatenate([changed - 1, changed]))
+    assert jumps.max() < 2 * usual.max()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_velocities_and_a_time_step_that_change(run_lammps, tmp_path, ranks):
+    """Locks out velocities that another fix has given atoms, in a step in which the time step
+    changes, and that the bodies ignore."""
+    system = mixture(side=3, spacing=2.9)
+    words = "velocity all set 0.3 NULL NULL sum yes\n" + fix("seed 3", "2 2 2e3")
+    words += RESET + "fix 2 all momentum 10 linear 1 1 1\n"
+    script = f"{system.setup}\ntimestep 0.002\n{words}run 55\n"
+    log = run_lammps(script + DUMP.format("end"), files=system.files, ranks=ranks).log
+    momentum = motion(tmp_path / "end")[1]
+    assert "the bodies take them over" in log
+    assert abs(momentum.sum(axis=0)[0]) < 1e-2 * np.abs(momentum[:, 0]).sum()
+
+
+@pytest.mark.parametrize("every", [1, 100])
+def test_step_of_a_force_that_is_not_finite(refused, every):
+    """Locks out the number of the step before, where the end of a step is left to the next one."""
+    system = mixture(side=2, spacing=2.9)
+    push = "variable f equal exp(800*(step>6))-1\ngroup g id 7\nfix 2 g addforce v_f 0 0\n"
+    script = f"{system.setup}\n{fix('seed 3')}{push}thermo {every}\nrun 20\n"
+    refused(script, "is not finite at step 7", system.files)
+
+
 # ------------------------------------------------------------------ ranks, restart, several runs
 
 
@@ -470,7 +513,8 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
 
 
 def test_momentum_that_is_not_kept(run_lammps):
-    """Locks out a momentum that is counted out though springs of the atoms' own hold it."""
+    """Locks out a momentum that is counted out though springs hold it: those of the atoms' own, or
+    one at the centre of all."""
     script = (
         "units lj\natom_modify map yes\nregion box block -9 9 -9 9 -9 9\ncreate_box 1 box\n"
         "create_atoms 1 random 8 7 box\nmass 1 1\npair_style zero 2.5\npair_coeff * *\n"
@@ -479,8 +523,10 @@ def test_momentum_that_is_not_kept(run_lammps):
         'fix 1 all python/move "fix_nosquish.NVT all custom v_own '
         f'temp 2 2 5e-1 seed 5 thermostat csvr"\n{thermo("f_1[1]", 50)}run 20000\n'
     )
-    kinetic = run_lammps(script).thermo["f_1[1]"][20:]
-    assert kinetic.mean() == pytest.approx(24.0, abs=1.2)  # or 21
+    tether = script.replace("spring/self 1", "spring tether 8 0 0 0 0")
+    for one in script, tether:
+        kinetic = run_lammps(one).thermo["f_1[1]"][20:]
+        assert kinetic.mean() == pytest.approx(24.0, abs=1.2)  # or 21
 
 
 # ------------------------------------------------------------------ what is refused

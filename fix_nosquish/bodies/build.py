@@ -254,7 +254,7 @@ def _chosen(lammps, command, moment, plane, alike):
     return moment * slower**2, slower
 
 
-def count(lammps, communicator, membership):
+def count(communicator, membership):
     """How many bodies there are, None if that cannot be told (yet); collective."""
     if membership.variable:
         return None  # the variable may need a run
@@ -362,6 +362,8 @@ def _members(lammps, communicator, membership, shapes, atoms):
     else:
         if (tag <= 0).any():
             problem = "the fix needs atom IDs, which this script turns off (atom_modify id no)"
+        elif (tag >= POINTS).any():  # it calculates with IDs as real numbers
+            problem = f"atom {tag.max()} has too large an ID: less than 2^52 is possible"
     communicator.agree(problem)
     if not membership.command.mol and not communicator.count(len(atoms)):
         raise RunError(

@@ -34,9 +34,6 @@ KIND, ENERGY, TIMES_BACK, WAS_AT, OWN = range(5)
 # the system's draws: of translation and of rotation, or both; of the barostat
 OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
 
-# fixes that push what they act on from a place of their own
-PUSHING = "wall", "indent", "spring/self", "addforce", "setforce", "aveforce", "gravity", "drag"
-
 
 @inlined
 def part_of_run(step, begin_step, end_step):
@@ -137,8 +134,7 @@ class ConstantTemperature(Integrator):
     @property
     def _is_pushed(self):
         """Whether something outside pushes the bodies, so that their momentum changes."""
-        fixes = (fix for fix in self.other_fixes if fix.style.startswith(PUSHING))
-        return self.gravity is not None or any(map(self.acts_on_bodies, fixes))
+        return self.gravity is not None or any(map(self.acts_on_bodies, self.other_fixes.pushing()))
 
     def temperature(self):
         """The temperature at the begin and at the end of the run, and the rate of damping."""

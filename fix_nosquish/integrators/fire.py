@@ -281,5 +281,5 @@ class FIRE(Integrator):
         own = i - len(Integrator.vector_extensive)
         if own < 0:
             return super().compute_vector(i)
-        self.come_to_rest()
+        self.reports.made()
         return (*self.norms(), self.parameters[STEP])[own]

@@ -48,7 +48,7 @@ from ..motion.block import (
     three,
     write,
 )
-from ..motion.frames import angular_velocity, to_body
+from ..motion.frames import angular_velocity, quaternion_momentum, to_body
 from ..motion.operations import FTM2V
 from ..motion.rotor import dot, mix, s_times
 from ..motion.step import Operation, rotation_matrices
@@ -117,7 +117,7 @@ def put_bodies(block, dt):
         write(block, X, b, three(block, TERM, b))
         write(block, V, b, (vx / dt, vy / dt, vz / dt))
         write(block, Q, b, q)
-        write(block, P, b, s_times(q, 2.0 * i1 * w1, 2.0 * i2 * w2, 2.0 * i3 * w3))
+        write(block, P, b, quaternion_momentum(q, i1 * w1, i2 * w2, i3 * w3))
 
 
 @inlined

@@ -28,9 +28,8 @@ from ..motion.block import (
     three,
     write,
 )  # fmt: skip
-from ..motion.frames import angular_momentum, rotation_matrix, to_body
+from ..motion.frames import angular_momentum, quaternion_momentum, rotation_matrix, to_body
 from ..motion.philox import normal_pair, words
-from ..motion.rotor import s_times
 from ..motion.step import Operation
 from .constant_temperature import (
     BODY,
@@ -93,7 +92,7 @@ def thermalise(block, kind, dt, parameters):
             n1 = l1 + free * about * (noise * sqrt(i1) * a1 - lost * l1)
             n2 = l2 + free * about * (noise * sqrt(i2) * a2 - lost * l2)
             n3 = l3 + free * (noise * sqrt(i3) * a3 - lost * l3)
-            write(block, P, b, s_times(q, 2.0 * n1, 2.0 * n2, 2.0 * n3))
+            write(block, P, b, quaternion_momentum(q, n1, n2, n3))
             given = (n1 * n1 - l1 * l1) / i1 if i1 > 0.0 else 0.0
             given += (n2 * n2 - l2 * l2) / i2 if i2 > 0.0 else 0.0
             given += (n3 * n3 - l3 * l3) / i3 if i3 > 0.0 else 0.0

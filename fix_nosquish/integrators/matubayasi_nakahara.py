@@ -36,7 +36,7 @@ from math import sqrt
 
 from ..loops.compiled import inlined
 from ..motion.block import LANES, MOMENT, P, Q, four, three, write
-from ..motion.frames import angular_velocity
+from ..motion.frames import angular_velocity, quaternion_momentum
 from ..motion.operations import free_motion
 from ..motion.rotor import dot, mix, s_times, sine_and_versine, turn
 from ..motion.step import Operation
@@ -81,7 +81,7 @@ def rotate(block, dt, mrot):
         # else rounding errors of |q| would go on into omega, step by step
         q = mix(1.0 / sqrt(dot(q, q)), 0.0, q, q)
         write(block, Q, b, q)
-        write(block, P, b, s_times(q, 2.0 * ix * wx, 2.0 * iy * wy, 2.0 * iz * wz))
+        write(block, P, b, quaternion_momentum(q, ix * wx, iy * wy, iz * wz))
 
 
 class MatubayasiNakahara(NVE):

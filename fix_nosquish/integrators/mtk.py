@@ -78,8 +78,8 @@ Piston = NamedTuple("Piston", [*Barostat.__annotations__.items(), ("piston", F1)
 # parameters behind those of all thermostats: twice this rank's kinetic energy along each axis, and
 # with each tilt; factors of velocities, and what shears them then; the same of positions, and the
 # points from which these count; 1.0 if tilts change, else 0.0
-ALONG, SLOW, STRAIN, CENTRES, SHEARS, BEHIND = (
-    COMMON + 6, COMMON + 12, COMMON + 18, COMMON + 24, COMMON + 27, COMMON + 28,
+ALONG, SLOW, STRAIN, CENTRES, SHEARS = (
+    COMMON + 6, COMMON + 12, COMMON + 18, COMMON + 24, COMMON + 27,
 )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ _FACTOR_0, _FACTOR_1 = 0xD2511F53, 0xCD9E8D57
 _STEP_0, _STEP_1 = 0x9E3779B9, 0xBB67AE85  # of the key, from round to round
 _HALF_WORD = 2.0**30  # an ID is two words of 30 bits, which a processor converts fast
 _QUARTER, _QUARTERS = 0x3FFFFFFF, 30  # where an angle is in its quarter of a turn; which quarter
-_LOG_2, _LOG_2_32, _ROOT_HALF = log(2.0), 32.0 * log(2.0), sqrt(0.5)
+_LOG_2, _ROOT_HALF = log(2.0), sqrt(0.5)
 
 
 @inlined

@@ -107,8 +107,7 @@ struct Bridge {
   double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
   int32_t stream_group;    // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
   int64_t *arrays;    // cells for LAMMPS's arrays
-  const int64_t *index;    // cells of the bodies; null if there are none
-  const int64_t *body_of;
+  const int64_t *body_of;    // cells of the bodies; null if there are none
   const int64_t *displace;
   const int64_t *state;
   // functions of the fix

@@ -210,7 +210,7 @@ def _release(address):
         setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
     if host:
         bridge.phase = NEW
-    for name in (*LISTS, "body", "masstotal", "arrays", "index", "body_of", "displace", "state"):
+    for name in (*LISTS, "body", "masstotal", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
     bridge.may_wait = False
 

@@ -184,12 +184,7 @@ class Host:
         """The class asks for it with an attribute ``carries``: how many numbers go with an atom."""
         self._carried, bridge = bodies, self._bridge
         bridge.arrays = lammps and _as("arrays", lammps.table.ctypes.data)
-        for name, cell in (
-            ("index", "index"),
-            ("body_of", "body"),
-            ("displace", "displace"),
-            ("state", "state"),
-        ):
+        for name, cell in ("body_of", "body"), ("displace", "displace"), ("state", "state"):
             place = None if bodies is None else bodies.cells[cell].address
             setattr(bridge, name, place and _as(name, place))
 

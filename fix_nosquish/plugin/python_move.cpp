@@ -264,7 +264,8 @@ class FixPythonMove : public Fix {
   bool pressure_is_due(bigint step) const { return cell_is_due(step) || cell_is_due(step - 1); }
   void ask_for_pressure(bigint step);
   double potential();
-  void ask_for_energy(bigint step) { modify->get_compute_by_id(energy_id)->addstep(step); }
+  Compute *own_compute(const std::string &own) const;
+  void ask_for_energy(bigint step) { own_compute(energy_id)->addstep(step); }
   void go_back();
   void renew_forces();
   std::string problem(const std::string &text) const
@@ -438,6 +439,15 @@ FixPythonMove::~FixPythonMove()
   int finalized;
   MPI_Finalized(&finalized);
   if (failing != MPI_COMM_NULL && !finalized) MPI_Comm_free(&failing);
+}
+
+// A compute that this fix has added; a script can take it away.
+
+Compute *FixPythonMove::own_compute(const std::string &own) const
+{
+  Compute *found = modify->get_compute_by_id(own);
+  if (!found) error->all(FLERR, problem("compute " + own + " is gone, which this fix has added and needs: leave out the uncompute"));
+  return found;
 }
 
 int FixPythonMove::setmask()
@@ -882,7 +892,7 @@ void FixPythonMove::shift_lamda(int axis, double y, double z)
 void FixPythonMove::ask_for_pressure(bigint step)
 {
   const bigint every = bridge.changes_box;
-  modify->get_compute_by_id(virial_id)->addstep(cell_is_due(step - 1) ? step : (step + every - 1) / every * every);
+  own_compute(virial_id)->addstep(cell_is_due(step - 1) ? step : (step + every - 1) / every * every);
 }
 
 // What LAMMPS's forces say of the pressure, where that is needed: their virial on all ranks, without this fix's.
@@ -921,7 +931,7 @@ double FixPythonMove::potential()
 {
   const bigint step = update->ntimestep;
   update->ntimestep = update->eflag_global;
-  const double energy = modify->get_compute_by_id(energy_id)->compute_scalar();
+  const double energy = own_compute(energy_id)->compute_scalar();
   update->ntimestep = step;
   return energy;
 }

@@ -102,7 +102,10 @@ class Integrator(Declaration):
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
         self.name, self.number = words.partition(" ")[0], next(self._numbers)
         self.bodies = self.passes = self.notes = None
-        self._ran = self._lost = self._gathers_anew = False
+        self._ran = self._lost = False
+        # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
+        # another length
+        self._beginning = self._gathers_anew = self._resets = False
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
@@ -144,7 +147,7 @@ class Integrator(Declaration):
         else:
             self.array_rows = None  # they will be others
             if not self.template:
-                self.array_rows = count(self.lammps, self.communicator, self.membership)
+                self.array_rows = count(self.communicator, self.membership)
             self.rigid_flag = self.lammps.radius is not None
 
     def _refuse_other_rotor(self, rotor):
@@ -453,9 +456,17 @@ class Integrator(Declaration):
     @hook
     def reset_dt(self):
         """The time step may have changed."""
+        if self.middle and self.phase in (Phase.WAITING, Phase.OVER):
+            # the last step's end has the old one, and is done when the next step begins: until
+            # then atoms have the velocities of its middle, which other fixes may change
+            self._resets, self.host.begins = True, self.lammps.step + 1
+            return
         if self.phase != Phase.NEW:
             self.catch_up()
-        self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
+        self._take_time_step()
+
+    def _take_time_step(self):
+        self._resets, self.dt, self.respa_dt = False, self.lammps.dt, self.lammps.respa_dt
         self._set_time_step()
 
     # ------------------------------------------------------------- one step
@@ -568,6 +579,7 @@ class Integrator(Declaration):
             self._blame_forces()
 
     def _begin_step(self, vflag):
+        self._beginning = True
         if self.phase == Phase.NEW:
             self.resumed()
             self.post_neighbor()
@@ -581,11 +593,14 @@ class Integrator(Declaration):
             self.phase = self.ended
         elif self.other_fixes.late:
             self.take_changed_velocities(self.lammps.step - 1)
+        if self._resets:
+            self.catch_up()
+            self._take_time_step()
         self.host.vflag = vflag
         self.reports.forget()
 
     def _has_begun(self):
-        self.phase, self.host.velocities_set = Phase.HALF, False
+        self.phase, self.host.velocities_set, self._beginning = Phase.HALF, False, False
 
     def _set_time_step(self):
         """Have the loops use the time step as it is now."""
@@ -640,7 +655,7 @@ class Integrator(Declaration):
         self._box = box
 
     def _blame_forces(self):
-        bodies, step = self.bodies, self.lammps.step - (self.phase == Phase.WAITING)
+        bodies, step = self.bodies, self.lammps.step - self._beginning
         bad = (~np.isfinite(bodies.wrench).all(axis=0)).argmax()
         cause, remedy = bodies.instability(bad, self.lammps)
         if self.phase == Phase.NEW:

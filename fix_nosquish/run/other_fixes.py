@@ -14,6 +14,11 @@ _BLIND = "nve", "rigid", "shake", "rattle"
 _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
 # fixes that act at the end of a step and change no velocity
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
+# fixes whose forces leave the total momentum of a neutral whole as it is
+_INTERNAL = (
+    *("addtorque", "bond/", "cmap", "drude", "efield", "momentum", "qeq/"),
+    *("rattle", "restrain", "rigid", "shake", "spring/rg", "tmd"),
+)
 # fixes without an energy that change nothing of the bodies
 _HARMLESS = (*READERS, "property/", "balance", "enforce2d")
 
@@ -67,17 +72,28 @@ class OtherFixes:
     def __iter__(self):
         return iter(self._fixes)
 
+    def pushing(self):
+        """Those whose forces may change the total momentum of what they act on."""
+        return [
+            fix
+            for fix in self
+            if fix.post_force and not fix.style.startswith(_INTERNAL) and not _is_harmless(fix)
+        ]
+
     def without_energy(self):
         """The first one that may change positions, momenta or forces with no energy in LAMMPS's
         potential energy, and a remedy; None if there is no such fix."""
         for fix in self:
             moves = fix.time_integrate or fix.constrains
-            harmless = fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
             known = fix.energy_in_pe and not moves
-            if fix.called and not harmless and (not known or fix.box_change):
+            if fix.called and not _is_harmless(fix) and (not known or fix.box_change):
                 potential = fix.has_energy and not moves
                 return fix, f"fix_modify {fix.id} energy yes" if potential else "unfix it"
         return None
+
+
+def _is_harmless(fix):
+    return fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
 
 
 def refuse_other_integrators(integrator):

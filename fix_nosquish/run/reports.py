@@ -113,16 +113,21 @@ class Reports:
 
     def table(self):
         """The bodies that are counted on this rank as they are now: see `output.table`."""
-        return output.table(self._made(), self._state.lammps)
+        return output.table(self.made(), self._state.lammps)
 
     def write_restart_file(self, name):
         """Keep the bodies beside a restart file, to be read as infile; collective."""
         state = self._state
         several = sum(mate.restart_file for mate in state.mates) > 1
         own = f".{state.host.fix_id}" if several else ""
-        infile.write(f"{name}{own}.rigid", self._made(), state.lammps, state.communicator)
+        infile.write(f"{name}{own}.rigid", self.made(), state.lammps, state.communicator)
 
-    def _made(self):
+    def made(self):
+        """The bodies, with their forces, as a step that is looked at leaves them.
+
+        Raises:
+            RunError: on all ranks, before the first run.
+        """
         state = self._state
         if state.bodies is None:
             raise RunError(
@@ -232,7 +237,7 @@ class Reports:
     def _once(self, name, make):
         """What make(bodies) returned, if nothing has changed the bodies since it was called."""
         if self._known.get("when") != self._when() or name not in self._known:
-            bodies = self._made()  # which may change them
+            bodies = self.made()  # which may change them
             if self._known.get("when") != self._when():
                 self._known = {"when": self._when()}
             self._known[name] = make(bodies)
