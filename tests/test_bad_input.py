@@ -197,7 +197,7 @@ CASES = {
     ),
     "box changed by a barostat": Case(
         "one molecule",
-        ("box has changed by step 1", "npt", "NPH", "between runs"),
+        ("fix 2 (style npt) changes the box", "use fix_nosquish.NPT or NPH in its place"),
         before=SPLIT,
         after="fix 2 rest npt temp 1 1 1 iso 1 1 1",
     ),
@@ -215,7 +215,7 @@ CASES = {
     ),
     "minimisation": Case(
         "all molecule",
-        ("tear the rigid bodies", "minimise before", "fix_nosquish.FIRE"),
+        ("tear the rigid bodies", "fix_nosquish.FIRE and a run"),
         after="minimize 0 0 10 10",
     ),
     # in mid-run
@@ -263,7 +263,7 @@ CASES = {
             "moves it by",
             "in the first step, and atom",
             "is gone by step 1",
-            "minimise or move them apart before the fix line",
+            "relax the bodies by fix_nosquish.FIRE and a run",
         ),
         before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.001 y 1.0 z 1.0\n"
         "set atom 5 x 1.601 y 1.0 z 1.0\nset atom 6 x 1.001 y 1.4 z 1.0\n"

@@ -345,6 +345,27 @@ def test_a_run_that_is_halted(run_lammps):
     assert "WARNING: the run has ended in step 15, within a trajectory" in done.log
 
 
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ("thermo 10\n", None),
+        ("thermo 5\n", "LAMMPS writes output in step 5, within a trajectory"),
+        ("thermo 10\nrestart 15 keep\n", "LAMMPS writes output in step 15, within a trajectory"),
+        (
+            "thermo 10\nfix 2 all ave/time 1 10 10 c_thermo_pe\n",
+            "fix 2 (style ave/time) looks every 1 steps, within a trajectory",
+        ),
+    ],
+)
+def test_output_within_a_trajectory(run_lammps, more, says):
+    """Locks out averages over configurations that no test has passed, without a word."""
+    system = mixture(side=2)
+    script = f"{system.setup}\n{fix('temp 2 steps 10 seed 5')}{more}run 40\n"
+    log = run_lammps(script, files=system.files).log
+    assert log.count("of hybrid Monte Carlo: what is there was not tested") == bool(says)
+    assert not says or says in log
+
+
 def test_others_that_are_harmless(run_lammps):
     """Locks out the refusal of fixes that only read, or whose energy is tested."""
     system = mixture(side=2)

@@ -245,6 +245,9 @@ def test_how_often_the_box_changes(run_lammps):
     assert re.findall("WARNING: the box changes (.*) times", done.log) == ["19.6"]
     volumes = done.log.rsplit("Volume", 1)[1].split("Loop time")[0].splitlines()[1:-1]
     assert len({row.split()[-1] for row in volumes}) == 5  # at the start, and after 0, 10, 20, 30
+    short = fix("seed 5", "iso 1 1 2e-3 compressibility 1")
+    done = run_lammps(f"{system.setup}\ntimestep 2e-4\n{short}run 0\n", files=system.files)
+    assert "changes 10 times in PDAMP" in done.log and "a PDAMP of at least 0.004" in done.log
 
 
 def test_compute_that_is_gone(refused):

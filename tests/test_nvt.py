@@ -529,6 +529,49 @@ def test_momentum_that_is_not_kept(run_lammps):
         assert kinetic.mean() == pytest.approx(24.0, abs=1.2)  # or 21
 
 
+DEGREES = """
+import sys
+from lammps import lammps
+from fix_nosquish.run.integrator import Integrator
+
+lmp = lammps()
+lmp.file(sys.argv[1])
+print("DEGREES", Integrator.of_fix(lmp, "1").degrees()[0])
+"""
+
+
+@pytest.mark.parametrize(("charge", "degrees"), [("1", 24), ("-1", 21)])
+def test_momentum_in_a_field(run_lammps, charge, degrees):
+    """Locks out a momentum that is counted out though a field pushes all charges, and one that is
+    counted though the whole is neutral."""
+    script = (
+        "units lj\natom_style charge\natom_modify map yes\nregion box block -9 9 -9 9 -9 9\n"
+        "create_box 1 box\ncreate_atoms 1 random 8 7 box\nmass 1 1\n"
+        f"set atom 1*4 charge 1\nset atom 5*8 charge {charge}\npair_style zero 2.5\n"
+        "pair_coeff * *\nvelocity all create 2 9\nfix field all efield 0.1 0 0\n"
+        "variable own atom id\n"
+        'fix 1 all python/move "fix_nosquish.NVT all custom v_own '
+        'temp 2 2 5e-1 seed 5 thermostat csvr"\nrun 0\n'
+    )
+    run = run_lammps(script, launcher=[sys.executable, "-c", DEGREES])
+    assert f"DEGREES {degrees:.1f}" in run.screen
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_momentum_that_is_no_heat(run_lammps, ranks):
+    """Locks out a drift of the whole that is taken as heat without a word, and a word where there
+    is none."""
+    system = mixture(side=3, spacing=2.9)
+    drift = "velocity all set 0.5 NULL NULL sum yes\n"
+    said = "the bodies' total momentum has"
+    for more, words, warns in (
+        (drift, "csvr", True), (drift, "langevin", False), ("", "csvr", False), (drift, "nh", True),
+    ):  # fmt: skip
+        start = "velocity all create 2 7 loop geom mom yes\n" + more
+        script = f"{system.setup}\n{start}{fix(THERMOSTATS[words], '2 2 2e-1')}run 0\n"
+        assert (said in run_lammps(script, files=system.files, ranks=ranks).log) is warns
+
+
 # ------------------------------------------------------------------ what is refused
 
 

@@ -529,3 +529,33 @@ def test_values_read_before_a_step_begins(simulate):
     )
     for name in columns.split():
         np.testing.assert_array_equal(read.thermo[name], plain.thermo[name], err_msg=name)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("change", ["diameter", "none"])
+def test_masses_that_change(run_lammps, change, ranks):
+    """Locks out bodies that keep their masses while fix adapt changes those of their atoms, without
+    a word, and a refusal where it changes none."""
+    what = "atom diameter v_d mass yes" if change == "diameter" else "atom charge v_d"
+    script = f"""units lj
+atom_style hybrid sphere 1 molecular charge
+region b block 0 10 0 10 0 10
+create_box 1 b
+mass 1 1
+molecule d pair.mol
+create_atoms 0 random 30 1 NULL mol d 5
+set group all diameter 0.8 density 1.0
+pair_style zero 1.12
+pair_coeff * *
+comm_modify cutoff 4
+variable d equal 0.8+step*0.004
+timestep 0.002
+fix 1 all python/move "fix_nosquish.NVE all molecule"
+fix a all adapt 20 {what}
+compute t all temp/sphere
+thermo_modify temp t
+run 60
+"""
+    pair = "a pair\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"
+    run = run_lammps(script, files={"pair.mol": pair}, ranks=ranks, check=change == "none")
+    assert ("bodies keep their masses in a run" in run.screen) is (change == "diameter")

@@ -202,6 +202,32 @@ def test_flips(run_lammps, tmp_path, name):
         assert max(np.abs(apart).max(), np.abs(end[:, 6:] - first[:, 6:]).max()) < 1e-9
 
 
+def test_flip_where_parts_of_the_box_have_changed(run_lammps):
+    """Locks out atoms that a flip sends to ranks which had that part of the box before fix balance
+    gave out others, in the same step."""
+    script = """units lj
+atom_style molecular
+region b prism 0 20 0 20 0 20 11.9 0 0
+create_box 1 b
+molecule d pair.mol
+create_atoms 0 random 200 1 NULL mol d 5
+mass 1 1.0
+pair_style zero 2.5
+pair_coeff * *
+comm_style tiled
+comm_modify cutoff 4
+velocity all create 1.0 4928
+timestep 0.01
+fix b all balance 2 1.0 rcb
+fix 1 all python/move "fix_nosquish.NPH all molecule xy 0 0 1"
+thermo_style custom step atoms lx xy
+run 130
+"""
+    pair = "a pair\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"
+    rows = run_lammps(script, files={"pair.mol": pair}, ranks=3).thermo
+    assert rows["Atoms"][-1] == 400 and abs(rows["Xy"][-1]) < 0.6 * rows["Lx"][-1]
+
+
 @pytest.mark.parametrize("name", FIXES)
 def test_ranks(run_lammps, tmp_path, name):
     """Locks out tilts that differ between ranks, and a virial that counts a rank twice."""

@@ -161,6 +161,6 @@ def _line(membership, natoms, lowest, counts, differ, far, furthest):
     if np.count_nonzero(counts) > 1:
         text += "; " + " and ".join(f"{n} are {what}" for n, what in zip(counts, _SHAPES) if n)
     return (
-        f"{text}. If like molecules are meant, give them one shape before the fix is defined (a "
-        "minimisation without bonds and angles bends them)"
+        f"{text}. If like molecules are meant, give them one shape before the fix is defined "
+        "(minimize bends them, fix_nosquish.FIRE does not)"
     )

@@ -342,7 +342,8 @@ class _Words:
         """The next word as a whole number of at least 1."""
         word = self.take(expected)
         if not word.isdigit() or not 1 <= int(word) < most:
-            raise self.wrong(f"'{word}' was given where {expected} is expected")
+            high = f", and at most {most - 1}" if word.isdigit() and int(word) >= most else ""
+            raise self.wrong(f"'{word}' was given where {expected} is expected{high}")
         return int(word)
 
     def choice(self, allowed, expected):

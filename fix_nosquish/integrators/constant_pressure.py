@@ -59,7 +59,6 @@ class ConstantPressure(ConstantTemperature):
 
     def own_parameters(self):
         self._refuse()
-        self.own_warnings = tuple(self._warnings_of_forces())
         self._choose_every()
         return super().own_parameters()
 
@@ -69,12 +68,22 @@ class ConstantPressure(ConstantTemperature):
         usual = min(damping / (PARTS * dt) + 1e-9, 2.0**31 - 1.0)
         self.every = self.command.every or max(1, int(usual))
         self.host.changes_box = self.every
-        parts = damping / (self.every * dt)
-        if self.command.every and parts < FEWEST_PARTS:
-            self.own_warnings += (
+
+    @property
+    def own_warnings(self):
+        """As of `ConstantTemperature`, and lines on the box; collective."""
+        return *super().own_warnings, *self._warnings_of_forces(), *self._warnings_of_every()
+
+    def _warnings_of_every(self):
+        dt = self.lammps.dt
+        parts = self.damping / (self.every * dt)
+        if parts < FEWEST_PARTS:
+            longer = f"a PDAMP of at least {FEWEST_PARTS * dt:g}"
+            remedy = longer if self.every == 1 else "keyword every a smaller number"
+            yield (
                 f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
                 f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
-                "break. Give keyword every a smaller number, or leave it out",
+                f"break. Give {remedy}"
             )
 
     def _warnings_of_forces(self):

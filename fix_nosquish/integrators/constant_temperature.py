@@ -31,6 +31,8 @@ BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the syste
 # numbers of a restart file: what they are; the energy that the bodies have given; how often the
 # step counter has gone back, and where it was; the thermostat's own
 KIND, ENERGY, TIMES_BACK, WAS_AT, OWN = range(5)
+NEUTRAL = 1e-6  # the charge that a neutral whole has, of rounding
+DRIFT = 1e-3  # of the kinetic energy, what that of the total momentum is without a warning
 # the system's draws: of translation and of rotation, or both; of the barostat
 OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
 
@@ -94,6 +96,7 @@ class ConstantTemperature(Integrator):
         super().__init__(ptr, words)
         self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, *self.own_state()])
         self._energy = 0.0  # given before this run, in all
+        self._held = 0  # degrees of freedom of the total momentum, if that is taken as zero
 
     def own_state(self):
         """What of the thermostat must be known to go on, besides the energy that it has given."""
@@ -123,6 +126,7 @@ class ConstantTemperature(Integrator):
         missing = dimension * owned.sum() - free[0] + len(lammps.groups) - len(bodies.index)
         *free, missing = self.communicator.total(np.array([*free, missing]))
         held = dimension if self.keeps_momentum and not (missing or self._is_pushed) else 0
+        self._held = held
         if not sum(free) > held and not self.command.mol:
             raise RunError(
                 f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
@@ -134,7 +138,34 @@ class ConstantTemperature(Integrator):
     @property
     def _is_pushed(self):
         """Whether something outside pushes the bodies, so that their momentum changes."""
-        return self.gravity is not None or any(map(self.acts_on_bodies, self.other_fixes.pushing()))
+        return self.gravity is not None or any(map(self._pushes, self.other_fixes.pushing()))
+
+    def _pushes(self, fix):
+        """Whether another fix changes the bodies' total momentum; collective."""
+        if not fix.style.startswith("efield"):
+            return self.acts_on_bodies(fix)
+        atoms, charge = self.membership.atoms(), self.lammps.per_atom("q")
+        inside = atoms[fix.has(self.lammps.groups[atoms])]
+        charges = np.zeros(1) if charge is None else charge[inside]
+        return abs(self.communicator.total(np.array([charges.sum()]))[0]) > NEUTRAL
+
+    @property
+    def own_warnings(self):
+        """A line on a total momentum that is taken as zero and is not; collective."""
+        if not self._held:
+            return ()
+        bodies, owned = self.bodies, self.bodies.sharers.owned
+        mass, v = bodies.mass[owned], bodies.v[:, owned]
+        whole, *momentum = self.communicator.total(np.array([mass.sum(), *(mass * v).sum(axis=1)]))
+        kinetic = thermo.energies(bodies, self.communicator, self.lammps)[:2].sum()
+        part = 0.5 * self.lammps.mvv2e * np.square(momentum).sum() / whole
+        if not part > DRIFT * kinetic:
+            return ()
+        return (
+            f"WARNING: the bodies' total momentum has {part / kinetic:.2g} of their kinetic "
+            "energy, which counts as heat here: what is left is colder. Take it off before the "
+            "run: velocity ... zero linear",
+        )
 
     def temperature(self):
         """The temperature at the begin and at the end of the run, and the rate of damping."""

@@ -122,6 +122,7 @@ class HMC(NVE):
     def __init__(self, ptr, words):
         super().__init__(ptr, words)
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+        self._has_warned = False
 
     def own_parameters(self):
         self._refuse()
@@ -215,10 +216,29 @@ class HMC(NVE):
 
     def begin_trajectory(self):
         """Draw momenta; collective."""
+        self._warn_of_output()
         self.parameters[STEP] = self.lammps.step
         self.do("draw")
         self.reports.forget()
         self._before = self._total_energy()
+
+    def _warn_of_output(self):
+        """Warn once of output within a trajectory, whose configurations no test has passed."""
+        steps, output = self.command.steps, self.host.next_output
+        readers = [fix for fix in self.other_fixes if fix.end_of_step and fix.nevery % steps]
+        problem = (
+            f"fix {readers[0].id} (style {readers[0].style}) looks every {readers[0].nevery} steps"
+            if readers
+            else f"LAMMPS writes output in step {output}"
+            if output is not None and output < self.host.energy_step
+            else None
+        )
+        if problem and not self._has_warned:
+            self._has_warned = True
+            self.host.log(
+                f"WARNING: {problem}, within a trajectory of hybrid Monte Carlo: what is there was "
+                f"not tested. Have all output in multiples of {steps} steps\n"
+            )
 
     def take_energy(self):
         """Test the trajectory, and go back if it is not accepted; collective.

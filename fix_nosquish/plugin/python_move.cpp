@@ -848,6 +848,7 @@ int64_t FixPythonMove::flip_box(const double *numbers)
   const double xy = numbers[9], xz = numbers[10], yz = numbers[11];
   domain->x2lamda(atom->nlocal);
   domain->pbc();
+  comm->setup();    // fix balance may just have given the ranks other parts of the box
   comm->exchange();
   if (yz != 0.0) {
     domain->image_flip(0, 0, (int) yz);

@@ -287,6 +287,7 @@ class Integrator(Declaration):
         if self.told_box is not None:
             machine_code.load(self.communicator, deform.__name__)
         self._box_may_change = self.other_fixes.change_box and self.told_box is None
+        self._masses_may_change = any(fix.style.startswith("adapt") for fix in self.other_fixes)
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.wrench.copy())
@@ -315,6 +316,7 @@ class Integrator(Declaration):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
         bodies.bind(self.lammps, self.membership)
+        self._mass = self._mass_of_atoms()
         bodies.know_box(self.lammps.box)
         self.host.carry(self.lammps, bodies)
         self.host.point()
@@ -417,6 +419,8 @@ class Integrator(Declaration):
     @hook
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
+        if self._masses_may_change:
+            self._refuse_new_masses()
         self.do("gather")
         self.reports.forget()
         if self.start and not self._started:
@@ -441,7 +445,7 @@ class Integrator(Declaration):
             self.reports.write()
         cause, remedy, spacing = thermo.forces_at_start(self)
         self.bodies.start = self.lammps.step, cause, remedy, spacing
-        if cause:
+        if cause and not self.quenches:
             self.host.log(f"WARNING: {cause}: {remedy}\n")
 
     @hook
@@ -449,7 +453,7 @@ class Integrator(Declaration):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
             "a minimisation would tear the rigid bodies apart: use fix_nosquish.FIRE and a run "
-            "instead, which keep their shapes; or minimise before the fix is defined",
+            "instead, which keep their shapes",
             everywhere=True,
         )
 
@@ -497,6 +501,8 @@ class Integrator(Declaration):
         self.host.keep_box()
         if self._switches.choices:
             self.passes.mask.set(self._switches.mask(bodies))
+        if self._masses_may_change:
+            self._refuse_new_masses()
         if self.rigid_flag:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
@@ -521,6 +527,7 @@ class Integrator(Declaration):
         self.parameters[MROT] = self._mrot
         self.mask = self._switches.mask(self.bodies)
         self.turned_over()
+        self._mass = self._mass_of_atoms()
         self._tell_count()
         self.reports.forget()
 
@@ -630,7 +637,8 @@ class Integrator(Declaration):
         """The lists of passes that need something of Python's before or after."""
         if self._box_may_change:
             return tuple(self.passes.lists)
-        return ("follow",) if self.rigid_flag or self._switches.choices else ()
+        looks = self.rigid_flag or self._switches.choices or self._masses_may_change
+        return ("follow",) if looks else ()
 
     def _follow(self):
         if self.host.atoms_moved():
@@ -647,12 +655,28 @@ class Integrator(Declaration):
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
                 "in a run they do so with fix deform alone, with its remap x or v, and "
-                "run_style verlet, and with fix_nosquish.NPT or NPH, not with npt, nph or "
-                "box/relax. The box may change between runs: bodies keep their shape when the next "
-                "run makes them anew, with reinit yes and without infile or 'pre no'",
+                "run_style verlet, and with fix_nosquish.NPT or NPH. The box may change between "
+                "runs: bodies keep their shape when the next run makes them anew, with reinit yes "
+                "and without infile or 'pre no'",
                 everywhere=True,
             )
         self._box = box
+
+    def _mass_of_atoms(self):
+        """Of all bodies' atoms; collective."""
+        mass = self.lammps.masses[self.bodies.index].sum()
+        return self.communicator.total(np.array([mass]))[0]
+
+    def _refuse_new_masses(self):
+        """End the run if the bodies' atoms have other masses than at its begin; collective."""
+        now = self._mass_of_atoms()
+        if abs(now - self._mass) > 1e-9 * self._mass:
+            raise RunError(
+                f"the atoms of the bodies have a mass of {now:.9g} in all by step "
+                f"{self.lammps.step}, and had one of {self._mass:.9g} when the run began: bodies "
+                "keep their masses in a run. Change masses between runs (fix adapt does so in one)",
+                everywhere=True,
+            )
 
     def _blame_forces(self):
         bodies, step = self.bodies, self.lammps.step - self._beginning
@@ -661,7 +685,7 @@ class Integrator(Declaration):
         if self.phase == Phase.NEW:
             cause, remedy = (
                 "atoms overlap at the start",
-                "minimise or move them apart before the fix line",
+                thermo.APART,
             )
         advice = (
             "use a shorter time step or a better start, and look for what else acts on the body"
@@ -726,6 +750,8 @@ class Integrator(Declaration):
         """A run is over; what comes now, from a script's commands to another run, finds the bodies
         as their atoms are."""
         if self.phase != Phase.NEW:
+            if self._masses_may_change:
+                self._refuse_new_masses()
             self.come_to_rest()
             if not self.host.velocities_set:
                 self.set_velocities()

@@ -8,15 +8,17 @@ import numpy as np
 from ..bodies.membership import Membership
 from . import reports
 
+# fixes that change the box and tell rigid fixes, or do not in a run
+_FOLLOWED = "deform", "box/relax"
 # fixes that read no velocities but those of their own atoms
 _BLIND = "nve", "rigid", "shake", "rattle"
 # fixes that keep a temperature
 _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
 # fixes that act at the end of a step and change no velocity
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
-# fixes whose forces leave the total momentum of a neutral whole as it is
+# fixes whose forces leave the total momentum as it is
 _INTERNAL = (
-    *("addtorque", "bond/", "cmap", "drude", "efield", "momentum", "qeq/"),
+    *("addtorque", "bond/", "cmap", "drude", "momentum", "qeq/"),
     *("rattle", "restrain", "rigid", "shake", "spring/rg", "tmd"),
 )
 # fixes without an energy that change nothing of the bodies
@@ -128,6 +130,11 @@ def _problem_beside(fix, both, integrator):
     """
     command, host = integrator.command, integrator.host
     ours, moves = f'fix {host.fix_id} ("{command.text}")', fix.time_integrate
+    if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.every:
+        return (
+            f"fix {fix.id} (style {fix.style}) changes the box, and bodies do not move with it: "
+            "use fix_nosquish.NPT or NPH in its place"
+        )
     if moves or (integrator.thermostat and fix.style.startswith(_THERMOSTATS)):
         if not len(both):
             return None
@@ -140,7 +147,7 @@ def _problem_beside(fix, both, integrator):
         return (
             f"fix {fix.id} (style {fix.style}) keeps a temperature of atom {tag} of the rigid "
             f"bodies, as {ours} does: give it a group without the bodies' atoms, or use "
-            "fix_nosquish.NVE"
+            f"fix_nosquish.{'NPH' if integrator.every else 'NVE'}"
         )
     if command.points and host.removed_freedom(fix.id, command.points):
         return (

@@ -6,6 +6,7 @@ from .. import __version__
 from ..bodies.build import least_moment
 from ..bodies.extended import DIPOLE, ORIENT
 
+APART = "relax the bodies by fix_nosquish.FIRE and a run, or move them apart"
 _FAST = 1.0  # radians in a time step that call for a warning
 # of the distance between atoms: unless these overlap, no force moves a body further in a step
 _PUSHED = 0.1
@@ -312,7 +313,7 @@ def forces_at_start(nve):
         return "", "", spacing
     # forces on few bodies that are much too high speak for the start, on many for the step
     causes = ["atoms overlap at the start", "the time step is too long"]
-    remedies = ["minimise or move them apart before the fix line", "use a shorter time step"]
+    remedies = [APART, "use a shorter time step"]
     first, second = (0, 1) if many <= 0.1 * of else (1, 0)
     cause = f"{causes[first]}, or {causes[second]}"
     remedy = f"{remedies[first]}, or {remedies[second]}"
