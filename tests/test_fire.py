@@ -225,6 +225,18 @@ def test_what_comes_next(run_lammps, tmp_path):
     assert [*map(float, printed.groups())] == pytest.approx([*map(float, said.groups())], 1e-4)
 
 
+@pytest.mark.parametrize("body", [1, 9, 18, 27])
+def test_norms_are_of_all_ranks(run_lammps, tmp_path, body):
+    """Locks out a largest force and torque that are those of one rank: it does not have all of the
+    bodies that are pushed most."""
+    system = mixture("solid", side=3, spacing=2.9)
+    push = f"group one id {5 * body}\nfix 2 one addforce 200 0 0\n"
+    script = f"{system.setup}\n{SMOOTH}{push}{fix()}timestep 0.002\nrun 2\n{FORCES.format('end')}"
+    done = run_lammps(script, files=system.files, ranks=8)
+    said = re.search(r"largest force on a body is (\S+) .*largest torque (\S+) ", done.log)
+    assert [*map(float, said.groups())] == pytest.approx(norms(tmp_path / "end").tolist(), 1e-4)
+
+
 def test_says_why_it_ends(run_lammps):
     """Locks out a run that is over and looks as if it had found a minimum."""
     system = mixture(side=2, spacing=2.9)

@@ -254,6 +254,17 @@ def test_continued(run_lammps, tmp_path):
     np.testing.assert_allclose(accepted, accepted[0], rtol=1e-12)
 
 
+def test_noise_does_not_repeat(run_lammps, tmp_path):
+    """Locks out momenta that are drawn again where the step counter goes back."""
+    system = mixture(side=4)
+    words = fix("temp 2 steps 5 seed 771")
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 20\n{DUMP.format('one')}"
+    script += f"reset_timestep 0\nrun 20\n{DUMP.format('two')}"
+    run_lammps(script, files=system.files)
+    one, two = (motion(tmp_path / name)[1].ravel() for name in ("one", "two"))
+    assert abs(np.corrcoef(one, two)[0, 1]) < 0.4  # 192 numbers
+
+
 def test_restart_of_a_thermostat(run_lammps):
     """Locks out counts that are what a thermostat has left, and the other way round."""
     system = mixture(side=2, spacing=2.9)

@@ -437,6 +437,7 @@ def test_infile_in_a_later_run(simulate):
 
 
 GOOD_ROW = "{} 3 1 1 1 1 1 1 0 0 0 0 0 0 0 0 0 0 0 0"
+NOT_FINITE = "the line of body 9", "not finite"
 WRONG_FILES = {
     "empty": ("", ("first line", "number of bodies")),
     "comments only": ("# 1\n\n", ("first line", "number of bodies")),
@@ -463,10 +464,14 @@ WRONG_FILES = {
         ("cannot read the infile", "three"),
     ),
     "no mass": ("1\n" + GOOD_ROW.format(9).replace("3", "0"), ("body of molecule 9 ", "mass 0")),
-    "not finite": ("1\n" + GOOD_ROW.format(9).replace("3", "nan"), ("9",)),
-    "negative moment": ("1\n9 3 1 1 1 -1 1 1 0 0 0 0 0 0 0 0 0 0 0 0", ("9",)),
-    "inertia not finite": ("1\n9 3 1 1 1 nan 1 1 0 0 0 0 0 0 0 0 0 0 0 0", ("9",)),
-    "velocity not finite": ("1\n9 3 1 1 1 1 1 1 0 0 0 nan 0 0 0 0 0 0 0 0", ("9",)),
+    "not finite": ("1\n" + GOOD_ROW.format(9).replace("3", "nan"), NOT_FINITE),
+    "negative moment": (
+        "1\n9 3 1 1 1 -1 1 1 0 0 0 0 0 0 0 0 0 0 0 0",
+        ("inertia of body 9", "negative principal moment, -1"),
+    ),
+    "inertia not finite": ("1\n9 3 1 1 1 nan 1 1 0 0 0 0 0 0 0 0 0 0 0 0", NOT_FINITE),
+    "velocity not finite": ("1\n9 3 1 1 1 1 1 1 0 0 0 nan 0 0 0 0 0 0 0 0", NOT_FINITE),
+    "part of an ID": ("1\n" + GOOD_ROW.format(9.5), ("9.5 is no ID of a body",)),
 }
 
 

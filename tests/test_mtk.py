@@ -1,6 +1,7 @@
 """The piston: its conserved energy, reversal, the distribution of volumes, ranks and restart."""
 
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,10 +10,15 @@ from systems import mixture
 from test_npt import fix as of_npt
 from test_nvt import DUMP, FREE, REVERSE, SMOOTH, ends_alike, thermo
 
+from fix_nosquish.integrators import mtk, npt_mtk
+from fix_nosquish.integrators.constant_temperature import KT
+from fix_nosquish.integrators.rescaling import move_chain
+
 WORDS = {
     "NPH": "",
     "langevin": "temp 2 2 2e-1 seed 771",
     "csvr": "temp 2 2 2e-1 thermostat csvr seed 771",
+    "fast csvr": "temp 2 2 1e-2 thermostat csvr seed 771",
     "separate csvr": "temp 2 2 2e-1 thermostat csvr seed 771 separate yes",
     "nh": "temp 2 2 2e-1 thermostat nh",
     "separate": "temp 2 2 2e-1 thermostat nh separate yes",
@@ -53,6 +59,20 @@ def test_conserved_energy(run_lammps, name, cell):
         assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
     assert spread[0.004] / spread[0.002] == pytest.approx(4, rel=0.15), spread
     assert spread[0.002] / spread[0.001] == pytest.approx(4, rel=0.15), spread
+
+
+@pytest.mark.parametrize("every", [1, 5])
+@pytest.mark.parametrize("name", ["langevin", "fast csvr", "separate csvr"])
+def test_effective_energy(run_lammps, name, every):
+    """Locks out heat of the bodies' or of the piston's thermostat that `econserve` lacks, and one
+    that follows from another kinetic energy than that of the step's middle."""
+    system = mixture(side=3, spacing=2.9)
+    words = fix(name, CELL.replace("every 5", f"every {every}"))
+    words += thermo("etotal econserve vol", 20)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}run 4000\n"
+    rows = run_lammps(script, files=system.files, ranks=2).thermo
+    assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
+    assert rows["Econserve"].std() < 1e-3 * rows["TotEng"].std()
 
 
 @pytest.mark.parametrize("shape", ["iso", "tri"])
@@ -111,6 +131,23 @@ def test_continued(run_lammps, tmp_path, name):
         (f"read_restart middle\n{SMOOTH}{after}timestep 0.004\n{words}run 47\n{end}", 4),
     ]
     assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
+
+
+def test_thermostats_of_the_piston_do_all_of_its_time():
+    """Locks out friction for one step on a piston that moves in each fifth one only, and a chain
+    that is as slow."""
+    every, dt, rate = 5, 0.004, 2.5
+    numbers = np.zeros(mtk.MTK_NUMBERS)
+    numbers[[mtk.RATE, mtk.UNIT, mtk.EVERY, mtk.INERTIA]] = rate, 1.0, every, 3.0
+    piston, mpi = np.zeros(mtk.PISTON), SimpleNamespace(interface=np.zeros(64, np.int64))
+    one, parameters = SimpleNamespace(barostat=numbers, piston=piston), np.zeros(mtk.SHEARS + 1)
+    piston[0] = 1.0
+    mtk.thermalise_piston(mpi, parameters, np.array([1 + every]), one, dt)  # at zero temperature
+    assert piston[0] == pytest.approx(np.exp(-rate * dt * every), rel=1e-12)
+    piston[0], parameters[KT], chain = 1.0, 2.0, np.zeros(6)
+    npt_mtk.move_chain_of_piston(mpi, parameters, np.array([1 + every]), one, chain, dt)
+    expected = move_chain(np.zeros(6), 3, 3.0, 1.0, 2.0, rate, dt * every)
+    assert piston[0] == pytest.approx(expected, rel=1e-12) != 1.0
 
 
 @pytest.mark.parametrize("name", ["langevin", "csvr"])

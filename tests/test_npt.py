@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from systems import mixture
-from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
+from test_nvt import DUMP, FREE, SMOOTH, ends_alike, gas, thermo
 from test_nvt import THERMOSTATS as OF_NVT
 from test_other_fixes import charged
 
@@ -38,6 +38,19 @@ def test_volumes_of_a_gas(run_lammps, name, cell):
     bodies = 8 if name == "langevin" else 7  # csvr keeps the total momentum, and counts it out
     shape = (bodies + 1, 0, 2.0 / 0.12)
     assert stats.kstest(rows["Volume"], "gamma", shape).pvalue > 1e-3, rows["Volume"].mean()
+
+
+@pytest.mark.parametrize("words", ["barostat mtk", "compressibility 8"])
+def test_ramp(run_lammps, words):
+    """Locks out a pressure that does not go from PSTART to PSTOP over the run, or over the steps
+    that run's start and stop name: the volume of a gas follows it."""
+    system = gas()
+    line = fix("seed 771", f"iso 12e-2 48e-2 2e-1 every 2 {words}") + thermo("vol", 100)
+    script = f"{system.setup}\n{FREE}timestep 0.01\n{line}run 1000\nrun 500 start 0 stop 2000\n"
+    rows = run_lammps(script, files=system.files).thermo
+    for step, pressure in ((1000, 0.48), (1500, 0.39)):
+        found = rows["Volume"][rows["Step"] == step][0 if step == 1000 else -1]
+        assert found == pytest.approx(217 * 2.0 / pressure, rel=0.3), step
 
 
 def test_areas_of_a_gas(run_lammps):

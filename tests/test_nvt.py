@@ -572,6 +572,51 @@ def test_momentum_that_is_no_heat(run_lammps, ranks):
         assert (said in run_lammps(script, files=system.files, ranks=ranks).log) is warns
 
 
+def test_momentum_that_others_take(run_lammps):
+    """Locks out a momentum that is counted out though atoms in no body may take it."""
+    script = (
+        "units lj\natom_modify map yes\nregion box block -9 9 -9 9 -9 9\ncreate_box 1 box\n"
+        "create_atoms 1 random 10 7 box\nmass 1 1\npair_style zero 2.5\npair_coeff * *\n"
+        "group own id 1:8\ngroup rest subtract all own\nvelocity all create 2 9\n"
+        "timestep 0.05\nvariable own atom id\nfix 2 rest nve\n"
+        'fix 1 own python/move "fix_nosquish.NVT own custom v_own '
+        f'temp 2 2 5e-1 seed 5 thermostat csvr"\n{thermo("f_1[1]", 50)}run 20000\n'
+    )
+    kinetic = run_lammps(script).thermo["f_1[1]"][20:]
+    assert kinetic.mean() == pytest.approx(24.0, abs=1.2)  # or 21
+
+
+@pytest.mark.parametrize("name", ["csvr", "nh"])
+def test_time_of_rescaling(run_lammps, name):
+    """Locks out a damping that is not TDAMP: the kinetic energy of free bodies forgets where it was
+    as exp(-t / TDAMP), and swings about a near target with the period sqrt(2) pi TDAMP."""
+    system, damping = gas(), 0.4
+    words, goal = (THERMOSTATS["csvr"], 1.0) if name == "csvr" else ("thermostat nh tchain 1", 1.8)
+    script = f"{system.setup}\n{FREE}timestep 0.002\nvariable goal equal {goal}\n"
+    script += fix(words, "v_goal v_goal 4e-1") + thermo("", 10) + "run 2000\n"
+    rows = run_lammps(script, files=system.files).thermo
+    times, off = 0.002 * rows["Step"], rows["Temp"] / goal - 1.0
+    if name == "csvr":
+        kept = off[np.argmin(np.abs(times - damping))] / off[0]
+        assert kept == pytest.approx(exp(-1.0), abs=0.15)
+    else:
+        turns = times[np.flatnonzero(np.diff(np.sign(off)))]
+        assert 2 * np.diff(turns).mean() == pytest.approx(sqrt(2) * np.pi * damping, rel=0.1)
+
+
+def test_noise_of_two_fixes(run_lammps, tmp_path):
+    """Locks out two fixes whose bodies of the same number have the same noise."""
+    system = mixture("pair", side=2)
+    groups = "".join(f"group {name} molecule {k}\n" for k, name in enumerate("abcd", 1))
+    line = 'fix {0} all python/move "fix_nosquish.NVT all group 2 {1} temp 2 2 4e-3 seed 771"\n'
+    script = f"{system.setup}\n{FREE}{groups}velocity all set 0 0 0\ntimestep 0.002\n"
+    script += line.format(1, "a b") + line.format(2, "c d") + f"run 1\n{DUMP.format('end')}"
+    run_lammps(script, files=system.files)
+    momenta = motion(tmp_path / "end")[1][:4]
+    assert np.abs(momenta).min() > 0
+    assert np.abs(momenta[:2] - momenta[2:]).min() > 1e-6
+
+
 # ------------------------------------------------------------------ what is refused
 
 

@@ -226,6 +226,14 @@ def test_an_integrator_whose_energy_says_nothing_gets_the_time_if_there_is_no_ot
     assert planned([row(1.0, "rigid/nvt") | {"uncounted": True}], {"drift": 1.0}, 1e3) is None
 
 
+def test_what_is_gained_counts():
+    """Locks out time for a step that is hardly faster than one that is known to be good."""
+    one = row(2.0, temperature=(0.3, 0.5))
+    found = planned([one], {"temperature": 1.0}, 1e3)
+    gains = [rest.pays(found, times * one["rough"]["min"])[0] for times in (1.0, 2.0, 1e9)]
+    assert gains[0] == 0 and gains[1] == pytest.approx(gains[2] / 2)
+
+
 def test_frames_tell_no_more_than_there_are(monkeypatch):
     """Locks out a chance that counts on noise that goes as the length of a run, where the memory
     has room for no more frames."""

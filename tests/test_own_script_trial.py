@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from validation.sampling import plan as sampling_plan
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
-from validation.trial import errors, law, lists, report, targets, timed, trial, turns
+from validation.trial import confirm, errors, law, lists, report, targets, timed, trial, turns
 
 
 def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
@@ -51,6 +52,83 @@ def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
     moving, turning = errors._temperatures(own, structure.Motion(positions), range(frames), rest)
     assert moving.mean() == pytest.approx(kelvin, rel=0.01)
     assert turning.mean() == pytest.approx(kelvin, rel=0.01)
+
+
+def test_numbers_are_of_what_counts_of_a_run(tmp_path):
+    """Locks out the energy of the atoms in the place of the one that is to be kept, and frames from
+    before the part that counts."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    random, frames, first = np.random.default_rng(1), 40, 10
+    mass, body = own.atoms["mass"], own.found.body
+    v = np.tile(random.normal(size=(len(mass), 3)), (1 + frames, 1, 1))
+    v[: 1 + first] *= 3.0
+    x = np.broadcast_to(own.atoms["x"], v.shape)
+    cells, periodic = np.array([own.said["cell"]] * len(v)), np.array([True] * 3)
+    positions = run.Positions(x, body, cells, periodic, v=v, mass=mass)
+    thermo = dict.fromkeys(("PotEng", "KinEng", "Temp", "TotEng", "Density"), np.ones(1 + frames))
+    thermo |= {"Step": np.arange(1.0 + frames), "Econserve": np.arange(1.0 + frames)}
+    rest = shapes.freedom_of_turning(own)
+    result = SimpleNamespace(positions=positions, thermo=thermo)
+    found = errors.numbers(own, 1.0, result, first / frames, rest)
+    np.testing.assert_array_equal(found["conserved"], np.arange(first, 1.0 + frames))
+    motion = structure.Motion(positions)
+    (moving,), (turning,) = errors._temperatures(own, motion, [frames], rest)
+    kelvin = shapes.temperature(own)
+    assert found["kinds"][0].value == pytest.approx((moving - turning) / kelvin, rel=1e-9)
+
+
+def test_the_temperature_that_may_be_furthest_off_counts():
+    """Locks out a difference that is small and hardly known, beside a larger one that is known."""
+    kinds = [Estimate(0.01, 1e-4), Estimate(0.005, 0.02)]
+    found = errors.of_means(None, 1.0, {1.0: {"kinds": kinds}}, None, 0.0)
+    assert found["temperature"].value == 0.005
+
+
+def test_a_run_whose_energy_is_no_number_has_failed(tmp_path):
+    """Locks out a run without numbers that counts as one."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    thermo = {"Step": np.arange(3.0), "Temp": np.full(3, shapes.temperature(own))}
+    for energies, failed in ([1.0, 1.0, 1.0], False), ([1.0, np.nan, 1.0], True):
+        result = SimpleNamespace(error=None, thermo=thermo | {"TotEng": np.array(energies)})
+        assert (trial.failure(own, result) is not None) == failed
+
+
+def test_fastest_motions(tmp_path):
+    """Locks out torques about other axes than those of the moments, and mean squares of vectors in
+    the place of their components': with forces that are known the frequencies are."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    body = own.found.body.copy()
+    body[body == body.max()] = 0
+    own = replace(own, found=replace(own.found, body=body))
+    made = shapes.bodies(own)
+    (group,), (r,), (moments,), (axes,) = made.groups, made.apart, made.moments, made.axes
+    force, torque = np.zeros_like(own.atoms["x"]), 3.0 * axes[:, None, :, 0]
+    force[group] = np.cross(torque, r) / (r**2).sum(axis=(1, 2))[:, None, None]
+    force[body == 0] = 2.0
+    own = replace(own, atoms=own.atoms | {"f": force})
+    found, unit = shapes.fastest(own, made), shapes.thermal(own) * shapes.mvv2e(own)
+    assert found["turning"] == pytest.approx(3.0 / np.sqrt(moments[:, 0].mean() * unit))
+    free = own.atoms["mass"][body == 0].min()
+    assert found["other atoms"] == pytest.approx(2.0 / np.sqrt(free * unit))
+
+
+def test_an_advised_step_bears_out_by_itself():
+    """Locks out a verdict on the advised step that is that of the longer one beside it, which need
+    not do."""
+    some = [
+        {"failed": None, "uncounted": None, "errors": {"energy": Estimate(value, 1e-3).plain()}}
+        for value in (0.1, 9.0)
+    ]
+    assert confirm.holds({"targets": {"energy": 0.2}, "confirmed": {"points": some}}) is True
+
+
+def test_steps_behind_one_that_fails_are_left_out():
+    """Locks out the time for a step that is longer than one that has failed."""
+    short, long, other = trial.Point("a", 1.0), trial.Point("a", 2.0), trial.Point("b", 2.0)
+    jobs = dict.fromkeys((short, long, other))
+    failed = {short: "it heats"}
+    assert trial._skipped(None, long, jobs, failed)
+    assert not trial._skipped(None, other, jobs, failed)
 
 
 def test_targets_are_those_that_a_script_has(tmp_path):

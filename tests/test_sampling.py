@@ -318,6 +318,12 @@ def test_numbers_of_a_series():
     assert np.mean(found) == pytest.approx(900 / KT**2 / N, rel=0.06)  # 0.875 of it without n - 1
 
 
+def test_variances_of_all_starts():
+    """Locks out the noise of one start for that of all."""
+    some = [measure.Numbers({}, {}, {"potential": one}) for one in (1.0, 3.0)]
+    assert measure.pooled(some).variances == {"potential": 2.0}
+
+
 def test_rows_of_known_schemes():
     """Locks out a gain that is its inverse, biases and noises in other units than their bounds, and
     a sample of another average than the slowest."""

@@ -83,6 +83,16 @@ def test_other_forces_in_the_next_run(run_lammps):
     np.testing.assert_allclose(value[rows["Step"] >= 30], rows["TotEng"][0], rtol=1e-3)
 
 
+def test_another_time_step(run_lammps):
+    """Locks out a value of steps of different lengths, in a run that goes on with another one."""
+    system = mixture(side=2, temperature=20.0)
+    script = f"{system.setup}\nreset_timestep 0\n{FREE}{SPRINGS}timestep 0.008\n{fix('shadow 10')}"
+    script += thermo("f_1[5]", 1) + "run 19\ntimestep 0.004\nrun 11 pre no\n"
+    rows = run_lammps(script, files=system.files).thermo
+    value = dict(zip(rows["Step"], rows["f_1[5]"]))
+    assert value[20] == value[10] != value[30]
+
+
 def test_a_command_between_runs(run_lammps):
     """Locks out a value that is gone when a command has set up between two runs."""
     script = f"{mixture(side=2).setup}\nreset_timestep 0\n{FREE}timestep 0.004\n{fix('shadow 5')}"

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from systems import LIKE_LAMMPS, OURS, RIGID, UNITS, Units, apart, mixture, tensor
 
+from fix_nosquish.integrators import crescale
+
 # Length, mass, energy; mass v^2 / energy by LAMMPS's definition; joules in its unit of energy.  Of
 # electron LAMMPS's manual says that velocities are in Bohr / 1.03275 fs, but it moves atoms by v dt
 # with dt in fs: they are in Bohr / fs.
@@ -18,6 +20,21 @@ STYLES = {
     "nano": (Units(0.34, 2e-5, 1.66), 1e-21),
 }
 BOLTZMANN = 1.3806504e-23  # J / K, as in LAMMPS
+# metres in the unit of length, pascals in that of pressure
+METRES = {"real": (1e-10, 101325.0), "metal": (1e-10, 1e5), "electron": (5.2917721e-11, 1.0)}
+BATH = "temp v_T v_T v_t seed 7"
+# words of fix lines, and what they print that is an energy
+BATHS = {
+    "langevin": (f"NVT all molecule {BATH}", "econserve"),
+    "csvr": (f"NVT all molecule {BATH} thermostat csvr", "econserve"),
+    "nh": ("NVT all molecule temp v_T v_T v_t thermostat nh", "econserve"),
+    "moments": (f"NVT all molecule {BATH} moments step", "econserve"),
+    "crescale": (f"NPT all molecule {BATH} iso v_P v_P v_t compressibility v_k", "econserve"),
+    "mtk": (f"NPT all molecule {BATH} iso v_P v_P v_t barostat mtk every 2", "econserve"),
+    "NPH": ("NPH all molecule iso v_P v_P v_t every 2", "econserve"),
+    "HMC": ("HMC all molecule temp v_T steps 10 seed 7", "f_1[6]"),
+    "shadow": ("NVE all molecule shadow 1", "f_1[5]"),
+}
 
 
 @pytest.fixture
@@ -72,3 +89,43 @@ def test_motion_is_that_of_rigid_nve(simulate, scaled, style):
     assert_same(ours, theirs, system.h)
     for name in "Temp", "TotEng":
         np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=1e-10)
+
+
+@pytest.mark.parametrize("name", BATHS)
+@pytest.mark.parametrize("style", METRES)
+def test_temperatures_and_pressures_are_those_of_lj_units(simulate, scaled, style, name):
+    """Locks out a temperature, a pressure, a test of a trajectory or an energy of a thermostat that
+    lacks a constant of the unit style: motion, volume and energies are those of LJ units."""
+    units, joule = STYLES[style]
+    metre, pascal = METRES[style]
+    line, column = BATHS[name]
+    heat, pressure = units.energy * joule, units.energy * joule / (units.length * metre) ** 3
+    numbers = {"T": heat / BOLTZMANN, "t": units.time, "P": pressure / pascal}
+    numbers["k"] = 1.0 / numbers["P"]
+
+    def run(system, **scale):
+        values = {"T": 1.0, "t": 0.2, "P": 0.5, "k": 0.2}
+        lines = (f"variable {k} equal {v * scale.get(k, 1.0):.17g}" for k, v in values.items())
+        fix = f'fix 1 all python/move "fix_nosquish.{line}"'
+        how = dict(before="\n".join(lines), columns=f"vol {column}", dt=2.0)
+        return simulate(system, fix, 50, **how)
+
+    plain = mixture()
+    want, found = run(plain), run(scaled(style), **numbers)
+    found = found._replace(x=found.x / units.length, v=found.v * (units.time / units.length))
+    stretched = plain.h * np.cbrt(want.thermo["Volume"][-1] / want.thermo["Volume"][0])
+    # the digits of LAMMPS's constants
+    assert apart(found, want, stretched) < 1e-4
+    assert np.abs(found.v - want.v).max() < 1e-3
+    volumes = found.thermo["Volume"] / units.length**3
+    np.testing.assert_allclose(volumes, want.thermo["Volume"], rtol=1e-5)
+    column = column.capitalize() if column == "econserve" else column
+    energies = found.thermo[column] / units.energy
+    np.testing.assert_allclose(energies, want.thermo[column], rtol=1e-4, atol=1e-3)
+    assert ("WARNING" in found.log) == ("WARNING" in want.log)
+
+
+@pytest.mark.parametrize("style", METRES)
+def test_compressibility_of_water(style):
+    """Locks out a default that is that of water in some unit styles only."""
+    assert crescale._PER_ATM[style] == pytest.approx(METRES[style][1] / 101325.0)
