@@ -445,6 +445,15 @@ def test_integrators_whose_energy_says_nothing(taken):
     assert choice.best is None and told == [first, second]
 
 
+def test_a_cost_is_one_number():
+    """Locks out a second number in brackets, of which nobody says what it is."""
+    timed = row(4.0, cost=(1.5, 1.25, 2.0), drift=Estimate(0.1, 0.01)) | {"rough": None}
+    summary = summary_of({"drift": 1.0}, timed)
+    longest, _ = report.tables(summary)
+    assert (longest.columns[2], longest.rows[0][2].text) == ("s per ns", "1.25")
+    assert "4 fs: 1.25 s per ns" in report.answer(summary)[1][0]
+
+
 def row(dt, name="nosquish", cost=(1.0,), **errors):
     """A row of a trial."""
     spent, told = measures.spread(cost), {name: one.plain() for name, one in errors.items()}

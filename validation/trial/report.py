@@ -267,9 +267,10 @@ def _why_not(point, wanted) -> str:
 
 
 def _cost(point) -> str:
+    """The least time: what else the machine does makes the others longer."""
     cost, rough = point["cost"], point["rough"]
     if cost and cost != rough:
-        return f"{cost['min']:.3g} ({cost['median']:.3g})"
+        return f"{cost['min']:.3g}"
     return f"≈ {rough['min']:.2g}" if rough else "–"
 
 
