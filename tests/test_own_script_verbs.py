@@ -14,18 +14,29 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 from validation import command_line
 from validation.__main__ import main
 from validation.check import measure as check
+from validation.check import report as check_report
 from validation.own import shapes
+from validation.pages import console
 from validation.running import run, store
+from validation.scenes.integrators import Integrator
 from validation.stability import stress
 from validation.trial import confirm, lists, measure, rest, timed, trial
 
 
 def test_an_integrator_that_is_none_is_refused(capsys):
-    """Locks out a word behind --only that is passed over in silence."""
+    """Locks out a word behind --only that is passed over in silence, a label of the table that is
+    none, and an answer with names that this script does not have."""
     with pytest.raises(SystemExit, match="2"):
         command_line.chosen_of({"a": 1, "b": 2}, ["x"])
     assert "there is no integrator x: choose from a, b" in capsys.readouterr().err
     assert command_line.chosen_of({"a": 1, "b": 2}, None) == [1, 2]
+    known = {one.name: one for one in (Integrator("a", "a 1e-4 + b", ()), Integrator("c", "c", ()))}
+    for word in "a", "a 1e-4 + b":
+        assert command_line.chosen_of(known, ["c", word]) == [*known.values()]
+        assert command_line.chosen_of(known, [word]) == [known["a"]]
+    with pytest.raises(SystemExit, match="2"):
+        command_line.chosen_of(known, ["rigid/nve"])
+    assert capsys.readouterr().err.endswith('choose from a ("a 1e-4 + b"), c\n')
 
 
 def test_a_word_too_many_is_answered_with_the_verbs_usage(capsys):
@@ -91,8 +102,8 @@ def test_compare_and_bench_of_a_script(tmp_path, capsys):
     """Locks out a verb that ends with a script: both write their page and numbers."""
     path = str(scripts.polymer(tmp_path))
     out = tmp_path / "compare"
-    words = ["--ranks", "1", "--rounds", "1", "--segment", "20", "--only", "nosquish",
-             "rigid/nvt/small"]  # fmt: skip
+    words = ["--ranks", "1", "--rounds", "1", "--segment", "20", "--only",
+             "fix_nosquish.NVT langevin", "rigid/nvt/small"]  # fmt: skip
     assert main(["compare", path, "--steps", "200", "--out", str(out), *words]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert [row["name"] for row in summary["integrators"]] == ["rigid/nvt/small", "nosquish"]

@@ -100,34 +100,29 @@ def only(
     )
 
 
-# what a script's own integrators can be called
-OWN_NAMES = (
-    *("yours", "nosquish", "nosquish-csvr", "nosquish-nh", "rigid", "rigid/small"),
-    *(f"rigid/{one}{small}" for one in ("nve", "nvt", "npt", "nph") for small in ("", "/small")),
-    *("rigid/small+langevin", "shake", "rattle"),
-)
+def only_of(parser: Any, text: str = "integrators, by name") -> None:
+    """The option --only of scenes' integrators and of a script's, which are not known before it is
+    read: `chosen_of` looks at the words."""
+    parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
 
 
-def only_of(
-    parser: Any, known: Callable[[], Collection[str]], text: str = "integrators, by name"
-) -> None:
-    """The option --only, of scenes with ``known()`` integrators and of a script."""
-    kind = one_of("integrator", lambda: list(dict.fromkeys((*known(), *OWN_NAMES))))
-    parser.add_argument("--only", nargs="+", type=kind, metavar="NAME", help=text)
-
-
-def chosen_of(names: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
-    """Those of a script's integrators that --only names; all if it names none.
+def chosen_of(known: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
+    """Those of the integrators that --only names, by name or label; all if it names none.
 
     Raises:
         SystemExit: one has no such name.
     """
-    unknown = [one for one in wanted or () if one not in names]
-    if unknown:
-        told = f"there is no integrator {unknown[0]}: choose from {', '.join(names)}"
-        print(told, file=sys.stderr)
-        raise SystemExit(2)  # as of words that the parser refuses
-    return [one for name, one in names.items() if not wanted or name in wanted]
+    labels = {name: getattr(one, "label", name) for name, one in known.items()}
+    names = {label: name for name, label in labels.items()} | {name: name for name in known}
+    for one in wanted or ():
+        if one not in names:
+            told = (
+                name if label == name else f'{name} ("{label}")' for name, label in labels.items()
+            )
+            print(f"there is no integrator {one}: choose from {', '.join(told)}", file=sys.stderr)
+            raise SystemExit(2)  # as of words that the parser refuses
+    some = {names[one] for one in wanted or names}
+    return [one for name, one in known.items() if name in some]
 
 
 def is_script(word: str, scenes: Collection[str]) -> bool:

@@ -48,8 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
     from validation.pages import console
 
     short = not arguments.full
-    command_line.chosen_of(plan.SCHEMES, arguments.only)
-    points = plan.points(arguments.only, arguments.dt)
+    names = [one.name for one in command_line.chosen_of(plan.SCHEMES, arguments.only)]
+    points = plan.points(names, arguments.dt)
     measure.versions(points)
     known = measure.known_limit(arguments.known)
     out = command_line.folder(arguments, short)
