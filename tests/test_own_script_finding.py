@@ -27,7 +27,15 @@ from validation.statistics import measures
 def test_atoms_with_molecule_id_0_are_a_body():
     """Locks out atoms that are taken for free, while all rigid fixes weld them into one body."""
     atoms = {"molecule": np.array([0, 3, 3, 0, 1]), "mask": np.array([1, 1, 1, 1, 0])}
-    said = {"groups": ["all"], "run": "run 1", "skipped": 0, "step": 0, "left_out": [], "later": []}
+    said = {
+        "groups": ["all"],
+        "fixes": {},
+        "run": "run 1",
+        "skipped": 0,
+        "step": 0,
+        "left_out": [],
+        "later": [],
+    }
     body = finding.numbers(said, atoms, "all", ["molecule"])
     assert body.tolist() == [1, 2, 2, 1, 0]
     line = "fix 1 all rigid/nve molecule"
@@ -37,6 +45,16 @@ def test_atoms_with_molecule_id_0_are_a_body():
     assert any(
         "The 2 atoms with molecule-ID 0" in one for one in schemes.summary(found, said, atoms)
     )
+
+
+def test_another_fix_that_keeps_the_temperature_is_named(taken):
+    """Locks out a thermostat beside the bodies' fix that is not seen: "Ensemble: NVE", alone."""
+    lines = " ".join(taken("rings").notes)
+    assert (
+        "compared at constant energy (NVE). The temperature is kept by fix heat (langevin)" in lines
+    )
+    assert "Ensemble: NVE" not in lines
+    assert any(one.startswith("Ensemble: NVT (temp ") for one in taken("spce").notes)
 
 
 def test_numbers_of_a_fix_python_move_have_no_point():

@@ -2,10 +2,12 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import scripts
+from conftest import Silent
 from own_scripts import take
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
@@ -230,9 +232,50 @@ def test_pairs_within_bodies_are_counted(tmp_path, words, pairs):
     if pairs is None:
         assert found.holds is None and "leaves out a part of them" in check._told(found).note
         return
-    assert "exclude molecule/intra all, or" in found.note
+    assert "exclude molecule/intra all leaves out all of them" in found.note
     own.atoms["molecule"][:] = 1  # of all bodies
     assert "a molecule ID of its own" in check._exclusion(own)
+
+
+def test_what_is_advised_against_pairs_within_bodies_is_new_and_reaches_them(taken):
+    """Locks out special_bonds that the script has, for pairs that no bonds tell; that does to other
+    bonds, too; and an offset of the energy with a mesh that nobody mentions."""
+    own = taken("rings")
+    bonds, said = own.atoms["bonds"], dict(own.said)
+
+    def advised(bonds=bonds, special=1.0, commands=()):
+        made = said | {"special": [[1.0, *[special] * 3]] * 2, "commands": commands}
+        return check._exclusion(replace(own, said=made, atoms=own.atoms | {"bonds": bonds}))
+
+    reached = "special_bonds lj/coul 0 0 0 leaves out"
+    assert f"{reached} {64 * 15} of them; neigh_modify exclude" in advised()
+    assert f"{reached} 64 of them" in advised(bonds[::6])  # of each body one
+    assert "special_bonds" not in advised(special=0.0)
+    between = np.concatenate([bonds, [[1, 1, 7]]])  # of two bodies
+    assert "special_bonds" not in advised(between)
+    mesh, none = "kspace_style pppm 1e-4", "kspace_style none"
+    for commands, told in ([], False), ([mesh], True), ([mesh, none], False):
+        assert ("a constant to the energy" in advised(commands=commands)) is told
+
+
+def test_check_says_what_its_table_cannot(taken, tmp_path, capsys):
+    """Locks out an energy that LAMMPS counts wrongly and that stands beside ours as if ours were a
+    thousand times better; and three different steps that are all called safe."""
+    own = taken("spce")
+    lost, ours = (own.integrators[name] for name in ("rigid/nvt/small", "nosquish"))
+    own = replace(own, integrators={one.name: one for one in (lost, ours)})
+    summary = check.check(own, tmp_path, 1, 300.0, Silent())
+    shown = {one["label"]: "change" in one for one in summary["integrators"]}
+    assert shown == {"rigid/nvt/small": False, ours.label: True}
+    check_report.write(summary, tmp_path)
+    check_report.show(console.console(), summary, tmp_path)
+    told = "Energies of rigid/nvt/small are left out: LAMMPS's econserve is not what it keeps"
+    assert told in capsys.readouterr().out
+    assert told in (tmp_path / "report.html").read_text().replace("&#39;", "'")
+    last = check_report.tables(summary)[-1]
+    assert [row[5].text == "–" for row in last.rows] == [True, False]
+    steps = [one["note"] for one in summary["checks"] if one["part"] == "step"]
+    assert len(steps) == 3 and all("by this number alone, " in note for note in steps)
 
 
 def test_check_finds_what_does_not_fit(tmp_path):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.own import finding, shapes
+from validation.own import counted, finding, shapes
 from validation.own.finding import Unclear
 from validation.own.script import texts
 from validation.own.system import Own
@@ -89,14 +89,14 @@ def _usual_distance(own) -> float:
 def _step(own, made, kinds):
     turns = max(kinds, key=lambda kind: kind.angle)
     safe = own.scene.dt * TURN / max(turns.angle, 1e-300)
-    note = f"{safe:.3g} {own.units.time} and below is safe"
+    note = f"by this number alone, {safe:.3g} {own.units.time} and below is safe"
     what = "rms angle that a body turns in a step at the temperature, about its fastest axis"
     yield Check("step", turns.name, what, turns.angle, high=TURN, unit="rad", note=note)
     found = shapes.fastest(own, made)
     for name, frequency in found.items():
         note = (
-            f"by the forces of this start: {STIFF / frequency:.3g} {own.units.time} and below is "
-            "safe, if it is in equilibrium. A start whose atoms are not at rest shows more"
+            f"by this number alone, {STIFF / frequency:.3g} {own.units.time} and below is safe, if "
+            "the start is in equilibrium. One that is not shows more"
         )
         what = "frequency of the stiffest motion × step"
         yield Check("step", name, what, frequency * own.scene.dt, high=STIFF, note=note)
@@ -118,13 +118,7 @@ def _script(own):
     yield Check(
         "script", "forces within bodies", "pairs of atoms that have them", pairs, high=0, note=note
     )
-    heats = [
-        one
-        for one, line in own.said["fixes"].items()
-        if one not in own.found.ids
-        and finding.style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
-        and (finding.acted_on(own.said, own.atoms, line) & (own.found.body > 0)).any()
-    ]
+    heats = finding.thermostats(own.said, own.atoms, own.found)
     number = len(heats) + bool(own.found.state.temp)
     note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
     yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
@@ -132,18 +126,47 @@ def _script(own):
 
 def _exclusion(own) -> str:
     """What leaves out the forces within bodies, and nothing else."""
-    bonded = "special_bonds lj/coul 0 0 0 where bonds tell the pairs"
+    told = f"neigh_modify exclude molecule/intra {own.found.group} leaves out all of them"
     if "molecule" not in own.atoms:
-        return "neigh_modify exclude molecule/intra GROUP, where atoms have molecule IDs"
+        told = "neigh_modify exclude molecule/intra GROUP, where atoms have molecule IDs"
+    elif not _one_body_a_molecule(own):
+        told = (
+            "give each body a molecule ID of its own, then neigh_modify exclude molecule/intra "
+            f"{own.found.group}. Now a molecule has several bodies, whose forces this would leave "
+            "out, too"
+        )
+    if reached := _reached(own):
+        told = f"special_bonds lj/coul 0 0 0 leaves out {reached:,} of them; {told}"
+    styles = [words[1] for words in map(texts, own.said["commands"]) if words[0] == "kspace_style"]
+    if styles and styles[-1] != "none":
+        told += (
+            ". Of what exclude leaves out, the mesh's part stays, which adds a constant to the "
+            "energy: LAMMPS warns of it, and motion and pressure are right"
+        )
+    return told
+
+
+def _one_body_a_molecule(own) -> bool:
     inside = own.found.body > 0
     pairs = np.stack([np.asarray(own.atoms["molecule"])[inside], own.found.body[inside]])
-    if len(np.unique(pairs, axis=1).T) == len(np.unique(pairs[0])):
-        return f"neigh_modify exclude molecule/intra {own.found.group}, or {bonded}"
-    return (
-        "give each body a molecule ID of its own, then neigh_modify exclude molecule/intra "
-        f"{own.found.group}. Now a molecule has several bodies, whose forces this would leave out, "
-        "too"
-    )
+    return len(np.unique(pairs, axis=1).T) == len(np.unique(pairs[0]))
+
+
+def _reached(own) -> int:
+    """Pairs within bodies that special_bonds would leave out and does not yet; 0 if it would leave
+    out others, too."""
+    more = ~_left_out_by_bonds(own)
+    within, every = (_bonded(own, body)[more] for body in (own.found.body, own.found.body * 0 + 1))
+    return int(within.sum()) if (within == every).all() else 0
+
+
+def _bonded(own, body) -> np.ndarray:
+    return finding.bonded_pairs(own.atoms.get("bonds", np.empty((0, 3), int)), body)
+
+
+def _left_out_by_bonds(own) -> np.ndarray:
+    """Whether special_bonds leaves out pairs that are one, two and three bonds apart, (3,)."""
+    return np.all(np.array(own.said["special"]) == 0, axis=0)[1:]
 
 
 def _computed(own) -> int | None:
@@ -156,9 +179,8 @@ def _computed(own) -> int | None:
     if None in left_out:
         return None
     sizes = np.bincount(own.found.body)[1:].astype(np.int64)
-    zero = np.all(np.array(own.said["special"]) == 0, axis=0)
-    near = finding.bonded_pairs(own.atoms.get("bonds", np.empty((0, 3), int)), own.found.body)
-    return int(np.sum(sizes * (sizes - 1) // 2) - sum(near[zero[1:]]))
+    near = _bonded(own, own.found.body)[_left_out_by_bonds(own)]
+    return int(np.sum(sizes * (sizes - 1) // 2) - sum(near))
 
 
 def exclusions(commands: Iterable[str]) -> list[list[str]]:
@@ -218,6 +240,7 @@ def _starts(own, out, ranks, silence, meter):
         result = run.once(job)
         meter.end(result.error)
         row: dict = {"name": one.name, "label": one.label, "error": result.error}
+        row["uncounted"] = counted.wrongly(one)
         thermo = result.thermo
         if thermo and not result.error:
             energy = thermo.get("Econserve", thermo["TotEng"])
@@ -229,8 +252,9 @@ def _starts(own, out, ranks, silence, meter):
                 "freedom": round(float(freedom)),
                 "pressure": float(thermo["Press"][0]),
                 "potential": float(thermo["PotEng"][0]),
-                "change": float(np.ptp(energy)),
             }
+            if not row["uncounted"]:
+                row["change"] = float(np.ptp(energy))
         rows.append(row)
         if result.interrupted:
             return rows, True

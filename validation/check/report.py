@@ -5,6 +5,7 @@ from pathlib import Path
 from rich.console import Console
 
 from validation.check.measure import STEPS, TITLES
+from validation.own import counted
 from validation.pages import report
 from validation.pages.said import Table
 from validation.scenes.units import UNITS
@@ -56,10 +57,16 @@ def tables(summary: dict) -> list[Table]:
     ]
 
 
+def told(summary: dict) -> list[str]:
+    """What is to be said of the last table, in sentences."""
+    return counted.left_out([one["label"] for one in summary["integrators"] if one["uncounted"]])
+
+
 def write(summary: dict, out: Path) -> None:
     """Write all files into a folder."""
     files = {"table": report.of_checks(summary["checks"])}
-    report.write(summary, out, files, "check.html", titles=TITLES, shown=tables(summary))
+    values: dict = {"titles": TITLES, "shown": tables(summary), "told": told(summary)}
+    report.write(summary, out, files, "check.html", **values)
 
 
 def show(console: Console, summary: dict, out: Path) -> None:
@@ -71,4 +78,6 @@ def show(console: Console, summary: dict, out: Path) -> None:
     report.table(console, *first, (KINDS[0], "shape", "moments"))
     report.show_checks(console, summary["checks"], TITLES)
     report.table(console, *last, ("integrator", "status"))
+    for line in told(summary):
+        console.print(line, markup=False, soft_wrap=True)
     report.end(console, summary, out)

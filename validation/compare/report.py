@@ -84,8 +84,7 @@ def say(summary: dict) -> Said:
     drifts = ((row["label"], Estimate.of(row["drift"])) for row in known)
     sure = [f"{label} {one.text()}" for label, one in drifts if abs(one.value) > one.margin]
     lines.append(f"Energy drifts for sure ({SURE}), {own[2].unit}: {', '.join(sure) or 'none'}.")
-    uncounted = [row["label"] for row in rows if row.get("uncounted")]
-    lines += [f"Energies of {', '.join(uncounted)} are left out: {counted.WHY}."] * bool(uncounted)
+    lines += counted.left_out([row["label"] for row in rows if row.get("uncounted")])
     failed = [f"{row['label']}: {status(row)}" for row in rows if row["error"]]
     lines += [f"Failed: {'; '.join(failed)}."] * bool(failed)
     lines += filter(None, [busy(summary)])

@@ -1,7 +1,7 @@
 """What LAMMPS's ``econserve`` lacks, or has too much of, with a script's fixes."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from validation.own import finding
 from validation.own.script import texts
@@ -57,6 +57,11 @@ def _asked(commands: Iterable[str]) -> set[str]:
             asks = words[words.index("energy", 2) + 1] in ("yes", "on", "true")
             (found.add if asks else found.discard)(words[1])
     return found
+
+
+def left_out(labels: Collection[str]) -> list[str]:
+    """What is to be said of integrators with these labels whose energies are not shown."""
+    return [f"Energies of {', '.join(labels)} are left out: {WHY}."] * bool(labels)
 
 
 def wrongly(one: Integrator) -> bool:

@@ -227,6 +227,17 @@ def acted_on(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.nd
     return mask | in_group(said, atoms, points) if points else mask
 
 
+def thermostats(said: Mapping, atoms: Mapping[str, np.ndarray], found: Found) -> dict[str, str]:
+    """The script's other fixes that keep a temperature of the bodies: their styles by ID."""
+    kept = ((one, line) for one, line in said["fixes"].items() if one not in found.ids)
+    return {
+        one: style_of(line)
+        for one, line in kept
+        if style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
+        and (acted_on(said, atoms, line) & (found.body > 0)).any()
+    }
+
+
 def _words_of_ours(line: str) -> tuple[str, list[str], list[str]]:
     """The class's group, the words of the body style, and the keywords."""
     _, group, *rest = texts(line)[4].split()

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from validation.own import finding
 from validation.own.finding import Found, State, style_of
 from validation.own.script import texts, undotted, words
 from validation.scenes.integrators import OURS, Integrator
@@ -182,6 +183,21 @@ def _constrained(found: Found) -> Iterator[Integrator]:
         yield Integrator(style, label, lines, kind="constraints", tolerance=tolerance)
 
 
+def _ensemble(found, said, atoms):
+    """What integrators keep, and which other fix keeps the temperature beside them."""
+    name, baths = found.state.ensemble.upper(), finding.thermostats(said, atoms, found)
+    if found.state.temp:
+        name += f" ({_words(found.state, plain=True).strip()})"
+    if found.state.temp or not baths:
+        return f"Ensemble: {name}. All else of the script stays."
+    keeps = "pressure and enthalpy" if found.state.press else "energy"
+    told = " and ".join(f"fix {one} ({style})" for one, style in baths.items())
+    return (
+        f"Integrators are compared at constant {keeps} ({name}). The temperature is kept by "
+        f"{told}, which stays, as all else of the script does."
+    )
+
+
 def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> list[str]:
     """What was found, in sentences."""
     bodies, inside = int(found.body.max()), found.body > 0
@@ -190,9 +206,7 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
     lines = [
         f"At '{plain(said['run'])}' {told} {moves} {bodies:,} bodies of {inside.sum():,} "
         f"atoms: group {found.group}, body style {found.bodies}; {len(found.body):,} atoms in all.",
-        f"Ensemble: {found.state.ensemble.upper()}"
-        + (f" ({_words(found.state, plain=True).strip()})" if found.state.temp else "")
-        + ". All else of the script stays.",
+        _ensemble(found, said, atoms),
     ]
     if found.state.ramps:
         told = " and ".join(found.state.ramps)
