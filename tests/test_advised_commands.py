@@ -93,6 +93,15 @@ def test_unknown_names_are_refused_at_once(capsys, asked):
         assert "dimer, water, peptide" in told
 
 
+def test_names_of_a_scripts_integrators_are_taken_wherever_they_stand():
+    """Locks out labels of a script's table that are refused because no scene has them, and a
+    scene's unknown name that passes for one."""
+    for words in 'my.in --only "shake 1e-4 + nvt"', '--only "shake 1e-4 + nvt" --ranks 1 my.in':
+        assert refused(f"compare {words}") is refused(f"bench {words}") is None
+    assert refused("advise my.in --only rigid/nvt") is None
+    assert refused("compare --only butter --ranks 1 water") and refused("bench --only shake yours")
+
+
 @pytest.mark.parametrize(
     "asked", [("energy_sd=0.3",), ("energy_sd=0.001",), ("energi=1",), ("drift=2.2e-5",)]
 )

@@ -6,7 +6,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from validation.command_line import INTERRUPTED
+from validation.command_line import INTERRUPTED, Parser
 
 
 def main(words: list[str] | None = None) -> int:
@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
         prog="python -m validation",
         description="Compare fix_nosquish with LAMMPS's own rigid and constraint fixes.",
     )
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=Parser)
     for file in sorted(Path(__file__).parent.glob("*/command.py")):
         import_module(f"validation.{file.parent.name}.command").add(verbs)
     return parser

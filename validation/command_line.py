@@ -11,6 +11,27 @@ Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # it h
 T = TypeVar("T")
 
 
+class Script(str):
+    """A word of the command line that is the path of a script of one's own."""
+
+
+class Parser(argparse.ArgumentParser):
+    """Of a verb: refuses names of integrators that its scenes do not have, see `only_of`."""
+
+    def parse_known_args(self, *words: Any, **more: Any) -> Any:
+        """As of argparse, whose types look at a word before those behind it are known."""
+        found, unknown = super().parse_known_args(*words, **more)
+        values = vars(found)
+        given = [one for some in values.values() if isinstance(some, list) for one in some]
+        script = any(isinstance(one, Script) for one in (*given, *values.values()))
+        if values.get("only") and "integrators" in values and not script:
+            known = found.integrators()
+            for one in (one for one in found.only if known and one not in known):
+                told = f"there is no integrator {one}: choose from {', '.join(known)}"
+                self.error(f"argument --only: {told}")
+        return found, unknown
+
+
 def verb(
     verbs: Verbs, name: str, function: Callable[[argparse.Namespace], int], **texts: Any
 ) -> argparse.ArgumentParser:
@@ -100,10 +121,13 @@ def only(
     )
 
 
-def only_of(parser: Any, text: str = "integrators, by name") -> None:
-    """The option --only of scenes' integrators and of a script's, which are not known before it is
-    read: `chosen_of` looks at the words."""
+def only_of(
+    parser: Any, known: Callable[[], Collection[str]], text: str = "integrators, by name"
+) -> None:
+    """The option --only, of scenes with ``known()`` integrators, at which `Parser` looks, and of a
+    script, whose integrators are not known before it is read: see `chosen_of`."""
     parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
+    parser.set_defaults(integrators=known)
 
 
 def chosen_of(known: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
@@ -142,7 +166,7 @@ def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str
             raise argparse.ArgumentTypeError(
                 f"there is no scene {text}, and no input script: choose from {', '.join(scenes)}"
             )
-        return text
+        return text if text in scenes else Script(text)
 
     return word
 

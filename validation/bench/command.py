@@ -39,7 +39,7 @@ def add(verbs: command_line.Verbs) -> None:
         parser.add_argument(option, type=kind, metavar=metavar, help=help)
     names = ", ".join(BENCHMARKED)
     help = f"integrators, of: {names} (default all; --short: {' '.join(SHORT)})"
-    command_line.only_of(parser, help)
+    command_line.only_of(parser, lambda: BENCHMARKED, help)
     for option, help in (
         ("--short", "some minutes in all, for a first look"),
         ("--again", "measure anew what is there already"),

@@ -29,7 +29,7 @@ def add(verbs: command_line.Verbs) -> None:
     help = "time step, in fs or the script's units (default: the scene's)"
     parser.add_argument("--dt", type=command_line.positive, metavar="DT", help=help)
     help = f"integrators, of: {', '.join(INTEGRATORS)}; of a script as its table names them"
-    command_line.only_of(parser, help)
+    command_line.only_of(parser, lambda: INTEGRATORS, help)
     command_line.number(parser, "--rounds", 3, "N", "timed segments of each integrator")
     command_line.number(parser, "--segment", 200, "N", "steps of a timed segment")
     command_line.silence(parser, 120.0)

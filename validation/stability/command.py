@@ -32,7 +32,7 @@ def add(verbs: command_line.Verbs) -> None:
     )
     command_line.short_or_full(parser, full)
     text = "integrators, as the table of --list names them (default: all that a case is run with)"
-    command_line.only_of(parser, text)
+    command_line.only_of(parser, _names, text)
     text = (
         "at least N starts where a case has several (default: until the verdict is sure, or there "
         "are as many as the case may have)"

@@ -38,7 +38,7 @@ def add(verbs: command_line.Verbs) -> None:
     text = "fewer time steps, some minutes in all, for a first look"
     parser.add_argument("--short", action="store_true", help=text)
     text = f"integrators, of: {', '.join(SWEPT)} (default all)"
-    command_line.only_of(parser, text)
+    command_line.only_of(parser, lambda: SWEPT, text)
     text = "time steps in fs, or the script's units (default: the scene's)"
     parser.add_argument("--steps", type=command_line.positives, metavar="FS,FS", help=text)
     text = "of a script: largest errors that are good enough, as in energy=0.05 drift=0.01"

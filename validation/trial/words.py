@@ -10,7 +10,7 @@ def options(
 ) -> None:
     """Options for the trial of a script; ``confirms`` for --confirm."""
     group = parser.add_argument_group("for the trial of a script")
-    command_line.only_of(group, "integrators, as the script's table names them")
+    command_line.only_of(group, tuple, "integrators, as the script's table names them")
     text = f"minutes that all may take (default {budget:g})"
     group.add_argument("--budget", type=command_line.positive, metavar="MINUTES", help=text)
     text = "time steps in the script's units (default: its own, and up to 6 times that)"
