@@ -256,6 +256,43 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
         )
 
 
+@pytest.mark.parametrize(
+    ("lines", "name"),
+    [
+        (['python/move "fix_nosquish.NVT all molecule temp 1 1 2 seed 4928"'], "nosquish"),
+        (
+            ['python/move "fix_nosquish.NVT all  molecule seed 17 temp 1 1 2"'],
+            "nosquish",
+        ),
+        (
+            ['python/move "fix_nosquish.NVT all molecule tchain 3 thermostat nh temp 1 1 2"'],
+            "nosquish-nh",
+        ),
+        (['python/move "fix_nosquish.NVT all molecule temp 1 1 2 seed 5 mrot 2"'], "yours"),
+        (['python/move "fix_nosquish.NVE all molecule"'], "nosquish"),
+        (['python/move "fix_nosquish.Gear all molecule"'], "yours"),
+        (["rigid/nvt/small molecule temp 1 1 2"], "rigid/nvt/small"),
+        (["shake 1e-4 100 0 b 1", "nvt temp 1 1 2"], "shake"),
+        (["nvt temp 1 1 2", "shake 0.0001 100 0 b 1"], "shake"),
+        (["shake 1e-6 100 0 b 1", "nvt temp 1 1 2"], "yours"),
+        (["nvt temp 1 1 2", "rattle 1e-4 100 0 b 1"], "rattle"),
+        (["rattle 1e-4 100 0 b 1", "nvt temp 1 1 2"], "yours"),  # another order, another motion
+    ],
+)
+def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
+    """Locks out two rows of one trajectory, of which one takes another integrator's place: its
+    fixes say the same as ours in other words, in another order, or with another seed."""
+    fixes = {str(i): f"fix {i} all {line}" for i, line in enumerate(lines, 1)}
+    atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
+             "molecule": np.array([1, 1, 2, 2]),
+             "bonds": np.array([[1, 1, 2], [1, 3, 4]])}  # fmt: skip
+    said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
+    those, reference, _ = schemes.schemes(finding.find(said, atoms), "lj")
+    assert reference == those[0].name == name
+    assert len({one.name for one in those}) == len(those)
+    assert sum(one.name == "yours" for one in those) == (name == "yours")
+
+
 def test_kinds_of_fixes():
     """Locks out a fix that is taken for another kind."""
     known = {

@@ -157,6 +157,18 @@ def test_a_deviation_that_is_a_drift_says_so(slope, said):
     assert tables.cell(row, column) == f"2.00 ± 0.20{said}"
 
 
+def test_a_ratio_of_a_busy_machine_shows_its_range():
+    """Locks out two identical integrators that differ threefold in the terminal, with the word that
+    such ratios compare like with like: one had a core for each rank, the other had not."""
+    spread = {"median": 0.32, "min": 0.3, "max": 1.0}
+    row = {"name": "yours", "label": "yours", "modify_ratio": spread, "modify": spread, "cpu": 31.0}
+    ratio, time = (tables.Column(name, "", "") for name in ("modify_ratio", "modify"))
+    assert tables.cell(row, ratio, short=True) == "0.32 [0.30–1.00]"
+    assert tables.cell(row, time, short=True) == "0.32"
+    told = tables.busy({"integrators": [row]})
+    assert "31 % of a core" in told and "ratio is wrong" in told and "like with like" not in told
+
+
 def test_figure_and_table_have_the_same_margins():
     """Locks out standard errors in the figure where the table has 95 % margins, both behind ±."""
     estimate = {"value": 0.02, "error": 0.01, "freedom": 6.0}

@@ -3,9 +3,12 @@
 import itertools
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
+import fix_nosquish
+from fix_nosquish.host.command import Command
 from validation.own import finding
 from validation.own.finding import Found, State, style_of
 from validation.own.script import texts, undotted, words
@@ -42,9 +45,38 @@ def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]
 
 
 def _done(one, found):
-    """What an integrator's commands are to LAMMPS; words in quotes may stand with more spaces."""
-    lines = (line.format(group=found.group, bodies=found.bodies) for line in one.lines)
-    return [[word.split() for word in texts(line)] for line in (*lines, *one.then)]
+    """What an integrator's commands make LAMMPS do, whatever their words are."""
+    lines = [line.format(group=found.group, bodies=found.bodies) for line in one.lines]
+    done = [_meant(line) for line in (*lines, *one.then)]
+    # rattle corrects velocities that others have set, and a box that changes comes behind shake;
+    # others act one by one at other times of a step
+    in_turn = found.state.press or any(style_of(line) == "rattle" for line in _fixes(lines))
+    return done if in_turn else sorted(done, key=str)
+
+
+def _fixes(lines):
+    return [line for line in lines if texts(line)[0] == "fix"]
+
+
+def _meant(line):
+    """A command that means the same as others that are equal to it: a fix without its ID; of ours
+    all that the class reads, but for the seed, and not the fix's own group, which it passes over.
+    """
+    if not _fixes([line]):
+        return texts(line)
+    _, _, group, _, *words = texts(line)
+    if style_of(line) != "python/move":
+        return [style_of(line), group, *map(_value, words)]
+    text = words[0].removeprefix("fix_nosquish.")
+    known = getattr(fix_nosquish, text).func
+    return known, replace(Command.parse(text, known.keywords), text="", seed=None)
+
+
+def _value(word):
+    try:
+        return float(word)
+    except ValueError:
+        return word
 
 
 def _literal(line: str) -> str:

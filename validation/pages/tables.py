@@ -30,7 +30,8 @@ class Column:
 
 
 def cell(row: dict, column: Column, short: bool = False) -> str:
-    """A row's entry in a column as text; ``short`` leaves out minimum and maximum."""
+    """A row's entry in a column as text; ``short`` leaves out minimum and maximum of a time, but
+    not of a ratio, whose range says whether the machine let it be told."""
     value = row.get(column.key)
     if value is None:
         return "–"
@@ -46,7 +47,8 @@ def cell(row: dict, column: Column, short: bool = False) -> str:
     median, low, high = (
         f"{value[part]:.{0 if value['median'] >= 100 else 2}f}" for part in ("median", "min", "max")
     )
-    return median if short else f"{median} [{low}–{high}]"
+    in_short = short and not column.key.endswith("_ratio")
+    return median if in_short else f"{median} [{low}–{high}]"
 
 
 def _digits(value: float | None) -> str:
@@ -81,7 +83,8 @@ def busy(summary: dict) -> str | None:
         return None
     return (
         f"The machine was busy: a rank had as little as {min(shares):.0f} % of a core while "
-        "timed. Ratios of one round still compare like with like; absolute times are too long."
+        "timed. Times are too long, and a ratio is wrong where the other integrator had its cores: "
+        "believe one with a narrow range only, or measure again with a free core for each rank."
     )
 
 
