@@ -312,6 +312,37 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
     assert run.launcher(4)[1:] == ["-np", "4"]
 
 
+SCENES_ONLY = (
+    "theory published scaling report ensembles paper engines sweep bench sampling stability"
+)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("theory", "published", "scaling", "report", "ensembles", "paper", "engines"),
+        *("sweep", "bench", "sampling", "stability"),
+        *("compare water", "bench start", "sweep water", "sampling water", "advise water"),
+        *("stability needles", "advise nothing"),
+    ],
+)
+def test_without_a_checkout_each_verb_says_that_there_are_no_scenes(words, tmp_path, monkeypatch):
+    """Locks out a bare traceback about a file of site-packages, and a list of scenes to choose from
+    that is empty."""
+    monkeypatch.setattr(command_line, "INPUTS", tmp_path / "inputs")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="built-in scenes come with a checkout"):
+        main(words.split())
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_word_that_is_no_script_gets_no_empty_list(capsys):
+    """Locks out `choose from` with nothing behind it, of verbs that have no scenes."""
+    with pytest.raises(SystemExit, match="2"):
+        main(["check", "water"])
+    assert "there is no input script water\n" in capsys.readouterr().err
+
+
 def test_words_of_a_script_for_a_scene(capsys):
     """Locks out words that are taken for a scene, of which nothing is run, and do nothing."""
     with pytest.raises(SystemExit) as end:

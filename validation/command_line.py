@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
+from validation import INPUTS
+
 INTERRUPTED = 130  # exit status after Ctrl-C
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # it has no public name
 T = TypeVar("T")
@@ -149,9 +151,27 @@ def chosen_of(known: Mapping[str, T], wanted: Collection[str] | None) -> list[T]
     return [one for name, one in known.items() if name in some]
 
 
-def is_script(word: str, scenes: Collection[str]) -> bool:
-    """Whether a word of the command line is a script's path, and no scene's name."""
-    return word not in scenes
+def need_scenes() -> None:
+    """Let nothing begin that needs built-in scenes, where there are none.
+
+    Raises:
+        SystemExit: this is no checkout.
+    """
+    if not INPUTS.exists():
+        raise SystemExit(
+            "the built-in scenes come with a checkout of the repository only: run this there, or "
+            "give a LAMMPS input script to a verb that takes one"
+        )
+
+
+def is_script(word: str, known: Callable[[], Collection[str]]) -> bool:
+    """Whether a word of the command line is a script's path, and no scene's name, of ``known()``,
+    which is called only where there are scenes."""
+    return not INPUTS.exists() or word not in known()
+
+
+def _is_path(word: str) -> bool:
+    return "." in word or "/" in word or Path(word).is_file()
 
 
 def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str]:
@@ -161,10 +181,10 @@ def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str
     """
 
     def word(text):
-        scenes = known()
-        if text not in scenes and not ("." in text or "/" in text or Path(text).is_file()):
+        if is_script(text, known) and not _is_path(text):
+            need_scenes()
             raise argparse.ArgumentTypeError(
-                f"there is no scene {text}, and no input script: choose from {', '.join(scenes)}"
+                f"there is no scene {text}, and no input script: choose from {', '.join(known())}"
             )
         return text if text in scenes else Script(text)
 
@@ -173,8 +193,13 @@ def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str
 
 def script(parser: argparse.ArgumentParser) -> None:
     """The argument that is a script of one's own, of verbs that have no scenes."""
-    kind = scene_or_script(tuple)
-    parser.add_argument("scene", type=kind, metavar="SCRIPT", help="a LAMMPS input script")
+
+    def word(text):
+        if not _is_path(text):
+            raise argparse.ArgumentTypeError(f"there is no input script {text}")
+        return text
+
+    parser.add_argument("scene", type=word, metavar="SCRIPT", help="a LAMMPS input script")
 
 
 def own(parser: argparse.ArgumentParser) -> None:

@@ -42,7 +42,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    if command_line.is_script(arguments.scene, scenes()):
+    if command_line.is_script(arguments.scene, scenes):
         return trial.run(arguments, arguments.scene, BUDGET, many=False)
     from validation.advise.report import advise, load  # heavy: not for --help
     from validation.pages.console import console

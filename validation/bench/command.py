@@ -60,7 +60,9 @@ def run(arguments: Namespace) -> int:
     from validation.running import store
 
     run_by.launch_by(arguments.launch)
-    scripts = [one for one in arguments.parts if command_line.is_script(one, PARTS)]
+    scripts = [one for one in arguments.parts if command_line.is_script(one, lambda: PARTS)]
+    if not arguments.parts:
+        command_line.need_scenes()
     if scripts and len(arguments.parts) > 1:
         arguments.parser.error("a script of your own is measured alone")
     short = arguments.short

@@ -175,8 +175,8 @@ def say(summary: dict) -> Said:
         worst = min(late, key=lambda where: slow[where])
         headlines.append(
             f"The machine was busy, in {len(late)} of {len(slow)} rows below: of a core a rank had "
-            f"as little as {slow[worst]:.0f} % ({worst}); times are too long there, and ratios hold "
-            "only where their ranges are narrow."
+            f"as little as {slow[worst]:.0f} % ({worst}); times are too long there, and ratios "
+            "hold only where their ranges are narrow."
         )
     usual = (f"ours / {INTEGRATORS[name].label}" for name in _USUAL)
     head = "bodies, ranks", "ours, µs a step", *usual, "whole step, ours / the fastest rigid fix"

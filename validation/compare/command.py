@@ -50,7 +50,7 @@ def run(arguments: Namespace) -> int:
     from validation.running import store
 
     run_by.launch_by(arguments.launch)
-    script = command_line.is_script(arguments.scene, _SCENES)
+    script = command_line.is_script(arguments.scene, lambda: _SCENES)
     if script:
         ask, out = system.begin(arguments, arguments.scene)
     else:

@@ -43,6 +43,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
+    command_line.need_scenes()
     from validation.engines import criteria, measure, plan, report  # heavy: not for --help
     from validation.ensembles.lengths import Lengths
     from validation.pages import console

@@ -44,6 +44,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
+    command_line.need_scenes()
     from validation.ensembles import criteria, measure, plan, report  # heavy: not for --help
     from validation.pages import console
     from validation.statistics.estimate import plain

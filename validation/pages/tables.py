@@ -84,7 +84,7 @@ def busy(summary: dict) -> str | None:
     return (
         f"The machine was busy: a rank had as little as {min(shares):.0f} % of a core while "
         "timed. Times are too long, and a ratio is wrong where the other integrator had its cores: "
-        "believe one with a narrow range only, or measure again with a free core for each rank."
+        "believe only one with a narrow range, or measure again with a free core for each rank."
     )
 
 

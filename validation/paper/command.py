@@ -46,6 +46,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    command_line.need_scenes()
     from validation.pages import console
     from validation.paper import measure, plan, report  # heavy: not for --help
 

@@ -28,6 +28,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    command_line.need_scenes()
     from validation.pages import console
     from validation.published import measure, report  # heavy: not for --help
     from validation.running import machine

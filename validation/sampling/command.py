@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Collection
 from pathlib import Path
 
-from validation import INPUTS, command_line
+from validation import command_line
 
 DEFAULT = "water"
 
@@ -44,9 +44,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def scenes() -> Collection[str]:
-    """Names of the scenes; none outside of a checkout."""
-    if not INPUTS.exists():
-        return ()
+    """Names of the scenes."""
     from validation.sampling.plan import CASES  # heavy: not for --help
 
     return CASES
@@ -56,8 +54,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     from validation.running import run as run_by
 
+    if not arguments.scenes:
+        command_line.need_scenes()
     names = list(dict.fromkeys(arguments.scenes)) or [DEFAULT]
-    if len(names) > 1 and any(command_line.is_script(one, scenes()) for one in names):
+    if len(names) > 1 and any(command_line.is_script(one, scenes) for one in names):
         arguments.parser.error("a script of your own is run alone")
     run_by.launch_by(arguments.launch)
     statuses = []
@@ -76,7 +76,7 @@ def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
     from validation.sampling import criteria, measure, plan, report
 
     short = not arguments.full
-    if command_line.is_script(name, scenes()):
+    if command_line.is_script(name, scenes):
         ask, out = system.begin(arguments, name, short)
         case = plan.of_script(system.take(ask, out, 1, arguments.silence))
     else:

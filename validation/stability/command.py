@@ -4,7 +4,7 @@ from argparse import Namespace
 from collections.abc import Collection
 from pathlib import Path
 
-from validation import INPUTS, command_line
+from validation import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -50,8 +50,6 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def _cases() -> Collection[str]:
-    if not INPUTS.exists():  # not in a checkout
-        return ()
     from validation.stability.cases import CASES  # heavy: not for --help
 
     return CASES
@@ -65,7 +63,7 @@ def _names() -> Collection[str]:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    scripts = [one for one in arguments.cases if command_line.is_script(one, _cases())]
+    scripts = [one for one in arguments.cases if command_line.is_script(one, _cases)]
     if scripts:
         if len(arguments.cases) > 1:
             arguments.parser.error("a script of your own is tried alone")
@@ -78,6 +76,7 @@ def run(arguments: Namespace) -> int:
     if arguments.list:
         report.list_cases(screen, CASES)
         return 0
+    command_line.need_scenes()
     command_line.chosen_of({name: name for name in _names()}, arguments.only)
     names, full = command_line.chosen(CASES, arguments.cases), arguments.full
     out = command_line.folder(arguments, not full)

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from collections.abc import Collection
 
-from validation import INPUTS, command_line
+from validation import command_line
 from validation.scenes.integrators import SWEPT
 from validation.trial import words as trial
 
@@ -54,9 +54,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def scenes() -> Collection[str]:
-    """Names of what can be swept; none outside of a checkout."""
-    if not INPUTS.exists():
-        return ()
+    """Names of what can be swept."""
     from validation.sweep.plan import SCENES  # heavy: not for --help
 
     return SCENES
@@ -64,11 +62,12 @@ def scenes() -> Collection[str]:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    scripts = [one for one in arguments.scenes if command_line.is_script(one, scenes())]
+    scripts = [one for one in arguments.scenes if command_line.is_script(one, scenes)]
     if scripts:
         if len(arguments.scenes) > 1:
             arguments.parser.error("a script of your own is swept alone")
         return trial.run(arguments, scripts[0], SCRIPT_BUDGET, many=True)
+    command_line.need_scenes()
     from validation.pages import console
     from validation.sweep import measure, plan, report  # heavy: not for --help
 

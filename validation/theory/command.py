@@ -38,6 +38,7 @@ def _parts():
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    command_line.need_scenes()
     from validation.pages import console
     from validation.running import machine
     from validation.theory import measure, report  # heavy: not for --help
