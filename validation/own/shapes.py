@@ -186,7 +186,8 @@ def thermal(own: Own) -> float:
 
 def fastest(own: Own, made: Bodies) -> dict[str, float]:
     """Angular frequencies (1/time) of the stiffest motions that forces of the start tell, if they
-    are those of springs in equilibrium: mean square force = kT x spring constant.
+    are those of springs in equilibrium: mean square force = kT x spring constant.  A thermostat's
+    noise is none of them.
 
     Returns:
         of ``centres``, ``turning`` (about the axis where it is largest) and ``other atoms``.
