@@ -3,6 +3,7 @@ the scripts that `scripts` writes.
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.__main__ import main
-from validation.bodies import command as bodies
+from validation.bodies import lines as bodies
 from validation.bodies import parts
 from validation.check import measure as check
 from validation.own import finding, schemes, shapes
@@ -220,16 +221,47 @@ def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
     assert main(["bodies", str(path), "--out", str(tmp_path / "out")]) == 0
     assert "27 × water" in capsys.readouterr().out
     (tmp_path / "spce.data").write_bytes((tmp_path / "out" / "spce.data").read_bytes())
-    lines = bodies._lines("property", "spce.data")
-    assert "group bodies variable is_in" in lines
-    text = text.replace("read_data parts/spce.data", "\n".join(lines[:4]))
-    text = text.replace("fix move all nve", "\n".join(lines[5:6]))
+    assert "group bodies variable is_in" in bodies.reads("property", "spce.data", False)
+    text = text.replace(
+        "read_data parts/spce.data", "\n".join(bodies.reads("property", "spce.data", False))
+    )
+    text = text.replace(
+        "fix move all nve", *bodies.moves("property", "move", finding.State(), False)
+    )
     again = tmp_path / "in.again"
     again.write_text(text)
     own = take(again, tmp_path / "again")
     assert own.bodies == 27 and own.found.bodies == "custom i_body"
     (kind,) = shapes.kinds(own, shapes.bodies(own))
     assert kind.number == 27 and kind.scatter < 1e-6
+
+
+def test_lines_for_bodies_are_the_scripts_own():
+    """Locks out lines that LAMMPS refuses where they are said to stand, for the script's own fixes
+    are still there; another ensemble; a fix of no atoms; and parts that nothing holds together."""
+    fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": "fix 2 all nvt temp 300.5 300.5 200"}
+    said = {"fixes": fixes, "commands": ["bond_style zero"]}
+    atoms = {"bonds": np.array([[1, 1, 2], [1, 2, 3]])}
+    place = Path("/a/b.data")
+    told = bodies.told("molecule", said, atoms, np.array([1, 1, 1]), place)
+    assert told == [
+        "/a/b.data has them. In the script, in the place of its read_data:",
+        "    read_data /a/b.data",
+        "    group bodies molecule > 0",
+        "In the place of fix 1 (shake) and fix 2 (nvt):",
+        '    fix 2 bodies python/move "fix_nosquish.NVT bodies molecule temp 3005e-1 3005e-1 200'
+        ' seed 4928"',
+    ]
+    told = bodies.told("property", said, atoms, np.array([1, 1, 0]), place)
+    assert "    fix 2_points points nvt temp 300.5 300.5 200" in told
+    assert told[-2].startswith("What fix 1 holds") and "bond_style zero" in told[-1]
+    fixes = {"a": 'fix a w python/move "fix_nosquish.NPT w molecule temp 1 1 1 iso 1 1 9 seed 5"'}
+    told = bodies.told("molecule", said | {"fixes": fixes}, atoms, np.array([1, 1, 0]), place)
+    assert "In the place of fix a (python/move):" in told
+    (line,) = (one for one in told if one.startswith("    fix "))
+    assert line.endswith('molecule temp 1 1 1 iso 1 1 9 seed 4928 points points"')
+    rigid = "fix 1 all rigid/nvt/small molecule temp 1 1 1"
+    assert finding.kept_by(rigid) == finding.State(("1", "1", "1"))
 
 
 def test_bonded_pairs():

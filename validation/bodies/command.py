@@ -45,7 +45,7 @@ def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     import numpy as np  # heavy: not for --help
 
-    from validation.bodies import parts
+    from validation.bodies import lines, parts
     from validation.own import system
 
     ask, out = system.begin(arguments, arguments.scene)
@@ -83,8 +83,7 @@ def run(arguments: Namespace) -> int:
     lost = _give_coefficients(said["commands"], folder / "inputs", data)
     if moved:
         print(f"Each kind has its mean shape: for this an atom moved by {moved:.3g} Å at most.")
-    print(f"{data} has them. In the script, in the place of its read_data:")
-    print("\n".join(f"    {line}" for line in _lines(arguments.kind, data.name)))
+    print("\n".join(lines.told(arguments.kind, said, atoms, body, data)))
     if lost:
         print(f"The coefficients in {lost} are not in it: give them by commands.")
     return 0
@@ -112,23 +111,3 @@ def _give_coefficients(commands: Sequence[str], inputs: Path, data: Path) -> str
     with open(data, "a") as file:
         file.writelines(f"\n{found[name]}" for name in having)
     return ""
-
-
-def _lines(kind: str, name: str) -> list[str]:
-    if kind == "molecule":
-        return [
-            f"read_data {name}",
-            "group bodies molecule > 0",
-            "group points subtract all bodies",
-            'fix 1 bodies python/move "fix_nosquish.NVE bodies molecule"',
-            "fix 2 points nve",
-        ]
-    return [
-        "fix body all property/atom i_body",
-        f"read_data {name} fix body NULL body",
-        "variable is_in atom i_body>0",
-        "group bodies variable is_in",
-        "group points subtract all bodies",
-        'fix 1 bodies python/move "fix_nosquish.NVE bodies custom i_body"',
-        "fix 2 points nve",
-    ]

@@ -290,6 +290,16 @@ def state_of(words: Sequence[str], style: str) -> tuple[State, list[str], list[s
     return State(temp, tuple(press), couple), kept, dropped
 
 
+def kept_by(line: str) -> State:
+    """The temperature and pressure that a fix keeps which has a kind, see `kind_of`."""
+    words, kind = texts(line)[4:], kind_of(line)
+    if kind == "ours":
+        words = _words_of_ours(line)[2]
+    elif kind == "rigid":
+        words = words[body_words(words) :]
+    return State() if kind == "constraints" else state_of(words, style_of(line))[0]
+
+
 def body_words(words: Sequence[str]) -> int:
     """How many words a body style takes."""
     if words[:1] == ["custom"]:

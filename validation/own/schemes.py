@@ -95,7 +95,7 @@ def _called(line):
     return texts(line)[4].split()[0] if style_of(line) == "python/move" else style_of(line)
 
 
-def _words(state, plain=False) -> str:
+def state_words(state, plain=False) -> str:
     """Temperature and pressure as a fix has them."""
     told = ["temp", *state.temp] if state.temp else []
     for axis in state.press:
@@ -112,7 +112,10 @@ def _rest(found: Found) -> tuple[list[str], list[str]]:
     if not group:
         group, made = REST, [f"group {REST} subtract {texts(found.mover)[2]} {{group}}"]
     if state.press or found.points:
-        style, heat = "nvt" if state.temp else "nve", _words(type(state)(state.temp), plain=True)
+        style, heat = (
+            "nvt" if state.temp else "nve",
+            state_words(type(state)(state.temp), plain=True),
+        )
         moves = [f"fix {REST} {group} {style}{heat}"]
     else:  # its own words
         head = [f"fix {REST} {REST}", *(one.quoted for one in words(found.mover)[3:])]
@@ -141,7 +144,7 @@ def _ours(found: Found, units: str) -> Iterator[Integrator]:
             return
     name = state.ensemble.upper()
     for number, (kind, more) in enumerate(_kinds(state, units)):
-        said = _words(state) + more + found.keywords + points
+        said = state_words(state) + more + found.keywords + points
         own = f'"fix_nosquish.{name} {{group}} {{bodies}}{said}"'
         lines = (*rest, f"fix {_id(found)} {{group}} python/move {own}")
         title = f"{OURS}-{kind.split()[0]}" if number else OURS
@@ -168,7 +171,7 @@ def _rigid(found: Found) -> Iterator[Integrator]:
     if state.press and found.rest and found.holder:
         return
     small = found.bodies.split()[0] in ("molecule", "custom")
-    more = _words(state, plain=True)
+    more = state_words(state, plain=True)
     for style in (f"rigid/{state.ensemble}", f"rigid/{state.ensemble}/small"):
         yield from _of_style(found, style, style, style, more, rest, small)
     if state.ensemble == "nve":
@@ -201,7 +204,7 @@ def _constrained(found: Found) -> Iterator[Integrator]:
     if found.points:
         group, made = ALL, [f"group {ALL} union {{group}} {found.points}"]
     of = texts(found.holder)[2] if found.holder else found.group
-    move = f"fix {_id(found)} {_literal(group)} {state.ensemble}" + _words(state, plain=True)
+    move = f"fix {_id(found)} {_literal(group)} {state.ensemble}" + state_words(state, plain=True)
     held = f"fix own_held {of} {{style}} {TOLERANCE} 100 0 {found.constraints}"
     for style in ("shake", "rattle"):
         if style == "rattle" and state.press:
@@ -219,7 +222,7 @@ def _ensemble(found, said, atoms):
     """What integrators keep, and which other fix keeps the temperature beside them."""
     name, baths = found.state.ensemble.upper(), finding.thermostats(said, atoms, found)
     if found.state.temp:
-        name += f" ({_words(found.state, plain=True).strip()})"
+        name += f" ({state_words(found.state, plain=True).strip()})"
     if found.state.temp or not baths:
         return f"Ensemble: {name}. All else of the script stays."
     keeps = "pressure and enthalpy" if found.state.press else "energy"
