@@ -181,12 +181,13 @@ def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str
     """
 
     def word(text):
-        if is_script(text, known) and not _is_path(text):
+        own = is_script(text, known)
+        if own and not _is_path(text):
             need_scenes()
             raise argparse.ArgumentTypeError(
                 f"there is no scene {text}, and no input script: choose from {', '.join(known())}"
             )
-        return text if text in scenes else Script(text)
+        return Script(text) if own else text
 
     return word
 
@@ -197,7 +198,7 @@ def script(parser: argparse.ArgumentParser) -> None:
     def word(text):
         if not _is_path(text):
             raise argparse.ArgumentTypeError(f"there is no input script {text}")
-        return text
+        return Script(text)
 
     parser.add_argument("scene", type=word, metavar="SCRIPT", help="a LAMMPS input script")
 
