@@ -107,6 +107,70 @@ def test_rows_that_tell_who_a_body_is(run_lammps, tmp_path, splitting, more):
     assert energies[0] == pytest.approx(energies[1] * 0.9 ** (2 * times), rel=0.05)
 
 
+BRAKE = """
+import numpy as np
+from fix_nosquish import of_fix_line
+from fix_nosquish.host.hosts import hook
+from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.motion.block import COUNTED, LANES, MASS, V
+from fix_nosquish.motion.operations import PARAMETERS
+from fix_nosquish.motion.step import Operation
+
+@inlined
+def slow(block, kind, dt, parameters):
+    for k in range(3):
+        for b in range(LANES):
+            twice = block[COUNTED, b] * block[MASS, b] * block[V + k, b] * block[V + k, b]
+            parameters[PARAMETERS] += 0.5 * (1.0 - 0.99**2) * twice
+            block[V + k, b] *= 0.99
+
+class Brake(NVE):
+    couples, splitting = True, "B A B S"
+    operations = NVE.operations | {"S": Operation(slow)}
+
+    def __init__(self, ptr, words):
+        super().__init__(ptr, words)
+        self.restart_state = np.array([7.0, 0.0])  # what it is, the energy taken before this run
+
+    def own_parameters(self):
+        self.restart_state[1] = self.taken()
+        return (0.0,)
+
+    def taken(self):
+        now = np.zeros(1) if self.parameters is None else self.parameters[PARAMETERS:]
+        return self.restart_state[1] + self.communicator.total(now)[0]
+
+    @hook
+    def compute_scalar(self):
+        return self.taken()
+
+    @hook
+    def write_restart(self):
+        self.restart_state[1], self.parameters[PARAMETERS] = self.taken(), 0.0
+
+__getattr__ = of_fix_line(Brake)
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_energy_taken_is_counted_and_kept(run_lammps, ranks):
+    """Locks out energy that an integrator of one's own takes and that econserve lacks, and a count
+    that begins anew with a restart file."""
+    system = mixture(side=3, spacing=2.9)
+    # what a restart file does not have
+    pair = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1 1\nneighbor 0.4 bin\n"
+    pair += "neigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    fix = f'{pair}timestep 0.001\nfix 1 all python/move "brake.Brake all molecule"\n'
+    fix += "thermo_style custom step etotal econserve f_1\nthermo_modify norm no\nthermo 50\n"
+    files = system.files | {"brake.py": BRAKE}
+    script = f"{system.setup}\n{fix}run 100\nwrite_restart kept\nrun 100\n"
+    whole = run_lammps(script, files=files, ranks=ranks).thermo
+    second = run_lammps(f"read_restart kept\n{fix}run 100\n", files=files, ranks=ranks).thermo
+    assert np.ptp(whole["TotEng"]) > 50 * np.ptp(whole["Econserve"])
+    np.testing.assert_allclose(second["f_1"], whole["f_1"][-len(second) :], rtol=1e-5)
+
+
 UNFINISHED = {
     "lone": (
         "from fix_nosquish.integrators.nve import NVE\nclass Own(NVE):\n    pass\n",

@@ -38,6 +38,11 @@ class Declaration:
             host.energy_step.  Then it has a method take_energy for these, which names the next one
             and says whether the state stays; if not, `renewed` is called when the forces are known
             where it goes back to.
+        couples: whether its scalar is an energy that it took from the system, which LAMMPS's
+            econserve counts.
+        restart_state: (n,) what a restart file keeps, or None: made in __init__, and never replaced
+            by another array. The first number, above 0, says what the others are. It is -1 if the
+            file has another one there, and the others stay as they were made.
         own_warnings: lines for the log on what is probably not meant.
         modules: names of modules whose loops it needs, besides those of its classes.
 
@@ -65,7 +70,8 @@ class Declaration:
     start: Loop | None
 
     method, splits, keywords, respa, thermostat = "", False, (), True, False
-    quenches = crosses = needs_energy = False
+    quenches = crosses = needs_energy = couples = False
+    restart_state = None
     own_warnings, modules = (), ()
     every, flips = 0, False
 
@@ -99,6 +105,9 @@ class Declaration:
 
         So it is with 'pre no', and always with a LAMMPS's own fix.
         """
+
+    def write_restart(self):
+        """LAMMPS writes a restart file: have `restart_state` ready for it; collective."""
 
     def begin_trajectory(self):
         """The step ``host.begins`` is about to begin; collective."""
