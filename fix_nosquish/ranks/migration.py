@@ -79,10 +79,11 @@ _WORK = (
     "following",
     "table",
     "buckets",
+    "ends",
 )
 KINDS |= {"old_state": F2, "old_displace": F2} | dict.fromkeys(_WORK, L1)
 OLD_STATE, OLD_DISPLACE, HERE, PLACE, OWNER, SOURCE = range(11, 17)
-FIRST, NUMBER, ORDER, FOLLOWING, TABLE, BUCKETS = range(17, 23)
+FIRST, NUMBER, ORDER, FOLLOWING, TABLE, BUCKETS, ENDS = range(17, 24)
 
 # what `locate` counts: atoms that came from nowhere, how many more there are than before, how many
 # are not where they were; the same of all ranks; how many atoms are here; how many failed, of all
@@ -368,7 +369,7 @@ def carry_over(arrived, bodies, strangers, n):
 def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
     """Put the bodies of the n atoms here in the order of the passes, and find who shares them."""
     strangers = find_owners(arrived, bodies, sharing, counts, n)
-    groups = in_row(bodies, FOLLOWING, GROUPS)
+    groups = in_row(bodies, ENDS, GROUPS)
     number_bodies(arrived, bodies, strangers, n, groups)
     kinds[0], kinds[1] = groups[1], groups[3]
     make_blocks(bodies, n, groups)
