@@ -151,19 +151,51 @@ def tell_box(h, lo, new_box):
 @inlined
 def shear_box(numbers, h, inverse, lo, shift):
     """Shear the box about its centre."""
-    xy, xz, yz = three_of(numbers, SHEAR)
-    y, z = lo[1] - numbers[CENTRE + 1], lo[2] - numbers[CENTRE + 2]
-    lo[0] += xy * y + xz * z
-    lo[1] += yz * z
-    h[0, 2] += xy * h[1, 2] + xz * h[2, 2]
-    h[0, 1] += xy * h[1, 1]
-    h[1, 2] += yz * h[2, 2]
+    xy, xz, yz = shear = three_of(numbers, SHEAR)
+    x, y = sheared(shear, lo[1] - numbers[CENTRE + 1], lo[2] - numbers[CENTRE + 2])
+    lo[0] += x
+    lo[1] += y
+    for k in range(3):
+        x, y = sheared(shear, h[1, k], h[2, k])
+        h[0, k] += x
+        h[1, k] += y
     for i in range(3):
         inverse[i, 2] += inverse[i, 0] * (xy * yz - xz) - inverse[i, 1] * yz
         inverse[i, 1] -= inverse[i, 0] * xy
-    for i in range(shift.shape[0]):
-        shift[i, 0] += xy * shift[i, 1] + xz * shift[i, 2]
-        shift[i, 1] += yz * shift[i, 2]
+    shear_rows(shift.T, 0, shift.shape[0], shear, 0.0, 0.0)
+
+
+@inlined
+def sheared(shear, y, z):
+    """How far a shear moves along x and y what is at y and z from its centre."""
+    xy, xz, yz = shear
+    return xy * y + xz * z, yz * z
+
+
+@inlined
+def undone(shear):
+    """The shear that undoes one."""
+    xy, xz, yz = shear
+    return -xy, xy * yz - xz, -yz
+
+
+@inlined
+def shear_rows(vectors, row, lanes, shear, y0, z0):
+    """Shear, about y0 and z0, the vectors in three rows from this one on."""
+    for b in range(lanes):
+        x, y = sheared(shear, vectors[row + 1, b] - y0, vectors[row + 2, b] - z0)
+        vectors[row, b] += x
+        vectors[row + 1, b] += y
+
+
+@inlined
+def add_motion(sums, m, x, y, z):
+    """Add to sums twice the kinetic energy of a mass along each axis, and with each tilt."""
+    xx, yy, zz, xy, xz, yz = sums
+    return (
+        xx + m * x * x, yy + m * y * y, zz + m * z * z,
+        xy + m * x * y, xz + m * x * z, yz + m * y * z,
+    )  # fmt: skip
 
 
 @loop

@@ -12,7 +12,9 @@ from .cell import (
     UNIT,
     Barostat,
     is_due,
+    sheared,
     three_of,
+    undone,
 )  # fmt: skip
 
 
@@ -61,16 +63,18 @@ def move_others(
     velocities by the inverse."""
     numbers = cell.barostat
     if is_due(step, cell):
-        xy, xz, yz = three_of(numbers, SHEAR)
+        shear = three_of(numbers, SHEAR)
         for i in range(groups.size):
             if origins[i] == IN_NO_BODY and groups[i] & dilated:
                 for k in range(3):
                     centre = numbers[CENTRE + k]
                     atom_x[i, k] = centre + numbers[STRETCH + k] * (atom_x[i, k] - centre)
                 y, z = atom_x[i, 1] - numbers[CENTRE + 1], atom_x[i, 2] - numbers[CENTRE + 2]
-                atom_x[i, 0] += xy * y + xz * z
-                atom_x[i, 1] += yz * z
-                atom_v[i, 0] += (xy * yz - xz) * atom_v[i, 2] - xy * atom_v[i, 1]
-                atom_v[i, 1] -= yz * atom_v[i, 2]
+                x, y = sheared(shear, y, z)
+                atom_x[i, 0] += x
+                atom_x[i, 1] += y
+                x, y = sheared(undone(shear), atom_v[i, 1], atom_v[i, 2])
+                atom_v[i, 0] += x
+                atom_v[i, 1] += y
                 for k in range(3):
                     atom_v[i, k] /= numbers[STRETCH + k]

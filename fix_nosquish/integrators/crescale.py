@@ -36,14 +36,17 @@ from ..box.cell import (
     WEIGHT,
     XY,
     Barostat,
+    add_motion,
     pressure_now,
+    shear_rows,
     stretch_box,
     three_of,
+    undone,
     volume_of,
 )  # fmt: skip
 from ..errors import RunError
 from ..loops.compiled import F1, F2, L1, F, I, inlined, loop
-from ..motion.block import HOME, MASS, Images, Layout, Q, V, X, take
+from ..motion.block import HOME, MASS, Images, Layout, Q, V, X, take, three
 from ..motion.philox import normal_pair
 from ..motion.step import move_to_images, place
 from ..ranks.migration import Box
@@ -109,44 +112,15 @@ def find_shear(parameters, cell, box, part, kt, strength):
 
 
 @inlined
-def measure_axes(state, rank, numbers):
-    """Twice the kinetic energy of this rank's bodies along each axis."""
-    for k in range(3):
-        numbers[MOTION + k] = 0.0
-        for b in range(state.shape[1]):
-            if state[HOME, b] == rank:
-                numbers[MOTION + k] += state[MASS, b] * state[V + k, b] * state[V + k, b]
-
-
-@inlined
-def measure_tilts(state, rank, numbers):
-    """Twice the kinetic energy of this rank's bodies along two axes, xy, xz, yz."""
-    xy = xz = yz = 0.0
+def measure_motion(state, rank, numbers):
+    """Twice the kinetic energy of this rank's bodies along each axis, and with each tilt."""
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for b in range(state.shape[1]):
         if state[HOME, b] == rank:
-            xy += state[MASS, b] * state[V, b] * state[V + 1, b]
-            xz += state[MASS, b] * state[V, b] * state[V + 2, b]
-            yz += state[MASS, b] * state[V + 1, b] * state[V + 2, b]
-    numbers[TILT_MOTION], numbers[TILT_MOTION + 1], numbers[TILT_MOTION + 2] = xy, xz, yz
-
-
-@inlined
-def shear(state, numbers):
-    """Shear the centres of mass about the box's centre."""
-    xy, xz, yz = three_of(numbers, SHEAR)
-    for b in range(state.shape[1]):
-        y, z = state[X + 1, b] - numbers[CENTRE + 1], state[X + 2, b] - numbers[CENTRE + 2]
-        state[X, b] += xy * y + xz * z
-        state[X + 1, b] += yz * z
-
-
-@inlined
-def slow_by_shear(state, numbers):
-    """Shear the velocities by the inverse."""
-    xy, xz, yz = three_of(numbers, SHEAR)
-    for b in range(state.shape[1]):
-        state[V, b] += (xy * yz - xz) * state[V + 2, b] - xy * state[V + 1, b]
-        state[V + 1, b] -= yz * state[V + 2, b]
+            x, y, z = three(state, V, b)
+            sums = add_motion(sums, state[MASS, b], x, y, z)
+    for k in range(3):
+        numbers[MOTION + k], numbers[TILT_MOTION + k] = sums[k], sums[XY + k]
 
 
 @inlined
@@ -197,32 +171,31 @@ def rescale_cell(
         as `stretch_box`.
     """
     state, numbers = layout.state, cell.barostat
-    measure_axes(state, rank, numbers)
-    count = 6
-    if numbers[TILTED] > 0.0:
-        measure_tilts(state, rank, numbers)
-        count = 12
+    tilted = numbers[TILTED] > 0.0
+    measure_motion(state, rank, numbers)
+    count = 12 if tilted else 6
     add_up(mpi, DOUBLE, numbers[MOTION : MOTION + count], cell.cell_sums)
     part = prepare(parameters, step, begin_step, end_step)
     find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
     if stretch_box(cell, box, images.shift) < 0:
         return OUT_OF_BOUNDS
     note_work(mpi, parameters, cell)
-    if numbers[TILTED] > 0.0:
+    shear, bodies = three_of(numbers, SHEAR), state.shape[1]
+    if tilted:
         note_motion(parameters, numbers, -1.0)
-        slow_by_shear(state, numbers)
-        measure_axes(state, rank, numbers)
+        shear_rows(state, V, bodies, undone(shear), 0.0, 0.0)
+        measure_motion(state, rank, numbers)
         note_motion(parameters, numbers, 1.0)
     for k in range(3):
         slower = 1.0 / (numbers[STRETCH + k] * numbers[STRETCH + k])
         parameters[HEAT] += 0.5 * numbers[MOTION + k] * (slower - 1.0)
     for k in range(3):
         factor, centre = numbers[STRETCH + k], numbers[CENTRE + k]
-        for b in range(state.shape[1]):
+        for b in range(bodies):
             state[X + k, b] = centre + factor * (state[X + k, b] - centre)
             state[V + k, b] /= factor
-    if numbers[TILTED] > 0.0:
-        shear(state, numbers)
+    if tilted:
+        shear_rows(state, X, bodies, shear, numbers[CENTRE + 1], numbers[CENTRE + 2])
     for k in range(layout.blocks.shape[0] - 1):
         take(layout, k, MASS, Q + 4, MASS)
         place(layout, k, atom_x)

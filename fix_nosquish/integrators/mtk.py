@@ -51,8 +51,10 @@ from ..box.cell import (
     YY,
     YZ,
     Barostat,
+    add_motion,
     is_due,
     pressure_now,
+    shear_rows,
     stretch_box,
     three_of,
     volume_of,
@@ -85,28 +87,13 @@ ALONG, SLOW, STRAIN, CENTRES, SHEARS = (
 
 @inlined
 def measure_along(block, kind, dt, parameters):
-    """Add twice the kinetic energies of translation along each axis to the sums."""
-    for k in range(3):
-        energy = 0.0
-        for b in range(LANES):
-            energy += block[COUNTED, b] * block[MASS, b] * block[V + k, b] * block[V + k, b]
-        parameters[ALONG + k] += energy
-    if parameters[SHEARS] > 0.0:
-        measure_tilts(block, parameters)
-
-
-@inlined
-def measure_tilts(block, parameters):
-    """Add twice the kinetic energies along two axes, xy, xz, yz, to the sums."""
-    xy = xz = yz = 0.0
+    """Add twice the kinetic energies of translation along each axis, and with each tilt."""
+    sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for b in range(LANES):
-        m, (x, y, z) = block[COUNTED, b] * block[MASS, b], three(block, V, b)
-        xy += m * x * y
-        xz += m * x * z
-        yz += m * y * z
-    parameters[ALONG + XY] += xy
-    parameters[ALONG + XZ] += xz
-    parameters[ALONG + YZ] += yz
+        x, y, z = three(block, V, b)
+        sums = add_motion(sums, block[COUNTED, b] * block[MASS, b], x, y, z)
+    for k in range(COMPONENTS):
+        parameters[ALONG + k] += sums[k]
 
 
 @inlined
@@ -118,21 +105,9 @@ def dilate(block, kind, dt, parameters):
             block[X + k, b] += longer * (block[X + k, b] - centre)
             block[V + k, b] *= parameters[SLOW + k]
     if parameters[SHEARS] > 0.0:
-        shear(block, parameters)
-
-
-@inlined
-def shear(block, parameters):
-    """Shear what `dilate` has strained and slowed down."""
-    xy, xz, yz = three_of(parameters, STRAIN + XY)
-    _, y0, z0 = three_of(parameters, CENTRES)
-    for b in range(LANES):
-        block[X, b] += xy * (block[X + 1, b] - y0) + xz * (block[X + 2, b] - z0)
-        block[X + 1, b] += yz * (block[X + 2, b] - z0)
-    xy, xz, yz = three_of(parameters, SLOW + XY)
-    for b in range(LANES):
-        block[V, b] += xy * block[V + 1, b] + xz * block[V + 2, b]
-        block[V + 1, b] += yz * block[V + 2, b]
+        _, y0, z0 = three_of(parameters, CENTRES)
+        shear_rows(block, X, LANES, three_of(parameters, STRAIN + XY), y0, z0)
+        shear_rows(block, V, LANES, three_of(parameters, SLOW + XY), 0.0, 0.0)
 
 
 DILATION = Operation(dilate, prepared=True, measures=measure_along)
