@@ -15,6 +15,7 @@ from ..loops.compiled import F2, Cell, I
 from ..loops.memory import Memory
 from ..motion import block
 from ..motion.frames import angular_momentum, quaternion_momentum, rotation_matrix
+from ..motion.periodic import PeriodicBox
 from ..motion.step import gather
 from ..ranks import migration
 from ..ranks.communicator import ALONE
@@ -189,7 +190,7 @@ class Bodies:
     def bind(self, lammps, membership):
         """Bind the pass that follows the atoms of this LAMMPS."""
         masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
-        for name in migration.Box._fields:
+        for name in PeriodicBox._fields:
             self.cells.setdefault(name, Cell(migration.follow.kinds[name]))
         bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
         follows = LOCATE | ARRANGE | NOTE | SETTLE

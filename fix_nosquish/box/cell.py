@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from ..loops.compiled import F1, F2, L1, I, address, call, inlined, loop
 from ..motion.block import IMAGE, Layout, Q, at, take
+from ..motion.periodic import PeriodicBox, invert, reflag
 from ..motion.step import displaced, rotation_matrices
-from ..ranks.migration import Box, reflag
 
 # what can change: three axes, three tilts; matrices are upper triangular, in the order of this
 XX, YY, ZZ, XY, XZ, YZ, COMPONENTS = range(7)
@@ -112,7 +112,7 @@ def stretch_box(cell, box, shift):
     Returns:
         OUT_OF_BOUNDS if a factor or a shear is, or was, else 0.
     """
-    h, inverse, lo, new_box, numbers = box.h, box.inverse, box.lo, cell.new_box, cell.barostat
+    h, lo, numbers = box.h, box.lo, cell.barostat
     for k in range(3):
         if not 1.0 / MOST < numbers[STRETCH + k] < MOST:  # nor if it is not a number
             numbers[BROKEN] = 1.0
@@ -128,30 +128,31 @@ def stretch_box(cell, box, shift):
         lo[k] = centre + factor * (lo[k] - centre)
         for i in range(3):
             h[k, i] *= factor
-            inverse[i, k] /= factor
         for i in range(shift.shape[0]):
             shift[i, k] *= factor
     if numbers[TILTED] > 0.0:
-        shear_box(numbers, h, inverse, lo, shift)
-    tell_box(h, lo, new_box)
-    call(cell.set_box[0], cell.set_box[1], address(new_box))
+        shear_box(numbers, h, lo, shift)
+    tell_box(box, cell.new_box)
+    call(cell.set_box[0], cell.set_box[1], address(cell.new_box))
     numbers[OPEN] = 1.0
     return 0
 
 
 @inlined
-def tell_box(h, lo, new_box):
-    """Have the numbers of the box ready for LAMMPS."""
+def tell_box(box, new_box):
+    """Have the inverse of the box, and its numbers ready for LAMMPS."""
+    h, lo = box.h, box.lo
     for k in range(3):
         new_box[k], new_box[3 + k] = lo[k], lo[k] + h[k, k]
         h[k, k] = new_box[3 + k] - lo[k]  # as LAMMPS will have it
     new_box[6], new_box[7], new_box[8] = h[0, 1], h[0, 2], h[1, 2]
+    invert(h, box.inverse)
 
 
 @inlined
-def shear_box(numbers, h, inverse, lo, shift):
+def shear_box(numbers, h, lo, shift):
     """Shear the box about its centre."""
-    xy, xz, yz = shear = three_of(numbers, SHEAR)
+    shear = three_of(numbers, SHEAR)
     x, y = sheared(shear, lo[1] - numbers[CENTRE + 1], lo[2] - numbers[CENTRE + 2])
     lo[0] += x
     lo[1] += y
@@ -159,9 +160,6 @@ def shear_box(numbers, h, inverse, lo, shift):
         x, y = sheared(shear, h[1, k], h[2, k])
         h[0, k] += x
         h[1, k] += y
-    for i in range(3):
-        inverse[i, 2] += inverse[i, 0] * (xy * yz - xz) - inverse[i, 1] * yz
-        inverse[i, 1] -= inverse[i, 0] * xy
     shear_rows(shift.T, 0, shift.shape[0], shear, 0.0, 0.0)
 
 
@@ -199,13 +197,13 @@ def add_motion(sums, m, x, y, z):
 
 
 @loop
-def flip(state: F2, cell: Barostat, box: Box) -> I:
+def flip(state: F2, cell: Barostat, box: PeriodicBox) -> I:
     """Where a tilt has become large, take other vectors of the same lattice for the box.
 
     Nothing moves but the bodies' image flags, which count these vectors.  The box keeps its centre,
     from which it stretches, so that a run backwards, which flips elsewhere, finds the same.
     """
-    h, inverse, lo, new = box.h, box.inverse, box.lo, cell.new_box
+    h, lo, new = box.h, box.lo, cell.new_box
     yz = -floor(h[1, 2] / h[1, 1] + 0.5) if abs(h[1, 2]) > FLIP * h[1, 1] else 0.0
     tilt = h[0, 2] + yz * h[0, 1]
     xz = -floor(tilt / h[0, 0] + 0.5) if abs(tilt) > FLIP * h[0, 0] else 0.0
@@ -217,11 +215,8 @@ def flip(state: F2, cell: Barostat, box: Box) -> I:
     h[0, 2] = tilt + xz * h[0, 0]
     h[1, 2] += yz * h[1, 1]
     h[0, 1] += xy * h[0, 0]
-    for i in range(3):  # the inverse of the flips acts from the left
-        inverse[1, i] -= yz * inverse[2, i]
-        inverse[0, i] -= xy * inverse[1, i] + xz * inverse[2, i]
     reflag(state, IMAGE, xy, xz, yz)
-    tell_box(h, lo, new)
+    tell_box(box, new)
     new[9], new[10], new[11] = xy, xz, yz
     call(cell.flip_box[0], cell.flip_box[1], address(new))
     return 0

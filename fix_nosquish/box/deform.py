@@ -2,15 +2,23 @@
 
 With its remap x each body's centre keeps its place in units of the box vectors, as with LAMMPS's
 fix rigid.  With remap v bodies stay where they are, and periodic images stream past each other:
-what crosses a face gets the velocity that its image has there (`migration.take_into_box`).
+what crosses a face gets the velocity that its image has there (`periodic.take_into_box`).
 """
 
 from math import floor
 
 from ..loops.compiled import F1, F2, F, I, inlined, loop
 from ..motion.block import IMAGE, Images, Layout, Q, X, take
+from ..motion.periodic import (
+    PeriodicBox,
+    cartesian,
+    fractional,
+    image_velocity,
+    invert,
+    reflag,
+)  # fmt: skip
 from ..motion.step import move_to_images, place
-from ..ranks.migration import OF_BODY, Box, cartesian, fractional, image_velocity, reflag
+from ..ranks.migration import OF_BODY
 from .cell import three_of
 
 SAME_LATTICE = 1e-9  # of a box vector, by which a tilt may miss the lattice
@@ -33,15 +41,12 @@ def images_of(inverse, shift, a):
 @inlined
 def know(images, box, told_box):
     """Have the box, and what follows from it, as it is told."""
-    h, inverse, shift = box.h, box.inverse, images.shift
+    h, shift = box.h, images.shift
     for a in range(shift.shape[0]):
-        shift[a, 0], shift[a, 1], shift[a, 2] = images_of(inverse, shift, a)
-    xx, yy, zz = edges(told_box)
-    xy, xz, yz = three_of(told_box, 6)
-    h[0, 0], h[0, 1], h[0, 2], h[1, 1], h[1, 2], h[2, 2] = xx, xy, xz, yy, yz, zz
-    inverse[0, 0], inverse[1, 1], inverse[2, 2] = 1.0 / xx, 1.0 / yy, 1.0 / zz
-    inverse[0, 1], inverse[1, 2] = -xy / (xx * yy), -yz / (yy * zz)
-    inverse[0, 2] = (xy * yz - xz * yy) / (xx * yy * zz)
+        shift[a, 0], shift[a, 1], shift[a, 2] = images_of(box.inverse, shift, a)
+    h[0, 0], h[1, 1], h[2, 2] = edges(told_box)
+    h[0, 1], h[0, 2], h[1, 2] = three_of(told_box, 6)
+    invert(h, box.inverse)
     for k in range(3):
         box.lo[k] = told_box[k]
     for a in range(shift.shape[0]):
@@ -50,7 +55,7 @@ def know(images, box, told_box):
 
 
 @loop
-def deform(layout: Layout, images: Images, box: Box, told_box: F1, atom_x: F2):
+def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
     """Move the bodies into the box that LAMMPS has now, and place their atoms.
 
     Args:
@@ -71,7 +76,7 @@ def deform(layout: Layout, images: Images, box: Box, told_box: F1, atom_x: F2):
 
 
 @loop
-def stream(layout: Layout, images: Images, box: Box, told_box: F1, atom_x: F2):
+def stream(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
     """Know the box that LAMMPS has now; atoms in another image than their body go with it."""
     for a in range(images.aways[0]):
         for c in range(3):
@@ -81,7 +86,7 @@ def stream(layout: Layout, images: Images, box: Box, told_box: F1, atom_x: F2):
 
 
 @loop
-def speed_up(layout: Layout, images: Images, box: Box, atom_v: F2, sign: F):
+def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign: F):
     """Give atoms in another image than their body that image's velocity, or, with sign -1.0, take
     it from them."""
     for a in range(images.aways[0]):
@@ -94,7 +99,7 @@ def speed_up(layout: Layout, images: Images, box: Box, atom_v: F2, sign: F):
 
 
 @loop
-def flipped(layout: Layout, images: Images, box: Box, told_box: F1, arrived: F2) -> I:
+def flipped(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, arrived: F2) -> I:
     """Know the other vectors of the same lattice that LAMMPS has now for its box.
 
     So many of a were added to b (xy), and to c (xz), and of b to c (yz).  Bodies that have just

@@ -2,7 +2,8 @@
 
 from ..loops.compiled import F1, F2, I1, L1, I, inlined, loop
 from ..motion.block import at
-from ..ranks.migration import IN_NO_BODY, Box
+from ..motion.periodic import PeriodicBox
+from ..ranks.migration import IN_NO_BODY
 from .cell import (
     CENTRE,
     SHEAR,
@@ -21,7 +22,7 @@ from .cell import (
 @loop
 def virial_of_others(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, atom_f: F2, atom_mass: F1,
-    type_mass: F1, type: I1, cell: Barostat, box: Box,
+    type_mass: F1, type: I1, cell: Barostat, box: PeriodicBox,
 ):  # fmt: skip
     """Have the sums of `cell.virial_about_centres` tell of atoms that are in no body, too.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..loops.compiled import F1, F2, I1, L1, L2, Cell, array, cells
+from ..motion.periodic import invert
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
 _MISSING = "this fix does not advance"
@@ -77,10 +78,10 @@ def _library():
 
 
 class Box:
-    """The periodic box.
+    """The periodic box as LAMMPS has it; `periodic.PeriodicBox` is that of loops.
 
     Attributes:
-        h: (3, 3) upper triangular matrix whose columns are the box vectors.
+        h, inverse: (3, 3) upper triangular matrix whose columns are the box vectors; its inverse.
         periodic: (3,) bool; wrap: the same as 0.0 and 1.0.
         lo: (3,) the origin.
         size: the largest component of a box vector.
@@ -91,7 +92,8 @@ class Box:
         xy, yz, xz = tilt
         edge = hi - lo
         self.h = np.array([[edge[0], xy, xz], [0.0, edge[1], yz], [0.0, 0.0, edge[2]]])
-        self.inverse = np.linalg.inv(self.h)
+        self.inverse = np.zeros((3, 3))
+        invert(self.h, self.inverse)
         self.lo, self.periodic, self.wrap, self.size = (
             lo,
             periodic,

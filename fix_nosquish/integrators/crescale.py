@@ -47,9 +47,9 @@ from ..box.cell import (
 from ..errors import RunError
 from ..loops.compiled import F1, F2, L1, F, I, inlined, loop
 from ..motion.block import HOME, MASS, Images, Layout, Q, V, X, take, three
+from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
 from ..motion.step import move_to_images, place
-from ..ranks.migration import Box
 from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
 from .constant_pressure import ConstantPressure
 from .constant_temperature import HEAT, KT, OF_BAROSTAT, prepare, words_of_all
@@ -163,7 +163,7 @@ def end_change(mpi: Mpi, parameters: F1, cell: Barostat):
 @loop
 def rescale_cell(
     mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F, rank: I,
-    step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: Box,
+    step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: PeriodicBox,
 ) -> I:  # fmt: skip
     """Change the box, stretch the centres of mass with it, and place the atoms anew.
 

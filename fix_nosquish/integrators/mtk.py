@@ -64,9 +64,9 @@ from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, inlined, loop
 from ..motion.block import COUNTED, LANES, MASS, V, X, three
 from ..motion.operations import PARAMETERS
+from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
 from ..motion.step import Operation
-from ..ranks.migration import Box
 from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
 from .constant_pressure import ConstantPressure
 from .constant_temperature import COMMON, HEAT, KT, OF_BAROSTAT, part_of_run, words_of_all
@@ -298,7 +298,9 @@ def note_heat(mpi, parameters, numbers, group, before, after):
 
 
 @loop
-def see_virial(mpi: Mpi, step: L1, begin_step: L1, end_step: L1, dt: F, cell: Piston, box: Box):
+def see_virial(
+    mpi: Mpi, step: L1, begin_step: L1, end_step: L1, dt: F, cell: Piston, box: PeriodicBox
+):
     """The molecular virial of the new forces; these act on a piston that has just moved."""
     numbers, tilted = cell.barostat, cell.barostat[TILTED] > 0.0
     count = TILT_SPREAD + 3 - SPREAD if tilted else 3

@@ -3,7 +3,7 @@
 from ..errors import RunError
 from ..loops.compiled import F1, L1, F, I, loop
 from ..motion.block import Images
-from ..ranks.migration import Box
+from ..motion.periodic import PeriodicBox
 from ..ranks.mpi import Mpi
 from ..run.thermo import energies
 from .constant_pressure import ConstantPressure
@@ -15,7 +15,7 @@ from .nve import NVE
 @loop
 def dilation(
     mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: Box,
+    cell: Piston, box: PeriodicBox,
 ) -> I:  # fmt: skip
     """The factors of letter D.
 

@@ -3,8 +3,8 @@
 from ..box.cell import COMPONENTS, EVERY, RATE, UNIT, is_due
 from ..loops.compiled import F1, L1, F, I, inlined, loop
 from ..motion.block import Images
+from ..motion.periodic import PeriodicBox
 from ..motion.step import Operation
-from ..ranks.migration import Box
 from ..ranks.mpi import Mpi
 from .constant_pressure import WITH_TEMPERATURE
 from .constant_temperature import KT, prepare
@@ -38,7 +38,7 @@ SPLITTING = "B A D O A B"
 @loop
 def dilation_and_langevin(
     mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: Box,
+    cell: Piston, box: PeriodicBox,
 ) -> I:  # fmt: skip
     """The factors of letter D, and the piston's friction and noise.
 
@@ -61,7 +61,7 @@ def measure_all(block, kind, dt, parameters):
 @loop
 def dilation_and_rescaling(
     mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: Box, sums: F1, separate: I,
+    cell: Piston, box: PeriodicBox, sums: F1, separate: I,
 ) -> I:  # fmt: skip
     """The factors of letters D and O, and the piston's friction and noise.
 
@@ -98,7 +98,7 @@ def move_chain_of_piston(mpi, parameters, step, cell, chain, dt):
 @loop
 def dilation_and_chains(
     mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: Box, sums: F1, separate: I, chains: F1,
+    cell: Piston, box: PeriodicBox, sums: F1, separate: I, chains: F1,
 ) -> I:  # fmt: skip
     """The factors of letters D and O, and the piston's chain.
 

@@ -1,6 +1,5 @@
 """How bodies follow LAMMPS's atoms, which it moves between ranks and in its arrays."""
 
-from math import floor
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,6 @@ from ..loops.compiled import (
     I2,
     L1,
     L2,
-    F,
     I,
     floats,
     inlined,
@@ -23,26 +21,8 @@ from ..loops.compiled import (
     loop,
 )
 from ..loops.memory import room
-from ..motion.block import (
-    ATOM,
-    FORCE,
-    HOME,
-    ID,
-    IMAGE,
-    LANES,
-    MOMENT,
-    NATOMS,
-    OWN,
-    Layout,
-    Q,
-    V,
-    X,
-    at,
-    take,
-    three,
-    write,
-)
-from ..motion.step import apply_matrices, rotation_matrices
+from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Layout
+from ..motion.periodic import PeriodicBox, find_images, take_into_box
 from .mpi import LONG, RANK, Mpi, add_up
 from .sharing import ASKED, ASKED_ROW, BODIES, IDS, MEET, SHARED, SHARED_ROW, find, in_row
 from .sharing import HOME as HOME_ROW
@@ -120,19 +100,6 @@ class Atoms(NamedTuple):
     arrived: F2
     arrays: L2
     atom_x: F2
-
-
-class Box(NamedTuple):
-    """The periodic box: its vectors in columns, their inverse (3, 3), its origin, 1.0 where
-    periodic, how far an atom may be from where its body has it, and by how much another periodic
-    image is faster (xx yy zz yz xz xy), which is not zero where images stream past each other."""
-
-    h: F2
-    inverse: F2
-    lo: F1
-    periodic: F1
-    near: F
-    rate: F1
 
 
 @inlined
@@ -394,101 +361,12 @@ def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
 
 
 @inlined
-def fractional(inverse, x, y, z):
-    """The fractional coordinates of a vector: in units of the box vectors."""
-    return (
-        inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z,
-        inverse[1, 1] * y + inverse[1, 2] * z,
-        inverse[2, 2] * z,
-    )
-
-
-@inlined
-def cartesian(h, u, v, w):
-    """The vector that has these fractional coordinates."""
-    return h[0, 0] * u + h[0, 1] * v + h[0, 2] * w, h[1, 1] * v + h[1, 2] * w, h[2, 2] * w
-
-
-@inlined
-def reflag(images, row, xy, xz, yz):
-    """Count the new vectors in three rows of image flags, from this row on, of each column."""
-    for b in range(images.shape[1]):
-        images[row + 1, b] -= yz * images[row + 2, b]
-        images[row, b] -= xy * images[row + 1, b] + xz * images[row + 2, b]
-
-
-@inlined
-def image_velocity(rate, n1, n2, n3):
-    """The velocity of the image that is so many box vectors away, less that of the box itself."""
-    return (
-        rate[0] * n1 + rate[5] * n2 + rate[4] * n3,
-        rate[1] * n2 + rate[3] * n3,
-        rate[2] * n3,
-    )
-
-
-@inlined
-def take_into_box(state, box):
-    """Take the bodies into the box, which their image flags count."""
-    h, inverse, lo, periodic = box.h, box.inverse, box.lo, box.periodic
-    for b in range(state.shape[1]):
-        x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
-        u, v, w = fractional(inverse, x, y, z)
-        n1, n2, n3 = periodic[0] * floor(u), periodic[1] * floor(v), periodic[2] * floor(w)
-        if n1 != 0.0 or n2 != 0.0 or n3 != 0.0:
-            x, y, z = cartesian(h, n1, n2, n3)
-            state[X, b] -= x
-            state[X + 1, b] -= y
-            state[X + 2, b] -= z
-            vx, vy, vz = image_velocity(box.rate, n1, n2, n3)
-            state[V, b] -= vx
-            state[V + 1, b] -= vy
-            state[V + 2, b] -= vz
-            state[IMAGE, b] += n1
-            state[IMAGE + 1, b] += n2
-            state[IMAGE + 2, b] += n3
-
-
-@inlined
 def settle(layout, bodies, aways, box, atom_x, off):
-    """Find the atoms that LAMMPS has in another periodic image than their body.
-
-    Args:
-        off: (2,) out: the largest distance (along an axis) of an atom from where its body has it,
-            and its entry of index.
-    """
-    block, blocks, rounds, count = layout.block, layout.blocks, layout.rounds, 0
-    h, inverse, periodic = box.h, box.inverse, box.periodic
-    away = ints(room(bodies, AWAY, 4 * layout.index.size), layout.index.size)
-    shift = floats(room(bodies, SHIFT, 24 * layout.index.size), layout.index.size, 3)
-    off[0], off[1] = 0.0, 0.0
-    for k in range(blocks.shape[0] - 1):
-        take(layout, k, X, X + 3, X)
-        take(layout, k, Q, Q + 4, Q)
-        rotation_matrices(block)
-        for r in range(blocks[k, 1], blocks[k + 1, 1]):
-            j = rounds[r]
-            apply_matrices(block, X, j, rounds[r + 1], layout.displace)
-            for b in range(rounds[r + 1] - j):
-                i = at(layout.index[at(j + b)])
-                for c in range(3):
-                    block[ATOM + c, b] = atom_x[i, c] - block[ATOM + c, b]
-            for b in range(rounds[r + 1] - j):
-                x, y, z = three(block, ATOM, b)
-                u, v, w = fractional(inverse, x, y, z)
-                n1, n2 = periodic[0] * floor(u + 0.5), periodic[1] * floor(v + 0.5)
-                write(block, OWN, b, cartesian(h, n1, n2, periodic[2] * floor(w + 0.5)))
-            for b in range(rounds[r + 1] - j):
-                (x, y, z), (sx, sy, sz) = three(block, ATOM, b), three(block, OWN, b)
-                if sx != 0.0 or sy != 0.0 or sz != 0.0:
-                    away[count] = j + b
-                    shift[count, 0], shift[count, 1], shift[count, 2] = sx, sy, sz
-                    count += 1
-                far = max(abs(x - sx), max(abs(y - sy), abs(z - sz)))
-                if not far <= off[0]:
-                    off[0], off[1] = far, j + b
-    aways[0] = count
-    bodies[AWAY, 1], bodies[SHIFT, 1], bodies[SHIFT, 2] = count, count, 3
+    """Find which atoms are in other periodic images: see `periodic.find_images`."""
+    n = layout.index.size
+    away, shift = ints(room(bodies, AWAY, 4 * n), n), floats(room(bodies, SHIFT, 24 * n), n, 3)
+    find_images(layout, Images(away, shift, aways), box, atom_x, off)
+    bodies[AWAY, 1], bodies[SHIFT, 1], bodies[SHIFT, 2] = aways[0], aways[0], 3
 
 
 @loop
@@ -502,7 +380,7 @@ def follow(
     aways: L1,
     block: F64,
     found: L1,
-    box: Box,
+    box: PeriodicBox,
     off: F1,
     what: I,
 ) -> I:
@@ -511,7 +389,7 @@ def follow(
     Args:
         bodies: the table of the bodies' memory; see the head of this file.
         kinds, block: see `block.Layout`.  aways: see `block.Images`.
-        found: (FOUND,) what is counted.  off: see `settle`.
+        found: (FOUND,) what is counted.  off: see `periodic.find_images`.
         what: the sum of LOCATE the atoms; ARRANGE the bodies, if some have moved on any rank; NOTE
             where the atoms are now; SETTLE periodic images; FEWER: atoms may be gone.
     Returns:

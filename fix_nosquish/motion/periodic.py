@@ -1,0 +1,133 @@
+"""The geometry of a periodic box: its vectors, and which image of a place is meant."""
+
+from math import floor
+from typing import NamedTuple
+
+from ..loops.compiled import F1, F2, F, inlined
+from .block import ATOM, IMAGE, OWN, Q, V, X, at, take, three, write
+from .step import apply_matrices, rotation_matrices
+
+
+class PeriodicBox(NamedTuple):
+    """The periodic box as loops have it.
+
+    Attributes:
+        h, inverse: (3, 3) its vectors in columns, upper triangular; the inverse of that.
+        lo, periodic: (3,) its origin; 1.0 where it is periodic, else 0.0.
+        near: how far an atom may be from where its body has it.
+        rate: (6,) by how much another image is faster (xx yy zz yz xz xy), which is not zero where
+            images stream past each other.
+    """
+
+    h: F2
+    inverse: F2
+    lo: F1
+    periodic: F1
+    near: F
+    rate: F1
+
+
+@inlined
+def invert(h, inverse):
+    """Have the inverse of the box vectors; what is below the diagonal stays."""
+    xx, yy, zz, xy, xz, yz = h[0, 0], h[1, 1], h[2, 2], h[0, 1], h[0, 2], h[1, 2]
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = 1.0 / xx, 1.0 / yy, 1.0 / zz
+    inverse[0, 1], inverse[1, 2] = -xy / (xx * yy), -yz / (yy * zz)
+    inverse[0, 2] = (xy * yz - xz * yy) / (xx * yy * zz)
+
+
+@inlined
+def fractional(inverse, x, y, z):
+    """The fractional coordinates of a vector: in units of the box vectors."""
+    return (
+        inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z,
+        inverse[1, 1] * y + inverse[1, 2] * z,
+        inverse[2, 2] * z,
+    )
+
+
+@inlined
+def cartesian(h, u, v, w):
+    """The vector that has these fractional coordinates."""
+    return h[0, 0] * u + h[0, 1] * v + h[0, 2] * w, h[1, 1] * v + h[1, 2] * w, h[2, 2] * w
+
+
+@inlined
+def reflag(images, row, xy, xz, yz):
+    """Count the new vectors in three rows of image flags, from this row on, of each column."""
+    for b in range(images.shape[1]):
+        images[row + 1, b] -= yz * images[row + 2, b]
+        images[row, b] -= xy * images[row + 1, b] + xz * images[row + 2, b]
+
+
+@inlined
+def image_velocity(rate, n1, n2, n3):
+    """The velocity of the image that is so many box vectors away, less that of the box itself."""
+    return (
+        rate[0] * n1 + rate[5] * n2 + rate[4] * n3,
+        rate[1] * n2 + rate[3] * n3,
+        rate[2] * n3,
+    )
+
+
+@inlined
+def take_into_box(state, box):
+    """Take the bodies into the box, which their image flags count."""
+    h, inverse, lo, periodic = box.h, box.inverse, box.lo, box.periodic
+    for b in range(state.shape[1]):
+        x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
+        u, v, w = fractional(inverse, x, y, z)
+        n1, n2, n3 = periodic[0] * floor(u), periodic[1] * floor(v), periodic[2] * floor(w)
+        if n1 != 0.0 or n2 != 0.0 or n3 != 0.0:
+            x, y, z = cartesian(h, n1, n2, n3)
+            state[X, b] -= x
+            state[X + 1, b] -= y
+            state[X + 2, b] -= z
+            vx, vy, vz = image_velocity(box.rate, n1, n2, n3)
+            state[V, b] -= vx
+            state[V + 1, b] -= vy
+            state[V + 2, b] -= vz
+            state[IMAGE, b] += n1
+            state[IMAGE + 1, b] += n2
+            state[IMAGE + 2, b] += n3
+
+
+@inlined
+def find_images(layout, images, box, atom_x, off):
+    """Find the atoms that LAMMPS has in another periodic image than their body.
+
+    Args:
+        images: the `Images`, with room for all atoms.
+        off: (2,) out: the largest distance (along an axis) of an atom from where its body has it,
+            and its entry of index.
+    """
+    block, blocks, rounds, count = layout.block, layout.blocks, layout.rounds, 0
+    h, inverse, periodic = box.h, box.inverse, box.periodic
+    away, shift = images.away, images.shift
+    off[0], off[1] = 0.0, 0.0
+    for k in range(blocks.shape[0] - 1):
+        take(layout, k, X, X + 3, X)
+        take(layout, k, Q, Q + 4, Q)
+        rotation_matrices(block)
+        for r in range(blocks[k, 1], blocks[k + 1, 1]):
+            j = rounds[r]
+            apply_matrices(block, X, j, rounds[r + 1], layout.displace)
+            for b in range(rounds[r + 1] - j):
+                i = at(layout.index[at(j + b)])
+                for c in range(3):
+                    block[ATOM + c, b] = atom_x[i, c] - block[ATOM + c, b]
+            for b in range(rounds[r + 1] - j):
+                x, y, z = three(block, ATOM, b)
+                u, v, w = fractional(inverse, x, y, z)
+                n1, n2 = periodic[0] * floor(u + 0.5), periodic[1] * floor(v + 0.5)
+                write(block, OWN, b, cartesian(h, n1, n2, periodic[2] * floor(w + 0.5)))
+            for b in range(rounds[r + 1] - j):
+                (x, y, z), (sx, sy, sz) = three(block, ATOM, b), three(block, OWN, b)
+                if sx != 0.0 or sy != 0.0 or sz != 0.0:
+                    away[count] = j + b
+                    shift[count, 0], shift[count, 1], shift[count, 2] = sx, sy, sz
+                    count += 1
+                far = max(abs(x - sx), max(abs(y - sy), abs(z - sz)))
+                if not far <= off[0]:
+                    off[0], off[1] = far, j + b
+    images.aways[0] = count
