@@ -25,17 +25,15 @@ class Reports:
     """Tells of an integrator's bodies.
 
     Args:
-        state: the `Integrator`.
+        integrator: the `Integrator`.
 
     Attributes:
         file: the `output.BodyFile` of keyword output, None if there is none (yet).
     """
 
-    def __init__(self, state):
-        self._state, self.file = (
-            weakref.proxy(state),
-            None,
-        )  # no circle: it goes when LAMMPS lets go
+    def __init__(self, integrator):
+        self._integrator = weakref.proxy(integrator)  # no circle: it goes when LAMMPS lets go
+        self.file = None
         self._said, self._warned, self._heard, self._known = None, set(), False, {}
         self._gained_at_end = 0.0
 
@@ -52,17 +50,17 @@ class Reports:
 
     def say(self, virial):
         """Log what the bodies are, if that has changed, and what was taken from velocities."""
-        state = self._state
-        lines, removed = thermo.summary(state, virial)
-        warnings = [line for line in thermo.warnings(state) if line not in self._warned]
+        integrator = self._integrator
+        lines, removed = thermo.summary(integrator, virial)
+        warnings = [line for line in thermo.warnings(integrator) if line not in self._warned]
         self._warned.update(warnings)
         said, self._said = self._said, lines[:4]
         if not said or said[:3] != lines[:3]:
-            state.host.log("\n".join([*lines, *state.host.advice(removed), ""]))
-        elif said[3] != lines[3] and thermo.projected(state.notes):
-            state.host.log(lines[3] + "\n")
+            integrator.host.log("\n".join([*lines, *integrator.host.advice(removed), ""]))
+        elif said[3] != lines[3] and thermo.projected(integrator.notes):
+            integrator.host.log(lines[3] + "\n")
         if warnings:
-            state.host.log("\n".join([*warnings, ""]))
+            integrator.host.log("\n".join([*warnings, ""]))
 
     def say_taken_over(self, at, fixes):
         """Log, once a run, that bodies took over the velocities that these fixes gave atoms."""
@@ -70,8 +68,8 @@ class Reports:
             self._heard = True
             names = " or ".join(fixes)
             names = names if fixes[0] == TEMPER else f"fix {names}"
-            kept = " (not those of the infile)" if self._state.infile else ""
-            self._state.host.log(
+            kept = " (not those of the infile)" if self._integrator.infile else ""
+            self._integrator.host.log(
                 f"The velocities of the bodies' atoms were changed at the end of step {at} (by "
                 f"{names}): the bodies take them over, as rigid motion{kept}\n"
             )
@@ -80,47 +78,48 @@ class Reports:
 
     def open(self):
         """Open the file of keyword output, if there is to be one and it is not open."""
-        state = self._state
-        if not state.command.output or self.file:
+        integrator = self._integrator
+        if not integrator.command.output or self.file:
             return
-        path = state.lammps.text(state.command.output[1])
-        files = [mate.reports.file for mate in state.mates]
+        path = integrator.lammps.text(integrator.command.output[1])
+        files = [mate.reports.file for mate in integrator.mates]
         if any(file and file.path == path for file in files):
             raise RunError(
                 f"two fixes write their table of bodies (keyword output) to {path}: "
                 "give each a file of its own",
                 everywhere=True,
             )
-        if state.respa_dt is not None and not state.host.calls_setup:
+        if integrator.respa_dt is not None and not integrator.host.calls_setup:
             raise RunError(
                 "keyword output needs the plugin's fix python/move under run_style respa: "
                 "this LAMMPS's own knows no end of a step",
                 everywhere=True,
             )
-        self.file = output.BodyFile(path, state.lammps.units, state.communicator)
+        self.file = output.BodyFile(path, integrator.lammps.units, integrator.communicator)
 
     def due(self):
         """Whether the table of this step is to be written."""
-        now = self._state.lammps.step
-        return self.file and now % self._state.command.output[0] == 0 and self.file.last != now
+        now = self._integrator.lammps.step
+        return self.file and now % self._integrator.command.output[0] == 0 and self.file.last != now
 
     def write(self):
         """Write the table of this step, if it is due."""
         if self.due():
-            state = self._state
-            state.come_to_rest()
-            self.file.write(state.lammps.step, output.table(state.bodies, state.lammps))
+            integrator = self._integrator
+            integrator.come_to_rest()
+            rows = output.table(integrator.bodies, integrator.lammps)
+            self.file.write(integrator.lammps.step, rows)
 
     def table(self):
         """The bodies that are counted on this rank as they are now: see `output.table`."""
-        return output.table(self.made(), self._state.lammps)
+        return output.table(self.made(), self._integrator.lammps)
 
     def write_restart_file(self, name):
         """Keep the bodies beside a restart file, to be read as infile; collective."""
-        state = self._state
-        several = sum(mate.restart_file for mate in state.mates) > 1
-        own = f".{state.host.fix_id}" if several else ""
-        infile.write(f"{name}{own}.rigid", self.made(), state.lammps, state.communicator)
+        integrator = self._integrator
+        several = sum(mate.restart_file for mate in integrator.mates) > 1
+        own = f".{integrator.host.fix_id}" if several else ""
+        infile.write(f"{name}{own}.rigid", self.made(), integrator.lammps, integrator.communicator)
 
     def made(self):
         """The bodies, with their forces, as a step that is looked at leaves them.
@@ -128,51 +127,51 @@ class Reports:
         Raises:
             RunError: on all ranks, before the first run.
         """
-        state = self._state
-        if state.bodies is None:
+        integrator = self._integrator
+        if integrator.bodies is None:
             raise RunError(
                 "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
                 everywhere=True,
             )
-        state.come_to_rest()
-        return state.bodies
+        integrator.come_to_rest()
+        return integrator.bodies
 
     # ------------------------------------------------------------- thermodynamics
 
     def add_constraint_virial(self, virial=None):
         """Add the constraint virial to LAMMPS's, or to this array (6,)."""
-        state = self._state
-        virial = state.virial if virial is None else virial
+        integrator = self._integrator
+        virial = integrator.virial if virial is None else virial
         if virial is None:
             return
-        cells, of_atoms = state.lammps.cells, state.virial_per_atom
+        cells, of_atoms = integrator.lammps.cells, integrator.virial_per_atom
         cells["virial"].set(virial)
         cells["atom_virial"].set(np.empty((0, 9)) if of_atoms is None else of_atoms)
-        state.do("virial")
+        integrator.do("virial")
 
     def virial_of_all(self):
         """The virial of all bodies on all ranks, between LAMMPS's forces and final_integrate."""
         virial = np.zeros(6)
-        for mate in self._state.mates:
+        for mate in self._integrator.mates:
             mate.reports._add_early(virial)
-        return self._state.communicator.total(virial)
+        return self._integrator.communicator.total(virial)
 
     def _add_early(self, virial):
-        state = self._state
-        if state.has_begun and not state.host.vflag:
+        integrator = self._integrator
+        if integrator.has_begun and not integrator.host.vflag:
             return
-        if state.host.atoms_moved() or not state.has_begun:
-            state.post_neighbor()
-        bodies = state.bodies
+        if integrator.host.atoms_moved() or not integrator.has_begun:
+            integrator.post_neighbor()
+        bodies = integrator.bodies
         with _as_they_are(bodies):
-            state.do("close" if state.has_begun and not state.middle else "gather")
+            integrator.do("close" if integrator.has_begun and not integrator.middle else "gather")
             self.add_constraint_virial(virial)
 
     def removed_freedom(self, group):
         """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
-        state = self._state
-        bodies, running = state.bodies, state.lammps.running
-        command, between = state.host.command, state.is_over or not running
+        integrator = self._integrator
+        bodies, running = integrator.bodies, integrator.lammps.running
+        command, between = integrator.host.command, integrator.is_over or not running
         sets = command[2:3] if between and "velocity" in command[:1] else ()
         if "create" in sets:
             # all atoms' velocities are scaled now; a body keeps its share of them when the run
@@ -181,40 +180,43 @@ class Reports:
         if not running or bodies is None or "scale" in sets:
             # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
             bodies = build(
-                state.lammps,
-                state.communicator,
-                state.membership,
-                state.infile,
-                former=state.former(),
-                **state.particles(),
+                integrator.lammps,
+                integrator.communicator,
+                integrator.membership,
+                integrator.infile,
+                former=integrator.former(),
+                **integrator.particles(),
             )[0]
         bit = 1 << group
         if "scale" in sets and not bodies.spin:
-            return thermo.removed_freedom_to_scale(bodies, state.communicator, bit, state.lammps)
-        inside = state.lammps.groups[bodies.index] & bit != 0
-        return thermo.removed_freedom(bodies, state.communicator, inside, state.lammps)
+            return thermo.removed_freedom_to_scale(
+                bodies, integrator.communicator, bit, integrator.lammps
+            )
+        inside = integrator.lammps.groups[bodies.index] & bit != 0
+        return thermo.removed_freedom(bodies, integrator.communicator, inside, integrator.lammps)
 
     def energies(self):
         """Kinetic energies and temperatures: see `thermo.energies`; collective."""
         self._see_changed_velocities()
-        state = self._state
+        integrator = self._integrator
         return self._once(
-            "energies", lambda bodies: thermo.energies(bodies, state.communicator, state.lammps)
+            "energies",
+            lambda bodies: thermo.energies(bodies, integrator.communicator, integrator.lammps),
         )
 
     def kinetic_at_end(self):
         """The kinetic energy of the bodies at the end of the step, and that of the velocities that
         the atoms have, in LAMMPS's units; collective."""
-        state, now = self._state, self.energies()[:2].sum()
+        integrator, now = self._integrator, self.energies()[:2].sum()
 
         def closed(bodies):
-            if state.middle and state.is_over:  # LAMMPS's atoms may be other ones now
+            if integrator.middle and integrator.is_over:  # LAMMPS's atoms may be other ones now
                 return now + self._gained_at_end
-            if not state.middle or state.phase != state.ended:
+            if not integrator.middle or integrator.phase != integrator.ended:
                 return now
             with _as_they_are(bodies):
-                state.do("close")
-                return thermo.energies(bodies, state.communicator, state.lammps)[:2].sum()
+                integrator.do("close")
+                return thermo.energies(bodies, integrator.communicator, integrator.lammps)[:2].sum()
 
         return self._once("kinetic", closed), now
 
@@ -226,11 +228,11 @@ class Reports:
     def array(self):
         """What fix rigid gives as its global array: see `output.global_array`; collective."""
         self._see_changed_velocities()
-        state = self._state
+        integrator = self._integrator
 
         def gathered(bodies):
-            rows = output.table(bodies, state.lammps)
-            return output.global_array(state.communicator.gather_to_all(rows))
+            rows = output.table(bodies, integrator.lammps)
+            return output.global_array(integrator.communicator.gather_to_all(rows))
 
         return self._once("array", gathered)
 
@@ -244,10 +246,10 @@ class Reports:
         return self._known[name]
 
     def _when(self):
-        state = self._state
-        return state.lammps.step, state.phase, state.host.changes
+        integrator = self._integrator
+        return integrator.lammps.step, integrator.phase, integrator.host.changes
 
     def _see_changed_velocities(self):
-        state = self._state
-        if state.lammps.running and state.is_set and state.host.velocities_set:
-            state.take_changed_velocities(state.lammps.step)
+        integrator = self._integrator
+        if integrator.lammps.running and integrator.is_set and integrator.host.velocities_set:
+            integrator.take_changed_velocities(integrator.lammps.step)

@@ -111,13 +111,14 @@ def projected(notes):
     return notes["removed"] > 1e-9 * notes["kinetic"]
 
 
-def summary(nve, virial):
+def summary(integrator, virial):
     """The lines for the log at the start of a run, and the degrees of freedom removed; collective.
 
     Args:
-        nve: the integrator.  virial: whether LAMMPS asks for it.
+        integrator: the `Integrator`.  virial: whether LAMMPS asks for it.
     """
-    bodies, communicator, command, notes = nve.bodies, nve.communicator, nve.command, nve.notes
+    bodies, communicator, lammps = integrator.bodies, integrator.communicator, integrator.lammps
+    command, notes, fixes = integrator.command, integrator.notes, integrator.other_fixes
     owned = bodies.sharers.owned
     n, r, e = len(bodies), bodies.rotors, bodies.turning
     flat = bodies.flat
@@ -137,14 +138,12 @@ def summary(nve, virial):
     total, solid, planar, linear, single, atoms, points, rotors, lines, shared = communicator.total(
         np.array(counts, float)
     ).astype(int)
-    removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), nve.lammps)
-    own = communicator.total(np.array([freedom(bodies, nve.lammps.dimension)[owned].sum()]))[0]
+    removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), lammps)
+    own = communicator.total(np.array([freedom(bodies, lammps.dimension)[owned].sum()]))[0]
     kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
     # as compute temp of these atoms counts them
-    degrees = np.array([removed + own, own]) - nve.lammps.dimension
-    before, now = np.divide(
-        2 * kinetic, degrees * nve.lammps.boltz, out=np.zeros(2), where=degrees > 0
-    )
+    degrees = np.array([removed + own, own]) - lammps.dimension
+    before, now = np.divide(2 * kinetic, degrees * lammps.boltz, out=np.zeros(2), where=degrees > 0)
     if bodies.planar:
         kinds, turning = (
             ((solid + planar, "in the plane"),),
@@ -152,8 +151,8 @@ def summary(nve, virial):
         )
     else:
         kinds = (solid, "three-dimensional"), (planar, "planar"), (linear, "linear")
-        how = f" (mrot {command.mrot}, order {command.order})" if nve.splits else ""
-        how = " (exact)" if nve.exact else how
+        how = f" (mrot {command.mrot}, order {command.order})" if integrator.splits else ""
+        how = " (exact)" if integrator.exact else how
         turning = (
             (rotors, f"rotation of rotors{how}", "no rotors"),
             (lines, "rotation of linear bodies", "no linear bodies"),
@@ -165,15 +164,15 @@ def summary(nve, virial):
         (single, "", "no single atoms"),
         (bodies.spin, "torque and spin of particles that are no points", ""),
         (bodies.oriented, "orientation of particles", ""),
-        (nve.thermostat, "thermostat", ""),
+        (integrator.thermostat, "thermostat", ""),
         (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
         (command.shadow, f"shadow energy, in each step that is a multiple of {command.shadow}", ""),
-        (nve.every, f"box, in one of {nve.every} steps", ""),
-        (nve.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
+        (integrator.every, f"box, in one of {integrator.every} steps", ""),
+        (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
         (
-            nve.other_fixes.late,
-            f"velocities that {' '.join(fix.id for fix in nve.other_fixes.late)} may change, "
+            fixes.late,
+            f"velocities that {' '.join(fix.id for fix in fixes.late)} may change, "
             "at the end of a step",
             "",
         ),
@@ -188,12 +187,12 @@ def summary(nve, virial):
             "no body shared between ranks",
         ),
         (
-            nve.other_fixes.velocities_every,
-            f"velocities of the atoms {_often(nve.other_fixes.velocities_every)} and with output",
+            fixes.velocities_every,
+            f"velocities of the atoms {_often(fixes.velocities_every)} and with output",
             "velocities of the atoms on steps without output",
         ),
         (
-            nve.half_step_velocities,
+            integrator.half_step_velocities,
             "velocities at the half step",
             "no reader of velocities at the half step",
         ),
@@ -202,7 +201,7 @@ def summary(nve, virial):
         if (pass_ and needed) or (without and not needed):
             (done if needed else left).append(pass_ if needed else without)
     lines = [
-        f"Rigid bodies by {nve.method}, fix_nosquish {__version__}: {command.text}",
+        f"Rigid bodies by {integrator.method}, fix_nosquish {__version__}: {command.text}",
         f"  {total} rigid bodies with {atoms} atoms: {', '.join(kinds) or 'none yet'}"
         + (f"; {points} points, the atoms of group {command.points}" if command.points else ""),
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
@@ -219,7 +218,6 @@ def summary(nve, virial):
     ]
     if command.moments:
         how, word = command.moments
-        lammps = nve.lammps
         value = (
             least_moment(lammps, command) if how == "step"
             else lammps.number(word) if word else 1.0
@@ -250,12 +248,12 @@ def _often(steps):
     return f"every {' and '.join(str(n) for n in steps)} steps"
 
 
-def warnings(nve):
+def warnings(integrator):
     """Lines for the log on what is probably not meant; collective. Args: as `summary`."""
-    lines, group, notes = [], nve.command.group, nve.notes
-    if nve.host.group not in (None, group):
+    lines, group, notes = [], integrator.command.group, integrator.notes
+    if integrator.host.group not in (None, group):
         lines.append(
-            f"WARNING: the fix line names group {nve.host.group}, the class group {group}: "
+            f"WARNING: the fix line names group {integrator.host.group}, the class group {group}: "
             f"the bodies are of {group}, so give the fix the same group"
         )
     if notes["stray"] > 1:
@@ -263,26 +261,27 @@ def warnings(nve):
             f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: "
             "give every body a molecule-ID of its own, or leave these atoms out of the group"
         )
-    warmed = nve.thermostat or nve.quenches or nve.command.steps
+    warmed = integrator.thermostat or integrator.quenches or integrator.command.steps
     if notes["still"] and projected(notes) and not warmed:
         lines.append(
             "WARNING: the bodies' atoms are no points, and do not spin: velocity create and "
             "velocity scale leave spins as they are. So the bodies' rotation starts colder than "
             "their translation; a thermostat warms it"
         )
-    lines += [*notes["warnings"], *nve.own_warnings]
-    turn, body = _fastest(nve.bodies, nve.communicator, nve.lammps.innermost_dt)
+    lines += [*notes["warnings"], *integrator.own_warnings]
+    dt = integrator.lammps.innermost_dt
+    turn, body = _fastest(integrator.bodies, integrator.communicator, dt)
     if turn > _FAST:
         lines.append(
-            f"WARNING: {nve.membership.name(body)} turns by {turn:.2g} rad in a step, "
+            f"WARNING: {integrator.membership.name(body)} turns by {turn:.2g} rad in a step, "
             "which no time step of this length can follow well: "
-            f"use one of about {0.2 * nve.dt / turn:.2g}, or a better start; "
+            f"use one of about {0.2 * integrator.dt / turn:.2g}, or a better start; "
             "a body that is almost linear can be made linear"
         )
     return lines
 
 
-def forces_at_start(nve):
+def forces_at_start(integrator):
     """What the forces of the start tell of atoms that overlap; collective.
 
     Returns:
@@ -290,7 +289,7 @@ def forces_at_start(nve):
         '' if that is as it should be; what to do; and the distance that atoms have from each other,
         or the size of the largest body if that is more.
     """
-    bodies, communicator, lammps = nve.bodies, nve.communicator, nve.lammps
+    bodies, communicator, lammps = integrator.bodies, integrator.communicator, integrator.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension
     push = (
         0.5
@@ -317,7 +316,7 @@ def forces_at_start(nve):
     first, second = (0, 1) if many <= 0.1 * of else (1, 0)
     cause = f"{causes[first]}, or {causes[second]}"
     remedy = f"{remedies[first]}, or {remedies[second]}"
-    furthest = nve.membership.name(int(ids[pushes.argmax()]))
+    furthest = integrator.membership.name(int(ids[pushes.argmax()]))
     return (
         f"{cause}: the force on {furthest} moves it by {pushes.max():.3g} in the first step",
         remedy,
