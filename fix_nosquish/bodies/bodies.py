@@ -92,7 +92,7 @@ class Bodies:
         body, tag: (m,) the body of each of these atoms, and its ID.
         sharers: the `Sharers` of these bodies.
         start: None, or what is known of the start of the run: its step, and what
-            `thermo.forces_at_start` says.
+            `log.forces_at_start` says.
         loose: whether atoms may stand anywhere near where their bodies have them.
         planar: whether they turn in the xy plane only, about their axis 3.
         chosen: `block.Layout.kinds`[3].

@@ -36,7 +36,7 @@ from ..motion.block import ROWS
 from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
-from . import passes, reports, thermo, threads
+from . import log, passes, reports, threads
 from .declaration import Declaration
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .switches import Switches
@@ -443,7 +443,7 @@ class Integrator(Declaration):
         if self.host.calls_setup:
             self.reports.say(bool(vflag))
             self.reports.write()
-        cause, remedy, spacing = thermo.forces_at_start(self)
+        cause, remedy, spacing = log.forces_at_start(self)
         self.bodies.start = self.lammps.step, cause, remedy, spacing
         if cause and not self.quenches:
             self.host.log(f"WARNING: {cause}: {remedy}\n")
@@ -685,7 +685,7 @@ class Integrator(Declaration):
         if self.phase == Phase.NEW:
             cause, remedy = (
                 "atoms overlap at the start",
-                thermo.APART,
+                log.APART,
             )
         advice = (
             "use a shorter time step or a better start, and look for what else acts on the body"

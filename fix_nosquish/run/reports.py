@@ -8,7 +8,7 @@ import numpy as np
 from ..bodies import infile
 from ..bodies.build import build
 from ..errors import RunError
-from . import output, thermo
+from . import log, output, thermo
 
 TEMPER = "command temper"  # which changes velocities, as some fixes do
 
@@ -51,13 +51,13 @@ class Reports:
     def say(self, virial):
         """Log what the bodies are, if that has changed, and what was taken from velocities."""
         integrator = self._integrator
-        lines, removed = thermo.summary(integrator, virial)
-        warnings = [line for line in thermo.warnings(integrator) if line not in self._warned]
+        lines, removed = log.summary(integrator, virial)
+        warnings = [line for line in log.warnings(integrator) if line not in self._warned]
         self._warned.update(warnings)
         said, self._said = self._said, lines[:4]
         if not said or said[:3] != lines[:3]:
             integrator.host.log("\n".join([*lines, *integrator.host.advice(removed), ""]))
-        elif said[3] != lines[3] and thermo.projected(integrator.notes):
+        elif said[3] != lines[3] and log.projected(integrator.notes):
             integrator.host.log(lines[3] + "\n")
         if warnings:
             integrator.host.log("\n".join([*warnings, ""]))

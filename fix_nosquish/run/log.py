@@ -1,0 +1,272 @@
+"""What the log says of the bodies as a run begins: what they are, what is done, what is odd."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from .. import __version__
+from ..bodies.build import least_moment
+from .thermo import freedom, removed_freedom
+
+APART = "relax the bodies by fix_nosquish.FIRE and a run, or move them apart"
+_FAST = 1.0  # radians in a time step that call for a warning
+# of the distance between atoms: unless these overlap, no force moves a body further in a step
+_PUSHED = 0.1
+
+
+class _Counts(NamedTuple):
+    """Numbers of bodies on all ranks; of rotors and lines points count, too, as spheres turn."""
+
+    bodies: int
+    solid: int
+    flat: int
+    linear: int
+    single: int
+    atoms: int
+    points: int
+    rotors: int
+    lines: int
+    shared: int
+
+
+def summary(integrator, virial):
+    """The lines for the log at the start of a run, and the degrees of freedom removed; collective.
+
+    Args:
+        integrator: the `Integrator`.  virial: whether LAMMPS asks for it.
+    """
+    bodies, command, notes = integrator.bodies, integrator.command, integrator.notes
+    communicator, lammps, found = integrator.communicator, integrator.lammps, _counted(integrator)
+    removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), lammps)
+    owned = freedom(bodies, lammps.dimension)[bodies.sharers.owned]
+    own = communicator.total(np.array([owned.sum()]))[0]
+    done, left = _passes(integrator, found, virial)
+    lines = [
+        f"Rigid bodies by {integrator.method}, fix_nosquish {__version__}: {command.text}",
+        f"  {found.bodies} rigid bodies with {found.atoms} atoms: {_kinds(bodies, found)}"
+        + (
+            f"; {found.points} points, the atoms of group {command.points}"
+            if command.points
+            else ""
+        ),
+        f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
+        f"  start velocities: {_start(notes, removed, own, lammps)}",
+        "\n    ".join(["  passes in use:", *(done or ["translation"])]),
+        "\n    ".join(["  passes left out:", *(left or ["none"])]),
+    ]
+    if command.moments:
+        lines.append(f"  principal moments: {_moments(command, lammps)}")
+    if notes["rebuilt"]:
+        lines.append(
+            f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the "
+            "nearest image"
+        )
+    return lines, removed
+
+
+def _counted(integrator):
+    bodies = integrator.bodies
+    owned, listed, flat = bodies.sharers.owned, bodies.listed, bodies.flat
+    rotors, turning, shared = bodies.rotors, bodies.turning, bodies.sharers.bodies
+    counts = _Counts(
+        bodies=listed.sum(),
+        solid=(listed[:rotors] & ~flat).sum(),
+        flat=(listed[:rotors] & flat).sum(),
+        linear=listed[rotors:turning].sum(),
+        single=listed[turning : len(bodies)].sum(),
+        atoms=bodies.natoms[listed].sum(),
+        points=(owned & ~listed).sum(),
+        rotors=owned[:rotors].sum(),
+        lines=owned[rotors:turning].sum(),
+        shared=len(shared[owned[shared]]),
+    )
+    return _Counts(*integrator.communicator.total(np.array(counts, float)).astype(int))
+
+
+def _kinds(bodies, found):
+    """How many bodies there are of each kind."""
+    if bodies.planar:
+        kinds = {"in the plane": found.solid + found.flat}
+    else:
+        kinds = {"three-dimensional": found.solid, "planar": found.flat, "linear": found.linear}
+    kinds["single atoms"] = found.single
+    return ", ".join(f"{number} {kind}" for kind, number in kinds.items() if number) or "none yet"
+
+
+def _start(notes, removed, own, lammps):
+    """What was taken from the atoms' velocities, so that they are rigid motion."""
+    kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
+    # as compute temp of these atoms counts them
+    degrees = np.array([removed + own, own]) - lammps.dimension
+    before, now = np.divide(2 * kinetic, degrees * lammps.boltz, out=np.zeros(2), where=degrees > 0)
+    if not projected(notes):
+        return f"rigid motion, temperature {now:.8g} of the bodies"
+    return (
+        f"{notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion "
+        f"and was removed; temperature {before:.8g} of the atoms before, {now:.8g} of the bodies "
+        "now"
+    )
+
+
+def projected(notes):
+    """Whether start velocities were not rigid motion already. Args: notes: what `build` says."""
+    return notes["removed"] > 1e-9 * notes["kinetic"]
+
+
+def _passes(integrator, found, virial):
+    """What the passes of a step do, and what they leave out: two lists."""
+    bodies, command, fixes = integrator.bodies, integrator.command, integrator.other_fixes
+    late, every = " ".join(fix.id for fix in fixes.late), fixes.velocities_every
+    split = f" (mrot {command.mrot}, order {command.order})" if integrator.splits else ""
+    how = " (exact)" if integrator.exact else split
+    rotors = (found.rotors, f"rotation of rotors{how}", "no rotors")
+    lines = (found.lines, "rotation of linear bodies", "no linear bodies")
+    in_plane = (found.rotors, "rotation in the plane", "no rotation")
+    output = command.output and command.output[0]
+    # what asks for it, what is said of it, and of its absence
+    known = (
+        *([in_plane] if bodies.planar else [rotors, lines]),
+        (found.single, "", "no single atoms"),
+        (bodies.spin, "torque and spin of particles that are no points", ""),
+        (bodies.oriented, "orientation of particles", ""),
+        (integrator.thermostat, "thermostat", ""),
+        (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
+        (command.shadow, f"shadow energy, in each step that is a multiple of {command.shadow}", ""),
+        (integrator.every, f"box, in one of {integrator.every} steps", ""),
+        (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
+        (command.force or command.torque, "forces and torques that are switched off", ""),
+        (late, f"velocities that {late} may change, at the end of a step", ""),
+        (output, f"table of the bodies every {output} steps", ""),
+        (
+            found.shared,
+            f"exchange of {found.shared} bodies shared between ranks",
+            "no body shared between ranks",
+        ),
+        (
+            every,
+            f"velocities of the atoms {_often(every)} and with output",
+            "velocities of the atoms on steps without output",
+        ),
+        (
+            integrator.half_step_velocities,
+            "velocities at the half step",
+            "no reader of velocities at the half step",
+        ),
+        (virial, "constraint virial on steps that need it", "no virial requested"),
+    )
+    done = [done for needed, done, _ in known if needed and done]
+    return done, [left for needed, _, left in known if left and not needed]
+
+
+def _often(steps):
+    """How often something is done that is done every so many steps, for each of these numbers."""
+    if 1 in steps:
+        return "each step"
+    return f"every {' and '.join(str(n) for n in steps)} steps"
+
+
+def _moments(command, lammps):
+    """What keyword moments makes of them."""
+    how, word = command.moments
+    if how == "alike":
+        return "those of atoms that share the mass of their body alike"
+    if how == "step":
+        least = least_moment(lammps, command)
+        chosen = f"at least {least:.4g}, for a step of {lammps.innermost_dt:g}"
+    else:
+        value = lammps.number(word)
+        chosen = (
+            f"{value:g} "
+            + {
+                "equal": "instead of the atoms' own",
+                "scale": "times those of the atoms' own",
+            }[how]
+        )
+    return (
+        f"{chosen}. Averages over configurations and velocities stay as they are; how long bodies "
+        "take to turn does not"
+    )
+
+
+def warnings(integrator):
+    """Lines for the log on what is probably not meant; collective. Args: as `summary`."""
+    lines, group, notes = [], integrator.command.group, integrator.notes
+    if integrator.host.group not in (None, group):
+        lines.append(
+            f"WARNING: the fix line names group {integrator.host.group}, the class group {group}: "
+            f"the bodies are of {group}, so give the fix the same group"
+        )
+    if notes["stray"] > 1:
+        lines.append(
+            f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: "
+            "give every body a molecule-ID of its own, or leave these atoms out of the group"
+        )
+    warmed = integrator.thermostat or integrator.quenches or integrator.command.steps
+    if notes["still"] and projected(notes) and not warmed:
+        lines.append(
+            "WARNING: the bodies' atoms are no points, and do not spin: velocity create and "
+            "velocity scale leave spins as they are. So the bodies' rotation starts colder than "
+            "their translation; a thermostat warms it"
+        )
+    lines += [*notes["warnings"], *integrator.own_warnings]
+    dt = integrator.lammps.innermost_dt
+    turn, body = _fastest(integrator.bodies, integrator.communicator, dt)
+    if turn > _FAST:
+        lines.append(
+            f"WARNING: {integrator.membership.name(body)} turns by {turn:.2g} rad in a step, "
+            "which no time step of this length can follow well: "
+            f"use one of about {0.2 * integrator.dt / turn:.2g}, or a better start; "
+            "a body that is almost linear can be made linear"
+        )
+    return lines
+
+
+def forces_at_start(integrator):
+    """What the forces of the start tell of atoms that overlap; collective.
+
+    Returns:
+        (cause, remedy, spacing): what to say of the body that is pushed furthest in the first step,
+        '' if that is as it should be; what to do; and the distance that atoms have from each other,
+        or the size of the largest body if that is more.
+    """
+    bodies, communicator, lammps = integrator.bodies, integrator.communicator, integrator.lammps
+    owned, dimension = bodies.sharers.owned, lammps.dimension
+    push = (
+        0.5
+        * lammps.innermost_dt**2
+        * lammps.ftm2v
+        * np.sqrt((bodies.force**2).sum(axis=0))
+        / bodies.mass
+    )
+    size = np.sqrt(bodies.moments_of_atoms.max(axis=0) / bodies.mass)
+    k = [push.argmax()] if len(push) else []
+    pushes, ids, sizes = communicator.gather_to_all(
+        np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T
+    ).T
+    space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / max(
+        1, communicator.count(len(lammps.groups))
+    )
+    spacing = max(space ** (1 / dimension), sizes.max(initial=0.0))
+    many, of = communicator.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
+    if not many:
+        return "", "", spacing
+    # forces on few bodies that are much too high speak for the start, on many for the step
+    causes = ["atoms overlap at the start", "the time step is too long"]
+    remedies = [APART, "use a shorter time step"]
+    first, second = (0, 1) if many <= 0.1 * of else (1, 0)
+    cause = f"{causes[first]}, or {causes[second]}"
+    remedy = f"{remedies[first]}, or {remedies[second]}"
+    furthest = integrator.membership.name(int(ids[pushes.argmax()]))
+    return (
+        f"{cause}: the force on {furthest} moves it by {pushes.max():.3g} in the first step",
+        remedy,
+        spacing,
+    )
+
+
+def _fastest(bodies, communicator, dt):
+    """The angle by which the fastest body turns in a step, and its ID; collective."""
+    turns = dt * np.sqrt((bodies.angular_velocity() ** 2).sum(axis=0))
+    k = [turns.argmax()] if len(turns) else []
+    angles, ids = communicator.gather_to_all(np.array([turns[k], bodies.id[k]]).T).T
+    return max(zip(angles, ids.astype(int)), default=(0.0, 0))
