@@ -275,6 +275,8 @@ LATER = (
     "atoms added by a fix",
     "exception of its own",
 )
+# of what the plugin knows before: here other fixes are not known
+FOUND_LATER = {"box changed by a barostat": ("the box has changed by step 1", "fix_nosquish.NPT")}
 
 
 @pytest.mark.parametrize("name", IN_IMPORT + LATER)
@@ -283,11 +285,10 @@ def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
     and a lost message."""
     files = {"mol.bent": BENT, "spoil.py": SPOIL}
     case = CASES[name]
+    expected = FOUND_LATER.get(name, case.expected)
     run = run_lammps(case.script, files=files, launcher=debian(2), check=False, timeout=SECONDS)
     assert run.code != 0, run.screen
-    said = [
-        line for line in run.screen.splitlines() if all(words in line for words in case.expected)
-    ]
+    said = [line for line in run.screen.splitlines() if all(words in line for words in expected)]
     if name in IN_IMPORT:
         assert said, run.screen
     else:

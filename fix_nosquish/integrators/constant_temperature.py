@@ -91,12 +91,12 @@ class ConstantTemperature(Integrator):
     splits = middle = thermostat = couples = keeps_momentum = True
     keywords = "temp", "thermostat", "seed", "tchain", "separate", "moments"
     method = "NO_SQUISH"
+    _held = 0  # degrees of freedom of the total momentum, if that is taken as zero
 
     def __init__(self, ptr, words):
         super().__init__(ptr, words)
         self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, *self.own_state()])
         self._energy = 0.0  # given before this run, in all
-        self._held = 0  # degrees of freedom of the total momentum, if that is taken as zero
 
     def own_state(self):
         """What of the thermostat must be known to go on, besides the energy that it has given."""

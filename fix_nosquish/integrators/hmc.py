@@ -118,11 +118,11 @@ class HMC(NVE):
     kept, work, respa, needs_energy = KEPT, WORK, False, True
     method = "hybrid Monte Carlo with NO_SQUISH"
     kind: ClassVar = float(crc32(b"HMC 7"))
+    _has_warned = False
 
     def __init__(self, ptr, words):
         super().__init__(ptr, words)
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
-        self._has_warned = False
 
     def own_parameters(self):
         self._refuse()
