@@ -576,7 +576,8 @@ def own_scripts():
         best = found["advised"]
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
-        line = [found["title"], own, name, found["minutes_that_tell"] or NOTHING]
+        title = found["title"] + f", {found['ranks']} ranks" * (found["ranks"] > 1)
+        line = [title, own, name, found["minutes_that_tell"] or NOTHING]
         if found.get("confirmed"):
             longer = rows(f"own-scripts/{folder}", "confirmed")
             line += [_confirmed(row, found["targets"], unit) for row in longer]
