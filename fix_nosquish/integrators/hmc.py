@@ -224,6 +224,8 @@ class HMC(NVE):
 
     def _warn_of_output(self):
         """Warn once of output within a trajectory, whose configurations no test has passed."""
+        if self._has_warned:
+            return
         steps, output = self.command.steps, self.host.next_output
         readers = [fix for fix in self.other_fixes if fix.end_of_step and fix.nevery % steps]
         problem = (
@@ -233,7 +235,7 @@ class HMC(NVE):
             if output is not None and output < self.host.energy_step
             else None
         )
-        if problem and not self._has_warned:
+        if problem:
             self._has_warned = True
             self.host.log(
                 f"WARNING: {problem}, within a trajectory of hybrid Monte Carlo: what is there was "

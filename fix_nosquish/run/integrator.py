@@ -419,8 +419,7 @@ class Integrator(Declaration):
     @hook
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
-        if self._masses_may_change:
-            self._refuse_new_masses()
+        self._refuse_new_masses()
         self.do("gather")
         self.reports.forget()
         if self.start and not self._started:
@@ -501,8 +500,7 @@ class Integrator(Declaration):
         self.host.keep_box()
         if self._switches.choices:
             self.passes.mask.set(self._switches.mask(bodies))
-        if self._masses_may_change:
-            self._refuse_new_masses()
+        self._refuse_new_masses()
         if self.rigid_flag:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
@@ -669,6 +667,8 @@ class Integrator(Declaration):
 
     def _refuse_new_masses(self):
         """End the run if the bodies' atoms have other masses than at its begin; collective."""
+        if not self._masses_may_change:
+            return
         now = self._mass_of_atoms()
         if abs(now - self._mass) > 1e-9 * self._mass:
             raise RunError(
@@ -683,10 +683,7 @@ class Integrator(Declaration):
         bad = (~np.isfinite(bodies.wrench).all(axis=0)).argmax()
         cause, remedy = bodies.instability(bad, self.lammps)
         if self.phase == Phase.NEW:
-            cause, remedy = (
-                "atoms overlap at the start",
-                log.APART,
-            )
+            cause, remedy = "atoms overlap at the start", log.APART
         advice = (
             "use a shorter time step or a better start, and look for what else acts on the body"
         )
@@ -750,8 +747,7 @@ class Integrator(Declaration):
         """A run is over; what comes now, from a script's commands to another run, finds the bodies
         as their atoms are."""
         if self.phase != Phase.NEW:
-            if self._masses_may_change:
-                self._refuse_new_masses()
+            self._refuse_new_masses()
             self.come_to_rest()
             if not self.host.velocities_set:
                 self.set_velocities()

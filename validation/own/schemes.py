@@ -112,10 +112,8 @@ def _rest(found: Found) -> tuple[list[str], list[str]]:
     if not group:
         group, made = REST, [f"group {REST} subtract {texts(found.mover)[2]} {{group}}"]
     if state.press or found.points:
-        style, heat = (
-            "nvt" if state.temp else "nve",
-            state_words(type(state)(state.temp), plain=True),
-        )
+        style = "nvt" if state.temp else "nve"
+        heat = state_words(State(state.temp), plain=True)
         moves = [f"fix {REST} {group} {style}{heat}"]
     else:  # its own words
         head = [f"fix {REST} {REST}", *(one.quoted for one in words(found.mover)[3:])]
