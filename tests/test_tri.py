@@ -379,6 +379,23 @@ def test_gas_of_which_some_move_by_another_fix(run_lammps):
     assert stats.kstest(rows["Volume"], "gamma", (free + 1, 0, 2.0 / 0.12)).pvalue > 1e-3
 
 
+def test_faces_that_pass_atoms_that_stay(run_lammps, tmp_path):
+    """Locks out a pressure that depends on which side of a face an atom that stays is stored, and
+    so on the number of ranks: the box shrinks to less than half, over such atoms."""
+    system = mixture(side=3, spacing=2.9)
+    begin, dilate = with_others(system, "left")
+    begin = begin.replace("molecule 10 12 20", "molecule 1 4 7 12 13 23:27")
+    line = of_mtk("NPH", "iso 3 3 8e-1 every 1", dilate).replace(" all molecule", " ours molecule")
+    script = f"{begin}timestep 0.004\n{line}{thermo('vol', 100)}run 100\n{DUMP.format('end')}"
+    ends = {}
+    for ranks in (1, 2, 4):
+        rows = run_lammps(script, files=system.files, ranks=ranks).thermo
+        assert rows["Volume"][-1] < 0.5 * rows["Volume"][0]
+        ends[ranks] = np.loadtxt(tmp_path / "end", skiprows=9)
+    assert np.abs(ends[2] - ends[1]).max() < 1e-10
+    assert np.abs(ends[4] - ends[1]).max() < 1e-10
+
+
 def test_changed_forces_of_atoms_that_stay(refused):
     """Locks out a pressure for which a fix hides the forces."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
