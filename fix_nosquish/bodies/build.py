@@ -5,7 +5,6 @@ import numpy as np
 from ..errors import RunError
 from ..loops import machine_code
 from ..motion.frames import product
-from ..ranks.sharing import Sharers
 from . import extended, infile
 from .bodies import (
     HOME,
@@ -22,6 +21,7 @@ from .bodies import (
     quaternions,
 )
 from .extended import particles_of
+from .members import find_members, sharers_of
 from .membership import POINTS
 from .shapes import keep
 from .unfold import unfold
@@ -32,7 +32,6 @@ ZERO_MOMENT = (
 _EQUAL_MOMENTS = (
     1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
 )
-_LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 _OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
 _OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
 TURN = 0.08  # rad in a step, of keyword moments step: TIP3P with 6 amu A^2 at 298 K and 12 fs
@@ -66,104 +65,58 @@ def build(
     Raises:
         RunError: on all ranks, naming the body.
     """
-    atoms, ids, body, mass, tag = _members(lammps, communicator, membership, shapes, atoms)
-    sharers, n, plane = _sharers(communicator, ids), len(ids), lammps.dimension == 2
-
-    def total(*columns):
-        """Sums over the bodies' atoms, on all ranks, (len(columns), bodies)."""
-        sums = np.array([np.bincount(body, c, minlength=n) for c in columns])
-        sharers.combine(sums)
-        return sums
-
-    def blame(wrong, text):
-        """End the run if `wrong` marks a body."""
-        k = np.argmax(wrong) if wrong.any() else None
-        communicator.agree(None if k is None else membership.name(ids[k]) + " " + text(k))
-
-    natoms, body_mass = total(np.ones(len(atoms)), mass)
-    atoms_mass = body_mass.copy()
-    given = infile.read(path, communicator, ids, sharers.owned) if path else None
-    if given:
-        body_mass[given.bodies] = given.mass
-    blame(
-        ~(body_mass > 0), lambda k: f"has mass {body_mass[k]:g}: give its atoms a mass above zero"
-    )
-
-    place, image, delta, rebuilt, doubt = unfold(
-        lammps, communicator, membership, sharers, ids, body, tag, atoms
-    )
-    of_atoms = centre = total(*(mass * delta.T)) / atoms_mass
-    if given:
-        centre = _centres_in_file(lammps, given, place, image, of_atoms, blame)
-    r, kept, new = delta - centre[:, body].T, None, True
+    members = find_members(lammps, communicator, membership, shapes, atoms)
+    natoms, mass_here = members.total(np.ones(len(members.atoms)), members.mass)
+    given = infile.read(path, communicator, members.ids, members.owned) if path else None
+    mass = _masses(members, mass_here, given)
+    place, image, delta, rebuilt, doubt = unfold(lammps, members)
+    of_atoms = members.total(*(members.mass * delta.T)) / mass_here
+    centre = _centres_in_file(lammps, members, given, place, image, of_atoms) if given else of_atoms
+    r, kept, new = delta - centre[:, members.body].T, None, True
     shaped = oriented or lammps.radius is not None
-    particles = particles_of(lammps, shapes, atoms) if shaped else None
+    particles = particles_of(lammps, shapes, members.atoms) if shaped else None
     if former is not None:
-        r, particles, kept, new = keep(
-            lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r,
-            particles, oriented,
-        )  # fmt: skip
-    own = total(*particles.inertia().reshape(9, -1)).reshape(3, 3, n) if shaped else 0.0
-    inertia = _inertia(total, mass, r) + own
-    size = np.sqrt(np.trace(inertia) / atoms_mass)
-    blame(
-        (natoms > 1)
-        & ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
-        & (given.absent if given else True),
-        lambda k: (
-            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, "
-            "or leave them out of the group"
-        ),
-    )
+        r, particles, kept, new = keep(lammps, members, former, r, particles, oriented)
+    own = _own_inertia(members, particles)
+    inertia = _inertia(members, members.mass, r) + own
+    size = np.sqrt(np.trace(inertia) / mass_here)
+    _refuse_points(lammps, members, natoms, size, given)
     inertia = inertia.transpose(2, 0, 1)
     doubts = [doubt] if doubt else []
     if given:
         inertia[given.bodies] = given.inertia
-        doubts += _off_centre(
-            lammps, communicator, membership, ids, centre - of_atoms, size, sharers.owned
-        )
+        doubts += _off_centre(lammps, members, centre - of_atoms, size)
 
-    def weighted():
-        places = np.array([r.T, r.T])
-        if oriented:  # a particle has directions of its own
-            places += particles.directions()
-        return total(*(w * c for w, p in zip(weights(tag), places) for c in p)).reshape(2, 3, n)
-
+    plane = lammps.dimension == 2
     if plane:
         moment, axes = _principal_in_plane(inertia)
     else:
-        moment, axes = _frames(inertia, membership.command.order, communicator, weighted)
+        places = np.array([r.T, r.T])
+        if oriented:  # a particle has directions of its own
+            places += particles.directions()
+        order = membership.command.order
+        moment, axes = _frames(inertia, order, communicator, lambda: _weighted(members, places))
 
     def alike():
-        shared = _inertia(total, (body_mass / natoms)[body], r) + own
+        shared = _inertia(members, (mass / natoms)[members.body], r) + own
         return np.einsum("nak,abn,nbk->kn", axes, shared, axes)
 
     chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
-    state = np.concatenate([np.zeros((ROWS + own_rows, n)), slower])
-    state[MASS], state[NATOMS], state[MOMENT], state[HOME], state[ID] = (
-        body_mass,
-        natoms,
-        chosen,
-        sharers.home,
-        ids,
-    )
+    state = np.concatenate([np.zeros((ROWS + own_rows, len(mass))), slower])
+    state[MASS], state[NATOMS], state[MOMENT] = mass, natoms, chosen
+    state[HOME], state[ID] = members.sharers.home, members.ids
     state[X], state[IMAGE], state[Q] = place + centre, image, quaternions(axes)
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
-    state[:, ~sharers.owned] = 0.0
-    sharers.combine(state)
+    state[:, ~members.owned] = 0.0
+    members.sharers.combine(state)
     row = ROWS + own_rows if len(slower) else 0
-    result = _with_atoms(
-        state, body, tag, r, atoms, particles, oriented, bool(membership.command.mol),
-        communicator, plane, row,
-    )  # fmt: skip
+    result = _with_atoms(state, members, r, particles, oriented, plane, row)
     if result.spin:  # the bodies have these atoms in another order
         particles = particles_of(lammps, shapes, result.index)
     spins, energy = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
     result.take_velocities(lammps, spins, given and given.momenta(result.id))
     finite = result.spin and np.count_nonzero(particles.moment.any(axis=0))
-    notes = _notes(
-        result, lammps, communicator, membership, rebuilt[sharers.owned].sum(), energy, finite
-    )
+    notes = _notes(result, lammps, members, rebuilt[members.owned].sum(), energy, finite)
     return result, notes | {
         "given": given.named if given else (),
         "warnings": doubts,
@@ -172,9 +125,34 @@ def build(
     }
 
 
-def _centres_in_file(lammps, given, place, image, of_atoms, blame):
+def _masses(members, mass, given):
+    """The bodies' masses (n,): those of the infile, else the `mass` of their atoms."""
+    mass = mass.copy()
+    if given:
+        mass[given.bodies] = given.mass
+    members.refuse(~(mass > 0), lambda k: f"has mass {mass[k]:g}: give its atoms a mass above zero")
+    return mass
+
+
+def _refuse_points(lammps, members, natoms, size, given):
+    """Raise an error if several atoms are at one point, and no infile says what body they are.
+
+    Args:
+        size: (n,) root of the trace of each body's inertia over its mass.
+    """
+    point = ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
+    members.refuse(
+        (natoms > 1) & point & (given.absent if given else True),
+        lambda k: (
+            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, "
+            "or leave them out of the group"
+        ),
+    )
+
+
+def _centres_in_file(lammps, members, given, place, image, of_atoms):
     """Centres of mass (3, n) from the bodies' first atoms, `place` and `image`: those of the file,
-    and else those `of_atoms`; `blame` as in `build`."""
+    and else those `of_atoms`."""
     here, centre = given.bodies, of_atoms.copy()
     centre[:, here] = (
         given.x
@@ -182,7 +160,7 @@ def _centres_in_file(lammps, given, place, image, of_atoms, blame):
         + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
     )
     far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
-    blame(
+    members.refuse(
         far.any(axis=0),
         lambda k: (
             "has its centre in the infile more than half the box from its atoms: "
@@ -192,26 +170,28 @@ def _centres_in_file(lammps, given, place, image, of_atoms, blame):
     return centre
 
 
-def _off_centre(lammps, communicator, membership, ids, off, size, owned):
+def _off_centre(lammps, members, off, size):
     """A warning of bodies that an infile has far from their atoms, if any; collective.
 
     Args:
-        ids (n,), off (3, n): the bodies, and how far their centre is off.
+        off: (3, n) how far each body's centre is off.
         size: (n,) root of the trace of the atoms' inertia about that centre over their mass.
-        owned: (n,) bool, which to look at.
     """
     off = np.linalg.norm(off, axis=0)
     radius = np.sqrt(np.maximum(0.5 * size**2 - off**2, 0.0))  # of gyration, about their own centre
     point = radius < 1e-6 * off  # an atom alone, to rounding
     radius[point] = 0.0
-    odd = owned & (off > np.where(point, _OFF_POINT * lammps.box.size, _OFF_CENTRE * radius))
-    rows = communicator.gather_to_all(np.array([off, radius, ids], float).T[odd])
+    far = np.where(point, _OFF_POINT * lammps.box.size, _OFF_CENTRE * radius)
+    odd = members.owned & (off > far)
+    rows = np.array([off, radius, members.ids], float).T[odd]
+    rows = members.communicator.gather_to_all(rows)
     if not len(rows):
         return []
     off, radius, name = rows[rows[:, 0].argmax()]
+    name = members.membership.name(int(name))
     return [
         f"WARNING: the infile has the centres of {len(rows)} bodies far from their atoms: that of "
-        f"{membership.name(int(name))} by {off:.3g}, where its radius of gyration is {radius:.3g}. "
+        f"{name} by {off:.3g}, where its radius of gyration is {radius:.3g}. "
         "Give each fix the file of its own bodies"
     ]
 
@@ -266,15 +246,12 @@ def count(communicator, membership):
         problem = True
     if communicator.any(problem):
         return None
-    return round(communicator.total(np.array([_sharers(communicator, ids).owned.sum()]))[0]) or None
+    return (
+        round(communicator.total(np.array([sharers_of(communicator, ids).owned.sum()]))[0]) or None
+    )
 
 
-def _sharers(communicator, ids):
-    """The `Sharers` of bodies of which nothing else is known."""
-    return Sharers(communicator).find(len(ids), np.arange(len(ids)), ids, ids % communicator.size)
-
-
-def _notes(bodies, lammps, communicator, membership, rebuilt, own, finite):
+def _notes(bodies, lammps, members, rebuilt, own, finite):
     """What `build` has to say for the log; collective.
 
     Args:
@@ -283,9 +260,9 @@ def _notes(bodies, lammps, communicator, membership, rebuilt, own, finite):
     """
     v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
     before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum() + own
-    zero = owned & (bodies.id == 0) & (membership.command.style == "molecule")
+    zero = owned & (bodies.id == 0) & (members.membership.command.style == "molecule")
     after, stray = bodies.kinetic()[:, owned].sum(), bodies.natoms[zero].sum()
-    before, after, rebuilt, stray, own, finite = communicator.total(
+    before, after, rebuilt, stray, own, finite = members.communicator.total(
         np.array([before, after, rebuilt, stray, own, finite])
     )
     return {
@@ -297,24 +274,43 @@ def _notes(bodies, lammps, communicator, membership, rebuilt, own, finite):
     }
 
 
-def _inertia(total, mass, r):
-    """Tensors of inertia (3, 3, bodies) of atoms with these masses (m,) and places (m, 3)."""
+def _own_inertia(members, particles):
+    """What the moments of particles themselves add to their bodies' inertia, (3, 3, n), or 0."""
+    if particles is None:
+        return 0.0
+    return members.total(*particles.inertia().reshape(9, -1)).reshape(3, 3, -1)
+
+
+def _inertia(members, mass, r):
+    """Tensors of inertia (3, 3, n) of atoms with these masses (m,) and places (m, 3)."""
     x, y, z = r.T
-    xx, yy, zz, xy, xz, yz = total(*(mass * c for c in (x * x, y * y, z * z, x * y, x * z, y * z)))
+    products = x * x, y * y, z * z, x * y, x * z, y * z
+    xx, yy, zz, xy, xz, yz = members.total(*(mass * c for c in products))
     return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
 
 
-def _with_atoms(state, body, tag, r, atoms, particles, oriented, come, communicator, plane, chosen):
+def _weighted(members, places):
+    """Two sums of each body's atoms, with `weights` that tell these from each other, (2, 3, n).
+
+    Args:
+        places: (2, 3, m), of each sum.
+    """
+    sums = (w * c for w, place in zip(weights(members.tag), places) for c in place)
+    return members.total(*sums).reshape(2, 3, -1)
+
+
+def _with_atoms(state, members, r, particles, oriented, plane, chosen):
     """The `Bodies` of this state and these atoms; collective.
 
     Args:
         r: (m, 3) places from the bodies' centres, space frame.
         particles: the `Particles` that the atoms are, None if all are points.
         oriented: whether their atom style has orientations.
-        come: whether to be ready for others, of any kind that the atom style has.
     """
+    communicator, body = members.communicator, members.body
+    come = bool(members.membership.command.mol)  # others may, of any kind that the atom style has
     turn = matrices(state[Q])[:, :, body]
-    d = np.vstack([np.einsum("abn,na->bn", turn, r), tag])
+    d = np.vstack([np.einsum("abn,na->bn", turn, r), members.tag])
     spin = directed = False
     if particles:
         directed = come and oriented
@@ -324,7 +320,7 @@ def _with_atoms(state, body, tag, r, atoms, particles, oriented, come, communica
         d = np.vstack([d, *_in_bodies(particles, state[Q][:, body], turn)])
     if spin:
         machine_code.load(communicator, extended.__name__)
-    return Bodies(state, body, d, atoms, plane, spin, directed, communicator, chosen)
+    return Bodies(state, body, d, members.atoms, plane, spin, directed, communicator, chosen)
 
 
 def _in_bodies(particles, q, turn):
@@ -341,55 +337,6 @@ def _in_bodies(particles, q, turn):
         particles.moment * particles.keeps,
         np.einsum("abm,am->bm", turn, particles.dipole),
     )
-
-
-def _members(lammps, communicator, membership, shapes, atoms):
-    """This rank's atoms of bodies, or these of them; collective.
-
-    Returns:
-        their index, the bodies' IDs, the place of each atom's body there, mass, tag.
-    """
-    problem = None
-    atoms = membership.atoms() if atoms is None else atoms
-    try:
-        ids_of_atoms = membership.bodies(atoms)
-        mass = lammps.masses[atoms]
-        tag = lammps.tags[atoms].astype(np.int64)
-    except RunError as error:
-        if error.everywhere:
-            raise
-        problem = str(error)
-    else:
-        if (tag <= 0).any():
-            problem = "the fix needs atom IDs, which this script turns off (atom_modify id no)"
-        elif (tag >= POINTS).any():  # it calculates with IDs as real numbers
-            problem = f"atom {tag.max()} has too large an ID: less than 2^52 is possible"
-    communicator.agree(problem)
-    if not membership.command.mol and not communicator.count(len(atoms)):
-        raise RunError(
-            f"there is no atom to form a body of in group '{membership.command.group}': "
-            "fill the group before the run, or give keyword mol if a fix inserts the bodies",
-            everywhere=True,
-        )
-    more = lammps.unknown(shapes)
-    more = more[atoms] if more is not None else np.zeros(len(atoms), "U1")
-    odd = more != ""
-    communicator.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
-    bad = ~(mass >= 0)
-    if bad.any():
-        problem = (
-            f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: "
-            "give it a mass above zero"
-        )
-    communicator.agree(problem)
-    ids, body = np.unique(ids_of_atoms, return_inverse=True)
-    far = (ids_of_atoms < _LEAST_ID) | ((ids_of_atoms >= POINTS) & (ids_of_atoms != POINTS + tag))
-    communicator.agree(
-        f"{membership.name(ids_of_atoms[far][0])} has too large an ID: less than 2^52 is possible"
-        if far.any()
-        else None
-    )
-    return atoms, ids, body, mass, tag
 
 
 def _principal(inertia):
@@ -424,7 +371,7 @@ def _frames(inertia, order, communicator, weighted):
 
     Args:
         inertia: (n, 3, 3).  order: keyword order.
-        weighted: a function that gives two weighted sums of each body's atoms, (2, 3, n).
+        weighted: a function that gives `_weighted` sums of each body's atoms, (2, 3, n).
     Returns:
         moment (3, n); axes (n, 3, 3), in columns, right-handed.
     """

@@ -18,18 +18,41 @@ def compare(bodies, lammps, communicator, membership):
     Returns:
         a list of lines, alike on all ranks.
     """
-    sharers, n = bodies.sharers, len(bodies)
     place, key = _places_and_keys(bodies, lammps)
     compared = (bodies.natoms > 1) & (key >= 0)
-    keys, natoms, lowest, counts = _kinds(bodies, communicator, key, compared & sharers.owned)
+    owned = bodies.sharers.owned
+    keys, natoms, lowest, counts = _kinds(bodies, communicator, key, compared & owned)
     if not len(keys):
         return []
     kind = np.searchsorted(keys, key).clip(max=len(keys) - 1)
     kind[~compared | (keys[kind] != key)] = -1
+    far = _deviations(bodies, lammps, communicator, kind, place, natoms, lowest)
+    differ, furthest = _furthest(communicator, len(keys), kind, far, bodies.id, owned)
+    mixed = np.count_nonzero(counts, axis=1) > 1
+    said = np.flatnonzero((differ > 0) | mixed)
+    said = said[np.argsort(-furthest[said, 0], kind="stable")]
+    lines = [
+        _line(membership, natoms[k], lowest[k], counts[k], differ[k], *furthest[k])
+        for k in said[:_SAID]
+    ]
+    if len(said) > _SAID:
+        lines.append(f"WARNING: bodies of {len(said) - _SAID} other kinds differ in shape, too")
+    return lines
+
+
+def _deviations(bodies, lammps, communicator, kind, place, natoms, lowest):
+    """How far each body is from the first of its kind, as a part of its size, (n,); collective.
+
+    Args:
+        kind: (n,) int of each body, -1 for those that are not compared.
+        place: (m,) of each atom among its body's.
+        natoms, lowest: of each kind, the number of atoms and the lowest ID of a body.
+    """
+    sharers, n = bodies.sharers, len(bodies)
     start = np.concatenate([[0], np.cumsum(natoms)])
     mine = kind[bodies.body] >= 0
-    body, place, d = bodies.body[mine], place[mine], bodies.displace[:3, mine]
-    where = start[kind[body]] + place
+    body, d = bodies.body[mine], bodies.displace[:3, mine]
+    where = start[kind[body]] + place[mine]
     of_first = bodies.id[body] == lowest[kind[body]]
     told = communicator.gather_to_all(np.concatenate([[where], d])[:, of_first].T)
     model = np.empty((3, start[-1]))
@@ -59,28 +82,28 @@ def compare(bodies, lammps, communicator, membership):
         left, _, right = np.linalg.svd(products[doubt])
         turn[doubt] = left @ right
         far = deviation(turn)
+    return far
 
-    other = np.flatnonzero((far > _DIFFERENT) & sharers.owned)
+
+def _furthest(communicator, n, kind, far, ids, owned):
+    """Of each of `n` kinds, how many bodies differ from the first, (n,), and how far is the one
+    that is furthest, and its ID, (n, 2); collective.
+
+    Args:
+        kind, far, ids, owned: (bodies,) of each, what `compare` knows of it.
+    """
+    other = np.flatnonzero((far > _DIFFERENT) & owned)
     other = other[np.lexsort((-far[other], kind[other]))]  # of each kind the furthest is the first
     kinds, first, count = np.unique(kind[other], return_index=True, return_counts=True)
     worst = other[first]
-    found = np.stack([kinds, count, far[worst], bodies.id[worst]], axis=1).astype(float)
+    found = np.stack([kinds, count, far[worst], ids[worst]], axis=1).astype(float)
     found = communicator.gather_to_all(found)
     found = found[np.lexsort((-found[:, 2], found[:, 0]))]
-    differ, furthest = np.zeros(len(keys), int), np.zeros((len(keys), 2))
+    differ, furthest = np.zeros(n, int), np.zeros((n, 2))
     np.add.at(differ, found[:, 0].astype(int), found[:, 1].astype(int))
     kinds, first = np.unique(found[:, 0].astype(int), return_index=True)
     furthest[kinds] = found[first, 2:]
-    mixed = np.count_nonzero(counts, axis=1) > 1
-    said = np.flatnonzero((differ > 0) | mixed)
-    said = said[np.argsort(-furthest[said, 0], kind="stable")]
-    lines = [
-        _line(membership, natoms[k], lowest[k], counts[k], differ[k], *furthest[k])
-        for k in said[:_SAID]
-    ]
-    if len(said) > _SAID:
-        lines.append(f"WARNING: bodies of {len(said) - _SAID} other kinds differ in shape, too")
-    return lines
+    return differ, furthest
 
 
 def _kinds(bodies, communicator, key, owned):

@@ -35,10 +35,7 @@ class Kept(NamedTuple):
     turned: int
 
 
-def keep(
-    lammps, communicator, membership, sharers, former, ids, body, atoms, mass, r,
-    particles=None, oriented=False,
-):  # fmt: skip
+def keep(lammps, members, former, r, particles=None, oriented=False):
     """Give bodies that something has deformed since the last run their shape again; collective.
 
     Such a body is put at the centre of mass of its atoms and turned to fit them best, by least
@@ -48,9 +45,8 @@ def keep(
     turned about that line: the particles' orientations, as they are now, do.
 
     Args:
-        former: the `Former` of LAMMPS's atoms.  ids: (n,) the bodies' IDs.
-        body, atoms, mass: (m,) each atom's body, index in LAMMPS's arrays, mass.
-        r: (m, 3) its place from the body's centre of mass, in the space frame.
+        members: the `Members`.  former: the `Former` of LAMMPS's atoms.
+        r: (m, 3) the atoms' places from their body's centre of mass, in the space frame.
         particles: the `Particles` that the atoms are, None if all are points.
         oriented: whether they can have an orientation.
     Returns:
@@ -60,63 +56,65 @@ def keep(
     Raises:
         RunError: on all ranks, if a body was torn apart.
     """
-    n = len(ids)
-
-    def total(columns):
-        sums = np.array([np.bincount(body, c, minlength=n) for c in columns])
-        sharers.combine(sums)
-        return sums
-
-    def largest(values, start, operation):
-        """The largest (or smallest) value over each body's atoms, (len(values), n)."""
-        result = np.full((len(values), n), start)
-        for row, column in zip(result, values):
-            operation.at(row, body, column)
-        sharers.combine(result, operation)
-        return result
-
-    known, old, natoms = (of_all[atoms] for of_all in (former.known, former.id, former.natoms))
-    low = largest(np.where(known, (old, -old, natoms), -np.inf), np.inf, np.minimum)
-    same = (low[0] == -low[1]) & (low[2] == total([np.ones(len(atoms))])[0])
-    if not former.followed:
-        same &= low[0] == ids
-    new = communicator.any(not same.all())
-    weight = mass * same[body]
+    atoms, body = members.atoms, members.body
+    same = _of_the_same_atoms(members, former)
+    new = members.communicator.any(not same.all())
     d = former.displace[:3, atoms]
-    sums = total([weight, *(weight * d)])
-    d = d - np.divide(sums[1:], sums[0], out=np.zeros((3, n)), where=same)[:, body]
+    mass, *moments = members.total(*(members.mass * same[body] * np.vstack([np.ones(len(r)), d])))
+    d = d - np.divide(moments, mass, out=np.zeros((3, len(mass))), where=same)[:, body]
     bound = OFF_BODY * lammps.box.size + 8 * np.spacing(lammps.box.farthest)
 
     def off(placed):
         """How far each body's atoms are from these places, at most, (n,)."""
-        return largest([np.linalg.norm(r - placed, axis=1)], 0.0, np.maximum)[0] * same
+        return members.highest(np.linalg.norm(r - placed, axis=1))[0] * same
 
     moved = off(np.einsum("abm,bm->ma", matrices(former.q[:, atoms]), d)) > bound
-    if not communicator.any(moved.any()):
+    if not members.communicator.any(moved.any()):
         return r, particles, None, new
-    weight = weight * moved[body]
-    products = total([weight * a * b for a in r.T for b in d]).T.reshape(n, 3, 3)
-    turn, plane = np.tile(np.eye(3), (n, 1, 1)), lammps.dimension == 2
-    turn[moved] = best_turns(products[moved], plane)
-    if oriented and not plane:
-        directions = _directions(particles, former.displace[:, atoms]).reshape(9, -1)
-        told = total(directions).T.reshape(n, 3, 3)
-        before = matrices(largest(former.q[:, atoms], -np.inf, np.maximum)).transpose(2, 0, 1)
-        turn[moved] = twist(turn[moved], products[moved], told[moved], before[moved])
+    turn = _turns(lammps, members, former, moved, r, d, particles if oriented else None)
     placed = np.einsum("mab,bm->ma", turn[body], d)
     far = off(placed) * moved
     deformed, text = far > bound, None
-    if communicator.any(deformed.any()):
-        size = np.maximum(largest([np.linalg.norm(d, axis=0)], 0.0, np.maximum)[0], bound)
+    if members.communicator.any(deformed.any()):
+        size = np.maximum(members.highest(np.linalg.norm(d, axis=0))[0], bound)
         most = _TORN if former.followed else _MISTAKEN
-        text = _say(communicator, membership, ids, far, size, deformed & sharers.owned, most)
+        text = _say(members, far, size, deformed & members.owned, most)
     mine, here = moved[body], deformed[body]
     placed = np.where(here[:, None], placed, r)
     kept = Kept(mine, atoms[mine], (placed - r)[mine], turn[body[mine]], text, 0)
     if oriented:
         particles, others = _turned(particles, kept, former)
-        kept = kept._replace(turned=round(communicator.total(np.array([others]))[0]))
+        others = members.communicator.total(np.array([others]))[0]
+        kept = kept._replace(turned=round(others))
     return placed if text else r, particles, kept, new
+
+
+def _of_the_same_atoms(members, former):
+    """Which bodies have the atoms that they had, (n,) bool; collective."""
+    known, old, natoms = (rows[members.atoms] for rows in (former.known, former.id, former.natoms))
+    low, high, before = members.lowest(*np.where(known, (old, -old, natoms), -np.inf))
+    same = (low == -high) & (before == members.total(np.ones(len(known)))[0])
+    return same if former.followed else same & (low == members.ids)
+
+
+def _turns(lammps, members, former, moved, r, d, particles):
+    """How far each body that has `moved` (n,) is turned, (n, 3, 3); collective.
+
+    Args:
+        r (m, 3), d (3, m): the atoms' places from the centre now, and in their body's frame.
+        particles: the `Particles` that the atoms are, None if they have no orientations.
+    """
+    n, plane = len(moved), lammps.dimension == 2
+    weight = members.mass * moved[members.body]
+    products = members.total(*(weight * a * b for a in r.T for b in d)).T.reshape(n, 3, 3)
+    turn = np.tile(np.eye(3), (n, 1, 1))
+    turn[moved] = best_turns(products[moved], plane)
+    if particles and not plane:
+        directions = _directions(particles, former.displace[:, members.atoms]).reshape(9, -1)
+        told = members.total(*directions).T.reshape(n, 3, 3)
+        before = matrices(members.highest(*former.q[:, members.atoms])).transpose(2, 0, 1)
+        turn[moved] = twist(turn[moved], products[moved], told[moved], before[moved])
+    return turn
 
 
 def best_turns(products, plane=False):
@@ -198,7 +196,7 @@ def _about(vectors):
     return matrices(np.array([np.cos(0.5 * angle), *sine])).transpose(2, 0, 1)
 
 
-def _say(communicator, membership, ids, far, size, which, most):
+def _say(members, far, size, which, most):
     """The line for the log on these bodies (n,) bool, off by `most` sizes at most; collective.
 
     Raises: as `keep`.
@@ -206,10 +204,10 @@ def _say(communicator, membership, ids, far, size, which, most):
     worst = []
     if which.any():
         k = np.argmax(far / size * which)
-        worst = [[far[k] / size[k], far[k], ids[k]]]
-    rows = communicator.gather_to_all(np.array(worst).reshape(-1, 3))
+        worst = [[far[k] / size[k], far[k], members.ids[k]]]
+    rows = members.communicator.gather_to_all(np.array(worst).reshape(-1, 3))
     part, distance, name = rows[rows[:, 0].argmax()]
-    name = membership.name(int(name))
+    name = members.membership.name(int(name))
     if part > most:
         raise RunError(
             f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where "
@@ -218,7 +216,7 @@ def _say(communicator, membership, ids, far, size, which, most):
             "are. If the new shape is meant, unfix this fix and define it again",
             everywhere=True,
         )
-    count = round(communicator.total(np.array([which.sum()]))[0])
+    count = round(members.communicator.total(np.array([which.sum()]))[0])
     return (
         f"Bodies that were deformed between the runs: {count}; "
         f"{name} the most, by {distance:.3g}, {part:.2g} of its size. They keep their shape: "

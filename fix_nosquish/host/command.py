@@ -190,49 +190,12 @@ class Command:
         words = _Words(text)
         words.take("a class")
         group = words.take("the ID of a group and a body style (" + STYLES + ")")
-        style = words.take("a body style (" + STYLES + ")")
-        arguments = ()
-        if style == "custom":
-            arguments = (words.take("i_NAME or v_NAME"),)
-            if arguments[0][:2] not in ("i_", "v_") or len(arguments[0]) < 3:
-                raise words.wrong(
-                    f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per "
-                    "atom, of fix property/atom) or v_NAME (an atom-style variable)"
-                )
-        elif style == "group":
-            count = words.whole("the number of groups")
-            arguments = tuple(
-                words.take(f"the ID of group {k + 1} of {count}") for k in range(count)
-            )
-            if len(set(arguments)) < count:
-                raise words.wrong("one group is named twice: each is one body")
-        elif style not in ("single", "molecule"):
-            raise words.wrong(f"unknown body style '{style}': expected {STYLES}")
-        values = {}
+        style, arguments = _body_style(words)
         entries = {entry.split()[0]: entry for entry in (*KEYWORDS, *own)}
         known = {keyword: (KEYWORDS | OWN_KEYWORDS)[entry] for keyword, entry in entries.items()}
+        values = {}
         while words.left:
-            keyword = words.take("a keyword")
-            expected = known.get(keyword)
-            if expected is None:
-                raise words.wrong(
-                    f"unknown keyword '{keyword}': "
-                    + _ELSEWHERE.get(keyword, "expected " + ", ".join(known))
-                )
-            entry = entries[keyword]
-            before = {*values, *values.get("pressure", ()), *values.get("quench", ())}
-            if keyword in before and entry not in ("force", "torque"):
-                raise words.wrong(f"keyword {keyword} stands twice")
-            if entry in ("force", "torque"):
-                bodies = words.bodies(expected)
-                flags = tuple(words.choice(("off", "on"), expected) for _ in "xyz")
-                values[keyword] = (*values.get(keyword, ()), (*bodies, flags))
-            elif entry in QUENCH:
-                values.setdefault("quench", {})[keyword] = _READ[entry](words, expected)
-            elif keyword in PRESSURES:
-                values.setdefault("pressure", {})[keyword] = words.numbers(3, expected)
-            else:
-                values[keyword] = _READ[entry](words, expected)
+            _read_keyword(words, values, entries, known)
         split = [keyword for keyword in ("mrot", "order") if keyword in values]
         if split and values.setdefault("rotor", "split") == "exact":
             raise words.wrong(
@@ -247,6 +210,63 @@ class Command:
         _check_quench(words, values, known)
         _check_pressure(words, values, known)
         return cls(text, group, style, arguments, **values)
+
+
+def _body_style(words):
+    """The body style, and its arguments.
+
+    Raises:
+        RunError: naming the word.
+    """
+    style = words.take("a body style (" + STYLES + ")")
+    arguments = ()
+    if style == "custom":
+        arguments = (words.take("i_NAME or v_NAME"),)
+        if arguments[0][:2] not in ("i_", "v_") or len(arguments[0]) < 3:
+            raise words.wrong(
+                f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per "
+                "atom, of fix property/atom) or v_NAME (an atom-style variable)"
+            )
+    elif style == "group":
+        count = words.whole("the number of groups")
+        arguments = tuple(words.take(f"the ID of group {k + 1} of {count}") for k in range(count))
+        if len(set(arguments)) < count:
+            raise words.wrong("one group is named twice: each is one body")
+    elif style not in ("single", "molecule"):
+        raise words.wrong(f"unknown body style '{style}': expected {STYLES}")
+    return style, arguments
+
+
+def _read_keyword(words, values, entries, known):
+    """Read a keyword and what follows it into `values`.
+
+    Args:
+        entries, known: dictionaries from the class's keywords to their entry in the tables, and to
+            what is expected behind them.
+    Raises:
+        RunError: naming the word.
+    """
+    keyword = words.take("a keyword")
+    expected = known.get(keyword)
+    if expected is None:
+        raise words.wrong(
+            f"unknown keyword '{keyword}': "
+            + _ELSEWHERE.get(keyword, "expected " + ", ".join(known))
+        )
+    entry = entries[keyword]
+    before = {*values, *values.get("pressure", ()), *values.get("quench", ())}
+    if keyword in before and entry not in ("force", "torque"):
+        raise words.wrong(f"keyword {keyword} stands twice")
+    if entry in ("force", "torque"):
+        bodies = words.bodies(expected)
+        flags = tuple(words.choice(("off", "on"), expected) for _ in "xyz")
+        values[keyword] = (*values.get(keyword, ()), (*bodies, flags))
+    elif entry in QUENCH:
+        values.setdefault("quench", {})[keyword] = _READ[entry](words, expected)
+    elif keyword in PRESSURES:
+        values.setdefault("pressure", {})[keyword] = words.numbers(3, expected)
+    else:
+        values[keyword] = _READ[entry](words, expected)
 
 
 def _check_pressure(words, values, known):

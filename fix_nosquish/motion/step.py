@@ -256,22 +256,7 @@ def stages(splitting, operations):
             before those that move, or behind them.
     """
     letters = splitting.split()
-    if FORCES in operations:
-        raise ValueError(
-            f"the letter {FORCES} stands for the forces in a splitting: give the operation another"
-        )
-    for letter in letters:
-        if letter not in operations and letter != FORCES:
-            known = ", ".join(operations)
-            raise ValueError(
-                f"splitting {splitting!r}: there is no operation {letter}, only {known}"
-            )
-    for letter, one in operations.items():
-        if one.does not in INLINED:
-            raise ValueError(
-                f"the function {one.does.__name__} of operation {letter} is not marked @inlined, "
-                "as it and all that it calls must be"
-            )
+    _check_letters(splitting, operations)
     movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
     if not movers:
         raise ValueError(f"splitting {splitting!r}: none of its operations moves the bodies")
@@ -306,6 +291,26 @@ def stages(splitting, operations):
     return Stages(
         chain(0, first), middle, tail, tail_moves, bool(prepared), named, ends_named
     )  # fmt: skip
+
+
+def _check_letters(splitting, operations):
+    """Raise an error for letters and operations that do not go together; see `stages`."""
+    if FORCES in operations:
+        raise ValueError(
+            f"the letter {FORCES} stands for the forces in a splitting: give the operation another"
+        )
+    for letter in splitting.split():
+        if letter not in operations and letter != FORCES:
+            known = ", ".join(operations)
+            raise ValueError(
+                f"splitting {splitting!r}: there is no operation {letter}, only {known}"
+            )
+    for letter, one in operations.items():
+        if one.does not in INLINED:
+            raise ValueError(
+                f"the function {one.does.__name__} of operation {letter} is not marked @inlined, "
+                "as it and all that it calls must be"
+            )
 
 
 def _chain(parts):

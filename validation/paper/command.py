@@ -39,12 +39,6 @@ def add(verbs: command_line.Verbs) -> None:
         metavar="PS",
         help="length of the liquid's trajectories",
     )
-    parser.add_argument(
-        "--peptide",
-        type=command_line.positive,
-        metavar="PS",
-        help="length of figure 3's trajectories",
-    )
     command_line.ranks(parser, of="what is larger than the dimer")
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/paper", short=True)
@@ -59,8 +53,6 @@ def run(arguments: Namespace) -> int:
     lengths = plan.FULL if arguments.full else plan.SHORT
     if arguments.liquid:
         lengths = replace(lengths, liquid=arguments.liquid)
-    if arguments.peptide:
-        lengths = replace(lengths, peptide=arguments.peptide)
     out = command_line.folder(arguments, not arguments.full)
     screen, runs = console.console(), out / "runs"
     all_of_them = {one.name: one for one in plan.plan(lengths, arguments.ranks, runs)}
