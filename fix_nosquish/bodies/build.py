@@ -5,7 +5,7 @@ import numpy as np
 from ..errors import RunError
 from ..loops import machine_code
 from ..motion.frames import product
-from . import extended, infile
+from . import extended, infile, principal
 from .bodies import (
     HOME,
     ID,
@@ -26,12 +26,6 @@ from .membership import POINTS
 from .shapes import keep
 from .unfold import unfold
 
-ZERO_MOMENT = (
-    1e-7  # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
-)
-_EQUAL_MOMENTS = (
-    1e-9  # moments closer than this part of the largest are equal: their axes are the atoms' choice
-)
 _OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
 _OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
 TURN = 0.08  # rad in a step, of keyword moments step: TIP3P with 6 amu A^2 at 298 K and 12 fs
@@ -87,15 +81,10 @@ def build(
         inertia[given.bodies] = given.inertia
         doubts += _off_centre(lammps, members, centre - of_atoms, size)
 
-    plane = lammps.dimension == 2
-    if plane:
-        moment, axes = _principal_in_plane(inertia)
-    else:
-        places = np.array([r.T, r.T])
-        if oriented:  # a particle has directions of its own
-            places += particles.directions()
-        order = membership.command.order
-        moment, axes = _frames(inertia, order, communicator, lambda: _weighted(members, places))
+    plane, places = lammps.dimension == 2, np.array([r.T, r.T])
+    if oriented:  # a particle has directions of its own
+        places += particles.directions()
+    moment, axes = principal.frames(members, inertia, places, plane)
 
     def alike():
         shared = _inertia(members, (mass / natoms)[members.body], r) + own
@@ -104,13 +93,9 @@ def build(
     chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
     state = np.concatenate([np.zeros((ROWS + own_rows, len(mass))), slower])
     state[MASS], state[NATOMS], state[MOMENT] = mass, natoms, chosen
-    state[HOME], state[ID] = members.sharers.home, members.ids
     state[X], state[IMAGE], state[Q] = place + centre, image, quaternions(axes)
-    # every copy of a shared body starts from the lowest rank's numbers, to the last bit
-    state[:, ~members.owned] = 0.0
-    members.sharers.combine(state)
     row = ROWS + own_rows if len(slower) else 0
-    result = _with_atoms(state, members, r, particles, oriented, plane, row)
+    result = _with_atoms(_shared(members, state), members, r, particles, oriented, plane, row)
     if result.spin:  # the bodies have these atoms in another order
         particles = particles_of(lammps, shapes, result.index)
     spins, energy = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
@@ -289,14 +274,15 @@ def _inertia(members, mass, r):
     return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
 
 
-def _weighted(members, places):
-    """Two sums of each body's atoms, with `weights` that tell these from each other, (2, 3, n).
+def _shared(members, state):
+    """The state (rows, n) of bodies, in which those that several ranks have are alike; collective.
 
-    Args:
-        places: (2, 3, m), of each sum.
+    Every copy starts from the lowest rank's numbers, to the last bit.
     """
-    sums = (w * c for w, place in zip(weights(members.tag), places) for c in place)
-    return members.total(*sums).reshape(2, 3, -1)
+    state[HOME], state[ID] = members.sharers.home, members.ids
+    state[:, ~members.owned] = 0.0
+    members.sharers.combine(state)
+    return state
 
 
 def _with_atoms(state, members, r, particles, oriented, plane, chosen):
@@ -336,125 +322,4 @@ def _in_bodies(particles, q, turn):
         orient,
         particles.moment * particles.keeps,
         np.einsum("abm,am->bm", turn, particles.dipole),
-    )
-
-
-def _principal(inertia):
-    """Principal moments and axes in three dimensions.
-
-    Args:
-        inertia: (n, 3, 3) tensors of inertia.
-    Returns:
-        moment (3, n), from the largest to the smallest; axes (n, 3, 3), in columns; and (2, n)
-        bool, whether moments 1 and 2, and 2 and 3, are equal, so that their axes are arbitrary.
-    """
-    values, axes = np.linalg.eigh(inertia)
-    moment, axes = values[:, ::-1].T.copy(), axes[:, :, ::-1].copy()
-    point = moment[0] <= 0
-    moment[:, point] = 0.0
-    axes[point] = np.eye(3)
-    linear = moment[2] <= ZERO_MOMENT * moment[0]
-    moment[2, linear] = 0.0
-    moment[:2, linear] = 0.5 * (moment[0] + moment[1])[linear]
-    axes[linear] = _frames_along(axes[linear, :, 2])
-    equal = (moment[:2] - moment[1:] < _EQUAL_MOMENTS * moment[0]) & ~linear
-    both = equal.all(axis=0)
-    moment[:, both] = moment[:, both].mean(axis=0)
-    for k in range(2):
-        pair = equal[k] & ~both
-        moment[k : k + 2, pair] = moment[k : k + 2, pair].mean(axis=0)
-    return moment, axes, equal
-
-
-def _frames(inertia, order, communicator, weighted):
-    """Principal moments and axes as the integrator takes them; collective.
-
-    Args:
-        inertia: (n, 3, 3).  order: keyword order.
-        weighted: a function that gives `_weighted` sums of each body's atoms, (2, 3, n).
-    Returns:
-        moment (3, n); axes (n, 3, 3), in columns, right-handed.
-    """
-    moment, axes, equal = _principal(inertia)
-    if communicator.any(equal.any()):
-        _choose_axes(axes, equal, weighted().transpose(2, 0, 1))
-    if order == 123:
-        solid = moment[2] > 0
-        moment[:, solid] = moment[::-1, solid]
-        axes[solid] = axes[solid, :, ::-1]
-    axes[np.linalg.det(axes) < 0, :, 2] *= -1.0
-    return moment, axes
-
-
-def _frames_along(axis):
-    """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3);
-    the rest follows from the vector alone."""
-    n = np.arange(len(axis))
-    axis = axis * np.sign(axis[n, np.abs(axis).argmax(axis=1)])[:, None]
-    other = np.zeros_like(axis)
-    other[n, np.abs(axis).argmin(axis=1)] = 1.0
-    first = np.cross(axis, other)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    return np.stack([first, np.cross(axis, first), axis], axis=2)
-
-
-def _principal_in_plane(inertia):
-    """Principal moments and axes of bodies that turn about z, which is axis 3; as `_principal`."""
-    values, turned = np.linalg.eigh(inertia[:, :2, :2])
-    axes = np.zeros_like(inertia)
-    axes[:, 2, 2] = 1.0
-    axes[:, :2, 0] = turned[:, :, 1]
-    axes[:, 0, 1], axes[:, 1, 1] = -turned[:, 1, 1], turned[:, 0, 1]
-    return np.maximum([values[:, 1], values[:, 0], inertia[:, 2, 2]], 0.0), axes
-
-
-def weights(tag):
-    """Two numbers in [0, 1) for each atom that follow from its tag and are like no others, (2, n).
-
-    They are splitmix64 of it.
-    """
-    bits = 2 * tag.astype(np.uint64) + np.array([[0], [1]], np.uint64)
-    bits = (bits + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
-    for shift, factor in (30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB):
-        bits = (bits ^ (bits >> np.uint64(shift))) * np.uint64(factor)
-    return ((bits ^ (bits >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
-
-
-def _choose_axes(axes, equal, sums):
-    """Where moments are equal, turn the axes to weighted sums of the atoms' places, in place.
-
-    A frame that follows from the atoms alone is found again, whenever and on however many ranks
-    the bodies are made.  The splitting into rotations about axes, and so the trajectory, needs it.
-
-    Args:
-        axes: (n, 3, 3), in columns.  equal: (2, n), see `_principal`.
-        sums: (n, 2, 3), two vectors of each body.
-    """
-    chosen = np.flatnonzero(equal.any(axis=0))
-    equal, frames = equal[:, chosen], axes[chosen]
-    # all moments are equal; the third one is alone
-    both, last = equal.all(axis=0), equal[0] & ~equal[1]
-    one, two = sums[chosen, 0], sums[chosen, 1]
-    alone = np.where(last[:, None], frames[:, :, 2], frames[:, :, 0])
-
-    def dot(a, b):
-        return (a * b).sum(axis=1, keepdims=True)
-
-    def without(a, b):
-        """The part of a that is perpendicular to b."""
-        return (
-            a - np.divide(dot(a, b), dot(b, b), out=np.zeros((len(a), 1)), where=dot(b, b) > 0) * b
-        )
-
-    first = np.where(both[:, None], one, alone)
-    one, two = without(one, alone), without(two, first)
-    second = np.where(both[:, None] | (dot(one, one) < 1e-6 * dot(two, two)), two, one)
-    # a sphere has no direction
-    found = dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))
-    found &= dot(first, first)[:, 0] > 0
-    first, second = (a[found] / np.sqrt(dot(a, a)[found]) for a in (first, second))
-    third = np.cross(first, second)
-    last = last[found, None, None]
-    axes[chosen[found]] = np.where(
-        last, np.stack([second, third, first], axis=2), np.stack([first, second, third], axis=2)
     )

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .build import weights
+from .principal import weights
 
 _DIFFERENT = 1e-3  # deviation, as a part of a body's size, that a data file's digits do not explain
 _SAID = 5  # warnings at most

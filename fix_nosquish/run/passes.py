@@ -85,7 +85,6 @@ class Passes:
     ):
         self.dt, self.level_dt, self.begins = Cell(F), Cell(F), Cell(I, 1)
         self.mask = None if mask is None else Cell(F2, mask)
-        several = communicator.size > 1
         cells = bodies.cells | lammps.cells | own_cells
         cells |= {"dt": self.dt, "parameters": Cell(F1, integrator.parameters)}
         if self.mask:
@@ -95,73 +94,113 @@ class Passes:
             cells["block"] = Cell(F64, aligned((rows, LANES)))
         self.cells, self.threads = cells, Threads(lammps, cells)
         bind = self.threads.bind
-        sums = {"sums": "parameters", "count": len(integrator.parameters)}
-
-        def kick(ends):
-            half = cells | {"dt": self.level_dt}
-            return bind(integrator.kick, half, **sums, ends=ends, begins=not ends)
-
-        def advance(ends, part=ALL, gathers=0):
-            return bind(
-                integrator.advance, cells, **sums,
-                ends=ends, begins=self.begins, gathers=gathers, part=part,
-            )  # fmt: skip
-
-        prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
-        before, rest = prepares, []
-        if integrator.go_on:
-            second = bind(integrator.go_on, cells, **sums)
-            before, rest = [], [*prepares, second, *integrator.loops_behind(cells)]
-
-        shared = [give.bind_to(cells, values=cells["wrench"])] if several else []
-        added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
-        gather = [bind(step.gather, cells, every=True)]
-        if bodies.spin:
-            gather.append(extended.add_torques.bind_to(cells))
-        gather += [*shared, *added]
-        if integrator.gravity is not None:
-            gather.append(weigh.bind_to(cells, gravity=integrator.gravity))
-        if mask is not None:
-            gather.append(switch_off.bind_to(cells))
-        velocities = [bind(step.set_velocities, cells)]
-        if integrator.streams:
-            velocities.append(deform.speed_up.bind_to(cells, sign=1.0))
-        turn = []
-        if bodies.oriented:
-            to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
-            turn = [extended.turn.bind_to(cells, **to)]
-        if bodies.spin:
-            velocities.append(extended.set_spins.bind_to(cells))
-        if mask is not None or bodies.spin or integrator.gravity is not None:
-            whole = [*gather, *before, advance(True)]
-        elif several:  # messages are under way while the bodies that need none move
-            how = KEEPS if half_step_velocities else GATHERS
-            some = bind(step.gather, cells, every=False)
-            whole = [some, *shared, *before, advance(True, WHOLE, how), *added]
-            whole.append(advance(True, DIVIDED, how))
-        else:
-            whole = [*before, advance(True, ALL, KEEPS if half_step_velocities else GATHERS)]
+        gather = self._gather(integrator, bodies, communicator)
+        kick_begins, kick_ends = self._kicks(integrator)
+        velocities, turn = self._atoms(integrator, bodies)
         after = velocities if half_step_velocities else []
+        before, rest = self._around(integrator)
+        how = KEEPS if half_step_velocities else GATHERS
+        whole = self._whole(integrator, bodies, communicator, gather, before, how)
+        close = [*gather, kick_ends, *turn]
+        of_bodies = [bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)]
         self.lists = {
             "gather": gather,
-            "begin": [*before, advance(False), *rest, *turn, *after],
-            "close": [*gather, kick(ends=True), *turn],
+            "begin": [*before, self._advance(integrator, False), *rest, *turn, *after],
+            "close": close,
             "whole": [*whole, *rest, *turn, *after],
-            "kick": [*gather, kick(ends=False)],
+            "end": [] if integrator.middle else close,
+            "kick": [*gather, kick_begins],
             "velocities": velocities,
             "turn": turn,
-            "virial": [bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)],
+            "virial": [*gather, *of_bodies] if integrator.middle else of_bodies,
             "follow": [bodies.following],
         }
-        self.lists["end"] = [] if integrator.middle else self.lists["close"]
         if integrator.every:
             self.lists["pressure"], moves = integrator.cell_loops(cells)
             self.lists["cell"] = [*moves, *after] if moves else []
         if integrator.flips:
             self.lists["flip"] = integrator.flip_loops(cells)
         self.lists |= _follow_box(integrator, cells) | integrator.own_lists(cells)
-        if integrator.middle:
-            self.lists["virial"] = [*gather, *self.lists["virial"]]
+
+    def _sums(self, integrator):
+        """How a loop adds up numbers of all bodies, for `Threads.bind`."""
+        return {"sums": "parameters", "count": len(integrator.parameters)}
+
+    def _kicks(self, integrator):
+        """The kick that begins a level of run_style respa, and the one that ends a step."""
+        half, sums = self.cells | {"dt": self.level_dt}, self._sums(integrator)
+        return (
+            self.threads.bind(integrator.kick, half, **sums, ends=ends, begins=not ends)
+            for ends in (False, True)
+        )
+
+    def _advance(self, integrator, ends, part=ALL, gathers=0):
+        """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
+        return self.threads.bind(
+            integrator.advance, self.cells, **self._sums(integrator),
+            ends=ends, begins=self.begins, gathers=gathers, part=part,
+        )  # fmt: skip
+
+    def _around(self, integrator):
+        """Two lists of loops: before the bodies' motion, and behind it."""
+        prepares = [integrator.prepares.bind_to(self.cells)] if integrator.prepares else []
+        if not integrator.go_on:
+            return prepares, []
+        second = self.threads.bind(integrator.go_on, self.cells, **self._sums(integrator))
+        return [], [*prepares, second, *integrator.loops_behind(self.cells)]
+
+    def _shared(self, communicator):
+        """Two lists of loops: the ranks send each other force and torque of bodies that they share,
+        and add what has come."""
+        if communicator.size == 1:
+            return [], []
+        of_bodies = {"values": self.cells["wrench"]}
+        return [give.bind_to(self.cells, **of_bodies)], [
+            combine.bind_to(self.cells, **of_bodies, how=ADD)
+        ]
+
+    def _gather(self, integrator, bodies, communicator):
+        """The list of loops for force and torque of each body."""
+        gather = [self.threads.bind(step.gather, self.cells, every=True)]
+        if bodies.spin:
+            gather.append(extended.add_torques.bind_to(self.cells))
+        for loops in self._shared(communicator):
+            gather += loops
+        if integrator.gravity is not None:
+            gather.append(weigh.bind_to(self.cells, gravity=integrator.gravity))
+        if self.mask:
+            gather.append(switch_off.bind_to(self.cells))
+        return gather
+
+    def _atoms(self, integrator, bodies):
+        """Two lists of loops: the atoms' velocities, and orientations of those that have one."""
+        velocities = [self.threads.bind(step.set_velocities, self.cells)]
+        if integrator.streams:
+            velocities.append(deform.speed_up.bind_to(self.cells, sign=1.0))
+        if bodies.spin:
+            velocities.append(extended.set_spins.bind_to(self.cells))
+        if not bodies.oriented:
+            return velocities, []
+        to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
+        return velocities, [extended.turn.bind_to(self.cells, **to)]
+
+    def _whole(self, integrator, bodies, communicator, gather, before, how):
+        """The list of loops for the end of a step and the begin of the next one.
+
+        Args:
+            gather, before: the lists for force and torque, and before the bodies' motion.
+            how: what the motion does with forces on the way: `step.KEEPS` or `step.GATHERS`.
+        """
+        if self.mask or bodies.spin or integrator.gravity is not None:
+            return [*gather, *before, self._advance(integrator, True)]
+        if communicator.size == 1:
+            return [*before, self._advance(integrator, True, ALL, how)]
+        # messages are under way while the bodies that need none move
+        sent, added = self._shared(communicator)
+        some = self.threads.bind(step.gather, self.cells, every=False)
+        undivided = self._advance(integrator, True, WHOLE, how)
+        divided = self._advance(integrator, True, DIVIDED, how)
+        return [some, *sent, *before, undivided, *added, divided]
 
     def do(self, name):
         """Do a list of passes. Returns: what the first that found something wrong says, or 0."""
