@@ -72,6 +72,52 @@ def of(table, *names):
 # ---- the file
 
 
+def close(found, expected, most):
+    """Assert that no number is further off than this."""
+    np.testing.assert_allclose(found, expected, rtol=0, atol=most)
+
+
+def compare_centre(row, system, mine, x, v, f, vcm):
+    """Hold a body's centre, its velocity and the force on it against those of its atoms `mine`, and
+    the velocity against that of compute vcm/chunk."""
+    mass, total = system.mass[mine], system.mass[mine].sum()
+    np.testing.assert_allclose(row["mass"], total, rtol=1e-12)
+    # in the box, but for what it has moved since atoms were last put there
+    place, image = of(row, "x", "y", "z"), of(row, "ix", "iy", "iz")
+    close(place + system.h @ image, mass @ x[mine] / total, 1e-9 * np.abs(x).max())
+    part = place / np.diag(system.h)
+    assert (part > -0.1).all() and (part < 1.1).all()
+    velocity = of(row, "vx", "vy", "vz")
+    close(velocity, mass @ v[mine] / total, 1e-10 * np.abs(v).max())
+    close(velocity, vcm, 1e-10 * np.abs(v).max())
+    close(of(row, "fx", "fy", "fz"), f[mine].sum(axis=0), 1e-10 * np.abs(f).max())
+
+
+def compare_rotation(row, system, mine, x, v, f, omega):
+    """Hold a body's rotation, the torque on it and its principal frame against its atoms `mine`,
+    and the angular velocity against that of compute omega/chunk."""
+    mass, total = system.mass[mine], system.mass[mine].sum()
+    r, velocity = x[mine] - mass @ x[mine] / total, mass @ v[mine] / total
+    momentum, large = mass @ np.cross(r, v[mine] - velocity), mass @ np.abs(v[mine])
+    close(of(row, "angmomx", "angmomy", "angmomz"), momentum, 3e-9 * np.abs(large).max())
+    torque = np.cross(r, f[mine]).sum(axis=0)
+    close(of(row, "tqx", "tqy", "tqz"), torque, 3e-9 * np.abs(f).max())
+    # every atom goes as v + omega x r
+    told = of(row, "omegax", "omegay", "omegaz")
+    close(velocity + np.cross(told, r), v[mine], 1e-9 * np.abs(v).max())
+    if mine.sum() > 3:  # LAMMPS solves for that of linear ones, too, which has no one answer
+        close(told, omega, 1e-8 * np.abs(told).max())
+    # the principal frame: the tensor of inertia is diagonal there, largest first
+    square = (r**2).sum(axis=1)[:, None, None] * np.eye(3)
+    inertia = (mass[:, None, None] * (square - r[:, :, None] * r[:, None])).sum(axis=0)
+    turn = Rotation.from_quat(of(row, "q1", "q2", "q3", "q0")).as_matrix()
+    inside = turn.T @ inertia @ turn
+    close(inside, np.diag(np.diag(inside)), 1e-9 * (np.abs(inertia).max() + 1))
+    assert (np.diff(np.diag(inside)) <= 1e-9 * np.abs(inertia).max()).all()
+    q = of(row, "q0", "q1", "q2", "q3")
+    np.testing.assert_allclose(q @ q, 1, rtol=1e-12)
+
+
 def test_values(simulate, tmp_path):
     """Locks out a centre in the wrong image, velocities of the half step, forces of another step,
     vectors in another frame, a quaternion turned the other way, units left out: each from
@@ -112,65 +158,11 @@ def test_values(simulate, tmp_path):
         np.testing.assert_allclose(rows["time"], step * system.dt, rtol=1e-12)
         atoms = np.loadtxt(tmp_path / f"dump.{step}", skiprows=9)
         x, v, f = atoms[:, 1:4] + atoms[:, 10:13] @ system.h.T, atoms[:, 4:7], atoms[:, 7:10]
-        for row, body, (wx, wy, wz, *vcm_and_inertia) in zip(rows, bodies, chunk[k]):
+        for row, body, of_lammps in zip(rows, bodies, chunk[k]):
             mine = system.molecule == body
-            mass, total = system.mass[mine], system.mass[mine].sum()
-            centre = mass @ x[mine] / total
-            r, velocity = x[mine] - centre, mass @ v[mine] / total
             assert row["natoms"] == mine.sum()
-            np.testing.assert_allclose(row["mass"], total, rtol=1e-12)
-            # in the box, but for what it has moved since atoms were last put there
-            place, image = of(row, "x", "y", "z"), of(row, "ix", "iy", "iz")
-            np.testing.assert_allclose(
-                place + system.h @ image, centre, rtol=0, atol=1e-9 * np.abs(x).max()
-            )
-            part = place / np.diag(system.h)
-            assert (part > -0.1).all() and (part < 1.1).all()
-            np.testing.assert_allclose(
-                of(row, "vx", "vy", "vz"), velocity, rtol=0, atol=1e-10 * np.abs(v).max()
-            )
-            np.testing.assert_allclose(
-                of(row, "vx", "vy", "vz"), vcm_and_inertia[:3], rtol=0, atol=1e-10 * np.abs(v).max()
-            )
-            momentum = mass @ np.cross(r, v[mine] - velocity)
-            np.testing.assert_allclose(
-                of(row, "angmomx", "angmomy", "angmomz"),
-                momentum,
-                rtol=0,
-                atol=1e-9 * np.abs(mass @ np.abs(v[mine])).max() * 3,
-            )
-            np.testing.assert_allclose(
-                of(row, "fx", "fy", "fz"), f[mine].sum(axis=0), rtol=0, atol=1e-10 * np.abs(f).max()
-            )
-            torque = np.cross(r, f[mine]).sum(axis=0)
-            np.testing.assert_allclose(
-                of(row, "tqx", "tqy", "tqz"), torque, rtol=0, atol=1e-9 * np.abs(f).max() * 3
-            )
-            # every atom goes as v + omega x r
-            omega = of(row, "omegax", "omegay", "omegaz")
-            np.testing.assert_allclose(
-                velocity + np.cross(omega, r), v[mine], rtol=0, atol=1e-9 * np.abs(v).max()
-            )
-            if (
-                mine.sum() > 3
-            ):  # LAMMPS solves for that of linear ones, too, which has no one answer
-                np.testing.assert_allclose(
-                    omega, [wx, wy, wz], rtol=0, atol=1e-8 * np.abs(omega).max()
-                )
-            # the principal frame: the tensor of inertia is diagonal there, largest first
-            inertia = (
-                mass[:, None, None]
-                * ((r**2).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None])
-            ).sum(axis=0)
-            turn = Rotation.from_quat(of(row, "q1", "q2", "q3", "q0")).as_matrix()
-            inside = turn.T @ inertia @ turn
-            np.testing.assert_allclose(
-                inside, np.diag(np.diag(inside)), rtol=0, atol=1e-9 * (np.abs(inertia).max() + 1)
-            )
-            assert (np.diff(np.diag(inside)) <= 1e-9 * np.abs(inertia).max()).all()
-            np.testing.assert_allclose(
-                of(row, "q0", "q1", "q2", "q3") @ of(row, "q0", "q1", "q2", "q3"), 1, rtol=1e-12
-            )
+            compare_centre(row, system, mine, x, v, f, vcm=of_lammps[3:6])
+            compare_rotation(row, system, mine, x, v, f, omega=of_lammps[:3])
     assert "table of the bodies every 20 steps" in run.log
 
 

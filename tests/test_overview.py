@@ -134,7 +134,10 @@ def sweep():
 
 
 def stability():
-    """An atlas in which rattle breaks in two cases of three and ours fails one."""
+    """An atlas in which rattle breaks in two cases of three and ours fails one.
+
+    It is long, for it is data.
+    """
 
     def row(integrator, verdict, value):
         label = {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator)
@@ -574,12 +577,19 @@ def test_older_names(results):
     assert told(results, summary).best[0].rows[-1][0].text == "Matubayasi-Nakahara"
 
 
-def test_numbers_of_the_committed_results(tmp_path):
-    """Locks out a number that is not the measured one: against the tables that the verbs wrote
-    beside their summaries."""
-    found = sections(tmp_path)
-    with open(COMMITTED / "bench" / "table.csv") as file:
-        table = list(csv.DictReader(file))
+# numbers that are not the measured ones: against the tables that the verbs wrote beside their
+# summaries
+
+
+def table_of(name, table="table"):
+    """The rows of a committed table."""
+    with open(COMMITTED / name / f"{table}.csv") as file:
+        return list(csv.DictReader(file))
+
+
+def test_numbers_of_the_benchmark(tmp_path):
+    """Locks out times, ratios and goals that are not the measured ones."""
+    found, table = sections(tmp_path), table_of("bench")
     ours = [row for row in table if row["integrator"] == "fix_nosquish.NVE"]
     shown = rows(found["bench"].said.best[0])
     assert len(ours) >= 6 and len(shown) == len(ours)
@@ -616,8 +626,7 @@ def test_numbers_of_the_committed_results(tmp_path):
             if one["integrator"].startswith("rigid") and one["ours / it median (loop)"]
         ]
         assert float(loop.split()[0]) == pytest.approx(max(loops), rel=6e-3)
-    with open(COMMITTED / "bench" / "goals.csv") as file:
-        goals = [row["met"] for row in csv.DictReader(file)]
+    goals = [row["met"] for row in table_of("bench", "goals")]
     assert (
         found["bench"]
         .said.lines[0]
@@ -627,36 +636,40 @@ def test_numbers_of_the_committed_results(tmp_path):
         )
     )
 
-    with open(COMMITTED / "theory" / "table.csv") as file:
-        verdicts = [row["verdict"] for row in csv.DictReader(file) if row["verdict"]]
+
+def test_numbers_of_the_theory(tmp_path):
+    """Locks out a count of statements that is not that of the table."""
+    verdicts = [row["verdict"] for row in table_of("theory") if row["verdict"]]
     held = [verdicts.count(verdict) for verdict in ("holds", "does not hold", "cannot tell")]
     told = [str(number) for number in held if number] if sum(held[1:]) else []
-    assert re.findall(r"\d+", found["theory"].said.headlines[0]) == [str(len(verdicts)), *told]
+    headline = sections(tmp_path)["theory"].said.headlines[0]
+    assert re.findall(r"\d+", headline) == [str(len(verdicts)), *told]
 
-    with open(COMMITTED / "compare-water" / "table.csv") as file:
-        for row in csv.DictReader(file):
-            (told,) = re.findall(
-                rf"[:,] {re.escape(row['integrator'])} ([\d.]+) ± ([\d.]+)[,.]",
-                found["compare-water"].said.lines[0],
-            )
-            for number, word in zip((number.rstrip(".") for number in told), ("", " margin")):
-                last = 10.0 ** -len(number.partition(".")[2])  # place: that it is rounded to
-                assert float(number) == pytest.approx(
-                    float(row[f"sd of energy{word} (kcal/mol)"]), abs=0.501 * last
-                )
 
-    with open(COMMITTED / "long-run" / "table.csv") as file:
-        for row, line in zip(csv.DictReader(file), found["long-run"].said.lines[1:], strict=True):
-            keys = {
-                "kinetic energy": "energy",
-                "angular momentum": "angular_momentum",
-                "momentum": "momentum",
-                "distances between atoms": "shape",
-            }
-            for what, key in keys.items():
-                assert float(
-                    re.search(rf"[:,] {what} ([\d.e+-]+?)[,.]?(?= |$|,)", line)[1]
-                ) == pytest.approx(float(row[key]), rel=0.06)
+def test_numbers_of_the_comparison(tmp_path):
+    """Locks out a spread of the energy, or a margin, that is not the measured one."""
+    said = sections(tmp_path)["compare-water"].said.lines[0]
+    for row in table_of("compare-water"):
+        (told,) = re.findall(rf"[:,] {re.escape(row['integrator'])} ([\d.]+) ± ([\d.]+)[,.]", said)
+        for number, word in zip((number.rstrip(".") for number in told), ("", " margin")):
+            last = 10.0 ** -len(number.partition(".")[2])  # place: that it is rounded to
+            measured = float(row[f"sd of energy{word} (kcal/mol)"])
+            assert float(number) == pytest.approx(measured, abs=0.501 * last)
+
+
+def test_numbers_of_the_long_run(tmp_path):
+    """Locks out an error that is not the measured one."""
+    lines = sections(tmp_path)["long-run"].said.lines[1:]
+    keys = {
+        "kinetic energy": "energy",
+        "angular momentum": "angular_momentum",
+        "momentum": "momentum",
+        "distances between atoms": "shape",
+    }
+    for row, line in zip(table_of("long-run"), lines, strict=True):
+        for what, key in keys.items():
+            told = re.search(rf"[:,] {what} ([\d.e+-]+?)[,.]?(?= |$|,)", line)[1]
+            assert float(told) == pytest.approx(float(row[key]), rel=0.06)
 
 
 def test_nothing_there(tmp_path, monkeypatch):

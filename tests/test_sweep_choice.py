@@ -158,21 +158,13 @@ NORMAL = 1.959963984540054  # standard errors to each side that hold 95 % of a n
 def by_hand(points, targets):
     """Best, ties and perhaps as a `Choice` should have them, by plain comparisons of every point
     with every other: sets of places in the list."""
-    verdicts = []
-    for one in points:
-        never = bool(one["failed"])
-        for measure, target in targets.items():
-            found = one["errors"].get(measure)
-            if found is None or found["error"] is None:
-                continue
-            never |= found["value"] - NORMAL * found["error"] > target
-        verdicts.append(never)
+    never = [is_never(one, targets) for one in points]
     known = [
         n
-        for n, never in enumerate(verdicts)
-        if not never
-        and points[n]["cost"]
-        and all((points[n]["errors"].get(name) or {"error": None})["error"] for name in targets)
+        for n, one in enumerate(points)
+        if not never[n]
+        and one["cost"]
+        and all((one["errors"].get(name) or {"error": None})["error"] for name in targets)
     ]
     known.sort(key=lambda n: (points[n]["cost"]["min"], -points[n]["dt"], points[n]["integrator"]))
     good = []
@@ -184,9 +176,7 @@ def by_hand(points, targets):
             for name, most in targets.items()
         ):
             good.append(n)
-    first = [
-        n for n in good if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in good)
-    ]
+    first = cheapest(points, good)
     usual = points[first[0]]["cost"]["median"] if first else np.inf
     tied = [n for n in good if points[n]["cost"]["min"] <= usual]
     words = {
@@ -195,36 +185,48 @@ def by_hand(points, targets):
         else sum(len(line.split()) for line in points[n]["lines"])
         for n in tied
     }
-    best = [n for n in tied if words[n] == min(words.values())]
-    best = [
-        n for n in best if all(points[n]["cost"]["min"] <= points[m]["cost"]["min"] for m in best)
-    ]
+    best = cheapest(points, [n for n in tied if words[n] == min(words.values())])
     perhaps = [
         n
-        for n, never in enumerate(verdicts)
-        if not never
-        and n not in good
-        and (points[n]["cost"] is None or points[n]["cost"]["min"] <= usual)
+        for n, one in enumerate(points)
+        if not never[n] and n not in good and (one["cost"] is None or one["cost"]["min"] <= usual)
     ]
-    for n in (
-        perhaps if best and points[best[0]]["integrator"] == "nosquish-2" else ()
-    ):  # its keyword is seen to help, or not
-        with_it, without = points[best[0]], points[n]
-        if (
-            without["integrator"] == "nosquish"
-            and without["dt"] == with_it["dt"]
-            and without["cost"]
-            and all(
-                name in without["errors"]
-                and without["errors"][name]["error"] is not None
-                and without["errors"][name]["value"]
-                <= with_it["errors"][name]["value"] + NORMAL * with_it["errors"][name]["error"]
-                for name in targets
-            )
-        ):
-            best = [n]
-            break
+    if best and points[best[0]]["integrator"] == "nosquish-2":
+        # its keyword is seen to help, or not
+        as_good = [n for n in perhaps if without_keyword(points[n], points[best[0]], targets)]
+        best = as_good[:1] or best
     return best, sorted(n for n in tied if n not in best), [n for n in perhaps if n not in best]
+
+
+def is_never(one, targets):
+    """Whether a point fails, or misses one of the targets for sure."""
+    found = ((one["errors"].get(name), most) for name, most in targets.items())
+    known = ((error, most) for error, most in found if error and error["error"] is not None)
+    return bool(one["failed"]) or any(
+        error["value"] - NORMAL * error["error"] > most for error, most in known
+    )
+
+
+def cheapest(points, some):
+    """Those of some places whose cost none of them is below."""
+    cost = {n: points[n]["cost"]["min"] for n in some}
+    return [n for n in some if cost[n] == min(cost.values())]
+
+
+def without_keyword(without, with_it, targets):
+    """Whether the plain default is not seen to be worse than the same step with a keyword."""
+    return (
+        without["integrator"] == "nosquish"
+        and without["dt"] == with_it["dt"]
+        and without["cost"]
+        and all(
+            name in without["errors"]
+            and without["errors"][name]["error"] is not None
+            and without["errors"][name]["value"]
+            <= with_it["errors"][name]["value"] + NORMAL * with_it["errors"][name]["error"]
+            for name in targets
+        )
+    )
 
 
 def some_points(rng, count=12, names="abc"):

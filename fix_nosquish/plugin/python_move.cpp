@@ -245,6 +245,7 @@ class FixPythonMove : public Fix {
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   void look_at_accelerators() const;
+  void open_bridge(), add_computes(), set_flags();
   const char *last_command();
   int describe(int, FixFacts *) const;
   int64_t removed_freedom(const char *, const char *) const;
@@ -297,13 +298,34 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   const auto obstacle = start_python();
   if (!obstacle.empty()) end_run(obstacle);    // other ranks may have a Python, and wait in it
 
+  open_bridge();
   const std::string target = arg[3];
+  bridge.target = target.c_str();
+  const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
+  run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
+  bridge.target = nullptr;
+  if (bridge.outcome != DONE) end_run(bridge.message, 5.0);    // imports may take their time
+
+  add_computes();
+  set_flags();
+  if (bridge.follows_atoms) {
+    create_attribute = 1;
+    maxexchange = std::max(1, bridge.carries);
+    atom->add_callback(Atom::GROW);
+    grow_arrays(atom->nmax);
+    std::fill_n(origin, atom->nlocal, -1);
+  }
+}
+
+// What Python may ask of this fix, and where LAMMPS keeps what Python reads.
+
+void FixPythonMove::open_bridge()
+{
   bridge.checksum = BRIDGE_CHECKSUM;
   bridge.fix = this;
   bridge.lammps = lmp;
   bridge.fix_id = id;
   bridge.group = group->names[igroup];
-  bridge.target = target.c_str();
   bridge.virial = virial;
   bridge.log = [](void *fix, const char *text) {
     auto lmp = self(fix)->lmp;
@@ -353,13 +375,13 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   bridge.last_step = &update->laststep;
   bridge.begins = bridge.energy_step = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
+}
 
-  const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
-  run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
-  bridge.target = nullptr;
-  if (bridge.outcome != DONE) end_run(bridge.message, 5.0);    // imports may take their time
+// Computes of this fix's own, for which LAMMPS's forces tally what the integrator needs.
 
-  auto add_compute = [this](const std::string &words) {
+void FixPythonMove::add_computes()
+{
+  auto add = [this](const std::string &words) {
     try {
       modify->add_compute(words);
     } catch (...) {    // no destructor will be called
@@ -367,6 +389,20 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
       throw;
     }
   };
+  if (bridge.changes_box) {
+    virial_id = std::string(id) + "_virial";
+    add(virial_id + " all pressure NULL virial");
+  }
+  if (bridge.needs_energy) {
+    energy_id = std::string(id) + "_energy";
+    add(energy_id + " all pe");
+  }
+}
+
+// What LAMMPS is to know of the integrator, as it declares it.
+
+void FixPythonMove::set_flags()
+{
   if (bridge.dof) dof_flag = 1;
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
@@ -378,12 +414,6 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     box_change |= BOX_CHANGE_SIZE | (domain->triclinic ? BOX_CHANGE_SHAPE : 0);
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
-    virial_id = std::string(id) + "_virial";
-    add_compute(virial_id + " all pressure NULL virial");
-  }
-  if (bridge.needs_energy) {
-    energy_id = std::string(id) + "_energy";
-    add_compute(energy_id + " all pe");
   }
   rigid_flag = bridge.rigid || bridge.follows_atoms;    // so that fix deform calls deform()
 
@@ -404,14 +434,6 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time accepts no variable number
   }
   global_freq = 1;
-
-  if (bridge.follows_atoms) {
-    create_attribute = 1;
-    maxexchange = std::max(1, bridge.carries);
-    atom->add_callback(Atom::GROW);
-    grow_arrays(atom->nmax);
-    std::fill_n(origin, atom->nlocal, -1);
-  }
 }
 
 // Forces on a graphics card: LAMMPS would bring them for this fix, but nobody has tried. KOKKOS for the host's own cores has

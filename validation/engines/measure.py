@@ -163,35 +163,11 @@ def told(
         if point not in errors
     }
     fits = _fits(good)
-    rows = []
-    for point in points:
-        if point not in good and point not in errors:
-            continue
-        scheme = SCHEMES[point.scheme]
-        engine, course = scheme.engine, plan.course(point, lengths, 1)
-        row: dict = {
-            "scheme": scheme.name,
-            "label": scheme.label,
-            "engine": engine.name,
-            "ours": False,
-            "dt": point.dt,
-            "lines": engine.words(course, some.water),
-            "starts": 0,
-            "error": errors.get(point),
-            "means": {},
-            "biases": {},
-            "clock": None,
-        }
-        if point in good:
-            starts = found[point]
-            ps = course.steps * point.dt / 1e3
-            row["starts"] = len(starts)
-            row["means"] = {key: one.plain() for key, one in good[point].items()}
-            row["biases"] = {
-                key: one.plain() for key, one in _biases(point, good, fits, known).items()
-            }
-            row["clock"] = measures.spread([one.seconds / ps for one in starts])
-        rows.append(row)
+    rows = [
+        _row(point, found, good, errors, fits, lengths, some, known)
+        for point in points
+        if point in good or point in errors
+    ]
     apart = {
         engine: {
             key: measures.difference(fit.limit, Estimate.of(known[key])).plain()
@@ -205,6 +181,42 @@ def told(
         engine: {key: told_limit(fit) for key, fit in own.items()} for engine, own in fits.items()
     }
     return {"rows": rows, "limits": limits, "apart": apart}
+
+
+def _row(
+    point: Point,
+    found: Mapping[Point, list[Samples]],
+    good: Mapping[Point, Mapping[str, Estimate]],
+    errors: Mapping[Point, str],
+    fits: Mapping[str, Mapping[str, limit.Fit]],
+    lengths: Lengths,
+    some: Runs,
+    known: Mapping[str, Mapping],
+) -> dict:
+    """The row of one point, as `told` has it; ``good`` are the means of those that are complete."""
+    scheme = SCHEMES[point.scheme]
+    engine, course = scheme.engine, plan.course(point, lengths, 1)
+    row: dict = {
+        "scheme": scheme.name,
+        "label": scheme.label,
+        "engine": engine.name,
+        "ours": False,
+        "dt": point.dt,
+        "lines": engine.words(course, some.water),
+        "starts": 0,
+        "error": errors.get(point),
+        "means": {},
+        "biases": {},
+        "clock": None,
+    }
+    if point in good:
+        starts, ps = found[point], course.steps * point.dt / 1e3
+        biases = _biases(point, good, fits, known)
+        row["starts"] = len(starts)
+        row["means"] = {key: one.plain() for key, one in good[point].items()}
+        row["biases"] = {key: one.plain() for key, one in biases.items()}
+        row["clock"] = measures.spread([one.seconds / ps for one in starts])
+    return row
 
 
 def _means(

@@ -205,8 +205,27 @@ def _schemes(
         heavy: of hydrogens' masses the LAMMPS commands that set all masses.
         longest: fs.
     """
+    every = _nosquish(temperature, points, bool(rest), equal)
+    every |= _lammps(temperature, rest, everywhere, heavy or {} if shake else None)
+    made = {
+        one.name: replace(
+            one, temperature=temperature, steps=tuple(dt for dt in one.steps if dt <= longest)
+        )
+        for one in every
+    }
+    return made, {one.name: model for one, model in every.items() if model}
+
+
+def _nosquish(
+    temperature: float, points: str, whole: bool, equal: bool
+) -> dict[Scheme, Model | None]:
+    """Ours; see `_schemes`.
+
+    Args:
+        whole: whether they move all atoms.
+    """
     usual, strong = (state(temperature, damping) for damping in (DAMPING, STRONG))
-    noise, whole = f"langevin seed {SEED}", bool(rest)
+    noise = f"langevin seed {SEED}"
     if equal:
         ending, word, said = "equal", f"equal {MOMENT}", f"moments of {MOMENT} amu Å²"
         large, told = f"equal {LARGE}", f"moments of {LARGE} amu Å²"
@@ -215,7 +234,7 @@ def _schemes(
         large, told = f"scale {TIMES_LARGE}", f"{TIMES_LARGE} times the moments"
     steps = 1.0, 2.0, 4.0, 6.0, 8.0, 10.0
     long = 4.0, 8.0, 10.0, 12.0, 14.0
-    ours = {
+    ours: dict[Scheme, Model | None] = {
         one: Model(reach)
         for one, reach in (
             (_ours("langevin-5", "NVT langevin 5/ps", usual, noise, steps), 6.0),
@@ -250,13 +269,27 @@ def _schemes(
     words = f" temp {temperature:g} steps {TRAJECTORY} seed {SEED}"
     hmc = nosquish("hmc", f"HMC, {TRAJECTORY} steps", words, "HMC")
     ours[Scheme(hmc, temperature=temperature, steps=(2.0, 4.0, 6.0), stride=TRAJECTORY)] = Model()
-    ours = {
+    return {
         replace(one, integrator=_with(one.integrator, points), whole=whole): model
         for one, model in ours.items()
     }
+
+
+def _lammps(
+    temperature: float,
+    rest: str,
+    everywhere: str,
+    heavy: Mapping[float, tuple[str, ...]] | None,
+) -> dict[Scheme, Model | None]:
+    """LAMMPS's own; see `_schemes`.
+
+    Args:
+        heavy: None where fix shake cannot hold the molecules.
+    """
+    usual = state(temperature, DAMPING)
     kicks = RAW, bath(temperature, DAMPING, everywhere)
     others = (f"fix rest {rest} nvt{usual}",) if rest else ()
-    theirs = {
+    theirs: dict[Scheme, Model | None] = {
         # it counts three degrees of freedom more than a whole without momentum has
         _after(chains("rigid/nvt/small", usual, steps=(0.5, 1.0, 2.0, 3.0, 4.0)), others): None,
         beside(
@@ -264,16 +297,9 @@ def _schemes(
             steps=(0.5, 1.0, 2.0, 3.0, 4.0),
         ): Model(4.0),
     }  # fmt: skip
-    if shake:
-        theirs |= _constrained(temperature, usual, kicks, everywhere, heavy or {})
-    every = ours | theirs
-    made = {
-        one.name: replace(
-            one, temperature=temperature, steps=tuple(dt for dt in one.steps if dt <= longest)
-        )
-        for one in every
-    }
-    return made, {one.name: model for one, model in every.items() if model}
+    if heavy is not None:
+        theirs |= _constrained(temperature, usual, kicks, everywhere, heavy)
+    return theirs
 
 
 def _ours(name, label, at, words, steps, held=0) -> Scheme:

@@ -177,22 +177,7 @@ def trial(
     every = [held, *(one for one in some if one != held)]
     # records of lengths, which no error follows from
     store = Store(out / "records", "validation.own.system")
-    summary = machine.circumstances() | {
-        "title": own.scene.title,
-        "script": Path(own.ask.script).name,
-        "notes": own.notes,
-        "units": own.scene.units,
-        "ns": name_of_ns(own),
-        "ranks": ranks,
-        "dt": own.scene.dt,
-        "bodies": own.bodies,
-        "reference": held.dt,
-        "targets": dict(wanted),
-        "about": about(own, wanted),
-        "interrupted": False,
-        "late": False,
-        "points": [],
-    }
+    summary = _summary(own, held, ranks, wanted)
     tried = Trial(summary, every, {})
     alike = own.scene, seconds, ranks, [one.name for one in every]
     origin = store.origin(*alike, files=[own.scene.folder])
@@ -216,6 +201,26 @@ def trial(
             tried.found[one] = done(own, one, job_of_it, lengths, rest)
     summary["points"] = rows(own, every, some, tried.found, wanted)
     return tried
+
+
+def _summary(own: Own, held: Point, ranks: int, wanted: Mapping[str, float]) -> dict:
+    """Of a trial that has not begun."""
+    return machine.circumstances() | {
+        "title": own.scene.title,
+        "script": Path(own.ask.script).name,
+        "notes": own.notes,
+        "units": own.scene.units,
+        "ns": name_of_ns(own),
+        "ranks": ranks,
+        "dt": own.scene.dt,
+        "bodies": own.bodies,
+        "reference": held.dt,
+        "targets": dict(wanted),
+        "about": about(own, wanted),
+        "interrupted": False,
+        "late": False,
+        "points": [],
+    }
 
 
 def chosen(points: Iterable[Any], wanted: Mapping[str, float], level: float) -> Choice:
@@ -391,44 +396,68 @@ def rows(
         ]
         if done is None and not fails:
             continue
-        row: dict = {
-            "integrator": integrator.name,
-            "label": integrator.label,
-            "ours": integrator.kind == "ours",
-            "lines": [*own.found.setup, *integrator.commands(own.scene)],
-            "dt": one.dt,
-            "starts": 1,
-            "time": done and done.time,
-            "alone": False,  # whether a run of its own judges it, see ``rest``
-            "held": None,  # how long a run it is then held against, if not a short one
-            "failed": fails[0] if fails else None,
-            "is_reference": one == held,
-            "asked": one in some,
-            "uncounted": counted.wrongly(integrator),
-            "rough": None,  # its cost by its run, with samples
-            "cost": None,
-            "errors": {},
-            "signed": {},
-            "by_itself": {},
-            "independent": None,  # so many frames
-        }
+        row = _row(own, one, done, fails[0] if fails else None)
+        row |= {"is_reference": one == held, "asked": one in some}
         if not fails and done is not None:
-            spent = np.array(done.seconds) * steps_of_cost(own, one.dt)
-            parts = np.array_split(spent, 5)
-            row["rough"] = measures.spread(float(part.mean()) for part in parts if len(part))
             alike = {
                 other.dt: said for other, said in numbers.items() if other.integrator is integrator
             }
             against = numbers.get(held), held.dt if held.integrator is integrator else 0.0
-            mine = {one.dt: alike[one.dt]}
-            by_itself = errors.errors(own, integrator, one.dt, mine, *against)
-            signed = by_itself | errors.of_means(own, one.dt, alike, *against)
-            row["independent"] = numbers[one]["independent"]
-            row["signed"] = {name: error.plain() for name, error in signed.items()}
-            row["errors"] = _sizes(signed, wanted)
-            row["by_itself"] = _sizes(by_itself, wanted)
+            row |= _measured(own, one, done, alike, against, wanted)
         made.append(row)
     return made
+
+
+def _row(own: Own, one: Point, done: Done | None, fails: str | None) -> dict:
+    """A row of `rows`, without what was measured."""
+    integrator = one.integrator
+    return {
+        "integrator": integrator.name,
+        "label": integrator.label,
+        "ours": integrator.kind == "ours",
+        "lines": [*own.found.setup, *integrator.commands(own.scene)],
+        "dt": one.dt,
+        "starts": 1,
+        "time": done and done.time,
+        "alone": False,  # whether a run of its own judges it, see ``rest``
+        "held": None,  # how long a run it is then held against, if not a short one
+        "failed": fails,
+        "uncounted": counted.wrongly(integrator),
+        "rough": None,  # its cost by its run, with samples
+        "cost": None,
+        "errors": {},
+        "signed": {},
+        "by_itself": {},
+        "independent": None,  # so many frames
+    }
+
+
+def _measured(
+    own: Own,
+    one: Point,
+    done: Done,
+    alike: Mapping[float, Any],
+    against: tuple[Any, float],
+    wanted: Mapping[str, float],
+) -> dict:
+    """What the run of a point adds to its row.
+
+    Args:
+        alike: of each step of its integrator the numbers of its run.
+        against: the reference's numbers, and its step, 0 where that is another integrator's.
+    """
+    spent = np.array(done.seconds) * steps_of_cost(own, one.dt)
+    parts = np.array_split(spent, 5)
+    mine = {one.dt: alike[one.dt]}
+    by_itself = errors.errors(own, one.integrator, one.dt, mine, *against)
+    signed = by_itself | errors.of_means(own, one.dt, alike, *against)
+    return {
+        "rough": measures.spread(float(part.mean()) for part in parts if len(part)),
+        "independent": done.numbers["independent"],
+        "signed": {name: error.plain() for name, error in signed.items()},
+        "errors": _sizes(signed, wanted),
+        "by_itself": _sizes(by_itself, wanted),
+    }
 
 
 def _sizes(signed: Mapping[str, Estimate], names: Iterable[str]) -> dict[str, dict]:
