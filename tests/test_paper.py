@@ -5,7 +5,9 @@ Statistical checks use fixed random seeds.
 """
 
 import dataclasses
+import time
 from collections import Counter
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -85,6 +87,34 @@ def test_a_run_goes_on_after_an_interruption(tmp_path, monkeypatch):
     rest, interrupted = paper.do(trajectory(piece=100), tmp_path, 60, Silent())
     assert not interrupted and rest.error is None and len(rest.time) == 31
     assert done == ["piece-0", "piece-100", "piece-200"]
+
+
+def test_two_processes_do_one_trajectory_one_after_the_other(tmp_path, monkeypatch):
+    """Locks out a command that empties the folder in which another one's LAMMPS is at work: the
+    second waits, and takes over what the first has left."""
+    real, said = run.run, tmp_path / "said"
+
+    def slow(job, *more, **how):
+        with open(said, "a") as file:
+            file.write("begin\n")
+        time.sleep(0.5)  # the other one would begin now
+        return real(job, *more, **how)
+
+    def command_of_its_own():
+        found, _ = paper.do(trajectory(), tmp_path, 60, Silent())
+        assert found.error is None
+        with open(said, "a") as file:
+            file.write(f"end {found.total[-1]!r}\n")
+
+    monkeypatch.setattr(run, "run", slow)
+    both = [get_context("fork").Process(target=command_of_its_own) for _ in range(2)]
+    for each in both:
+        each.start()
+    for each in both:
+        each.join(60)
+    assert [each.exitcode for each in both] == [0, 0]
+    first, one, other = said.read_text().splitlines()
+    assert first == "begin" and one == other
 
 
 def test_what_a_run_starts_from_is_part_of_it(tmp_path, monkeypatch):

@@ -114,9 +114,9 @@ class Store:
                     else:
                         waiting.append(name)
 
-    def locked(self, name: str, how: int = fcntl.LOCK_EX) -> "_Lock":
+    def locked(self, name: str, how: int = fcntl.LOCK_EX) -> "Lock":
         """A context in which no other process has the name; it gives whether it is ours."""
-        return _Lock(self.folder / f"{name}.lock", how)
+        return Lock(self.folder / f"{name}.lock", how)
 
     def _file(self, name: str, origin: str) -> Path:
         return self.folder / f"{name}-{origin[:16]}.json"
@@ -130,7 +130,7 @@ def alone(folder: Path) -> Iterator[None]:
     Raises:
         SystemExit: another one does.
     """
-    with _Lock(folder / "alone.lock", fcntl.LOCK_EX | fcntl.LOCK_NB) as mine:
+    with Lock(folder / "alone.lock", fcntl.LOCK_EX | fcntl.LOCK_NB) as mine:
         if not mine:
             raise SystemExit(
                 f"another command measures in {folder} now: wait for its end, or give another "
@@ -139,10 +139,10 @@ def alone(folder: Path) -> Iterator[None]:
         yield
 
 
-class _Lock:
+class Lock:
     """A file that one process at a time has; the system takes it from one that was killed."""
 
-    def __init__(self, path: Path, how: int) -> None:
+    def __init__(self, path: Path, how: int = fcntl.LOCK_EX) -> None:
         self.path, self.how = path, how
 
     def __enter__(self) -> bool:
