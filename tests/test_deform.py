@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 from systems import mixture
-from test_nvt import SMOOTH
+from test_nvt import SMOOTH, thermo
+from test_output import of, read
 
 from validation.scenes.boxes import LIKE_LAMMPS, RIGID, nearest
 
@@ -109,18 +110,55 @@ def test_a_box_that_was_deformed_is_known(run_lammps):
     run_lammps(script, files=system.files)
 
 
+# the tilts xy and xz pass half a box vector, and fix deform takes other vectors
+FLIPS = "fix box all deform 1 xy erate 3 xz erate -4 yz erate 0.5"
+BEFORE_FLIPS = f"{SMOOTH}velocity all create 1 9\n"
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_flips(simulate, ranks):
     """Locks out bodies that lose their image where fix deform takes other box vectors: they go as
-    in the box that does not flip, beside LAMMPS's fix rigid."""
-    system = mixture("solid planar single", side=4, spacing=2.0, tilt=0.1)
-    before = f"{SMOOTH}velocity all create 1 9\nchange_box all xy final 3.0 xz final 2.0\n"
-    change = "fix box all deform 1 xy erate 3 xz erate -1 yz erate 2"
-    how = {"before": before, "dt": 0.002}
+    with LAMMPS's fix rigid where the same box does not flip.  Where it does, that fix goes another
+    way."""
+    system = mixture("solid planar single", side=4, spacing=2.9, tilt=0.45)
+    how = {"before": BEFORE_FLIPS, "columns": "xy xz"}
     ours, theirs = (
-        simulate(system, f"{fix}\n{change}", 200, ranks=n, **how)
-        for fix, n in ((LIKE_LAMMPS, ranks), (RIGID, 1))
+        simulate(system, f"{fix}\n{FLIPS}{flip}", 100, ranks=n, **how)
+        for fix, flip, n in ((LIKE_LAMMPS, "", ranks), (RIGID, " flip no", 1))
     )
+    assert (np.diff(ours.thermo["Xy"]) < 0).any() and (np.diff(ours.thermo["Xz"]) > 0).any()
     for name in "PotEng", "Temp":
         assert np.abs(ours.thermo[name] - theirs.thermo[name]).max() < 1e-7
     assert np.abs(ours.v - theirs.v).max() < 1e-7
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_image_flags_after_flips(run_lammps, tmp_path, ranks):
+    """Locks out image flags of bodies that count box vectors of before a flip: with them a centre
+    is where its atoms, unwrapped, have it."""
+    system = mixture("solid planar single", side=4, spacing=2.9, tilt=0.45)
+    script = (
+        "processors * 1 1\n"  # so that a flip of xy or xz sends bodies to other ranks
+        f"{system.setup}\n{BEFORE_FLIPS}variable table string bodies.csv\n"
+        "velocity all set 0 50 -100 sum yes\n"  # most bodies cross faces before the last flip
+        # no change of the box in a step whose table is written, before that change
+        f"{FLIPS.replace('deform 1', 'deform 3')}\ntimestep 0.002\n"
+        'fix 1 all python/move "fix_nosquish.NVE all molecule output 50 v_table"\n'
+        "dump 1 all custom 50 dump.* id mol mass xu yu zu\n"
+        "dump_modify 1 sort id format float %.17g\n"
+        f"{thermo('lx ly lz xy xz yz', 50)}run 100\n"
+    )
+    rows = run_lammps(script, files=system.files, ranks=ranks).thermo
+    assert rows["Xy"][1] < rows["Xy"][0] and rows["Xz"][-1] > rows["Xz"][0], "no flip"
+    table = read(tmp_path / "bodies.csv")
+    flags = of(table, "ix", "iy", "iz")
+    for k, step in enumerate(range(0, 101, 50)):
+        h = np.diag([rows[f"L{axis}"][k] for axis in "xyz"])
+        h[0, 1], h[0, 2], h[1, 2] = (rows[tilt][k] for tilt in ("Xy", "Xz", "Yz"))
+        here = table["step"] == step
+        told = of(table[here], "x", "y", "z") + flags[here] @ h.T
+        atoms = np.loadtxt(tmp_path / f"dump.{step}", skiprows=9)
+        for place, body in zip(told, table["body"][here]):
+            mine = atoms[atoms[:, 1] == body]
+            centre = np.average(mine[:, 3:6], axis=0, weights=mine[:, 2])
+            assert np.abs(place - centre).max() < 1e-9
