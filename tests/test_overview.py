@@ -134,10 +134,8 @@ def sweep():
 
 
 def stability():
-    """An atlas in which rattle breaks in two cases of three and ours fails one.
-
-    It is long, for it is data.
-    """
+    """An atlas in which rattle breaks in two cases of three and ours fails one."""
+    # long, for it is data
 
     def row(integrator, verdict, value):
         label = {"nosquish": "fix_nosquish.NVE"}.get(integrator, integrator)

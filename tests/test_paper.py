@@ -5,6 +5,7 @@ Statistical checks use fixed random seeds.
 """
 
 import dataclasses
+import signal
 import time
 from collections import Counter
 from multiprocessing import get_context
@@ -23,7 +24,7 @@ from validation import __main__ as command
 from validation.paper import measure as paper_claims
 from validation.paper import plan as paper
 from validation.paper import report as paper_report
-from validation.running import machine, run
+from validation.running import machine, run, store
 from validation.running.trajectory import Series, Trajectory
 from validation.scenes import SCENES
 from validation.scenes import peptide as paper_peptide
@@ -108,13 +109,34 @@ def test_two_processes_do_one_trajectory_one_after_the_other(tmp_path, monkeypat
 
     monkeypatch.setattr(run, "run", slow)
     both = [get_context("fork").Process(target=command_of_its_own) for _ in range(2)]
-    for each in both:
-        each.start()
-    for each in both:
-        each.join(60)
-    assert [each.exitcode for each in both] == [0, 0]
-    first, one, other = said.read_text().splitlines()
-    assert first == "begin" and one == other
+    try:
+        for each in both:
+            each.start()
+        for each in both:
+            each.join(60)
+        assert [each.exitcode for each in both] == [0, 0]
+    finally:
+        for each in both:
+            each.terminate()
+    lines = said.read_text().splitlines()
+    assert lines[0] == "begin" and [line[:3] for line in lines[1:]] == ["end", "end"]
+    assert lines[1] == lines[2]
+
+
+def test_an_interruption_while_another_process_has_the_run(tmp_path):
+    """Locks out a Ctrl-C that, while it waits, takes with it what was complete before."""
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    usual = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        with store.Lock(tmp_path / "test" / "piece-0" / run.LOCK):
+            signal.setitimer(signal.ITIMER_REAL, 1.0)
+            found, interrupted = paper.do(trajectory(), tmp_path, 60, Silent())
+    finally:
+        signal.signal(signal.SIGALRM, usual)
+    assert interrupted and found.error == run.INTERRUPTED and not len(found.total)
 
 
 def test_what_a_run_starts_from_is_part_of_it(tmp_path, monkeypatch):

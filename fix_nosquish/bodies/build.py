@@ -60,11 +60,11 @@ def build(
         RunError: on all ranks, naming the body.
     """
     members = find_members(lammps, communicator, membership, shapes, atoms)
-    natoms, mass_here = members.total(np.ones(len(members.atoms)), members.mass)
+    natoms, atoms_mass = members.total(np.ones(len(members.atoms)), members.mass)
     given = infile.read(path, communicator, members.ids, members.owned) if path else None
-    mass = _masses(members, mass_here, given)
+    mass = _masses(members, atoms_mass, given)
     place, image, delta, rebuilt, doubt = unfold(lammps, members)
-    of_atoms = members.total(*(members.mass * delta.T)) / mass_here
+    of_atoms = members.total(*(members.mass * delta.T)) / atoms_mass
     centre = _centres_in_file(lammps, members, given, place, image, of_atoms) if given else of_atoms
     r, kept, new = delta - centre[:, members.body].T, None, True
     shaped = oriented or lammps.radius is not None
@@ -73,7 +73,7 @@ def build(
         r, particles, kept, new = keep(lammps, members, former, r, particles, oriented)
     own = _own_inertia(members, particles)
     inertia = _inertia(members, members.mass, r) + own
-    size = np.sqrt(np.trace(inertia) / mass_here)
+    size = np.sqrt(np.trace(inertia) / atoms_mass)
     _refuse_points(lammps, members, natoms, size, given)
     inertia = inertia.transpose(2, 0, 1)
     doubts = [doubt] if doubt else []
@@ -81,10 +81,9 @@ def build(
         inertia[given.bodies] = given.inertia
         doubts += _off_centre(lammps, members, centre - of_atoms, size)
 
-    plane, places = lammps.dimension == 2, np.array([r.T, r.T])
-    if oriented:  # a particle has directions of its own
-        places += particles.directions()
-    moment, axes = principal.frames(members, inertia, places, plane)
+    plane = lammps.dimension == 2
+    told = r, particles if oriented else None
+    moment, axes = principal.moments_and_axes(members, inertia, *told, plane)
 
     def alike():
         shared = _inertia(members, (mass / natoms)[members.body], r) + own
@@ -93,9 +92,13 @@ def build(
     chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
     state = np.concatenate([np.zeros((ROWS + own_rows, len(mass))), slower])
     state[MASS], state[NATOMS], state[MOMENT] = mass, natoms, chosen
+    state[HOME], state[ID] = members.sharers.home, members.ids
     state[X], state[IMAGE], state[Q] = place + centre, image, quaternions(axes)
+    # every copy of a shared body starts from the lowest rank's numbers, to the last bit
+    state[:, ~members.owned] = 0.0
+    members.sharers.combine(state)
     row = ROWS + own_rows if len(slower) else 0
-    result = _with_atoms(_shared(members, state), members, r, particles, oriented, plane, row)
+    result = _with_atoms(state, members, r, particles, oriented, plane, row)
     if result.spin:  # the bodies have these atoms in another order
         particles = particles_of(lammps, shapes, result.index)
     spins, energy = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
@@ -123,7 +126,7 @@ def _refuse_points(lammps, members, natoms, size, given):
     """Raise an error if several atoms are at one point, and no infile says what body they are.
 
     Args:
-        size: (n,) root of the trace of each body's inertia over its mass.
+        size: (n,) root of the trace of the atoms' inertia over their mass.
     """
     point = ~(size > _SAME_PLACE * np.abs(lammps.box.h).max())
     members.refuse(
@@ -168,12 +171,12 @@ def _off_centre(lammps, members, off, size):
     radius[point] = 0.0
     far = np.where(point, _OFF_POINT * lammps.box.size, _OFF_CENTRE * radius)
     odd = members.owned & (off > far)
-    rows = np.array([off, radius, members.ids], float).T[odd]
-    rows = members.communicator.gather_to_all(rows)
+    here = np.array([off, radius, members.ids], float).T[odd]
+    rows = members.communicator.gather_to_all(here)
     if not len(rows):
         return []
-    off, radius, name = rows[rows[:, 0].argmax()]
-    name = members.membership.name(int(name))
+    off, radius, worst = rows[rows[:, 0].argmax()]
+    name = members.membership.name(int(worst))
     return [
         f"WARNING: the infile has the centres of {len(rows)} bodies far from their atoms: that of "
         f"{name} by {off:.3g}, where its radius of gyration is {radius:.3g}. "
@@ -231,9 +234,7 @@ def count(communicator, membership):
         problem = True
     if communicator.any(problem):
         return None
-    return (
-        round(communicator.total(np.array([sharers_of(communicator, ids).owned.sum()]))[0]) or None
-    )
+    return communicator.count(sharers_of(communicator, ids).owned.sum()) or None
 
 
 def _notes(bodies, lammps, members, rebuilt, own, finite):
@@ -272,17 +273,6 @@ def _inertia(members, mass, r):
     products = x * x, y * y, z * z, x * y, x * z, y * z
     xx, yy, zz, xy, xz, yz = members.total(*(mass * c for c in products))
     return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
-
-
-def _shared(members, state):
-    """The state (rows, n) of bodies, in which those that several ranks have are alike; collective.
-
-    Every copy starts from the lowest rank's numbers, to the last bit.
-    """
-    state[HOME], state[ID] = members.sharers.home, members.ids
-    state[:, ~members.owned] = 0.0
-    members.sharers.combine(state)
-    return state
 
 
 def _with_atoms(state, members, r, particles, oriented, plane, chosen):

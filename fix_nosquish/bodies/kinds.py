@@ -48,8 +48,7 @@ def _deviations(bodies, lammps, communicator, kind, place, natoms, lowest):
         place: (m,) of each atom among its body's.
         natoms, lowest: of each kind, the number of atoms and the lowest ID of a body.
     """
-    sharers, n = bodies.sharers, len(bodies)
-    start = np.concatenate([[0], np.cumsum(natoms)])
+    sharers, start = bodies.sharers, np.concatenate([[0], np.cumsum(natoms)])
     mine = kind[bodies.body] >= 0
     body, d = bodies.body[mine], bodies.displace[:3, mine]
     where = start[kind[body]] + place[mine]
@@ -60,19 +59,12 @@ def _deviations(bodies, lammps, communicator, kind, place, natoms, lowest):
     size = np.maximum.reduceat(np.linalg.norm(model, axis=0), start[:-1])
 
     mass, model = lammps.masses[bodies.index[mine]], model[:, where]
-    products = np.array(
-        [np.bincount(body, mass * a * b, minlength=n) for a in d for b in model],
-        float,  # bincount gives whole numbers for no atoms
-    )
-    sharers.combine(products)
-    products = products.T.reshape(n, 3, 3)
+    products = sharers.total(body, *(mass * a * b for a in d for b in model)).T.reshape(-1, 3, 3)
 
     def deviation(turn):
         """How far each body is from the first of its kind, turned so, of its size, (n,)."""
-        far, off = np.zeros((1, n)), d - np.einsum("mab,bm->am", turn[body], model)
-        np.maximum.at(far[0], body, np.linalg.norm(off, axis=0))
-        sharers.combine(far, np.maximum)
-        return np.where(kind >= 0, far[0] / size[kind], 0.0)
+        off = np.linalg.norm(d - np.einsum("mab,bm->am", turn[body], model), axis=0)
+        return np.where(kind >= 0, sharers.highest(body, off)[0] / size[kind], 0.0)
 
     # principal axes of bodies of one shape differ in their signs only, unless moments are equal
     turn = np.eye(3) * np.where(products < 0, -1.0, 1.0)
@@ -85,24 +77,24 @@ def _deviations(bodies, lammps, communicator, kind, place, natoms, lowest):
     return far
 
 
-def _furthest(communicator, n, kind, far, ids, owned):
-    """Of each of `n` kinds, how many bodies differ from the first, (n,), and how far is the one
-    that is furthest, and its ID, (n, 2); collective.
+def _furthest(communicator, kinds, kind, far, ids, owned):
+    """Of each of so many kinds, how many bodies differ from the first, (kinds,), and how far is
+    the one that is furthest, and its ID, (kinds, 2); collective.
 
     Args:
         kind, far, ids, owned: (bodies,) of each, what `compare` knows of it.
     """
     other = np.flatnonzero((far > _DIFFERENT) & owned)
     other = other[np.lexsort((-far[other], kind[other]))]  # of each kind the furthest is the first
-    kinds, first, count = np.unique(kind[other], return_index=True, return_counts=True)
+    which, first, count = np.unique(kind[other], return_index=True, return_counts=True)
     worst = other[first]
-    found = np.stack([kinds, count, far[worst], ids[worst]], axis=1).astype(float)
+    found = np.stack([which, count, far[worst], ids[worst]], axis=1).astype(float)
     found = communicator.gather_to_all(found)
     found = found[np.lexsort((-found[:, 2], found[:, 0]))]
-    differ, furthest = np.zeros(n, int), np.zeros((n, 2))
+    differ, furthest = np.zeros(kinds, int), np.zeros((kinds, 2))
     np.add.at(differ, found[:, 0].astype(int), found[:, 1].astype(int))
-    kinds, first = np.unique(found[:, 0].astype(int), return_index=True)
-    furthest[kinds] = found[first, 2:]
+    which, first = np.unique(found[:, 0].astype(int), return_index=True)
+    furthest[which] = found[first, 2:]
     return differ, furthest
 
 
@@ -140,24 +132,20 @@ def _places_and_keys(bodies, lammps):
         ranks that share the body would have to tell each other the order: each knows it where the
         IDs follow one another.
     """
-    n, tag, body = len(bodies), bodies.tag, bodies.body
-    ends = np.full((2, n), np.inf)
-    np.minimum.at(ends[0], body, tag)
-    np.minimum.at(ends[1], body, -tag)
-    bodies.sharers.combine(ends, np.minimum)
+    tag, body = bodies.tag, bodies.body
+    first, last = bodies.sharers.lowest(body, tag, -tag) * np.array([[1], [-1]])
     order = np.lexsort((tag, body))
-    here = np.bincount(body, minlength=n)
+    here = np.bincount(body, minlength=len(bodies))
     place = np.empty(len(tag), int)
     place[order] = np.arange(len(tag)) - (np.cumsum(here) - here)[body[order]]
     shared = here < bodies.natoms
-    place = np.where(shared[body], tag - ends[0, body], place).astype(int)
+    place = np.where(shared[body], tag - first[body], place).astype(int)
     types = lammps.per_atom("type", np.int32)[bodies.index]
     # whole numbers, whose sums do not depend on their order
     halves = np.floor(weights((place << 20) + types) * 2.0**31)
-    sums = np.array([np.bincount(body, half, minlength=n) for half in halves])
-    bodies.sharers.combine(sums)
+    sums = bodies.sharers.total(body, *halves)
     key = (sums[0] % 2**31).astype(np.int64) << 31 | (sums[1] % 2**31).astype(np.int64)
-    gaps = -ends[1] - ends[0] + 1 != bodies.natoms
+    gaps = last - first + 1 != bodies.natoms
     return place, np.where(shared & gaps, -1, key)
 
 

@@ -1,11 +1,11 @@
-"""This rank's atoms of bodies, and sums and extremes over the atoms of each body on all ranks."""
+"""Which atoms bodies are made of, and sums over those of each body."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import RunError
-from ..ranks.communicator import Communicator
+from ..ranks.communicator import Alone
 from ..ranks.sharing import Sharers
 from .membership import POINTS, Membership
 
@@ -30,7 +30,7 @@ class Members(NamedTuple):
     mass: np.ndarray
     sharers: Sharers
     membership: Membership
-    communicator: Communicator
+    communicator: Alone
 
     @property
     def owned(self):
@@ -39,25 +39,15 @@ class Members(NamedTuple):
 
     def total(self, *columns):
         """Sums of columns (m,) over the atoms of each body, (len(columns), n); collective."""
-        sums = [np.bincount(self.body, column, minlength=len(self.ids)) for column in columns]
-        sums = np.array(sums, float)  # bincount gives whole numbers for no atoms
-        self.sharers.combine(sums)
-        return sums
+        return self.sharers.total(self.body, *columns)
 
     def lowest(self, *columns):
         """The lowest number of each body's atoms, (len(columns), n); collective."""
-        return self._extreme(columns, np.inf, np.minimum)
+        return self.sharers.lowest(self.body, *columns)
 
     def highest(self, *columns):
         """The highest number of each body's atoms, (len(columns), n); collective."""
-        return self._extreme(columns, -np.inf, np.maximum)
-
-    def _extreme(self, columns, start, operation):
-        result = np.full((len(columns), len(self.ids)), start)
-        for row, column in zip(result, columns):
-            operation.at(row, self.body, column)
-        self.sharers.combine(result, operation)
-        return result
+        return self.sharers.highest(self.body, *columns)
 
     def name(self, place):
         """The words for the body at this place of `ids`."""
@@ -73,7 +63,7 @@ class Members(NamedTuple):
         self.communicator.agree(None if place is None else f"{self.name(place)} {text(place)}")
 
 
-def find_members(lammps, communicator, membership, shapes=None, atoms=None):
+def find_members(lammps, communicator, membership, shapes, atoms):
     """The `Members` of this rank; collective.
 
     Args:

@@ -8,22 +8,25 @@ _ZERO_MOMENT = 1e-7
 _EQUAL_MOMENTS = 1e-9
 
 
-def frames(members, inertia, places, plane):
+def moments_and_axes(members, inertia, r, particles, plane):
     """Principal moments and axes as the integrator takes them; collective.
 
     Args:
         members: the `Members`.
         inertia: (n, 3, 3).
-        places: (2, 3, m), two vectors of each atom, by which axes are chosen that moments leave
-            open.
+        r: (m, 3) the atoms' places from the bodies' centres; with the directions of `particles`,
+            None if they have none, these choose axes that moments leave open.
         plane: whether bodies turn about z only, which is axis 3.
     Returns:
         moment (3, n); axes (n, 3, 3), in columns, right-handed.
     """
     if plane:
-        return _in_plane(inertia)
+        return _principal_in_plane(inertia)
     moment, axes, equal = _principal(inertia)
     if members.communicator.any(equal.any()):
+        places = np.array([r.T, r.T])
+        if particles is not None:
+            places += particles.directions()
         sums = (w * c for w, place in zip(weights(members.tag), places) for c in place)
         _choose_axes(axes, equal, members.total(*sums).T.reshape(-1, 2, 3))
     if members.membership.command.order == 123:
@@ -73,8 +76,8 @@ def _frames_along(axis):
     return np.stack([first, np.cross(axis, first), axis], axis=2)
 
 
-def _in_plane(inertia):
-    """Moments and axes of bodies that turn about z, as `frames`."""
+def _principal_in_plane(inertia):
+    """Moments and axes of bodies that turn about z, as `moments_and_axes`."""
     values, turned = np.linalg.eigh(inertia[:, :2, :2])
     axes = np.zeros_like(inertia)
     axes[:, 2, 2] = 1.0

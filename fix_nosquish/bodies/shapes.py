@@ -109,7 +109,7 @@ def _turns(lammps, members, former, moved, r, d, particles):
     products = members.total(*(weight * a * b for a in r.T for b in d)).T.reshape(n, 3, 3)
     turn = np.tile(np.eye(3), (n, 1, 1))
     turn[moved] = best_turns(products[moved], plane)
-    if particles and not plane:
+    if particles is not None and not plane:
         directions = _directions(particles, former.displace[:, members.atoms]).reshape(9, -1)
         told = members.total(*directions).T.reshape(n, 3, 3)
         before = matrices(members.highest(*former.q[:, members.atoms])).transpose(2, 0, 1)

@@ -50,14 +50,13 @@ def _without_atoms(bodies, lammps, communicator, membership):
     gained = arrived[-2 - of_atoms[of_atoms < -1], 0].copy().view(np.int64)
     lost = np.setdiff1d(np.arange(len(bodies.index)), places(of_atoms[of_atoms >= 0]))
     lost = gone(communicator, lost, gained)
-    missing = np.bincount(bodies.body[lost], minlength=len(bodies))[None].astype(float)
-    bodies.sharers.combine(missing)
-    wrong = (missing[0] > 0) & (missing[0] < bodies.natoms)
+    (missing,) = bodies.sharers.total(bodies.body[lost], np.ones(len(lost)))
+    wrong = (missing > 0) & (missing < bodies.natoms)
     if communicator.count(len(lammps.groups)) != lammps.natoms:
-        wrong = missing[0] > 0  # LAMMPS has lost atoms, and not deleted them
+        wrong = missing > 0  # LAMMPS has lost atoms, and not deleted them
     lost = lost[wrong[bodies.body[lost]]]
     communicator.agree(_of_lost(bodies, lost, lammps, membership) if len(lost) else None)
-    return missing[0] > 0
+    return missing > 0
 
 
 def _of_lost(bodies, lost, lammps, membership):

@@ -27,47 +27,54 @@ def unfold(lammps, members):
     box, body = lammps.box, members.body
     x = lammps.per_atom("x", columns=3)[members.atoms]
     image = lammps.images[members.atoms]
-    place, flags = _first_atoms(members, x, image)
+    first, place, flags = _first_atoms(members, x, image)
     # differences of the images are whole numbers: far from the origin nothing is lost
     image = lammps.image_difference(image - flags[:, body].T.astype(np.int64))
     delta = x - place[:, body].T
     nearest = delta - box.lattice(delta) @ box.h.T
     delta = delta + image @ box.h.T
 
-    def width_of(places):
-        """How wide each body is along the box vectors, in parts of them, (3, n), and its end."""
-        parts = places @ box.inverse.T * box.periodic
-        low = members.lowest(*parts.T)
-        return members.highest(*parts.T) - low, low, parts
+    def parts_of(places):
+        """Places (m, 3) in parts of the box vectors, where it is periodic, (3, m)."""
+        return (places @ box.inverse.T * box.periodic).T
 
-    width, low, parts = width_of(delta)
+    parts = parts_of(delta)
+    low, width = _extent(members, parts)
     wide = width >= 0.5
     if not members.communicator.any(wide.any()):
         return place, flags, delta, np.zeros(len(members.ids), bool), None
-    cut = wide & (width_of(nearest)[0] < 0.25)
-    several_images = members.lowest(*image.T) != members.highest(*image.T)
+    cut = wide & (_extent(members, parts_of(nearest))[1] < 0.25)
+    several_images = _extent(members, image.T)[1] > 0
     unsure = wide & ~cut & ~(several_images & (width < 1))
     gap = np.zeros_like(width)
     for k in np.flatnonzero(box.periodic):
-        gap[k] = _widest_gap(members, parts[:, k] - low[k, body])
+        gap[k] = _widest_gap(members, parts[k] - low[k, body])
     gap[~unsure | (gap <= np.maximum(1.0 - width, _GAP))] = 0.0
-    doubt = _doubt(members, width, gap)
+    doubt = _doubt(members, first, width, gap)
     fold = np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T
     return place, flags, delta - fold @ box.h.T, cut.any(axis=0), doubt
 
 
 def _first_atoms(members, x, image):
-    """Place and image flags of each body's first atom, (3, n) each; collective."""
-    first = members.tag == members.lowest(members.tag)[0, members.body]
+    """The ID of each body's first atom, (n,), its place and image flags, (3, n); collective."""
+    (first,) = members.lowest(members.tag)
+    lead = members.tag == first[members.body]
     reference = np.zeros((6, len(members.ids)))
-    reference[:, members.body[first]] = np.concatenate([x[first], image[first]], axis=1).T
+    reference[:, members.body[lead]] = np.concatenate([x[lead], image[lead]], axis=1).T
     members.sharers.combine(reference)
-    return reference[:3], reference[3:]
+    return first, reference[:3], reference[3:]
 
 
-def _doubt(members, width, gap):
+def _extent(members, columns):
+    """The lowest of the numbers of each body's atoms, and how much higher the highest is, (3, n)
+    each; collective."""
+    low = members.lowest(*columns)
+    return low, members.highest(*columns) - low
+
+
+def _doubt(members, first, width, gap):
     """The warning for bodies that may be cut, with a gap (3, n) above zero, or None; collective."""
-    gap, first = gap * members.owned, members.lowest(members.tag)[0]
+    gap = gap * members.owned
     worst = []
     if gap.any():
         k, b = np.unravel_index(gap.argmax(), gap.shape)

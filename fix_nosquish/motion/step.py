@@ -256,7 +256,7 @@ def stages(splitting, operations):
             before those that move, or behind them.
     """
     letters = splitting.split()
-    _check_letters(splitting, operations)
+    _check_letters(splitting, letters, operations)
     movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
     if not movers:
         raise ValueError(f"splitting {splitting!r}: none of its operations moves the bodies")
@@ -293,13 +293,13 @@ def stages(splitting, operations):
     )  # fmt: skip
 
 
-def _check_letters(splitting, operations):
+def _check_letters(splitting, letters, operations):
     """Raise an error for letters and operations that do not go together; see `stages`."""
     if FORCES in operations:
         raise ValueError(
             f"the letter {FORCES} stands for the forces in a splitting: give the operation another"
         )
-    for letter in splitting.split():
+    for letter in letters:
         if letter not in operations and letter != FORCES:
             known = ", ".join(operations)
             raise ValueError(

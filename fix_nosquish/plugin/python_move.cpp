@@ -245,7 +245,7 @@ class FixPythonMove : public Fix {
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   void look_at_accelerators() const;
-  void open_bridge(), add_computes(), set_flags();
+  void fill_bridge(), add_computes(), set_flags();
   const char *last_command();
   int describe(int, FixFacts *) const;
   int64_t removed_freedom(const char *, const char *) const;
@@ -298,7 +298,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   const auto obstacle = start_python();
   if (!obstacle.empty()) end_run(obstacle);    // other ranks may have a Python, and wait in it
 
-  open_bridge();
+  fill_bridge();
   const std::string target = arg[3];
   bridge.target = target.c_str();
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
@@ -319,7 +319,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
 
 // What Python may ask of this fix, and where LAMMPS keeps what Python reads.
 
-void FixPythonMove::open_bridge()
+void FixPythonMove::fill_bridge()
 {
   bridge.checksum = BRIDGE_CHECKSUM;
   bridge.fix = this;

@@ -412,3 +412,31 @@ class Sharers:
             how = (np.add, np.minimum, np.maximum).index(operation)
             give.bind_to(self.cells, values=values)()
             combine.bind_to(self.cells, values=values, how=how)()
+
+    def total(self, body, *columns):
+        """Sums over the atoms of each body, on all ranks, (len(columns), n): one exchange.
+
+        Args:
+            body: (m,) the place of each atom's body in this rank's list.
+            columns: (m,) each, a number of each atom.
+        """
+        n = self.counts[BODIES]
+        sums = [np.bincount(body, column, minlength=n) for column in columns]
+        sums = np.array(sums, float)  # bincount gives whole numbers for no atoms
+        self.combine(sums)
+        return sums
+
+    def lowest(self, body, *columns):
+        """As `total`, the lowest number of each body's atoms; inf for a body without any."""
+        return self._extreme(body, columns, np.inf, np.minimum)
+
+    def highest(self, body, *columns):
+        """As `total`, the highest number of each body's atoms; -inf for a body without any."""
+        return self._extreme(body, columns, -np.inf, np.maximum)
+
+    def _extreme(self, body, columns, start, operation):
+        result = np.full((len(columns), self.counts[BODIES]), start)
+        for row, column in zip(result, columns):
+            operation.at(row, body, column)
+        self.combine(result, operation)
+        return result

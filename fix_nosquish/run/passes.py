@@ -58,6 +58,11 @@ def _follow_box(integrator, cells):
     return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
 
 
+def _sums(integrator):
+    """How a loop adds up numbers of all bodies, for `Threads.bind`."""
+    return {"sums": "parameters", "count": len(integrator.parameters)}
+
+
 class Passes:
     """The lists of loops of a run.
 
@@ -87,20 +92,33 @@ class Passes:
         self.mask = None if mask is None else Cell(F2, mask)
         cells = bodies.cells | lammps.cells | own_cells
         cells |= {"dt": self.dt, "parameters": Cell(F1, integrator.parameters)}
-        if self.mask:
+        if self.mask is not None:
             cells["mask"] = self.mask
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
         self.cells, self.threads = cells, Threads(lammps, cells)
         bind = self.threads.bind
-        gather = self._gather(integrator, bodies, communicator)
+        # the ranks send each other force and torque of bodies that they share, and add what comes
+        shared, added = [], []
+        if communicator.size > 1:
+            shared = [give.bind_to(cells, values=cells["wrench"])]
+            added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)]
+        gather = self._gather(integrator, bodies, [*shared, *added])
         kick_begins, kick_ends = self._kicks(integrator)
-        velocities, turn = self._atoms(integrator, bodies)
+        velocities, turn = self._velocities_and_turn(integrator, bodies)
         after = velocities if half_step_velocities else []
-        before, rest = self._around(integrator)
+        before, rest = self._before_and_behind(integrator)
         how = KEEPS if half_step_velocities else GATHERS
-        whole = self._whole(integrator, bodies, communicator, gather, before, how)
+        if mask is not None or bodies.spin or integrator.gravity is not None:
+            whole = [*gather, *before, self._advance(integrator, True)]
+        elif communicator.size == 1:
+            whole = [*before, self._advance(integrator, True, ALL, how)]
+        else:  # messages are under way while the bodies that need none move
+            some = bind(step.gather, cells, every=False)
+            undivided = self._advance(integrator, True, WHOLE, how)
+            divided = self._advance(integrator, True, DIVIDED, how)
+            whole = [some, *shared, *before, undivided, *added, divided]
         close = [*gather, kick_ends, *turn]
         of_bodies = [bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)]
         self.lists = {
@@ -122,57 +140,42 @@ class Passes:
             self.lists["flip"] = integrator.flip_loops(cells)
         self.lists |= _follow_box(integrator, cells) | integrator.own_lists(cells)
 
-    def _sums(self, integrator):
-        """How a loop adds up numbers of all bodies, for `Threads.bind`."""
-        return {"sums": "parameters", "count": len(integrator.parameters)}
-
     def _kicks(self, integrator):
         """The kick that begins a level of run_style respa, and the one that ends a step."""
-        half, sums = self.cells | {"dt": self.level_dt}, self._sums(integrator)
-        return (
-            self.threads.bind(integrator.kick, half, **sums, ends=ends, begins=not ends)
-            for ends in (False, True)
-        )
+        half, sums = self.cells | {"dt": self.level_dt}, _sums(integrator)
+        begins = self.threads.bind(integrator.kick, half, **sums, ends=False, begins=True)
+        ends = self.threads.bind(integrator.kick, half, **sums, ends=True, begins=False)
+        return begins, ends
 
     def _advance(self, integrator, ends, part=ALL, gathers=0):
         """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
         return self.threads.bind(
-            integrator.advance, self.cells, **self._sums(integrator),
+            integrator.advance, self.cells, **_sums(integrator),
             ends=ends, begins=self.begins, gathers=gathers, part=part,
         )  # fmt: skip
 
-    def _around(self, integrator):
+    def _before_and_behind(self, integrator):
         """Two lists of loops: before the bodies' motion, and behind it."""
         prepares = [integrator.prepares.bind_to(self.cells)] if integrator.prepares else []
         if not integrator.go_on:
             return prepares, []
-        second = self.threads.bind(integrator.go_on, self.cells, **self._sums(integrator))
+        second = self.threads.bind(integrator.go_on, self.cells, **_sums(integrator))
         return [], [*prepares, second, *integrator.loops_behind(self.cells)]
 
-    def _shared(self, communicator):
-        """Two lists of loops: the ranks send each other force and torque of bodies that they share,
-        and add what has come."""
-        if communicator.size == 1:
-            return [], []
-        of_bodies = {"values": self.cells["wrench"]}
-        return [give.bind_to(self.cells, **of_bodies)], [
-            combine.bind_to(self.cells, **of_bodies, how=ADD)
-        ]
-
-    def _gather(self, integrator, bodies, communicator):
-        """The list of loops for force and torque of each body."""
+    def _gather(self, integrator, bodies, exchange):
+        """The list of loops for force and torque of each body; `exchange` has those for what other
+        ranks know of it."""
         gather = [self.threads.bind(step.gather, self.cells, every=True)]
         if bodies.spin:
             gather.append(extended.add_torques.bind_to(self.cells))
-        for loops in self._shared(communicator):
-            gather += loops
+        gather += exchange
         if integrator.gravity is not None:
             gather.append(weigh.bind_to(self.cells, gravity=integrator.gravity))
-        if self.mask:
+        if self.mask is not None:
             gather.append(switch_off.bind_to(self.cells))
         return gather
 
-    def _atoms(self, integrator, bodies):
+    def _velocities_and_turn(self, integrator, bodies):
         """Two lists of loops: the atoms' velocities, and orientations of those that have one."""
         velocities = [self.threads.bind(step.set_velocities, self.cells)]
         if integrator.streams:
@@ -183,24 +186,6 @@ class Passes:
             return velocities, []
         to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
         return velocities, [extended.turn.bind_to(self.cells, **to)]
-
-    def _whole(self, integrator, bodies, communicator, gather, before, how):
-        """The list of loops for the end of a step and the begin of the next one.
-
-        Args:
-            gather, before: the lists for force and torque, and before the bodies' motion.
-            how: what the motion does with forces on the way: `step.KEEPS` or `step.GATHERS`.
-        """
-        if self.mask or bodies.spin or integrator.gravity is not None:
-            return [*gather, *before, self._advance(integrator, True)]
-        if communicator.size == 1:
-            return [*before, self._advance(integrator, True, ALL, how)]
-        # messages are under way while the bodies that need none move
-        sent, added = self._shared(communicator)
-        some = self.threads.bind(step.gather, self.cells, every=False)
-        undivided = self._advance(integrator, True, WHOLE, how)
-        divided = self._advance(integrator, True, DIVIDED, how)
-        return [some, *sent, *before, undivided, *added, divided]
 
     def do(self, name):
         """Do a list of passes. Returns: what the first that found something wrong says, or 0."""

@@ -39,9 +39,7 @@ def removed_freedom(bodies, communicator, inside, lammps):
 def _of_whole(bodies, inside, *of_atoms):
     """Which bodies are counted here and wholly in a group, (n,) bool, and sums over the atoms of
     each, (len(of_atoms), n); collective. Args: inside: as for `removed_freedom`."""
-    columns = inside, *of_atoms
-    sums = np.array([np.bincount(bodies.body, c, minlength=len(bodies)) for c in columns])
-    bodies.sharers.combine(sums)
+    sums = bodies.sharers.total(bodies.body, inside, *of_atoms)
     return (sums[0] == bodies.natoms) & bodies.sharers.owned, sums[1:]
 
 

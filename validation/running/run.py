@@ -15,14 +15,14 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from errno import ENOSPC
 from pathlib import Path
 from typing import Literal, Protocol
 
 import numpy as np
 
-from validation.running import lammps_log
+from validation.running import lammps_log, store
 from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 from validation.statistics.positions import Positions
@@ -181,7 +181,7 @@ def run(
     """
     directory = Path(job.directory)
     if (directory / "job.json").exists():
-        shutil.rmtree(directory)
+        _empty(directory)
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / "job.json"
     path.write_text(json.dumps(asdict(job), indent=1))
@@ -205,8 +205,25 @@ def once(
     job: Job, on_step: Callable[[int], object] = lambda step: None, failures: bool = False
 ) -> Result:
     """Do a job, as `run`, unless the complete result of the same job, its origin included, is
-    there; ``on_step`` and ``failures`` as for `run` and `is_there`."""
-    return collect(job.directory) if is_there(job, failures) else run(job, on_step)
+    there; ``on_step`` and ``failures`` as for `run` and `is_there`.
+
+    Another process that is at work in its directory is waited for: its result may be what is asked
+    for.
+    """
+    try:
+        with store.Lock(Path(job.directory) / LOCK):
+            return collect(job.directory) if is_there(job, failures) else run(job, on_step)
+    except KeyboardInterrupt:  # while waiting
+        return replace(collect(job.directory), error=INTERRUPTED, interrupted=True)
+
+
+def _empty(directory: Path) -> None:
+    """Remove all that a run has left but the lock, which another process may wait for."""
+    for one in directory.iterdir():
+        if one.is_dir():
+            shutil.rmtree(one)
+        elif one.name != LOCK:
+            one.unlink()
 
 
 def is_there(job: Job, failures: bool = False) -> bool:
@@ -231,7 +248,7 @@ def _lasts(directory: Path) -> bool:
     return bool(re.match(rf"'?ERROR|{HUNG}", message)) and os.strerror(ENOSPC) not in message
 
 
-INTERRUPTED = "interrupted"
+INTERRUPTED, LOCK = "interrupted", "lock"
 
 
 def collect(directory: Path | str) -> Result:

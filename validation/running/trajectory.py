@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.running import machine, run, store
+from validation.running import machine, run
 from validation.running.run import Meter
 from validation.running.starts import from_dump, to_dump
 from validation.scenes import FS_PER_PS, Scene
@@ -113,22 +113,18 @@ class Series:
 
 
 def do(trajectory: Trajectory, out: Path, silence: float, meter: Meter) -> tuple[Series, bool]:
-    """Run a trajectory, or take over what is there: a ``Series``, and whether a Ctrl-C ended it.
-
-    Another process that runs the same one is waited for.
-    """
+    """Run a trajectory, or take over what is there: a ``Series``, and whether a Ctrl-C ended it."""
     results: list[tuple[run.Job, run.Result]] = []
     error, interrupted = None, False
-    with store.Lock(out / f"{run.folder_name(trajectory.name)}.lock"):
-        for number, job in enumerate(trajectory.jobs(out, silence), 1):
-            number_of = f" {number}/{trajectory.pieces}" * (trajectory.pieces > 1)
-            meter.begin(trajectory.label + number_of, sum(job.runs))
-            result = run.once(job, meter.at)
-            meter.end(result.error)
-            results.append((job, result))
-            if result.error:
-                error, interrupted = result.error, result.interrupted
-                break
+    for number, job in enumerate(trajectory.jobs(out, silence), 1):
+        number_of = f" {number}/{trajectory.pieces}" * (trajectory.pieces > 1)
+        meter.begin(trajectory.label + number_of, sum(job.runs))
+        result = run.once(job, meter.at)
+        meter.end(result.error)
+        results.append((job, result))
+        if result.error:
+            error, interrupted = result.error, result.interrupted
+            break
     return series(trajectory, results, error), interrupted
 
 

@@ -206,7 +206,10 @@ def _schemes(
         longest: fs.
     """
     every = _nosquish(temperature, points, bool(rest), equal)
-    every |= _lammps(temperature, rest, everywhere, heavy or {} if shake else None)
+    usual, kicks = state(temperature, DAMPING), (RAW, bath(temperature, DAMPING, everywhere))
+    every |= _rigid(usual, kicks, rest)
+    if shake:
+        every |= _constrained(temperature, usual, kicks, everywhere, heavy or {})
     made = {
         one.name: replace(
             one, temperature=temperature, steps=tuple(dt for dt in one.steps if dt <= longest)
@@ -275,21 +278,10 @@ def _nosquish(
     }
 
 
-def _lammps(
-    temperature: float,
-    rest: str,
-    everywhere: str,
-    heavy: Mapping[float, tuple[str, ...]] | None,
-) -> dict[Scheme, Model | None]:
-    """LAMMPS's own; see `_schemes`.
-
-    Args:
-        heavy: None where fix shake cannot hold the molecules.
-    """
-    usual = state(temperature, DAMPING)
-    kicks = RAW, bath(temperature, DAMPING, everywhere)
+def _rigid(usual: str, kicks: tuple[str, ...], rest: str) -> dict[Scheme, Model | None]:
+    """LAMMPS's rigid fixes; see `_schemes`."""
     others = (f"fix rest {rest} nvt{usual}",) if rest else ()
-    theirs: dict[Scheme, Model | None] = {
+    return {
         # it counts three degrees of freedom more than a whole without momentum has
         _after(chains("rigid/nvt/small", usual, steps=(0.5, 1.0, 2.0, 3.0, 4.0)), others): None,
         beside(
@@ -297,9 +289,6 @@ def _lammps(
             steps=(0.5, 1.0, 2.0, 3.0, 4.0),
         ): Model(4.0),
     }  # fmt: skip
-    if heavy is not None:
-        theirs |= _constrained(temperature, usual, kicks, everywhere, heavy)
-    return theirs
 
 
 def _ours(name, label, at, words, steps, held=0) -> Scheme:
