@@ -162,3 +162,22 @@ def test_image_flags_after_flips(run_lammps, tmp_path, ranks):
             mine = atoms[atoms[:, 1] == body]
             centre = np.average(mine[:, 3:6], axis=0, weights=mine[:, 2])
             assert np.abs(place - centre).max() < 1e-9
+
+
+def test_array_behind_a_change(run_lammps, tmp_path):
+    """Locks out the bodies' global array of before a change of the box, kept for who asks behind
+    it in the same step."""
+    system = mixture("solid planar single", side=3, spacing=2.9)
+    script = (
+        f"{system.setup}\n{SMOOTH}timestep 0.002\n"
+        'fix 1 all python/move "fix_nosquish.NVE all molecule"\n'
+        "fix before all ave/time 1 1 10 f_1[1] mode vector file before\n"
+        f"fix box all deform 1 x erate 0.5\n{thermo('lx f_1[1][1]', 10)}run 10\n"
+        + KEPT.format("end")
+    )
+    rows = run_lammps(script, files=system.files).thermo
+    told, length = rows["f_1[1][1]"][-1], rows["Lx"][-1]
+    gap = told - centres(system, np.loadtxt(tmp_path / "end", skiprows=9)[:, 2:])[0][0]
+    assert abs(gap - length * round(gap / length)) < 1e-9
+    before = [line.split() for line in (tmp_path / "before").read_text().splitlines()]
+    assert abs(told - float(before[-system.molecule.max()][1])) > 1e-4
