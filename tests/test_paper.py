@@ -24,7 +24,8 @@ from validation import __main__ as command
 from validation.paper import measure as paper_claims
 from validation.paper import plan as paper
 from validation.paper import report as paper_report
-from validation.running import machine, run, store
+from validation.running import machine, run
+from validation.running.lock import Lock
 from validation.running.trajectory import Series, Trajectory
 from validation.scenes import SCENES
 from validation.scenes import peptide as paper_peptide
@@ -131,7 +132,7 @@ def test_an_interruption_while_another_process_has_the_run(tmp_path):
 
     usual = signal.signal(signal.SIGALRM, interrupt)
     try:
-        with store.Lock(tmp_path / "test" / "piece-0" / run.LOCK):
+        with Lock(tmp_path / "test" / "piece-0" / run.LOCK):
             signal.setitimer(signal.ITIMER_REAL, 1.0)
             found, interrupted = paper.do(trajectory(), tmp_path, 60, Silent())
     finally:

@@ -22,7 +22,8 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from validation.running import lammps_log, store
+from validation.running import lammps_log
+from validation.running.lock import Lock
 from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 from validation.statistics.positions import Positions
@@ -211,7 +212,7 @@ def once(
     for.
     """
     try:
-        with store.Lock(Path(job.directory) / LOCK):
+        with Lock(Path(job.directory) / LOCK):
             return collect(job.directory) if is_there(job, failures) else run(job, on_step)
     except KeyboardInterrupt:  # while waiting
         return replace(collect(job.directory), error=INTERRUPTED, interrupted=True)

@@ -22,6 +22,7 @@ from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
 from validation.running import machine
+from validation.running.lock import Lock
 
 HARNESS = Path(__file__).resolve().parents[1]
 # files that no number follows from; criteria judges numbers, and makes none
@@ -137,25 +138,6 @@ def alone(folder: Path) -> Iterator[None]:
                 "folder by --out"
             )
         yield
-
-
-class Lock:
-    """A file that one process at a time has; the system takes it from one that was killed."""
-
-    def __init__(self, path: Path, how: int = fcntl.LOCK_EX) -> None:
-        self.path, self.how = path, how
-
-    def __enter__(self) -> bool:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.file = open(self.path, "w")
-        try:
-            fcntl.flock(self.file, self.how)
-        except BlockingIOError:
-            return False
-        return True
-
-    def __exit__(self, *_) -> None:
-        self.file.close()
 
 
 def write(path: Path, plain: dict) -> None:
