@@ -585,11 +585,17 @@ def table_of(name, table="table"):
         return list(csv.DictReader(file))
 
 
-def test_numbers_of_the_benchmark(tmp_path):
+@pytest.fixture(scope="module")
+def gathered(tmp_path_factory):
+    """The sections of the committed results, gathered once."""
+    return sections(tmp_path_factory.mktemp("nothing"))
+
+
+def test_numbers_of_the_benchmark(gathered):
     """Locks out times, ratios and goals that are not the measured ones."""
-    found, table = sections(tmp_path), table_of("bench")
+    table = table_of("bench")
     ours = [row for row in table if row["integrator"] == "fix_nosquish.NVE"]
-    shown = rows(found["bench"].said.best[0])
+    shown = rows(gathered["bench"].said.best[0])
     assert len(ours) >= 6 and len(shown) == len(ours)
     for row, (title, modify, *ratios, loop) in zip(ours, shown):
         bodies = int(row["bodies"])
@@ -626,7 +632,7 @@ def test_numbers_of_the_benchmark(tmp_path):
         assert float(loop.split()[0]) == pytest.approx(max(loops), rel=6e-3)
     goals = [row["met"] for row in table_of("bench", "goals")]
     assert (
-        found["bench"]
+        gathered["bench"]
         .said.lines[0]
         .startswith(
             f"Of the goals {goals.count('met')} are met, of "
@@ -635,18 +641,18 @@ def test_numbers_of_the_benchmark(tmp_path):
     )
 
 
-def test_numbers_of_the_theory(tmp_path):
+def test_numbers_of_the_theory(gathered):
     """Locks out a count of statements that is not that of the table."""
     verdicts = [row["verdict"] for row in table_of("theory") if row["verdict"]]
     held = [verdicts.count(verdict) for verdict in ("holds", "does not hold", "cannot tell")]
     told = [str(number) for number in held if number] if sum(held[1:]) else []
-    headline = sections(tmp_path)["theory"].said.headlines[0]
+    headline = gathered["theory"].said.headlines[0]
     assert re.findall(r"\d+", headline) == [str(len(verdicts)), *told]
 
 
-def test_numbers_of_the_comparison(tmp_path):
+def test_numbers_of_the_comparison(gathered):
     """Locks out a spread of the energy, or a margin, that is not the measured one."""
-    said = sections(tmp_path)["compare-water"].said.lines[0]
+    said = gathered["compare-water"].said.lines[0]
     for row in table_of("compare-water"):
         (told,) = re.findall(rf"[:,] {re.escape(row['integrator'])} ([\d.]+) ± ([\d.]+)[,.]", said)
         for number, word in zip((number.rstrip(".") for number in told), ("", " margin")):
@@ -655,9 +661,9 @@ def test_numbers_of_the_comparison(tmp_path):
             assert float(number) == pytest.approx(measured, abs=0.501 * last)
 
 
-def test_numbers_of_the_long_run(tmp_path):
+def test_numbers_of_the_long_run(gathered):
     """Locks out an error that is not the measured one."""
-    lines = sections(tmp_path)["long-run"].said.lines[1:]
+    lines = gathered["long-run"].said.lines[1:]
     keys = {
         "kinetic energy": "energy",
         "angular momentum": "angular_momentum",

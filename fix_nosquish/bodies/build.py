@@ -82,8 +82,8 @@ def build(
         doubts += _off_centre(lammps, members, centre - of_atoms, size)
 
     plane = lammps.dimension == 2
-    told = r, particles if oriented else None
-    moment, axes = principal.moments_and_axes(members, inertia, *told, plane)
+    directed = particles if oriented else None
+    moment, axes = principal.moments_and_axes(members, inertia, r, directed, plane)
 
     def alike():
         shared = _inertia(members, (mass / natoms)[members.body], r) + own

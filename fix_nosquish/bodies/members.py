@@ -49,18 +49,17 @@ class Members(NamedTuple):
         """The highest number of each body's atoms, (len(columns), n); collective."""
         return self.sharers.highest(self.body, *columns)
 
-    def name(self, place):
-        """The words for the body at this place of `ids`."""
-        return self.membership.name(self.ids[place])
-
     def refuse(self, wrong, text):
         """End the run if `wrong` (n,) marks a body, with what `text` says of its place; collective.
 
         Raises:
             RunError: on all ranks.
         """
-        place = np.argmax(wrong) if wrong.any() else None
-        self.communicator.agree(None if place is None else f"{self.name(place)} {text(place)}")
+        problem = None
+        if wrong.any():
+            place = np.argmax(wrong)
+            problem = f"{self.membership.name(self.ids[place])} {text(place)}"
+        self.communicator.agree(problem)
 
 
 def find_members(lammps, communicator, membership, shapes, atoms):

@@ -115,7 +115,7 @@ class Store:
                     else:
                         waiting.append(name)
 
-    def locked(self, name: str, how: int = fcntl.LOCK_EX) -> "Lock":
+    def locked(self, name: str, how: int = fcntl.LOCK_EX) -> Lock:
         """A context in which no other process has the name; it gives whether it is ours."""
         return Lock(self.folder / f"{name}.lock", how)
 
