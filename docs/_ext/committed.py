@@ -421,6 +421,25 @@ def ensembles_pressure():
     return _schemes("ensembles-pressure", *volumes, *two_states, *_TEMPERATURES)
 
 
+def ensembles_density():
+    """Biases of the density that follow from those of the pressure at constant volume, in per cent:
+    to first order that of the pressure times the compressibility.  Of one per cent and more the
+    first order says little, so these are left out."""
+    column = "κ of V's sd (1e-5/atm)"
+    kappa = statistics.fmean(float(row[column]) for row in rows("ensembles-pressure"))
+    body = []
+    for row in rows("sampling-water"):
+        if not row["scheme"].startswith("NVT"):
+            continue
+        names = "pressure (atm)", "pressure margin (atm)"
+        value, error = (-1e-3 * kappa * float(row[name]) for name in names)
+        if abs(value) < 1:
+            pressure = _number(row, "pressure", "atm")
+            body.append([row["scheme"], f"{_step(row):g}", pressure, margin(value, error)])
+    heads = "scheme", "step, fs", "bias of the pressure, atm", "of the density from it, %"
+    return markdown(heads, body)
+
+
 def ensembles_bounds():
     """What is held against bounds, at constant volume and at constant pressure."""
     volume = [row for row in rows("sampling-water", "checks") if row["part"] not in _OF_SAMPLING]
@@ -775,6 +794,7 @@ TABLES = [
     messages,
     model,
     ensembles_pressure,
+    ensembles_density,
     ensembles_bounds,
     sampling_bias,
     sampling_cost,
