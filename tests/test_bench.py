@@ -234,7 +234,7 @@ def small(monkeypatch, tmp_path):
 def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     """Locks out a failed integrator that ends the others or hides its cause, rounds that are not in
     turn, a point that is measured twice, one that is taken over although code or settings have
-    changed, and one of an earlier call that is lost."""
+    changed, one of another processor beside this one's, and one of an earlier call that is lost."""
     broken = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",), kind="rigid")
     monkeypatch.setitem(BENCHMARKED, "broken", broken)
     summary, begun = small(integrators=("broken", "nosquish", "rigid/nve"))
@@ -277,6 +277,9 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     assert others["points"] == summary["points"], (
         "a point that an earlier call has measured is not shown"
     )
+    with monkeypatch.context() as elsewhere:
+        elsewhere.setattr(machine, "describe", lambda: {"cpu": "another one"})
+        assert not bench.bench([], tmp_path / "out", False, Silent())["points"]
     monkeypatch.setattr(rounds, "calibrate", lambda make: 1e-5)
     monkeypatch.setattr(machine, "package_hash", lambda: "other code")
     assert not bench.bench([], tmp_path / "out", False, Silent())["points"], (

@@ -223,6 +223,8 @@ def test_an_engine_that_is_not_there(monkeypatch, tmp_path, capsys):
     with pytest.raises(SystemExit, match=r"GROMACS.*apt-get install gromacs") as it:
         main(["engines", "--out", str(tmp_path / "out")])
     assert "--only openmm-langevin-5 openmm-langevin-20" in str(it.value)
+    # points that an earlier command has left of an engine that is gone ask for nothing
+    assert list(measure.versions([plan.Point("openmm-langevin-5", 2.0)])) == ["OpenMM"]
     with pytest.raises(SystemExit, match="no limit of the scene water"):
         measure.known_limit(RESULTS / "ensembles-pressure")
     with pytest.raises(SystemExit, match=r"has no summary\.json"):

@@ -295,6 +295,7 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
             1,
             0,
         ],
+        'python/move "fix_nosquish.NVE bodies molecule moments step points points"': [1, 1, 1, 0],
         'python/move "other.Class bodies"': [True] * 4,
     }
     for text, wanted in words.items():
@@ -316,6 +317,7 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
             "nosquish-nh",
         ),
         (['python/move "fix_nosquish.NVT all molecule temp 1 1 2 seed 5 mrot 2"'], "yours"),
+        (['python/move "fix_nosquish.NVT all molecule moments step temp 1 1 2 seed 5"'], "yours"),
         (['python/move "fix_nosquish.NVE all molecule"'], "nosquish"),
         (['python/move "fix_nosquish.Gear all molecule"'], "yours"),
         (["rigid/nvt/small molecule temp 1 1 2"], "rigid/nvt/small"),
@@ -334,7 +336,9 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
              "molecule": np.array([1, 1, 2, 2]),
              "bonds": np.array([[1, 1, 2], [1, 3, 4]])}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    those, reference, _ = schemes.schemes(finding.find(said, atoms), "lj")
+    found = finding.find(said, atoms)
+    assert found.state.ensemble == ("nve" if "temp" not in " ".join(lines) else "nvt")
+    those, reference, _ = schemes.schemes(found, "lj")
     assert reference == those[0].name == name
     assert len({one.name for one in those}) == len(those)
     assert sum(one.name == "yours" for one in those) == (name == "yours")

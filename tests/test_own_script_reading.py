@@ -49,6 +49,9 @@ def test_lines_words_and_branches_are_lammpss():
     line = "fix m all ave/time 1 5 5 c_t file out.txt mode scalar"
     assert script.without_files(line) == "fix m all ave/time 1 5 5 c_t mode scalar"
     assert script.without_files("fix 1 all rigid molecule infile file") != ""
+    line = 'fix 1 all python/move "fix_nosquish.NVE all molecule{} mrot 2"'
+    assert script.without_files(line.format(" output 100 ../bodies.csv")) == line.format("")
+    assert script.without_files(line.format("")) == line.format("")
 
 
 def test_the_commands_are_those_that_lammps_does(tmp_path):
@@ -139,8 +142,9 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
 
 
 def test_runs_follow_from_all_files_of_the_script(tmp_path):
-    """Locks out results of a file that is another one now, in a folder below, above or anywhere;
-    and a copy of one that is above, outside of the output folder."""
+    """Locks out results of a file that is another one now, in a folder below, above or anywhere; a
+    copy of one that is above, outside of the output folder; and other results of the same files
+    after a run that has written to its folder."""
     home = tmp_path / "a" / "b"
     (home / "parts").mkdir(parents=True)
     files = home / "parts" / "sub.mol", tmp_path / "up.mol", tmp_path / "whole.mol"
@@ -156,11 +160,30 @@ def test_runs_follow_from_all_files_of_the_script(tmp_path):
     keys = {machine.origin(own.scene, one)}
     for file in files:
         file.write_text(file.read_text() + "\n")
-        scene = replace(own.scene, origin=system._contents(own.said["files"]))
+        scene = replace(own.scene, origin=system._files_of(own.said, own.scene.folder))
         keys.add(machine.origin(scene, one))
     assert len(keys) == 4
+    before = machine.origin(take(path, out).scene, one)
+    (own.scene.folder / "written.csv").write_text("by a fix, in a run")
+    assert machine.origin(take(path, out).scene, one) == before
     assert machine.origin(take(path, out).scene, one) in keys - {machine.origin(own.scene, one)}
     assert [one.name for one in out.rglob("*.mol")] == ["sub.mol"]
+
+
+def test_no_file_elsewhere_is_written_to(tmp_path):
+    """Locks out a fix that writes over a file of the user's, which the script names from another
+    folder."""
+    (tmp_path / "a").mkdir()
+    files = tmp_path / "up.csv", tmp_path / "whole.csv"
+    for file in files:
+        file.write_text("kept")
+    path = tmp_path / "a" / "in.files"
+    names = f"variable up string ../up.csv\nvariable whole string {files[1]}\n"
+    path.write_text(GAS + names + "fix 1 a rigid/nve single\nrun 1\n")
+    commands = take(path, tmp_path / "out").said["commands"]
+    named = [line.split()[-1].strip('"') for line in commands if line.startswith("variable")]
+    assert [Path(one).read_text() for one in named] == ["kept", "kept"]
+    assert all((tmp_path / "out").resolve() in Path(one).parents for one in named)
 
 
 @pytest.fixture(scope="module")

@@ -343,8 +343,20 @@ def test_a_word_that_is_no_script_gets_no_empty_list(capsys):
     assert "there is no input script water\n" in capsys.readouterr().err
 
 
-def test_words_of_a_script_for_a_scene(capsys):
-    """Locks out words that are taken for a scene, of which nothing is run, and do nothing."""
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("advise water --target drift=1 --confirm", "--confirm is for a script"),
+        ("advise water --target drift=1 --only nosquish", "--only is for a script"),
+        ("sweep dimer --target drift=1", "--target is for a script"),
+        ("sweep in.own --short", "--short is for scenes"),
+        ("stability in.own --starts 8", "--starts is for cases"),
+    ],
+)
+def test_words_of_a_script_for_a_scene(words, said, tmp_path, monkeypatch, capsys):
+    """Locks out words that are taken for a scene, or for a script, and do nothing there."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "in.own").write_text("units lj\n")
     with pytest.raises(SystemExit) as end:
-        main(["advise", "water", "--target", "drift=1", "--confirm"])
-    assert end.value.code == 2 and "--confirm is for a script" in capsys.readouterr().err
+        main(words.split())
+    assert end.value.code == 2 and said in capsys.readouterr().err

@@ -240,10 +240,12 @@ def test_bounds():
 
 def test_bounds_of_thermostats():
     """Locks out bounds of one thermostat on another's numbers, on another water, or twice; a
-    temperature or its parts in other units; and an error of the one that leaves out the other."""
+    temperature or its parts in other units; an error of the one that leaves out the other; and a
+    traceback where there is no limit of small steps."""
 
     def checks(title=ensembles.TITLE, scheme="langevin-5", dt=6.0, **more):
         biases = {"potential": -0.01, "pressure": 24.0, "translation": -2.5, "rotation": 1.0} | more
+        biases = {key: one for key, one in biases.items() if one is not None}
         label = plan.CASES["water"](None).schemes[scheme].label
         row = {"scheme": scheme, "ours": True, "error": None, "label": label, "dt": dt, "less": {}}
         row["biases"] = {key: Estimate(one, 1e-3).plain() for key, one in biases.items()}
@@ -264,6 +266,23 @@ def test_bounds_of_thermostats():
     same, every = checks(scheme="langevin-20-equal", dt=12.0)
     assert set(same) == {"temperature"}
     assert len({(one.what, one.high) for one in every}) == len(every)
+    without, _ = checks(potential=None, pressure=None)
+    assert without["potential"].holds is without["trial"].holds is None
+    assert without["equipartition"] == found["equipartition"]
+
+
+def test_seeds_of_a_scripts_own_integrators():
+    """Locks out starts that share the noise of their thermostat."""
+    lines = {
+        'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 2 seed 4928"': "4928",
+        "fix own_bath {group} langevin 300 300 100 4928 tally yes": "4928",
+        "fix 1 all rigid/small molecule langevin 300 300 100 77": "77",
+    }
+    for line, seed in lines.items():
+        assert plan.SEEDS.sub(r"\1SEED", line) == line.replace(seed, "SEED")
+    assert plan.SEEDS.sub(r"\1SEED", "fix 1 all nvt temp 300 300 100") == (
+        "fix 1 all nvt temp 300 300 100"
+    )
 
 
 # ---- numbers

@@ -32,6 +32,7 @@ from validation import RESULTS
 from validation.bench import report as bench_report
 from validation.compare import figures, report
 from validation.compare import measure as compare
+from validation.pages import figures as page_figures
 from validation.pages import report as skeleton
 from validation.pages import tables
 from validation.running import lammps_log, run
@@ -42,6 +43,7 @@ from validation.scenes.integrators import Integrator, rigid
 from validation.scenes.units import UNITS
 from validation.statistics import measures, motion
 from validation.statistics.estimate import margin
+from validation.theory import figures as theory_figures
 
 
 def ar1(n, phi, seed):
@@ -195,6 +197,20 @@ def test_files_and_words_of_a_report(tmp_path):
     said = screen.export_text()
     assert "nothing" not in said and "something" in said and "[b]" in said
     assert "✗ rigid: lost [atoms]" in said and "Interrupted" in said and str(tmp_path) in said
+
+
+def test_figures_of_an_earlier_command(tmp_path):
+    """Locks out a figure of other numbers beside those of now."""
+
+    def cost(number):
+        return (Figure(), "caption") if number else None
+
+    path = tmp_path / "cost.png"
+    assert page_figures.draw_each([cost], tmp_path, 1) == [(path, "caption")] and path.exists()
+    assert page_figures.draw_each([cost], tmp_path, 0) == [] and not path.exists()
+    (tmp_path / "reversal.png").write_bytes(b"of a part that is not measured now")
+    theory_figures.draw({}, tmp_path)
+    assert not (tmp_path / "reversal.png").exists()
 
 
 @pytest.mark.parametrize(

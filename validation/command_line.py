@@ -43,6 +43,12 @@ def verb(
     return parser
 
 
+def refuse(arguments: argparse.Namespace, names: Collection[str], why: str) -> None:
+    """End with a message if one of these options is given."""
+    if given := [name for name in names if getattr(arguments, name)]:
+        arguments.parser.error(f"--{given[0]} {why}")
+
+
 def status(interrupted: bool, failed: bool) -> int:
     """The exit status."""
     return INTERRUPTED if interrupted else int(failed)

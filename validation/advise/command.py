@@ -49,8 +49,8 @@ def run(arguments: Namespace) -> int:
 
     if not arguments.target:
         arguments.parser.error("of a scene, --target is needed")
-    if given := [name for name in ("budget", "steps", "confirm") if getattr(arguments, name)]:
-        arguments.parser.error(f"--{given[0]} is for a script: a scene's sweep has run already")
+    why = "is for a script: a scene's sweep has run already"
+    command_line.refuse(arguments, ("budget", "steps", "confirm", "only"), why)
     try:
         met = advise(console(), *load(arguments.folder), arguments.scene, dict(arguments.target))
     except LookupError as error:

@@ -52,7 +52,8 @@ def again(summary: dict, folder: Path, name: str, times: int = 1) -> str:
     known = [scenes[name]] if name in scenes else list(scenes.values())[:1]
     words = ["python", "-m", "validation", "sweep", name]
     words += ["--short"] * any("--short" in one["swept"]["command"] for one in known)
-    for one in list(summary["lengths"].values())[:1]:
+    lengths = summary["lengths"]
+    if one := lengths.get(name) or next(iter(lengths.values()), None):
         words += ["--budget", f"{times * one['budget']:.10g}"]
     return shlex.join([*words, "--out", str(folder) if times == 1 else f"{folder}-{times}-times"])
 

@@ -44,10 +44,10 @@ def bench(
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
-    store = Store(out / "records", "validation.bench.measure")
+    store, cpu = Store(out / "records", "validation.bench.measure"), machine.describe()["cpu"]
     records, summary = {}, machine.circumstances() | {"interrupted": False}
     for point in wanted:
-        origin = store.origin(point, machine.describe()["cpu"], files=point.folders)
+        origin = store.origin(point, cpu, files=point.folders)
         kept = None if again else store.kept(point.name, origin)
         if kept:
             meter.begin(f"{point.name}, of {kept['date']}", point.turns)
@@ -63,7 +63,8 @@ def bench(
     earlier = {name: kept["record"] for name, kept in store.alike().items()}
     summary |= {"points": [], "passes": [], "starts": [], "memory": []}
     for record in (earlier | records).values():
-        if record["inputs"] == _inputs(record["inputs"]):
+        # times of another processor are not held beside this one's
+        if record["cpu"] == cpu and record["inputs"] == _inputs(record["inputs"]):
             summary[record["group"]] += record["rows"]
     order = list(SCENES)
     summary["points"].sort(key=lambda one: (order.index(one["scene"]), one["bodies"], one["ranks"]))
@@ -86,7 +87,8 @@ def _record(point: Point, out: Path, meter: run.Meter, silence: float) -> dict:
     rows, cut = measure(point, out, meter, silence)
     times = begin | {"end": machine.now(), "complete": not cut}
     inputs = _inputs(folder.name for folder in point.folders)
-    record = {"group": group, "inputs": inputs, "rows": [row | times for row in rows]}
+    record = {"group": group, "inputs": inputs, "cpu": machine.describe()["cpu"]}
+    record |= {"rows": [row | times for row in rows]}
     if cut:
         raise Cut(record)
     return record
@@ -133,8 +135,7 @@ def own(
     summary = machine.circumstances() | {"interrupted": False}
     summary |= {"points": [], "passes": [], "starts": [], "memory": []}
     for point in points:
-        settings = point, scene, integrators, machine.describe()["cpu"]
-        origin = store.origin(*settings, files=[scene.folder])
+        origin = store.origin(point, scene, integrators, machine.describe()["cpu"])
 
         def make(point=point):
             begin = {"begin": machine.now(), "load": os.getloadavg()[0]}
@@ -146,9 +147,10 @@ def own(
 
         try:
             summary["points"].append(store.once(point.name, origin, make, again))
-        except Cut as end:
-            summary["points"].append(end.record)
+        except KeyboardInterrupt as end:
             summary["interrupted"] = True
+            if isinstance(end, Cut):
+                summary["points"].append(end.record)
             break
     return summary
 

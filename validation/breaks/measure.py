@@ -27,7 +27,10 @@ class Runs:
 
         Raises:
             Ended: LAMMPS has ended with a message, or hung.
+            ValueError: it is to have several ranks, which this does not do.
         """
+        if ranks != 1:
+            raise ValueError("runs on one rank only")
         text = script(system, fix, steps, **how)
         key = text, *system.files.values()
         if key not in self.known:

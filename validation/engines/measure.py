@@ -14,7 +14,7 @@ from validation.engines.engine import Samples
 from validation.engines.plan import CASE, SCHEMES, Scheme
 from validation.engines.runs import Runs
 from validation.engines.water import of_scene
-from validation.ensembles.lengths import SAMPLED, Lengths
+from validation.ensembles.lengths import SAMPLED, Lengths, ordered
 from validation.ensembles.measure import of_momentum
 from validation.running import machine, run
 from validation.sampling.measure import told_limit
@@ -70,8 +70,8 @@ def engines(
     meter: run.Meter,
     silence: float,
 ) -> dict:
-    """Run what is not there yet, and measure; points that earlier commands of the same lengths
-    have left in the folder are measured, too.
+    """Run what is not there yet, and measure; points of the same engines that earlier commands of
+    the same lengths have left in the folder are measured, too.
 
     Several processes of the same command share the runs.
 
@@ -83,8 +83,9 @@ def engines(
         plain data: circumstances, settings, rows, limits.
     """
     folder = out / "runs" / lengths.folder
-    every = _ordered([*points, *_left(folder)])
-    here = versions(every)
+    here = versions(points)
+    left = [one for one in _left(folder) if SCHEMES[one.scheme].engine.name in here]
+    every = ordered([*points, *left], SCHEMES)
     some = Runs(of_scene(CASE.scene), folder, here, silence)
     wanted = {
         name: (_label(point, lengths, name), SCHEMES[point.scheme].engine, course)
@@ -125,11 +126,6 @@ def _left(folder: Path) -> list[Point]:
         if name in SCHEMES:
             found.append(Point(name, float(dt)))
     return found
-
-
-def _ordered(points: Collection[Point]) -> list[Point]:
-    """Each once, by scheme and step."""
-    return sorted(set(points), key=lambda one: (list(SCHEMES).index(one.scheme), one.dt))
 
 
 def _label(point: Point, lengths: Lengths, name: str) -> str:

@@ -22,7 +22,7 @@ def add(verbs: command_line.Verbs) -> None:
         "and the same command goes on from there. With the same lengths the output folder gathers "
         "schemes and steps. The same command, started once for each core, shares the runs.",
         epilog="A scheme of LAMMPS that fails is a result. Exit status: 0 if no number is outside "
-        "of its bounds by its 95 % margin, 1 if one is or is missing, 130 after Ctrl-C.",
+        "of its bounds by its 95 % margin, 1 if one is or a run of ours failed, 130 after Ctrl-C.",
     )
     command_line.short_or_full(
         parser, f"{FULL_TIME:g} ps of each point: fourteen hours of one core"

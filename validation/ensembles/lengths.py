@@ -1,8 +1,8 @@
 """How long the runs of `ensembles` and `sampling` are, and how each is called."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol, TypeVar
 
 from validation.ensembles.schemes import Scheme
 from validation.scenes import Scene, steps
@@ -71,6 +71,19 @@ def at_least_one(time: float, dt: float) -> int:
     return max(1, steps(time, dt))
 
 
+class _Point(Protocol):
+    """A scheme with a step."""
+
+    @property
+    def scheme(self) -> str: ...
+
+    @property
+    def dt(self) -> float: ...
+
+
+P = TypeVar("P", bound=_Point)
+
+
 class One(NamedTuple):
     """A run: where its files go, what the terminal calls it, and what it is."""
 
@@ -79,6 +92,12 @@ class One(NamedTuple):
     scheme: Scheme
     dt: float
     start: int
+
+
+def ordered(points: Collection[P], schemes: Iterable[str]) -> list[P]:
+    """Points, each with a ``scheme`` and a ``dt``, once each, by scheme and step."""
+    places = {name: place for place, name in enumerate(schemes)}
+    return sorted(set(points), key=lambda one: (places[one.scheme], one.dt))
 
 
 def folder(start: int, scheme: str, dt: float) -> str:

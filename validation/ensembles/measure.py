@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.ensembles import plan, runs, schemes
-from validation.ensembles.lengths import SAMPLED, Lengths
+from validation.ensembles.lengths import SAMPLED, Lengths, ordered
 from validation.ensembles.plan import REFERENCES, SCHEMES, STARTER, TEMPERATURE, Point
 from validation.ensembles.schemes import Scheme
 from validation.running import machine, rounds, run
@@ -107,7 +107,7 @@ def ensembles(
     made = batch.do([one for _, one in plan.names(points, lengths)], meter, __name__)
     for why in made.failed.values():
         found.errors |= dict.fromkeys(points, why)
-    every = plan.ordered([*points, *plan.points(dt=plan.KNOWN_STEPS)])
+    every = ordered([*points, *plan.points(dt=plan.KNOWN_STEPS)], SCHEMES)
     for point, one in plan.names(every, lengths):
         job = batch.job(one)
         if point not in found.errors and run.is_there(job, failures=True):

@@ -28,7 +28,7 @@ STATES_STEPS = 2.0, 6.0  # of states that are compared with the first
 LIMIT_STEPS = 1.0, 2.0  # of LAMMPS's barostats, which have to agree in the limit only
 MOMENT, EQUAL_STEPS = 6, (4.0, 8.0, 12.0)  # amu Angstrom^2 about each axis; its points
 MOMENTS_STEPS = 6.0, 8.0, 12.0  # fs; points of moments that the step chooses
-# of which an output folder may have points; all divide `runs.SAMPLED`
+# of which an output folder may have points; all divide `lengths.SAMPLED`
 KNOWN_STEPS = 1.0, *STEPS, EQUAL_STEPS[-1]
 SHORT_STEPS = 4.0, 8.0
 FULL_TIME, SHORT_TIME = 300.0, 2.0  # ps of a point
@@ -144,11 +144,6 @@ def points(only: Collection[str] | None = None, dt: Collection[float] | None = N
         for one in sorted(dt or SCHEMES[name].steps)
     ]
     return list(dict.fromkeys(point for one in found for point in (one.other, one)))
-
-
-def ordered(points: Collection[Point]) -> list[Point]:
-    """Each once, by scheme and step."""
-    return sorted(set(points), key=lambda one: (list(SCHEMES).index(one.scheme), one.dt))
 
 
 def names(points: Collection[Point], lengths: Lengths) -> Iterator[tuple[Point, One]]:

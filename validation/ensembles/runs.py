@@ -145,7 +145,8 @@ class Runs:
         seeded = scheme.seeded(one.start)
         last = at_least_one(self.lengths.begin, step_of_starts(self.scene))
         begun = from_dump(self.scene, dump, last)
-        rest = f"velocity {self.scene.group} zero linear"
+        moved = "all" if scheme.whole else self.scene.group
+        rest = f"velocity {moved} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
         how: dict = {"dt": dt, "every": every, "keeps": "nothing"}
         files = [dump] if dump.exists() else []  # else LAMMPS says so

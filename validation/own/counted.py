@@ -14,10 +14,11 @@ from validation.scenes.integrators import Integrator
 BATHS = frozenset(("langevin", "press", "temp"))
 ACT = BATHS | frozenset(
     (
-        *("addforce", "addtorque", "aveforce", "colvars", "deform", "drag", "efield", "ehex"),
-        *("flow", "freeze", "gld", "gle", "gravity", "heat", "hyper", "indent", "lineforce"),
-        *("oneway", "orient", "planeforce", "propel", "restrain", "setforce", "smd", "spring"),
-        *("srd", "thermal", "ti", "tmd", "ttm", "viscosity", "viscous", "wall"),
+        *("accelerate", "addforce", "addtorque", "aveforce", "colvars", "deform", "drag", "efield"),
+        *("ehex", "electron", "ffl", "flow", "freeze", "gld", "gle", "gravity", "heat", "hyper"),
+        *("indent", "lb", "lineforce", "momentum", "oneway", "orient", "planeforce", "propel"),
+        *("qbmsst", "restrain", "setforce", "smd", "spring", "srd", "thermal", "ti", "tmd", "ttm"),
+        *("viscosity", "viscous", "wall"),
     )
 )
 # their f_ID has the kinetic energy of translation a second time (small), or the temperature among

@@ -261,6 +261,8 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
     position = 0
     while position < len(words):
         count = 1 + FOLLOW.get(words[position], 1)
+        if words[position : position + 2] == ["moments", "step"]:
+            count = 2
         yield tuple(words[position : position + count])
         position += count
 
@@ -428,7 +430,7 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
         style = bodies
         body = numbers(said, atoms, group or texts(line)[2], bodies.split())
     name, setup = _group_of(said, atoms, body, group)
-    if bodies is None and not _same(atoms, name, said, body):
+    if bodies is None and not _same(atoms, body):
         raise Unclear(
             "what shake holds rigid has no molecule IDs of its own: 'python -m validation bodies "
             "SCRIPT' writes a data file that has them, or tell by --group and --bodies"
@@ -536,7 +538,7 @@ def rigid_clusters(said, atoms, line: str) -> np.ndarray:
     return found
 
 
-def _same(atoms, group, said, body) -> bool:
+def _same(atoms, body) -> bool:
     """Whether molecule IDs tell the same bodies."""
     if "molecule" not in atoms:
         return False

@@ -22,8 +22,8 @@ In the place of what moves atoms ``commands`` have a command that reads where th
 commands behind it depend on that.
 
 No file of the user's is written to.  LAMMPS works in ``inputs``.  A file that a command names is
-linked there if the command only reads it, else copied; one that is above the script's folder is
-named by its whole path.  Commands that write are left out.
+linked there if the command only reads it, else copied.  One that is above the script's folder has
+its whole path in a command that only reads it.  Commands that write are left out.
 """
 
 import sys
@@ -36,6 +36,7 @@ from validation.own import finding, script  # noqa: E402  isort: skip
 from validation.running import starts  # noqa: E402  isort: skip
 
 import glob  # noqa: E402
+import hashlib  # noqa: E402
 import json  # noqa: E402
 import os  # noqa: E402
 import re  # noqa: E402
@@ -282,12 +283,28 @@ class Reader:
         WORLD.Barrier()
 
     def _with_paths(self, line: str, reads: bool) -> str:
-        """A command that has the whole paths of files above the script's folder."""
+        """A command that finds files in no folder in which LAMMPS works: by their whole paths if it
+        only reads them, else copies of them, for a fix may write to a file that it names."""
         for word in script.words(line):
-            above = is_elsewhere(word.text) and not word.text.startswith("/")
-            if above and self._files(word.text, reads):
-                line = line.replace(word.quoted, f'"{self.source}/{word.text}"')
+            if not is_elsewhere(word.text) or not self._files(word.text, reads):
+                continue
+            place = f"{self.source}/{word.text}"
+            if not reads:
+                place = str(self._copied(Path(self.source, word.text)))
+            elif word.text.startswith("/"):
+                continue
+            line = line.replace(word.quoted, f'"{place}"')
         return line
+
+    def _copied(self, path: Path) -> Path:
+        """The copy of a file in a folder of its own, where LAMMPS works."""
+        name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
+        place = self.inputs / f"elsewhere-{name}" / path.name
+        if WORLD.rank == 0 and not place.exists():
+            place.parent.mkdir(exist_ok=True)
+            shutil.copyfile(path, place)
+        WORLD.Barrier()
+        return place
 
     def _files(self, name: str, reads: bool) -> list[Path]:
         if not name or "\0" in name or len(name) > 255:

@@ -169,12 +169,14 @@ def branches(found: Sequence[Word]) -> list[Branch]:
 
 
 def without_files(command: str) -> str:
-    """A fix or compute that writes no file: the words ``file NAME`` and ``append NAME`` are left
-    out."""
+    """A fix that writes no file: the words ``file NAME`` and ``append NAME`` are left out, and of
+    one of ours ``output N NAME``."""
     found = words(command)
     if len(found) < 4 or found[0].text != "fix":
         return command
     style = found[3].text
+    if style == "python/move":
+        return re.sub(r"(fix_nosquish\.[^\"']*?) +output +[^\s\"']+ +[^\s\"']+", r"\1", command)
     if not style.startswith("ave/") and style not in ("print", "vector"):
         return command
     kept, skip = [], False

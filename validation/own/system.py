@@ -145,6 +145,7 @@ def take(
         scene, late = _scene(ask, folder, said, atoms, found)
         if found.kind in ("constraints", "plain"):
             scene = _at_rest(scene, those, folder, ranks, silence)
+        scene = replace(scene, origin=_files_of(said, scene.folder))
     notes = (*schemes.summary(found, said, atoms), *more, *late)
     for line in notes:
         tell(line)
@@ -222,6 +223,13 @@ def _origin(ask, ranks, everything, files) -> str:
 def _contents(files) -> str:
     """Hash of what is in the user's files that a script reads, in whatever folders they are."""
     return store.digest([machine.contents(Path(file)) for file in files])
+
+
+def _files_of(said: Mapping, inputs: Path) -> str:
+    """Hash of the files that a script's runs follow from: the user's, and those that are made of
+    it. Others in the folder are written by the runs themselves."""
+    made = sorted((*inputs.glob("*.dump"), inputs / "bodies.npy"))
+    return store.digest(_contents(said["files"]), [*map(machine.contents, made)])
 
 
 def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) -> dict:
@@ -313,7 +321,6 @@ def _scene(
         columns=("econserve", "density"),
         output=tuple(output),
         dimension=said["dimension"],
-        origin=_contents(said["files"]),
     )
     return scene, _late([commands[i] for i in range(first, len(commands)) if i not in gone])
 

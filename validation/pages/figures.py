@@ -49,6 +49,8 @@ def draw_each(
 ) -> list[tuple[Path, str]]:
     """Draw figures into a folder: list of (PNG path, caption).
 
+    Where there is none to draw, that of an earlier command is removed.
+
     Args:
         functions: each gives `Drawn` of the data; its name is the file's.
     """
@@ -56,8 +58,10 @@ def draw_each(
     with plt.rc_context(STYLE):
         for function in functions:
             figure, caption = function(*data) or (None, "")
-            if figure is not None:
-                path = Path(out) / f"{function.__name__}.png"
+            path = Path(out) / f"{function.__name__}.png"
+            if figure is None:
+                path.unlink(missing_ok=True)
+            else:
                 figure.savefig(path)
                 plt.close(figure)
                 made.append((path, caption))

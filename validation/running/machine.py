@@ -78,10 +78,10 @@ def package_hash() -> str:
 
 
 def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
-    """Hash of what a run follows from beside its ``run.Job``: the scene's files and origin, further
-    files, versions, and with ours the package."""
+    """Hash of what a run follows from beside its ``run.Job``: the scene's files, further files,
+    versions, and with ours the package."""
     package = package_hash() if integrator.kind == "ours" else None
-    found = [versions(), contents(scene.folder), scene.origin, package]
+    found = [versions(), scene.origin or contents(scene.folder), package]
     found += map(contents, files)
     return hashlib.sha256(json.dumps(found).encode()).hexdigest()
 

@@ -53,17 +53,17 @@ def checks(summary: Mapping) -> list[Check]:
     return made
 
 
-def _as_there(row: Mapping, temperature: float) -> dict[str, Estimate]:
-    """A row's numbers by the names that they have in ``ensembles``.
+def _as_there(row: Mapping, temperature: float) -> dict[str, Estimate | None]:
+    """A row's numbers by the names that they have in ``ensembles``; no bias without a limit.
 
     Translation and rotation have as many degrees of freedom.  Their noises are taken as independent
     of each other, as they are where each has its own: no other scheme has a bound of ``apart``.
     """
     biases = {key: Estimate.of(one) for key, one in row["biases"].items()}
+    there = {"bias": biases.get("potential"), "pressure_bias": biases.get("pressure")}
     moves, turns = biases["translation"], biases["rotation"]
     apart = measures.difference(moves, turns)
     middle = Estimate(temperature + (moves.value + turns.value) / 2, *apart.times(0.5)[1:])
-    there = {"bias": biases["potential"], "pressure_bias": biases["pressure"]}
     return there | {"temperature": middle, "apart": apart}
 
 

@@ -12,18 +12,17 @@ from pathlib import Path
 import numpy as np
 
 from validation.ensembles import runs
-from validation.ensembles.lengths import SAMPLED, Lengths
+from validation.ensembles.lengths import SAMPLED, Lengths, ordered
 from validation.ensembles.measure import of_momentum
 from validation.ensembles.schemes import ALL_PRINT, OURS_PRINTS, Scheme
 from validation.running import machine, rounds, run
 from validation.sampling import plan
 from validation.sampling.criteria import BOUNDS
 from validation.sampling.plan import Case, Point
-from validation.scenes.units import BOLTZMANN
+from validation.scenes.units import BOLTZMANN, COULOMB
 from validation.statistics import limit, measures, motion, precision, structure
 from validation.statistics.estimate import Estimate
 
-COULOMB = 332.06371  # kcal/mol Angstrom of two unit charges: 1 / (4 pi epsilon_0)
 BLOCKS = 8  # of a start's frames, for the noise of g(r)
 BIN, REACH = 0.1, 0.45  # Angstrom, of g(r), and how far it goes, of the box
 Table = Mapping[str, np.ndarray]
@@ -208,7 +207,7 @@ def sampling(
     made = batch.do([one for _, one in case.runs(points, lengths)], meter, __name__)
     for why in made.failed.values():
         found.errors |= dict.fromkeys(points, why)
-    every = _ordered(case, [*points, *_known(case, folder)])
+    every = ordered([*points, *_known(case, folder)], case.schemes)
     for point, one in case.runs(every, lengths):
         job = batch.job(one)
         if point not in found.errors and run.is_there(job, failures=True):
@@ -237,11 +236,6 @@ def _known(case: Case, folder: Path) -> list[Point]:
         if name in names:
             found.append(Point(names[name], float(dt)))
     return found
-
-
-def _ordered(case: Case, points: Collection[Point]) -> list[Point]:
-    """Each once, by scheme and step."""
-    return sorted(set(points), key=lambda one: (list(case.schemes).index(one.scheme), one.dt))
 
 
 def _measure(found: Found, case: Case, point: Point, job: run.Job) -> None:

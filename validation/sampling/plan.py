@@ -1,6 +1,7 @@
 """What ``sampling`` runs: scenes, thermostats with their time steps, and what each run prints."""
 
 import gzip
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +24,6 @@ from validation.ensembles.schemes import (
     state,
 )
 from validation.own import counted
-from validation.own import schemes as own_schemes
 from validation.own.system import Own
 from validation.running import run
 from validation.scenes import TEMPERATURE, Scene, peptide
@@ -55,6 +55,8 @@ TORQUE = "v_torque"
 WATER_OXYGENS = "type 21"  # in the peptide's box
 # the bodies' torques, of forces without those of a thermostat, which fix store/force has before it
 RAW = "fix raw {group} store/force"
+# what stands before a seed in a script's lines: the keyword, or a temperature with its damping
+SEEDS = re.compile(r"( seed | langevin \S+ \S+ \S+ )[^\s\"']+")
 TORQUES = (
     "compute middle {group} com/chunk molecules",
     "compute middles {group} chunk/spread/atom molecules c_middle[*]",
@@ -209,7 +211,7 @@ def _schemes(
     usual, kicks = state(temperature, DAMPING), (RAW, bath(temperature, DAMPING, everywhere))
     every |= _rigid(usual, kicks, rest)
     if shake:
-        every |= _constrained(temperature, usual, kicks, everywhere, heavy or {})
+        every |= _constrained(usual, kicks, everywhere, heavy or {})
     made = {
         one.name: replace(
             one, temperature=temperature, steps=tuple(dt for dt in one.steps if dt <= longest)
@@ -314,7 +316,7 @@ def _after(scheme: Scheme, lines: tuple[str, ...]) -> Scheme:
     return replace(scheme, integrator=replace(one, lines=(*one.lines, *lines)), whole=bool(lines))
 
 
-def _constrained(temperature, usual, kicks, everywhere, heavy) -> dict[Scheme, Model]:
+def _constrained(usual, kicks, everywhere, heavy) -> dict[Scheme, Model]:
     """What shake holds: atoms as points, with LAMMPS's thermostats."""
     steps = 0.5, 1.0, 2.0, 3.0, 4.0, 6.0
     one = constrained("shake", "1e-6")
@@ -395,7 +397,7 @@ def of_script(own: Own) -> Case:
         SystemExit: it is no script that averages of can be held against a limit.
     """
     found, scene = own.found.state, own.scene
-    if scene.units != "real" or not found.temp or found.press or found.temp[0] != found.temp[1]:
+    if scene.units != "real" or not found.temp or found.press or found.ramps:
         raise SystemExit(
             f"{scene.subject}: sampling needs units real and one constant temperature, kept by the "
             "fix whose place others take, in a box that does not change: give a run with fix nvt, "
@@ -404,8 +406,7 @@ def of_script(own: Own) -> Case:
     temperature = float(found.temp[0])
     made, models = {}, {}
     for name, one in own.integrators.items():
-        seed = f"seed {own_schemes.SEED}"
-        lines = tuple(line.replace(seed, f"seed {SEED}") for line in one.lines)
+        lines = tuple(SEEDS.sub(rf"\1{SEED}", line) for line in one.lines)
         held = _held(own, one)
         steps = tuple(factor * scene.dt for factor in OWN_FACTORS)
         made[name] = Scheme(replace(one, lines=lines), held, temperature, steps=steps)

@@ -43,7 +43,7 @@ class Scene:
         columns: of the thermodynamic output, beside the usual ones.
         output: LAMMPS commands behind those of the output.
         dimension: of space, 2 or 3.
-        origin: hash of what it follows from beside its folder's files and these attributes.
+        origin: hash of its files; empty where these are all in the folder.
     """
 
     name: str

@@ -18,7 +18,8 @@ class Integrator:
         lines: LAMMPS commands; ``{group}``, ``{bodies}`` and ``{constraints}``
             are filled from the scene.
         whole_bodies: whether a rank's atoms and ghost atoms must hold the whole of each body.
-        kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes) or ``constraints`` (shake, rattle).
+        kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes), ``constraints`` (shake, rattle) or
+            ``free`` (no body is rigid).
         tolerance: of constraints, relative; None for others.
         then: LAMMPS commands behind the scene's own, that ask for this integrator.
     """

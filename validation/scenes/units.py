@@ -1,8 +1,12 @@
-"""LAMMPS's unit styles, as tables and figures call them, and its constant of Boltzmann."""
+"""LAMMPS's unit styles, as tables and figures call them, and constants."""
 
 from dataclasses import dataclass
 
-BOLTZMANN = 0.0019872067  # kcal/mol/K
+BOLTZMANN = 0.0019872067  # kcal/mol/K, LAMMPS's
+COULOMB = 332.06371  # kcal/mol Angstrom of two unit charges, LAMMPS's: 1 / (4 pi epsilon_0)
+# reduced units are read as argon's, of which one of time is 2.156 ps: sqrt(39.948 amu (3.405 Å)² /
+# (k 119.8 K)); so many of them are 1 ns
+NS_OF_REDUCED = 464.0
 
 
 @dataclass(frozen=True)

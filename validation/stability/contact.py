@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from validation.scenes import bodies
+from validation.scenes.units import NS_OF_REDUCED
 from validation.stability import molecules
-from validation.stability.criteria import NS_OF_REDUCED
 from validation.stability.measure import EXTREME, Case, Number, Stand, lowest_of_starts, of_parts
 from validation.statistics import motion
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from validation.scenes.units import NS_OF_REDUCED
+
 EPS = float(np.finfo(float).eps)
-# one reduced unit of time is argon's, 2.156 ps: sqrt(39.948 amu (3.405 Å)² / (k 119.8 K))
-NS_OF_REDUCED = 464.0
 # of starts that all hold: the next one does not with a chance of 1 in 20, whatever the distribution
 ENOUGH_STARTS = 19
 READING = 5000  # steps' worth of rounding is in what is read from a trajectory: 1e4 ulps

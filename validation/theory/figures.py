@@ -1,5 +1,7 @@
 """Figures of ``theory``, each of what its part gives as data."""
 
+import functools
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -14,7 +16,17 @@ SMALL: dict = {"frameon": False, "fontsize": 8}  # a legend
 def draw(data: dict, out: Path) -> list[tuple[Path, str]]:
     """All figures of the parts that there are: see `draw_each`."""
     every = reversal, symplectic, conserved, mrot, rotors, recursion
-    return draw_each([one for one in every if one.__name__ in data], out, data)
+    return draw_each(map(_of_part, every), out, data)
+
+
+def _of_part(draws: Callable[[dict], Drawn]) -> Callable[[dict], Drawn]:
+    """A part's figure, or none if the part was not measured."""
+
+    @functools.wraps(draws)
+    def drawn(data: dict) -> Drawn:
+        return draws(data) if draws.__name__ in data else None
+
+    return drawn
 
 
 def reversal(data: dict) -> Drawn:

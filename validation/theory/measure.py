@@ -25,7 +25,8 @@ from scipy.linalg import expm
 
 from fix_nosquish.motion.rotor import free_rotor
 from validation.running.run import Meter
-from validation.scenes import SCENES, Scene
+from validation.scenes import SCENES, TEMPERATURE, Scene
+from validation.scenes.units import BOLTZMANN
 from validation.statistics import measures
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
@@ -41,8 +42,7 @@ MULTIPLES = 0.25, 0.5, 1.0, 2.0, 4.0  # of the scene's time step: a factor of 16
 TOLERANCES = 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14  # of SHAKE
 MROTS = 1, 2, 4, 8, 16, 32
 TOPS, TURNS = 20, 50  # of the free rotor: bodies, time steps
-TEMPERATURE = 155.0  # K, of the dimer
-KT = 0.0019872067 * TEMPERATURE  # kcal/mol, with LAMMPS's Boltzmann constant
+KT = BOLTZMANN * TEMPERATURE["dimer"]  # kcal/mol
 # A reversal is judged where chaos has not made much of rounding yet: of 1e-15 Angstrom it makes
 # 1e-13 in 300 steps and back, 1e-11 to 1e-10 in 1,000, as luck and processor have it, up to 1e-4 in
 # 3,000.

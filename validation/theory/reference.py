@@ -18,10 +18,10 @@ from scipy.spatial.transform import Rotation
 
 from fix_nosquish.motion import rotor
 from validation.scenes import Scene
+from validation.scenes.units import COULOMB
 from validation.theory.calculus import Energy, Part, State, composed, leading_term, repeated, strang
 
 FS = 1 / 48.88821291  # LAMMPS's, units real
-COULOMB = 332.06371  # LAMMPS's qqrd2e, kcal/mol Angstrom
 PERMUTE = {1: rotor.permute_1, 2: rotor.permute_2, 3: rotor.permute_3}
 
 

@@ -15,6 +15,7 @@ from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F2, Cell, F
 from fix_nosquish.motion import block, step
 from fix_nosquish.motion.operations import EXACT
+from validation.scenes.units import BOLTZMANN
 from validation.theory.reference import multiply
 from validation.theory.top import free_top
 
@@ -22,7 +23,7 @@ ROTORS = {"split": 1, "split, mrot 2": 2, "split, mrot 4": 4, "exact": EXACT}
 ANGLES = 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8  # rad in a step
 TOTAL = 20.0  # rad
 TOPS = 40
-THERMAL = 298.0 * 0.0019872067 * 4.184e-4  # kT in amu Å² / fs²
+THERMAL = 298.0 * BOLTZMANN * 4.184e-4  # kT in amu Å² / fs²
 BODIES, ROUNDS, STEPS = 8192, 15, 12  # of what is timed
 SITES = np.array([[0.0, 0.0655, 0.0], [0.757, -0.520, 0.0], [-0.757, -0.520, 0.0]])  # TIP3P, Å
 MASSES = np.array([15.9994, 1.008, 1.008])

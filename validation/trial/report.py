@@ -355,6 +355,8 @@ def write(summary: dict, out: Path) -> None:
     files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
     if longer := confirm.points(summary):
         files["confirmed"] = report.frame(_numbers(one, wanted) for one in longer)
+    else:
+        (out / "confirmed.csv").unlink(missing_ok=True)  # of another answer
     minutes = None
     if choice.best is None and choice.perhaps:
         minutes = _telling(summary, points, choice.perhaps, wanted)

@@ -179,8 +179,7 @@ def trial(
     store = Store(out / "records", "validation.own.system")
     summary = _summary(own, held, ranks, wanted)
     tried = Trial(summary, every, {})
-    alike = own.scene, seconds, ranks, [one.name for one in every]
-    origin = store.origin(*alike, files=[own.scene.folder])
+    origin = store.origin(own.scene, seconds, ranks, [one.name for one in every])
     try:
         with store.locked("plan"):
             make = partial(_plan, own, every, seconds, out, ranks, silence, meter)
@@ -378,7 +377,7 @@ def rows(
     found: Mapping[Point, Done],
     wanted: Mapping[str, float],
 ) -> list[dict]:
-    """A row for each point, as ``sweep.choice`` takes them; ``some`` are those that are asked for.
+    """A row for each point, as ``validation.choice`` takes them; ``some`` are those asked for.
 
     Of each error there is ``errors``, which all steps of the integrator tell, and ``by_itself``,
     which its own run does.
