@@ -350,7 +350,7 @@ def test_a_word_that_is_no_script_gets_no_empty_list(capsys):
         ("advise water --target drift=1 --only nosquish", "--only is for a script"),
         ("sweep dimer --target drift=1", "--target is for a script"),
         ("sweep in.own --short", "--short is for scenes"),
-        ("stability in.own --starts 8", "--starts is for cases"),
+        ("stability in.own --starts 8", "--starts is for the cases"),
     ],
 )
 def test_words_of_a_script_for_a_scene(words, said, tmp_path, monkeypatch, capsys):
