@@ -224,8 +224,8 @@ def test_liquids():
 def test_bounds():
     """Locks out a bound that a wrong number passes, and verdicts on runs that are too short."""
 
-    def verdicts(time=20.0, less=(5.1, 0.01), **biases):
-        row = {"ours": True, "error": None, "label": "x", "dt": 8.0, "less": {"shake": {}}}
+    def verdicts(time=20.0, less=(5.1, 0.01), label="x", **biases):
+        row = {"ours": True, "error": None, "label": label, "dt": 8.0, "less": {"shake": {}}}
         row["less"]["shake"] = Estimate(*less).plain()
         row["biases"] = {key: Estimate(one, 1e-6).plain() for key, one in biases.items()}
         summary = {"settings": {"time": time}, "known": [{"dt": 2.0}], "rows": [row]}
@@ -234,6 +234,7 @@ def test_bounds():
     for key, most in criteria.BOUNDS.items():
         assert verdicts(**{key: -0.99 * most}) == [True, True]
         assert verdicts(**{key: 1.01 * most}) == [False]  # samples of something else
+    assert verdicts(potential=0.005, label="HMC, 10 steps") == [False]
     assert verdicts(time=19.0) == []
     assert verdicts(potential=0.0, less=(1.0, 0.5)) == [True]  # known to a factor only
 

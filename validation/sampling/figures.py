@@ -17,6 +17,8 @@ STYLES = SHARED | {  # of schemes: colour, marker; others have a colour of their
     "langevin-5-scaled": ("#1b6ca8", "p"),
     "langevin-20-scaled": ("#5ab4d6", "d"),
     "hmc": (INK, "*"),
+    "hmc-equal": ("#7d8597", "*"),
+    "hmc-scaled": ("#7d8597", "*"),
     "shake+nvt": ("#bfa5cf", "<"),
     "shake+csvr": ("#d45087", ">"),
     "shake-3+langevin": (THIRD, "P"),

@@ -271,13 +271,21 @@ def _nosquish(
             (_ours("nh", "NVT nh", usual, "nh", steps[1:5], 3), 6.0),
         )
     }  # fmt: skip
-    words = f" temp {temperature:g} steps {TRAJECTORY} seed {SEED}"
-    hmc = nosquish("hmc", f"HMC, {TRAJECTORY} steps", words, "HMC")
-    ours[Scheme(hmc, temperature=temperature, steps=(2.0, 4.0, 6.0), stride=TRAJECTORY)] = Model()
+    ours |= dict.fromkeys(_hybrid(temperature, ending, large, told), Model())
     return {
         replace(one, integrator=_with(one.integrator, points), whole=whole): model
         for one, model in ours.items()
     }
+
+
+def _hybrid(temperature: float, ending: str, large: str, told: str) -> Iterator[Scheme]:
+    """Hybrid Monte Carlo: of many bodies no long step is accepted without larger moments."""
+    words = f" temp {temperature:g} steps {TRAJECTORY} seed {SEED}"
+    label = f"HMC, {TRAJECTORY} steps"
+    plain = nosquish("hmc", label, words, "HMC")
+    slow = nosquish(f"hmc-{ending}", f"{label}, {told}", f"{words} moments {large}", "HMC")
+    for one, steps in (plain, (2.0, 4.0, 6.0)), (slow, (8.0, 10.0)):
+        yield Scheme(one, temperature=temperature, steps=steps, stride=TRAJECTORY)
 
 
 def _rigid(usual: str, kicks: tuple[str, ...], rest: str) -> dict[Scheme, Model | None]:
