@@ -224,7 +224,16 @@ def test_an_engine_that_is_not_there(monkeypatch, tmp_path, capsys):
         main(["engines", "--out", str(tmp_path / "out")])
     assert "--only openmm-langevin-5 openmm-langevin-20" in str(it.value)
     # points that an earlier command has left of an engine that is gone ask for nothing
-    assert list(measure.versions([plan.Point("openmm-langevin-5", 2.0)])) == ["OpenMM"]
+    (tmp_path / "start-1").mkdir()
+    for name in "gromacs-sd-2-fs-0a", "openmm-langevin-20-4-fs-0b", "no-scheme-4-fs-0c":
+        (tmp_path / "start-1" / f"{name}.json").touch()
+    points = [plan.Point("openmm-langevin-5", 2.0)]
+    every = measure.with_left(points, tmp_path)
+    assert [one.scheme for one in every] == ["openmm-langevin-5", "openmm-langevin-20"]
+    scheme = plan.SCHEMES["gromacs-sd"]
+    there = replace(scheme, engine=replace(scheme.engine, version=lambda: "1"))
+    monkeypatch.setitem(plan.SCHEMES, "gromacs-sd", there)
+    assert len(measure.with_left(points, tmp_path)) == 3
     with pytest.raises(SystemExit, match="no limit of the scene water"):
         measure.known_limit(RESULTS / "ensembles-pressure")
     with pytest.raises(SystemExit, match=r"has no summary\.json"):

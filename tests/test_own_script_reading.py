@@ -49,9 +49,19 @@ def test_lines_words_and_branches_are_lammpss():
     line = "fix m all ave/time 1 5 5 c_t file out.txt mode scalar"
     assert script.without_files(line) == "fix m all ave/time 1 5 5 c_t mode scalar"
     assert script.without_files("fix 1 all rigid molecule infile file") != ""
-    line = 'fix 1 all python/move "fix_nosquish.NVE all molecule{} mrot 2"'
-    assert script.without_files(line.format(" output 100 ../bodies.csv")) == line.format("")
-    assert script.without_files(line.format("")) == line.format("")
+    for line in (
+        'fix 1 all python/move "fix_nosquish.NVE output molecule{} mrot 2"',
+        'fix 1 all python/move "fix_nosquish.NVT all group 2 a output{} moments step"',
+        'fix 1 all python/move "fix_nosquish.HMC all molecule points output{} mrot 2"',
+    ):
+        assert finding.without_output(line.format("")) == (line.format(""), [])
+        found = finding.without_output(line.format(" output  100\tv_csv"))
+        assert found == (line.format(""), ["output 100 v_csv"])
+    bare = "fix 1 all python/move 'fix_nosquish.NVE all single output 5 v_csv'"
+    assert finding.without_output(bare)[0].endswith(' "fix_nosquish.NVE all single"')
+    line = "pair_coeff * *  W 'W'\tW.snap X"
+    other = script.with_words(line, lambda word: '"/p"' if word.text == "W" else word.quoted)
+    assert other == 'pair_coeff * *  "/p" "/p"\tW.snap X'
 
 
 def test_the_commands_are_those_that_lammps_does(tmp_path):
@@ -179,11 +189,13 @@ def test_no_file_elsewhere_is_written_to(tmp_path):
         file.write_text("kept")
     path = tmp_path / "a" / "in.files"
     names = f"variable up string ../up.csv\nvariable whole string {files[1]}\n"
-    path.write_text(GAS + names + "fix 1 a rigid/nve single\nrun 1\n")
-    commands = take(path, tmp_path / "out").said["commands"]
-    named = [line.split()[-1].strip('"') for line in commands if line.startswith("variable")]
+    fixes = "".join(f'fix {one} a print 5 "x" title ${{{one}}}\n' for one in ("up", "whole"))
+    path.write_text(GAS + names + fixes + "fix 1 a rigid/nve single\nrun 1\n")
+    said = take(path, tmp_path / "out").said
+    named = [script.texts(said["fixes"][one])[-1] for one in ("up", "whole")]
     assert [Path(one).read_text() for one in named] == ["kept", "kept"]
     assert all((tmp_path / "out").resolve() in Path(one).parents for one in named)
+    assert {Path(one).resolve() for one in said["files"]} == {*files, path}
 
 
 @pytest.fixture(scope="module")

@@ -348,9 +348,14 @@ def test_a_word_that_is_no_script_gets_no_empty_list(capsys):
     [
         ("advise water --target drift=1 --confirm", "--confirm is for a script"),
         ("advise water --target drift=1 --only nosquish", "--only is for a script"),
+        ("advise water --target drift=1 --ranks 2", "--ranks is for a script"),
+        ("advise in.own --from results", "--from is for a scene"),
         ("sweep dimer --target drift=1", "--target is for a script"),
+        ("compare water --group all", "--group is for a script"),
+        ("stability needles -var a 1", "-var is for a script"),
+        ("bench water --run 2", "--run is for a script"),
         ("sweep in.own --short", "--short is for scenes"),
-        ("stability in.own --starts 8", "--starts is for the cases"),
+        ("stability in.own --starts 0", "--starts is for the cases"),
     ],
 )
 def test_words_of_a_script_for_a_scene(words, said, tmp_path, monkeypatch, capsys):

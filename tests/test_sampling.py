@@ -224,8 +224,9 @@ def test_liquids():
 def test_bounds():
     """Locks out a bound that a wrong number passes, and verdicts on runs that are too short."""
 
-    def verdicts(time=20.0, less=(5.1, 0.01), label="x", **biases):
-        row = {"ours": True, "error": None, "label": label, "dt": 8.0, "less": {"shake": {}}}
+    def verdicts(time=20.0, less=(5.1, 0.01), scheme="langevin-5", **biases):
+        row = {"ours": True, "error": None, "label": "x", "scheme": scheme, "dt": 8.0}
+        row |= {"less": {"shake": {}}}
         row["less"]["shake"] = Estimate(*less).plain()
         row["biases"] = {key: Estimate(one, 1e-6).plain() for key, one in biases.items()}
         summary = {"settings": {"time": time}, "known": [{"dt": 2.0}], "rows": [row]}
@@ -234,7 +235,7 @@ def test_bounds():
     for key, most in criteria.BOUNDS.items():
         assert verdicts(**{key: -0.99 * most}) == [True, True]
         assert verdicts(**{key: 1.01 * most}) == [False]  # samples of something else
-    assert verdicts(potential=0.005, label="HMC, 10 steps") == [False]
+    assert verdicts(potential=0.005, scheme="hmc-equal") == [False]
     assert verdicts(time=19.0) == []
     assert verdicts(potential=0.0, less=(1.0, 0.5)) == [True]  # known to a factor only
 
@@ -277,7 +278,8 @@ def test_seeds_of_a_scripts_own_integrators():
     lines = {
         'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 2 seed 4928"': "4928",
         "fix own_bath {group} langevin 300 300 100 4928 tally yes": "4928",
-        "fix 1 all rigid/small molecule langevin 300 300 100 77": "77",
+        "fix langevin all rigid/small molecule langevin 300 300  100 77": "77",
+        'fix 1 a python/move "fix_nosquish.NVT a molecule thermostat langevin seed  5 mrot 2"': "5",
     }
     for line, seed in lines.items():
         assert plan.SEEDS.sub(r"\1SEED", line) == line.replace(seed, "SEED")

@@ -26,6 +26,8 @@ class Parser(argparse.ArgumentParser):
         values = vars(found)
         given = [one for some in values.values() if isinstance(some, list) for one in some]
         script = any(isinstance(one, Script) for one in (*given, *values.values()))
+        if not script and "run_number" in values:
+            refuse(found, OF_SCRIPTS, "is for a script of your own")
         if values.get("only") and "integrators" in values and not script:
             known = found.integrators()
             for one in (one for one in found.only if known and one not in known):
@@ -43,10 +45,17 @@ def verb(
     return parser
 
 
-def refuse(arguments: argparse.Namespace, names: Collection[str], why: str) -> None:
-    """End with a message if one of these options is given."""
-    if given := [name for name in names if getattr(arguments, name)]:
-        arguments.parser.error(f"--{given[0]} {why}")
+# options that `own` adds, by the names of their values
+OF_SCRIPTS = {"variables": "-var", "fix": "--fix", "group": "--group", "bodies": "--bodies"}
+OF_SCRIPTS |= {"run_number": "--run"}
+
+
+def refuse(arguments: argparse.Namespace, options: Mapping[str, str], why: str) -> None:
+    """End with a message if one of these options, by the names of their values, is given."""
+    parser = arguments.parser
+    for name, option in options.items():
+        if getattr(arguments, name, None) not in (None, parser.get_default(name)):
+            parser.error(f"{option} {why}")
 
 
 def status(interrupted: bool, failed: bool) -> int:

@@ -43,6 +43,9 @@ def add(verbs: command_line.Verbs) -> None:
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     if command_line.is_script(arguments.scene, scenes):
+        command_line.refuse(
+            arguments, {"folder": "--from"}, "is for a scene: a script is tried now"
+        )
         return trial.run(arguments, arguments.scene, BUDGET, many=False)
     from validation.advise.report import advise, load  # heavy: not for --help
     from validation.pages.console import console
@@ -50,7 +53,8 @@ def run(arguments: Namespace) -> int:
     if not arguments.target:
         arguments.parser.error("of a scene, --target is needed")
     why = "is for a script: a scene's sweep has run already"
-    command_line.refuse(arguments, ("budget", "steps", "confirm", "only"), why)
+    names = "budget", "steps", "confirm", "only", "ranks", "silence", "out", "launch"
+    command_line.refuse(arguments, {name: f"--{name}" for name in names}, why)
     try:
         met = advise(console(), *load(arguments.folder), arguments.scene, dict(arguments.target))
     except LookupError as error:

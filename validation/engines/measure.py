@@ -70,8 +70,8 @@ def engines(
     meter: run.Meter,
     silence: float,
 ) -> dict:
-    """Run what is not there yet, and measure; points of the same engines that earlier commands of
-    the same lengths have left in the folder are measured, too.
+    """Run what is not there yet, and measure; points that earlier commands of the same lengths
+    have left in the folder are measured, too, if their engine is here.
 
     Several processes of the same command share the runs.
 
@@ -83,9 +83,8 @@ def engines(
         plain data: circumstances, settings, rows, limits.
     """
     folder = out / "runs" / lengths.folder
-    here = versions(points)
-    left = [one for one in _left(folder) if SCHEMES[one.scheme].engine.name in here]
-    every = ordered([*points, *left], SCHEMES)
+    every = with_left(points, folder)
+    here = versions(every)
     some = Runs(of_scene(CASE.scene), folder, here, silence)
     wanted = {
         name: (_label(point, lengths, name), SCHEMES[point.scheme].engine, course)
@@ -118,14 +117,14 @@ def engines(
     }
 
 
-def _left(folder: Path) -> list[Point]:
-    """Points of which the folder has records."""
+def with_left(points: Collection[Point], folder: Path) -> list[Point]:
+    """The points, and those of which the folder has records, if their engine is here."""
     found = []
     for path in folder.glob("start-*/*-fs-*.json"):
         name, _, dt = path.stem.rpartition("-")[0].removesuffix("-fs").rpartition("-")
-        if name in SCHEMES:
+        if name in SCHEMES and SCHEMES[name].engine.version() is not None:
             found.append(Point(name, float(dt)))
-    return found
+    return ordered([*points, *found], SCHEMES)
 
 
 def _label(point: Point, lengths: Lengths, name: str) -> str:

@@ -16,7 +16,7 @@ ACT = BATHS | frozenset(
     (
         *("accelerate", "addforce", "addtorque", "aveforce", "colvars", "deform", "drag", "efield"),
         *("ehex", "electron", "ffl", "flow", "freeze", "gld", "gle", "gravity", "heat", "hyper"),
-        *("indent", "lb", "lineforce", "momentum", "oneway", "orient", "planeforce", "propel"),
+        *("indent", "lb", "lineforce", "oneway", "orient", "planeforce", "propel"),
         *("qbmsst", "restrain", "setforce", "smd", "spring", "srd", "thermal", "ti", "tmd", "ttm"),
         *("viscosity", "viscous", "wall"),
     )

@@ -3,6 +3,7 @@
 What cannot be told is not guessed: an `Unclear` says which option tells it.
 """
 
+import itertools
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -260,11 +261,27 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Keywords with the words that follow them."""
     position = 0
     while position < len(words):
-        count = 1 + FOLLOW.get(words[position], 1)
-        if words[position : position + 2] == ["moments", "step"]:
-            count = 2
+        alone = words[position : position + 2] == ["moments", "step"]
+        count = 2 if alone else 1 + FOLLOW.get(words[position], 1)
         yield tuple(words[position : position + count])
         position += count
+
+
+def without_output(line: str) -> tuple[str, list[str]]:
+    """A fix of ours that writes no file, and the words that are left out; other commands as they
+    are."""
+    if style_of(line) != "python/move" or not texts(line)[4].startswith("fix_nosquish."):
+        return line, []
+    name, group, *rest = texts(line)[4].split()
+    count = body_words(rest)
+    every = [*_split(rest[count:])]
+    cut = [" ".join(one) for one in every if one[0] == "output"]
+    if not cut:
+        return line, []
+    kept = itertools.chain(*(one for one in every if one[0] != "output"))
+    text = " ".join((name, group, *rest[:count], *kept))
+    head = line[: line.index("fix_nosquish.")].rstrip("\"'")
+    return f'{head}"{text}"', cut
 
 
 def state_of(words: Sequence[str], style: str) -> tuple[State, list[str], list[str]]:

@@ -22,8 +22,8 @@ In the place of what moves atoms ``commands`` have a command that reads where th
 commands behind it depend on that.
 
 No file of the user's is written to.  LAMMPS works in ``inputs``.  A file that a command names is
-linked there if the command only reads it, else copied.  One that is above the script's folder has
-its whole path in a command that only reads it.  Commands that write are left out.
+linked there if the command only reads it, else copied.  One that is above the script's folder is
+named by its whole path, or by that of a copy in a fix.  Commands that write are left out.
 """
 
 import sys
@@ -33,7 +33,7 @@ sys.path[0] = __file__.rsplit("/", 3)[0]
 
 # before lammps: its plugins import fix_nosquish, which is to be the one that is installed
 from validation.own import finding, script  # noqa: E402  isort: skip
-from validation.running import starts  # noqa: E402  isort: skip
+from validation.running import machine, starts  # noqa: E402  isort: skip
 
 import glob  # noqa: E402
 import hashlib  # noqa: E402
@@ -86,7 +86,8 @@ class Reader:
     """
 
     def __init__(self, source: Path, inputs: Path, ask: dict, log: Path, doing: bool) -> None:
-        self.source, self.inputs, self.doing = source, inputs, doing
+        self.source, self.doing = source, doing
+        self.inputs = self.root = inputs  # the first moves with the script's folder
         self.fix, self.any, self.skip = ask["fix"], ask["any"], ask["at"] - 1
         self.everything = ask["everything"]
         self.commands: list[str] = []
@@ -190,9 +191,12 @@ class Reader:
     def _do(self, word: str, line: str) -> None:
         plain, reads = script.without_files(line), word in script.READS
         self.left_out += [line] * (plain != line)
+        if word == "fix":
+            plain, cut = finding.without_output(plain)
+            self.left_out += cut
         _, *rest = script.texts(plain)
         self._bring(rest, reads)
-        plain = self._with_paths(plain, reads)
+        plain = self._with_paths(plain, word)
         if self.moved and word in script.PLACED:
             self.moved = False
             self.states.append(dumped(self.lmp, self.inputs / f"state-{len(self.states) + 1}.dump"))
@@ -271,6 +275,8 @@ class Reader:
         are."""
         for name in names:
             for path in self._files(name, reads):
+                if self.root in path.parents:
+                    continue  # a copy, which an earlier command has
                 self.files.add(str(path))
                 if WORLD.rank == 0 and not is_elsewhere(name):
                     place = self.inputs / path.relative_to(self.source)
@@ -282,24 +288,27 @@ class Reader:
                             shutil.copyfile(path, place)
         WORLD.Barrier()
 
-    def _with_paths(self, line: str, reads: bool) -> str:
-        """A command that finds files in no folder in which LAMMPS works: by their whole paths if it
-        only reads them, else copies of them, for a fix may write to a file that it names."""
-        for word in script.words(line):
-            if not is_elsewhere(word.text) or not self._files(word.text, reads):
-                continue
-            place = f"{self.source}/{word.text}"
-            if not reads:
-                place = str(self._copied(Path(self.source, word.text)))
-            elif word.text.startswith("/"):
-                continue
-            line = line.replace(word.quoted, f'"{place}"')
-        return line
+    def _with_paths(self, line: str, command: str) -> str:
+        """A command that finds files in no folder in which LAMMPS works, by their whole paths.
+
+        A fix may write to a file that it names, so it gets a copy.
+        """
+
+        def changed(word: script.Word) -> str:
+            path = self.source / word.text
+            there = self._files(word.text, command in script.READS)
+            if not is_elsewhere(word.text) or not there or self.root in path.parents:
+                return word.quoted
+            if command == "fix":
+                return f'"{self._copied(path)}"'
+            return word.quoted if word.text.startswith("/") else f'"{self.source}/{word.text}"'
+
+        return script.with_words(line, changed)
 
     def _copied(self, path: Path) -> Path:
         """The copy of a file in a folder of its own, where LAMMPS works."""
         name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
-        place = self.inputs / f"elsewhere-{name}" / path.name
+        place = self.root / f"elsewhere-{name}" / path.name
         if WORLD.rank == 0 and not place.exists():
             place.parent.mkdir(exist_ok=True)
             shutil.copyfile(path, place)
@@ -384,12 +393,19 @@ def read(ask: dict, out: Path) -> None:
     said["state"] = dumped(lmp, inputs / "state.dump")
     lmp.close()
     if WORLD.rank == 0:
+        said["made"] = _made(inputs)
         (out / "read.json").write_text(json.dumps(said, indent=1))
 
 
 def _reader(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> Reader:
     os.chdir(inputs)
     return Reader(path.parent, inputs, ask, out / "log.lammps", doing)
+
+
+def _made(inputs: Path) -> dict[str, str]:
+    """Hashes of the files where LAMMPS works, but for links to the user's."""
+    every = (one for one in sorted(inputs.rglob("*")) if one.is_file() and not one.is_symlink())
+    return {str(one.relative_to(inputs)): machine.contents(one) for one in every}
 
 
 def _until_run(reader: Reader, path: Path) -> None:

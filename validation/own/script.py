@@ -1,7 +1,7 @@
 """LAMMPS's input language as text: lines, words, and what a command does to files.  No LAMMPS."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal, InvalidOperation
 from typing import NamedTuple
 
@@ -64,6 +64,15 @@ def words(line: str) -> list[Word]:
         text = next(one for one in match.groups() if one is not None)
         found.append(Word(text, match.group(0)))
     return found
+
+
+def with_words(line: str, changed: Callable[[Word], str]) -> str:
+    """A command with other words; ``changed`` gives each with its quotes."""
+    found, end = [], 0
+    for match, word in zip(_WORD.finditer(line), words(line)):
+        found += [line[end : match.start()], changed(word)]
+        end = match.end()
+    return "".join([*found, line[end:]])
 
 
 def texts(line: str) -> list[str]:
@@ -169,14 +178,11 @@ def branches(found: Sequence[Word]) -> list[Branch]:
 
 
 def without_files(command: str) -> str:
-    """A fix that writes no file: the words ``file NAME`` and ``append NAME`` are left out, and of
-    one of ours ``output N NAME``."""
+    """A fix that writes no file: the words ``file NAME`` and ``append NAME`` are left out."""
     found = words(command)
     if len(found) < 4 or found[0].text != "fix":
         return command
     style = found[3].text
-    if style == "python/move":
-        return re.sub(r"(fix_nosquish\.[^\"']*?) +output +[^\s\"']+ +[^\s\"']+", r"\1", command)
     if not style.startswith("ave/") and style not in ("print", "vector"):
         return command
     kept, skip = [], False

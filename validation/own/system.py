@@ -226,10 +226,10 @@ def _contents(files) -> str:
 
 
 def _files_of(said: Mapping, inputs: Path) -> str:
-    """Hash of the files that a script's runs follow from: the user's, and those that are made of
-    it. Others in the folder are written by the runs themselves."""
-    made = sorted((*inputs.glob("*.dump"), inputs / "bodies.npy"))
-    return store.digest(_contents(said["files"]), [*map(machine.contents, made)])
+    """Hash of the files that a script's runs follow from: the user's, those that its reading made,
+    and the bodies. Others in the folder are written by the runs themselves."""
+    bodies = [one for one in (inputs / "bodies.npy", inputs / "bodies.dump") if one.exists()]
+    return store.digest(_contents(said["files"]), said["made"], [*map(machine.contents, bodies)])
 
 
 def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) -> dict:

@@ -56,7 +56,7 @@ WATER_OXYGENS = "type 21"  # in the peptide's box
 # the bodies' torques, of forces without those of a thermostat, which fix store/force has before it
 RAW = "fix raw {group} store/force"
 # what stands before a seed in a script's lines: the keyword, or a temperature with its damping
-SEEDS = re.compile(r"( seed | langevin \S+ \S+ \S+ )[^\s\"']+")
+SEEDS = re.compile(r"(\sseed\s+|\slangevin(?:\s+[-+\d.][-+\d.eE]*){3}\s+)[^\s\"']+")
 TORQUES = (
     "compute middle {group} com/chunk molecules",
     "compute middles {group} chunk/spread/atom molecules c_middle[*]",

@@ -67,8 +67,8 @@ def gathered(summary: dict, out: Path) -> dict:
         earlier = json.loads((out / "summary.json").read_text())
     except (OSError, json.JSONDecodeError):  # none, or cut off
         earlier = {}
-    here = [summary["code"], summary["versions"], summary["machine"]["cpu"]]
-    if earlier and here == [earlier["code"], earlier["versions"], earlier["machine"]["cpu"]]:
+    alike = all(earlier.get(key) == summary[key] for key in ("code", "versions"))
+    if alike and earlier["machine"]["cpu"] == summary["machine"]["cpu"]:
         for name in earlier["scenes"]:
             if name not in scenes or _stays(earlier, summary, name):
                 scenes[name], lengths[name] = earlier["scenes"][name], earlier["lengths"][name]
