@@ -11,6 +11,9 @@ import charmm
 import numpy as np
 import pytest
 from systems import LIKE_LAMMPS, OURS, RIGID
+from test_hmc import MINE
+from test_npt import FORCES, TELLS, assert_lammps_virial
+from test_nvt import thermo
 
 STEPS, DT = 10, 0.25  # fs
 STYLES = {  # the words of each body style, and the groups that its fix moves
@@ -192,6 +195,47 @@ def test_with_pppm(simulate):
     assert_same(ours, theirs, 1e-10)
     assert np.abs(np.diff(ours.thermo["E_bond"])) > 3
     assert np.abs(np.diff(ours.thermo["TotEng"])) < 0.1
+
+
+def among_others(start, module):
+    """The begin of a script with all bodies in group rigid and other atoms in group rest, by PPPM;
+    and its files, with this text in mine.py."""
+    scale, bodies = charmm.SCALES["real"], start.body >= 0
+    files = {"data.charmm": charmm.data(start, scale, np.where(bodies, 1 + start.body, 0))}
+    members = " ".join(str(k + 1) for k in np.flatnonzero(bodies))
+    script = f"{charmm.script(scale, True)}\ngroup rigid id {members}\n"
+    return script + "group rest subtract all rigid\n", files | {"mine.py": module}
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_virial_of_bonded_bodies(start, run_lammps, ranks):
+    """Locks out a barostat that leaves out the virial of bonds, angles, dihedrals, impropers or of
+    the mesh, or takes its components in another order; and a mesh that is for the box of before."""
+    script, files = among_others(start, TELLS)
+    words = "molecule iso 1 5000 5 every 1 dilate all"
+    script += f'fix 2 rest nve\nfix 1 rigid python/move "mine.Tells rigid {words}"\n'
+    script += f"timestep 0.25\n{FORCES}"
+    for steps in 0, 10:
+        assert_lammps_virial(run_lammps(f"{script}run {steps}\n", files=files, ranks=ranks))
+    rows = run_lammps(f"{script}run 10\nrun 0\n", files=files, ranks=ranks).thermo
+    assert np.abs(rows["Volume"][-1] / rows["Volume"][0] - 1) > 1e-3
+    assert rows["E_long"][-1] == pytest.approx(rows["E_long"][-2], rel=1e-9)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_rejected_trajectory_of_bonded_bodies(start, run_lammps, ranks):
+    """Locks out terms of the force field that are not computed anew where a rejected trajectory
+    goes back, or not for each atom: all energies, forces and pressures are those of before."""
+    script, files = among_others(start, MINE)
+    words = "molecule temp 300 steps 10 seed 7 points rest"
+    script += f'fix 1 rigid python/move "mine.Rejects rigid {words}"\ntimestep 0.5\n'
+    script += "compute each all pe/atom\ncompute sum all reduce sumsq c_each\n"
+    script += "compute f all pressure NULL pair bond angle dihedral improper kspace\n"
+    script += thermo("ebond eangle edihed eimp evdwl ecoul elong fmax c_sum c_f[*]", 5)
+    of_start, of_away, of_end = run_lammps(f"{script}run 10\n", files=files, ranks=ranks).thermo
+    for name in of_start.dtype.names[3:]:
+        assert of_end[name] == pytest.approx(of_start[name], rel=1e-7), name
+        assert of_end[name] != pytest.approx(of_away[name], rel=1e-5), name
 
 
 def test_linear_groups(simulate):

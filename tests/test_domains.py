@@ -159,6 +159,31 @@ def test_domains(simulate, domains):
     )
 
 
+# counts the rows of arrived atoms that are still of use when a run is over
+ROWS = """
+from fix_nosquish import of_fix_line
+from fix_nosquish.integrators.nve import NVE
+
+class Counts(NVE):
+    def post_run(self):
+        super().post_run()
+        rows = self.communicator.total(self.lammps.table[5, 1:2].astype(float))
+        self.host.log(f"ROWS {int(rows[0])}\\n")
+
+__getattr__ = of_fix_line(Counts)
+"""
+
+
+def test_rows_of_arrived_atoms_are_forgotten(simulate):
+    """Locks out memory that grows with each atom that comes from another rank, although its row is
+    of no use once the bodies have it."""
+    system = mixture("solid planar", temperature=8.0)
+    system = system._replace(files=system.files | {"counts.py": ROWS})
+    line = LIKE_LAMMPS.replace("fix_nosquish.NVE", "counts.Counts")
+    run = simulate(system, line, 40, ranks=2, before=EACH_STEP)
+    assert "ROWS 0\n" in run.log
+
+
 @pytest.mark.parametrize("first", [True, False])
 @pytest.mark.parametrize("style, balance", [("brick", "shift xyz 10 1.0"), ("tiled", "rcb")])
 def test_fix_balance(simulate, style, balance, first):

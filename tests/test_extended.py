@@ -160,6 +160,14 @@ def test_as_fix_rigid(run_kind, kind, ranks):
     compare(run_kind, kind, ranks)
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_early_torques(run_kind, ranks):
+    """Locks out torques on particles by fixes behind this one that bodies get although the script
+    says that they do not."""
+    field = "fix field all efield 2.0 -1.0 0.5\nfix_modify 1 bodyforces early"
+    compare(run_kind, "dipole", ranks, setting=field)
+
+
 @pytest.mark.parametrize("forces", [False, True])
 def test_triangles_as_fix_rigid(run_kind, forces):
     """Locks out triangles whose inertia, torque or orientation is wrong. LAMMPS's forces between
@@ -199,10 +207,10 @@ def test_single_particles(run_kind, kind):
 
 
 def test_lines_are_rigid(run_kind):
-    """Locks out lines that stay behind their bodies, or whose torque or inertia is wrong: LAMMPS's
-    forces and torques do the work that the bodies gain, to second order in the time step, and the
-    lines of a body keep their angles to each other. (LAMMPS's fix rigid takes lines for spheres,
-    or refuses their moments.)"""
+    """Locks out lines that stay behind their bodies, that are turned as a run begins, or whose
+    torque or inertia is wrong: LAMMPS's forces and torques do the work that the bodies gain, to
+    second order in the time step, and the lines of a body keep their angles to each other.
+    (LAMMPS's fix rigid takes lines for spheres, or refuses their moments.)"""
     fix, wrong = OURS.format(group="all", words="molecule"), []
     power = """
 compute w all property/atom tqz omegaz
@@ -212,7 +220,9 @@ variable energy equal f_1[1]+f_1[2]
 thermo_style custom step c_power v_energy c_moving c_turning
 thermo_modify format float %.16g norm no
 """
+    bare, _ = run_kind("line", "run 0")
     start, _ = run_kind("line", f"{fix}\nrun 0")
+    close(start[:, 6:10], bare[:, 6:10], 1e-12)
     for n in (100, 200):
         run = f"{fix}{power}timestep {1.0 / n:.17g}\nthermo 1\nrun {n}"
         end, table = run_kind("line", run, ranks=4)
@@ -263,14 +273,19 @@ def test_thermostat(run_kind):
 @pytest.mark.parametrize("kind, dt", [("ellipsoid", 0.08), ("dipole", 0.03)])
 def test_rejected_trajectory(run_kind, kind, dt):
     """Locks out particles that keep the orientation of a trajectory that was rejected: with their
-    bodies back where they were, the potential energy is the one of before."""
+    bodies back where they were, the potential energy and the torques are those of before."""
     fix = OURS.format(group="all", words="molecule temp 15e-1 steps 5 seed 8").replace("NVE", "HMC")
-    columns = "\nthermo_style custom step pe f_1[7]\nthermo_modify norm no format float %.16g"
+    columns = "\ncompute each all property/atom tqx tqy tqz"
+    columns += "\ncompute torque all reduce sumsq c_each[*]"
+    columns += "\nthermo_style custom step pe f_1[7] c_torque[*]"
+    columns += "\nthermo_modify norm no format float %.16g"
     _, table = run_kind(kind, f"{fix}{columns}\ntimestep {dt}\nthermo 5\nrun 40")
     rejected = table["f_1[7]"][1:] == 0
     assert 1 < rejected.sum() < len(rejected)
-    before, after = table["PotEng"][:-1][rejected], table["PotEng"][1:][rejected]
-    np.testing.assert_allclose(after, before, rtol=1e-12)
+    for name in "PotEng", "c_torque[1]", "c_torque[2]", "c_torque[3]":
+        before, after = table[name][:-1][rejected], table[name][1:][rejected]
+        exact = 1e-12 if name == "PotEng" else 1e-10
+        np.testing.assert_allclose(after, before, rtol=exact, err_msg=name)
 
 
 @pytest.mark.parametrize("how", ["exactly", "roughly", "places alone"])

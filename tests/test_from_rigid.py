@@ -194,6 +194,15 @@ def test_bodyforces_early_in_runs_in_a_row(both):
         assert one[name][-1] == pytest.approx(other[name][-1], rel=1e-12)
 
 
+def test_bodyforces_early_and_late_again(both):
+    """Locks out a second word that does not take the first one back."""
+    end = f"fix_modify 1 bodyforces late\n{THERMO.format('')}run 20"
+    ours, theirs = both(
+        f"{OURS}\n{PUSH}fix_modify 1 bodyforces early\n{end}", f"{PUSH}{THEIRS}\n{end}"
+    )
+    assert_alike(ours, theirs, ["PotEng", "KinEng"])
+
+
 @pytest.mark.parametrize(
     "word, says",
     [("soon", "bodyforces soon: expected early or late"), ("early", "not for run_style respa")],
@@ -202,6 +211,23 @@ def test_bodyforces_that_are_refused(refused, system, word, says):
     """Locks out words that mean nothing, and forces of levels that are not those of the bodies."""
     respa = "run_style respa 2 2 pair 1\n" if word == "early" else ""
     script = f"{system.setup}\n{OURS}\n{PUSH}{respa}fix_modify 1 bodyforces {word}\nrun 0\n"
+    refused(script, says, system.files)
+
+
+@pytest.mark.parametrize(
+    "words, line",
+    [
+        ("NVE all molecule", "bodyforces"),
+        ("NVE all molecule", "temp thermo_temp"),
+        ("NVE all molecule", "press thermo_press"),
+        ("NPH all molecule iso 0 0 1", "temp"),
+    ],
+)
+def test_fix_modify_that_is_refused(refused, system, words, line):
+    """Locks out a crash where a word has no value, and a temperature or pressure for an integrator
+    that has no use for it, taken without a word."""
+    script = f'{system.setup}\nfix 1 all python/move "fix_nosquish.{words}"\nfix_modify 1 {line}\n'
+    says = f"does not support fix_modify {line.split()[0]} command"
     refused(script, says, system.files)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from systems import mixture
+from test_domains import droplet
 from test_nvt import DUMP, FREE, POINTS, SMOOTH, ends_alike, gas, motion, thermo
 from test_nvt import fix as nvt_fix
 
@@ -109,6 +110,24 @@ def test_rejected(run_lammps, tmp_path, case, ranks):
     for column, exact in ("PotEng", 1e-12), ("Press", 1e-10), ("f_1[1]", 1e-10):
         assert of_end[column] == pytest.approx(of_start[column], rel=exact), column
         assert of_end[column] != pytest.approx(of_away[column], rel=1e-3), column
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_rejected_in_a_box_that_grows(run_lammps, tmp_path, ranks):
+    """Locks out faces that stay where a rejected trajectory had taken them: those that follow the
+    atoms go back with them."""
+    system = droplet("s s s")
+    words = fix("temp 4 steps 100 seed 7 mix v_none", "mine.Rejects") + thermo("lx ly lz", 50)
+    script = f"{system.setup}\n{SMOOTH}velocity all create 40 9\ntimestep 0.004\n{words}"
+    files = system.files | {"mine.py": MINE}
+    rows = run_lammps(f"{script}{dump(50)}run 100\n", files=files, ranks=ranks).thermo
+    start, away, end = frames(tmp_path)
+    assert np.abs(away - start)[:, 3:6].max() > 1
+    np.testing.assert_allclose(end[:, 3:6], start[:, 3:6], atol=1e-11, rtol=0)
+    for name in "Lx", "Ly", "Lz", "PotEng":
+        of_start, of_away, of_end = rows[name]
+        assert of_end == pytest.approx(of_start, rel=1e-11), name
+        assert of_end != pytest.approx(of_away, rel=1e-3), name
 
 
 @pytest.mark.parametrize("steps", [1, 10])

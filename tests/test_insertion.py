@@ -104,6 +104,14 @@ def test_deposit(compared, first, ranks):
     assert_same(left)
 
 
+def test_one_of_several_templates(compared):
+    """Locks out the first template that the script has defined, in the place of the one that the
+    fix line names."""
+    masses = f"{MASSES}\nmolecule small mol.small"
+    files = {"mol.small": MOLECULE.replace("-0.3 -0.4", "-0.2 -0.3")}
+    assert_same(compared(OURS, THEIRS, changes=DEPOSIT, masses=masses, files=files))
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_gcmc(compared, ranks):
     """Locks out bodies that stay when fix gcmc takes their atoms, in the step in which others

@@ -168,6 +168,45 @@ def test_forces_that_the_virial_lacks(run_lammps):
     assert "use 'fix_modify 2 virial yes'" in told[""]
 
 
+# tells what a barostat has of LAMMPS's forces, and that with the constraints' virial it is LAMMPS's
+TELLS = """
+from fix_nosquish import of_fix_line
+from fix_nosquish.integrators.nph import NPH
+
+class Tells(NPH):
+    def post_run(self):
+        super().post_run()
+        virial = self.host.forces_virial + self.communicator.total(self.virial)
+        numbers = " ".join(f"{number:.17g}" for number in virial * self.lammps.nktv2p)
+        self.host.log(f"VIRIAL {numbers}\\n")
+
+__getattr__ = of_fix_line(Tells)
+"""
+
+
+def assert_lammps_virial(run):
+    """The last virial that a class of TELLS has told is that of compute pressure, c_f."""
+    told = np.array(run.log.rsplit("VIRIAL ", 1)[1].split("\n")[0].split(), float)
+    last = run.thermo[-1]
+    theirs = np.array([last[f"c_f[{k}]"] for k in range(1, 7)]) * last["Volume"]
+    np.testing.assert_allclose(told, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
+
+
+FORCES = "compute f all pressure NULL virial\n" + thermo("elong vol c_f[*]", 1)
+
+
+@pytest.mark.parametrize("virial", ["yes", "no"])
+def test_virial_of_others(run_lammps, virial):
+    """Locks out a barostat without the correction for the pair style's tail, or with the virial of
+    a fix that LAMMPS leaves out."""
+    system = mixture(side=3)
+    words = 'fix 1 all python/move "mine.Tells all molecule iso 1 1 2e-1 every 2"\n'
+    push = f"fix 2 all addforce 1.0 0.5 -2.0\nfix_modify 2 virial {virial}\n"
+    script = f"{system.setup}\npair_modify tail yes\n{push}timestep 0.002\n{words}{FORCES}run 4\n"
+    files = system.files | {"mine.py": TELLS}
+    assert_lammps_virial(run_lammps(script, files=files))
+
+
 @pytest.mark.parametrize(
     ("lines", "says"),
     [
@@ -178,6 +217,7 @@ def test_forces_that_the_virial_lacks(run_lammps):
         ("group loose molecule 1\ngroup stiff subtract all loose", "atoms are in no body"),
         ("change_box all boundary p p f", "there is no pressure along z, which is not periodic"),
         ("run_style respa 2 2 pair 2", "use run_style verlet"),
+        ("", "Cannot change box ortho/triclinic with certain fixes defined"),
         (
             "group loose molecule 1\ngroup stiff subtract all loose\n"
             'fix 2 loose python/move "fix_nosquish.NVE loose molecule"',
@@ -189,7 +229,8 @@ def test_refused(refused, lines, says):
     """Locks out a box that two fixes change, and atoms that would not move with it."""
     system = mixture(side=2)
     line = fix("seed 5").replace("NPT all", "NPT stiff" if "stiff" in lines else "NPT all")
-    script = f"{system.setup}\n{lines}\n{line}run 20\n"
+    behind = "" if lines else "change_box all triclinic\n"
+    script = f"{system.setup}\n{lines}\n{line}{behind}run 20\n"
     refused(script, says, system.files)
 
 

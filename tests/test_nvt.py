@@ -694,6 +694,20 @@ def with_points(words, temperature="2 2 2e-1"):
     return f'{POINTS}fix 1 all python/move "fix_nosquish.{line}"\n'
 
 
+def test_energy_for_each_atom(run_lammps):
+    """Locks out an energy of the thermostat that is not divided by the number of atoms where
+    'thermo_modify norm yes' has all energies divided, or a temperature that is."""
+    system, rows = mixture(side=2), {}
+    for norm in "yes", "no":
+        words = fix(THERMOSTATS["csvr"]) + thermo("f_1 f_1[3]", 10)
+        script = f"{system.setup}\ntimestep 0.004\n{words}thermo_modify norm {norm}\nrun 10\n"
+        rows[norm] = run_lammps(script, files=system.files).thermo[-1]
+    whole, each = rows["no"], rows["yes"]
+    assert abs(whole["f_1"]) > 1e-3
+    assert each["f_1"] * len(system.mass) == pytest.approx(whole["f_1"], rel=1e-12)
+    assert each["f_1[3]"] == whole["f_1[3]"]
+
+
 def test_points_move_as_with_nve(run_lammps, tmp_path):
     """Locks out points that miss forces, or feel those of a body: without a thermostat they move as
     fix nve has them beside the bodies."""

@@ -219,6 +219,31 @@ def test_fix_on_inner_level(simulate):
     assert error[0] / error[1] == pytest.approx(16, rel=0.3) and error[1] < 1e-5
 
 
+def test_values_read_on_an_inner_level(simulate):
+    """Locks out values of the bodies that something has read on an inner level, and that are told
+    again in that level's next step: a force that depends on them is that of Verlet with the inner
+    step, where no other level has a force."""
+    system, free = smooth(), "pair_style zero 2.5\npair_coeff * *\n"
+    push = f"{OURS}\nfix push all addforce v_push 0 0\n"
+    before = f"{free}variable push equal 0.5*f_1[1]\n"
+    inner = f"{before}run_style respa 2 4 pair 2\n"
+    verlet = simulate(system, push, 40, before=before)
+    ours = simulate(system, f"{push}fix_modify push respa 1", 10, dt=4, before=inner)
+    alike(ours, verlet, system.h)
+    assert apart(verlet, simulate(system, OURS, 40, before=free), system.h) > 0.01
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_friction_on_the_outer_level(simulate, ranks):
+    """Locks out velocities of the middle of an inner step where a fix reads them on the outer
+    level: bodies of one atom go as with fix nve."""
+    system = mixture("single", side=4, spacing=1.3)._replace(singles=False)
+    friction = "\nfix drag all viscous 2.0\nfix_modify drag respa 2"
+    theirs = simulate(system, f"fix 1 all nve{friction}", 20, dt=4, before=TWO)
+    ours = simulate(system, f"{OURS}{friction}", 20, dt=4, before=TWO, ranks=ranks)
+    alike(ours, theirs, system.h)
+
+
 def test_output(simulate, tmp_path):
     """Locks out a table of bodies with one level's force and torque:
     the forces in it are the atoms' total."""
@@ -235,6 +260,36 @@ def test_output(simulate, tmp_path):
     for k, c in enumerate(("fx", "fy", "fz")):
         total = np.bincount(f[:, 1].astype(int), f[:, 2 + k])[1:]
         np.testing.assert_allclose(last[:, column[c]], total, rtol=0, atol=1e-11 * np.abs(f).max())
+
+
+def test_output_between_other_outputs(simulate, tmp_path):
+    """Locks out a table with one level's force in a step at which LAMMPS itself does not look."""
+    system = smooth()
+    simulate(system, OURS, 5, words="molecule output 3 table", before=TWO, ranks=2)
+    names, *rows = (line.split(",") for line in (tmp_path / "table").read_text().splitlines())
+    column = {name.split(" ")[0]: k for k, name in enumerate(names)}
+    rows = np.array(rows, float)
+    rows = rows[rows[:, column["step"]] == 3]
+    rows = rows[rows[:, column["body"]].argsort()]
+    script = "write_dump all custom forces id mol fx fy fz modify sort id format float %.16g"
+    simulate(system, OURS, 3, before=TWO, after=script, ranks=2)
+    f = np.loadtxt(tmp_path / "forces", skiprows=9)
+    for k, c in enumerate(("fx", "fy", "fz")):
+        total = np.bincount(f[:, 1].astype(int), f[:, 2 + k])[1:]
+        close = dict(rtol=0, atol=1e-9 * np.abs(f).max())
+        np.testing.assert_allclose(rows[:, column[c]], total, **close)
+
+
+def test_velocities_changed_at_the_last_step(simulate):
+    """Locks out a change of velocities by a fix at the end of the last step that the bodies undo:
+    where all levels have the same step, it ends as with Verlet."""
+    system = smooth()
+    still = f"{OURS}\nfix still all momentum 10 linear 1 1 1"
+    drift = "velocity all set 0.5 0.2 -0.3 sum yes"
+    verlet = simulate(system, still, 10, before=drift)
+    ours = simulate(system, still, 10, before=f"{drift}\nrun_style respa 2 1 pair 1")
+    alike(ours, verlet, system.h)
+    assert np.abs(system.mass @ ours.v).max() < 1e-9
 
 
 def test_water(simulate):
