@@ -57,6 +57,8 @@ def test_lines_words_and_branches_are_lammpss():
         assert finding.without_output(line.format("")) == (line.format(""), [])
         found = finding.without_output(line.format(" output  100\tv_csv"))
         assert found == (line.format(""), ["output 100 v_csv"])
+    for words in "", " python/move", ' python/move "fix_nosquish.NVE all"':
+        assert finding.without_output(f"fix 1 all{words}") == (f"fix 1 all{words}", [])
     bare = "fix 1 all python/move 'fix_nosquish.NVE all single output 5 v_csv'"
     assert finding.without_output(bare)[0].endswith(' "fix_nosquish.NVE all single"')
     line = "pair_coeff * *  W 'W'\tW.snap X"
@@ -364,6 +366,13 @@ def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
     assert "a loop of the script have no end" in message
     wrong = GAS + "fix 1 all rigid/nve molecule\nrun 1\n"
     assert "the script failed at 'fix 1 all rigid/nve molecule'" in refused(wrong, tmp_path)
+    for words in (
+        "fix 1 all",
+        "fix 1 all python/move",
+        'fix 1 all python/move "fix_nosquish.NVE all"',
+    ):
+        said = refused(f"{GAS}{words}\nrun 1\n", tmp_path)
+        assert f"the script failed at '{words}': ERROR" in said  # LAMMPS's own
     late = GAS.replace("pair_coeff * *\n", "") + "fix 1 a rigid/nve single\nrun 1\n"
     assert "coeffs are not set" in refused(late, tmp_path)
     with pytest.raises(SystemExit, match="there is no script"):

@@ -270,9 +270,10 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
 def without_output(line: str) -> tuple[str, list[str]]:
     """A fix of ours that writes no file, and the words that are left out; other commands as they
     are."""
-    if style_of(line) != "python/move" or not texts(line)[4].startswith("fix_nosquish."):
+    _, _, _, style, text, *_ = (*texts(line), "", "", "")  # LAMMPS tells words that are missing
+    if style != "python/move" or not re.match(r"fix_nosquish\.\w+\s+\S+\s+\S", text):
         return line, []
-    name, group, *rest = texts(line)[4].split()
+    name, group, *rest = text.split()
     count = body_words(rest)
     every = [*_split(rest[count:])]
     cut = [" ".join(one) for one in every if one[0] == "output"]

@@ -333,7 +333,7 @@ def is_elsewhere(name: str) -> bool:
 def _stores(line: str) -> list[str]:
     """Fixes that keep the forces before and behind one that adds noise; none for other commands."""
     word, *rest = script.texts(line)
-    if word != "fix" or finding.style_of(line).split("/")[0] not in NOISY:
+    if word != "fix" or len(rest) < 3 or finding.style_of(line).split("/")[0] not in NOISY:
         return []
     return [f"fix own_{when}_{rest[0]} all store/force" for when in ("before", "behind")]
 
