@@ -325,7 +325,7 @@ def mrot(bench: Bench) -> dict:
     bench.power("free rotor", what, MROTS, errors, -2.0, 0.05)
     what, over = f"that error with m_rot {last} times {last}², over that with 1", last**2
     bench.check("free rotor", what, errors[-1] / errors[0] * over, low=0.95, high=1.05)
-    return {"mrot": MROTS, "error": errors, "dt_fs": dt / FS, "temperature": TEMPERATURE}
+    return {"mrot": MROTS, "error": errors, "dt_fs": dt / FS, "temperature": TEMPERATURE["dimer"]}
 
 
 def rotors(bench: Bench) -> dict:
