@@ -45,17 +45,16 @@ def verb(
     return parser
 
 
-# options that `own` adds, by the names of their values
-OF_SCRIPTS = {"variables": "-var", "fix": "--fix", "group": "--group", "bodies": "--bodies"}
-OF_SCRIPTS |= {"run_number": "--run"}
+OF_SCRIPTS = "variables", "fix", "group", "bodies", "run_number"  # what `own` adds
+SPELT = {"variables": "-var", "run_number": "--run", "folder": "--from"}  # options of other names
 
 
-def refuse(arguments: argparse.Namespace, options: Mapping[str, str], why: str) -> None:
-    """End with a message if one of these options, by the names of their values, is given."""
+def refuse(arguments: argparse.Namespace, names: Collection[str], why: str) -> None:
+    """End with a message if an option is given; ``names`` are those of the options' values."""
     parser = arguments.parser
-    for name, option in options.items():
+    for name in names:
         if getattr(arguments, name, None) not in (None, parser.get_default(name)):
-            parser.error(f"{option} {why}")
+            parser.error(f"{SPELT.get(name, f'--{name}')} {why}")
 
 
 def status(interrupted: bool, failed: bool) -> int:

@@ -81,13 +81,13 @@ void end_with_command()
 // The Python that has this package, as the environment names it: EXECUTABLE:LIBRARY:VERSION.
 
 struct Interpreter {
-  std::string executable, library, version;
+  std::string executable, libpython, version;
 
   Interpreter()
   {
     const char *setting = getenv("FIX_NOSQUISH_PYTHON");
     std::istringstream words(setting ? setting : "");
-    for (auto part : {&executable, &library, &version}) std::getline(words, *part, ':');
+    for (auto part : {&executable, &libpython, &version}) std::getline(words, *part, ':');
   }
 
   // what is wrong with the Python that is in this process already, or nothing
@@ -149,14 +149,14 @@ std::string start_python()
 
   end_with_command();
   if (!python_waits()) {
-    if (python.library.empty())
+    if (python.libpython.empty())
       return "the Python " + python.executable + " has no shared libpython" + instead;
-    if (!dlopen(python.library.c_str(), RTLD_NOW | RTLD_GLOBAL)) return dlerror() + instead;
+    if (!dlopen(python.libpython.c_str(), RTLD_NOW | RTLD_GLOBAL)) return dlerror() + instead;
   }
   auto initialize = symbol<void(int)>("Py_InitializeEx");
   auto run = symbol<int(const char *)>("PyRun_SimpleString");
   if (!initialize || !run || !symbol<void>("Py_SetProgramName"))
-    return "cannot start Python from " + python.library + instead;
+    return "cannot start Python from " + python.libpython + instead;
   const auto unlike = python.unlike();
   if (!unlike.empty()) return unlike;
 

@@ -43,9 +43,7 @@ def add(verbs: command_line.Verbs) -> None:
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     if command_line.is_script(arguments.scene, scenes):
-        command_line.refuse(
-            arguments, {"folder": "--from"}, "is for a scene: a script is tried now"
-        )
+        command_line.refuse(arguments, ["folder"], "is for a scene: a script is tried now")
         return trial.run(arguments, arguments.scene, BUDGET, many=False)
     from validation.advise.report import advise, load  # heavy: not for --help
     from validation.pages.console import console
@@ -54,7 +52,7 @@ def run(arguments: Namespace) -> int:
         arguments.parser.error("of a scene, --target is needed")
     why = "is for a script: a scene's sweep has run already"
     names = "budget", "steps", "confirm", "only", "ranks", "silence", "out", "launch"
-    command_line.refuse(arguments, {name: f"--{name}" for name in names}, why)
+    command_line.refuse(arguments, names, why)
     try:
         met = advise(console(), *load(arguments.folder), arguments.scene, dict(arguments.target))
     except LookupError as error:

@@ -44,8 +44,9 @@ def bench(
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
-    store, cpu = Store(out / "records", "validation.bench.measure"), machine.describe()["cpu"]
+    store = Store(out / "records", "validation.bench.measure")
     records, summary = {}, machine.circumstances() | {"interrupted": False}
+    cpu = summary["machine"]["cpu"]
     for point in wanted:
         origin = store.origin(point, cpu, files=point.folders)
         kept = None if again else store.kept(point.name, origin)
@@ -87,8 +88,12 @@ def _record(point: Point, out: Path, meter: run.Meter, silence: float) -> dict:
     rows, cut = measure(point, out, meter, silence)
     times = begin | {"end": machine.now(), "complete": not cut}
     inputs = _inputs(folder.name for folder in point.folders)
-    record = {"group": group, "inputs": inputs, "cpu": machine.describe()["cpu"]}
-    record |= {"rows": [row | times for row in rows]}
+    record = {
+        "group": group,
+        "inputs": inputs,
+        "cpu": machine.describe()["cpu"],
+        "rows": [row | times for row in rows],
+    }
     if cut:
         raise Cut(record)
     return record
@@ -135,7 +140,7 @@ def own(
     summary = machine.circumstances() | {"interrupted": False}
     summary |= {"points": [], "passes": [], "starts": [], "memory": []}
     for point in points:
-        origin = store.origin(point, scene, integrators, machine.describe()["cpu"])
+        origin = store.origin(point, scene, integrators, summary["machine"]["cpu"])
 
         def make(point=point):
             begin = {"begin": machine.now(), "load": os.getloadavg()[0]}

@@ -119,11 +119,14 @@ def engines(
 
 def with_left(points: Collection[Point], folder: Path) -> list[Point]:
     """The points, and those of which the folder has records, if their engine is here."""
-    found = []
+    left = set()
     for path in folder.glob("start-*/*-fs-*.json"):
         name, _, dt = path.stem.rpartition("-")[0].removesuffix("-fs").rpartition("-")
-        if name in SCHEMES and SCHEMES[name].engine.version() is not None:
-            found.append(Point(name, float(dt)))
+        if name in SCHEMES:
+            left.add(Point(name, float(dt)))
+    engines = {SCHEMES[one.scheme].engine for one in left}
+    here = {one for one in engines if one.version() is not None}
+    found = [one for one in left if SCHEMES[one.scheme].engine in here]
     return ordered([*points, *found], SCHEMES)
 
 

@@ -8,7 +8,14 @@ from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 from validation.ensembles.lengths import LEAST
-from validation.ensembles.plan import EQUAL_STEPS, KNOWN_STEPS, MOMENTS_STEPS, SCHEMES, Point
+from validation.ensembles.plan import (
+    EQUAL_STEPS,
+    KNOWN_STEPS,
+    LIMIT_STEPS,
+    MOMENTS_STEPS,
+    SCHEMES,
+    Point,
+)
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate, combined
 
@@ -17,7 +24,7 @@ OURS_NVT = [name for name in OURS if SCHEMES[name].pressure is None]
 OURS_NPT = [name for name in OURS if name not in OURS_NVT and not SCHEMES[name].first]
 BESIDE_FIRST = [name for name in OURS if SCHEMES[name].first]
 THEIRS_NPT = "shake+npt", "rigid/npt/small"
-SMALL, MODERATE = (1.0, 2.0), (2.0, 4.0, 6.0)  # fs
+MODERATE = 2.0, 4.0, 6.0  # fs
 MOLECULE = "kcal/mol a molecule"
 TITLES = {
     "potential": "Bias of the mean potential energy",
@@ -90,7 +97,7 @@ BOUNDS = [
     *_bounds(
         "density", "density_bias", "bias of the mean density", "%",
         dict.fromkeys(OURS_NPT, dict.fromkeys(MODERATE, 0.2))
-        | dict.fromkeys(THEIRS_NPT, dict.fromkeys(SMALL, 0.2)),
+        | dict.fromkeys(THEIRS_NPT, dict.fromkeys(LIMIT_STEPS, 0.2)),
     ),
     # two standard deviations: a right scheme is within them in 19 of 20 cases
     *_bounds(

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from validation.own.script import texts
+from validation.own.script import texts, with_words
 
 OURS = re.compile(r"fix_nosquish\.(NVE|NVT|NPT|NPH|MatubayasiNakahara|Gear)$")
 CONSTRAINTS = "shake", "rattle"
@@ -220,7 +220,7 @@ def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.n
 def acted_on(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
     """The mask of the atoms that a fix with this command acts on: those of its group; of a class of
     fix_nosquish those of the class's group, and its points, whatever the fix's group is."""
-    if style_of(line) != "python/move" or not texts(line)[4].startswith("fix_nosquish."):
+    if not _has_class(line):
         return in_group(said, atoms, texts(line)[2])
     group, _, keywords = _words_of_ours(line)
     points = _points(keywords)
@@ -237,6 +237,12 @@ def thermostats(said: Mapping, atoms: Mapping[str, np.ndarray], found: Found) ->
         if style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
         and (acted_on(said, atoms, line) & (found.body > 0)).any()
     }
+
+
+def _has_class(line: str) -> bool:
+    """Whether a fix has a class of this package, of any kind, with a group and a body style."""
+    style, text = (*texts(line), "", "", "")[3:5]  # LAMMPS tells words that are missing
+    return style == "python/move" and bool(re.match(r"fix_nosquish\.\w+\s+\S+\s+\S", text))
 
 
 def _words_of_ours(line: str) -> tuple[str, list[str], list[str]]:
@@ -270,19 +276,16 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
 def without_output(line: str) -> tuple[str, list[str]]:
     """A fix of ours that writes no file, and the words that are left out; other commands as they
     are."""
-    _, _, _, style, text, *_ = (*texts(line), "", "", "")  # LAMMPS tells words that are missing
-    if style != "python/move" or not re.match(r"fix_nosquish\.\w+\s+\S+\s+\S", text):
+    if not _has_class(line):
         return line, []
-    name, group, *rest = text.split()
-    count = body_words(rest)
-    every = [*_split(rest[count:])]
+    (group, bodies, keywords), text = _words_of_ours(line), texts(line)[4]
+    every = [*_split(keywords)]
     cut = [" ".join(one) for one in every if one[0] == "output"]
     if not cut:
         return line, []
     kept = itertools.chain(*(one for one in every if one[0] != "output"))
-    text = " ".join((name, group, *rest[:count], *kept))
-    head = line[: line.index("fix_nosquish.")].rstrip("\"'")
-    return f'{head}"{text}"', cut
+    without = " ".join((text.split()[0], group, *bodies, *kept))
+    return with_words(line, lambda one: f'"{without}"' if one.text == text else one.quoted), cut
 
 
 def state_of(words: Sequence[str], style: str) -> tuple[State, list[str], list[str]]:

@@ -278,14 +278,8 @@ class Reader:
                 if self.root in path.parents:
                     continue  # a copy, which an earlier command has
                 self.files.add(str(path))
-                if WORLD.rank == 0 and not is_elsewhere(name):
-                    place = self.inputs / path.relative_to(self.source)
-                    if not place.exists():
-                        place.parent.mkdir(parents=True, exist_ok=True)
-                        if reads:
-                            place.symlink_to(path.resolve())
-                        else:
-                            shutil.copyfile(path, place)
+                if not is_elsewhere(name):
+                    _put(path, self.inputs / path.relative_to(self.source), reads)
         WORLD.Barrier()
 
     def _with_paths(self, line: str, command: str) -> str:
@@ -309,9 +303,7 @@ class Reader:
         """The copy of a file in a folder of its own, where LAMMPS works."""
         name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
         place = self.root / f"elsewhere-{name}" / path.name
-        if WORLD.rank == 0 and not place.exists():
-            place.parent.mkdir(exist_ok=True)
-            shutil.copyfile(path, place)
+        _put(path, place, link=False)
         WORLD.Barrier()
         return place
 
@@ -323,6 +315,16 @@ class Reader:
             return [Path(one) for one in sorted(glob.glob(pattern)) if Path(one).is_file()]
         path = self.source / name
         return [path] if path.is_file() else []
+
+
+def _put(path: Path, place: Path, link: bool) -> None:
+    """A copy of a file, or a link to it, if there is none; rank 0 makes it."""
+    if WORLD.rank == 0 and not place.exists():
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if link:
+            place.symlink_to(path.resolve())
+        else:
+            shutil.copyfile(path, place)
 
 
 def is_elsewhere(name: str) -> bool:

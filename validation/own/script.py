@@ -57,22 +57,19 @@ _WORD = re.compile(
 )
 
 
+def _word(match: re.Match) -> Word:
+    text = next(one for one in match.groups() if one is not None)
+    return Word(text, match.group(0))
+
+
 def words(line: str) -> list[Word]:
     """The words of a command."""
-    found = []
-    for match in _WORD.finditer(line):
-        text = next(one for one in match.groups() if one is not None)
-        found.append(Word(text, match.group(0)))
-    return found
+    return [*map(_word, _WORD.finditer(line))]
 
 
 def with_words(line: str, changed: Callable[[Word], str]) -> str:
     """A command with other words; ``changed`` gives each with its quotes."""
-    found, end = [], 0
-    for match, word in zip(_WORD.finditer(line), words(line)):
-        found += [line[end : match.start()], changed(word)]
-        end = match.end()
-    return "".join([*found, line[end:]])
+    return _WORD.sub(lambda match: changed(_word(match)), line)
 
 
 def texts(line: str) -> list[str]:

@@ -67,8 +67,8 @@ def run(arguments: Namespace) -> int:
     if scripts:
         if len(arguments.cases) > 1:
             arguments.parser.error("a script of your own is tried alone")
-        options = {name: f"--{name}" for name in ("starts", "take", "full")}
-        command_line.refuse(arguments, options, "is for the cases, not for a script")
+        why = "is for the cases, not for a script"
+        command_line.refuse(arguments, ("starts", "take", "full"), why)
         return _script(arguments, scripts[0])
     from validation.pages import console
     from validation.stability import measure, report  # heavy: not for --help

@@ -66,11 +66,10 @@ def run(arguments: Namespace) -> int:
     if scripts:
         if len(arguments.scenes) > 1:
             arguments.parser.error("a script of your own is swept alone")
-        why = "is for scenes: of a script say --budget"
-        command_line.refuse(arguments, {"short": "--short"}, why)
+        command_line.refuse(arguments, ["short"], "is for scenes: of a script say --budget")
         return trial.run(arguments, scripts[0], SCRIPT_BUDGET, many=True)
     why = "is for a script: 'advise' holds a scene's sweep against targets"
-    command_line.refuse(arguments, {"target": "--target"}, why)
+    command_line.refuse(arguments, ["target"], why)
     command_line.need_scenes()
     from validation.pages import console
     from validation.sweep import measure, plan, report  # heavy: not for --help
