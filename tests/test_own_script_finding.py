@@ -20,7 +20,6 @@ from validation.bodies import lines as bodies
 from validation.bodies import parts
 from validation.check import measure as check
 from validation.own import finding, schemes, shapes
-from validation.own.finding import Unclear
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures
 
@@ -344,6 +343,29 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
     assert sum(one.name == "yours" for one in those) == (name == "yours")
 
 
+@pytest.mark.parametrize("tilts", ["tri 1 1 9", "aniso 1 1 9 xy 0 0 9"])
+def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
+    """Locks out a script with tilts that none answers for, a rigid fix that takes none, and one
+    of ours or shake in a box whose angles stay."""
+    line = f"npt temp 1 1 2 {tilts}"
+    fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": f"fix 2 all {line}"}
+    atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
+             "molecule": np.array([1, 1, 2, 2]),
+             "bonds": np.array([[1, 1, 2], [1, 3, 4]])}  # fmt: skip
+    said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
+    found = finding.find(said, atoms)
+    assert found.state.ensemble == "npt" and found.state.tilts
+    those, reference, notes = schemes.schemes(found, "real")
+    assert reference == "shake"
+    assert {one.kind for one in those} == {"ours", "constraints"}
+    assert all(tilts in " ".join(one.lines) for one in those)
+    assert sum("angles of a box" in one for one in notes) == 1
+    (own,) = bodies.moves("molecule", "2", found.state, points=False)
+    assert "fix_nosquish.NPT bodies molecule temp 1 1 2" in own and tilts in own
+    plain = finding.state_of(["temp", "1", "1", "2", "aniso", "1", "1", "9"])[0]
+    assert not plain.tilts
+
+
 def test_kinds_of_fixes():
     """Locks out a fix that is taken for another kind."""
     known = {
@@ -356,6 +378,4 @@ def test_kinds_of_fixes():
         "fix 1 all langevin 1 1 1 3": None,
     }
     assert {line: finding.kind_of(line) for line in known} == known
-    with pytest.raises(Unclear, match="angles of the box"):
-        finding.state_of(["temp", "1", "1", "1", "tri", "0", "0", "1"], "npt")
     assert isinstance(Integrator("a", "a", ()), Integrator)

@@ -26,10 +26,7 @@ def told(
     fixes = " and ".join(f"fix {one} ({finding.style_of(line)})" for one, line in gone.items())
     found = [f"{data} has them. In the script, in the place of its read_data:"]
     found += (f"    {line}" for line in reads(kind, str(data), points))
-    try:
-        states = [finding.kept_by(line) for line in gone.values()]
-    except finding.Unclear:
-        return [*found, f"In the place of {fixes}: fix_nosquish.NPT, with the same tilts."]
+    states = [finding.kept_by(line) for line in gone.values()]
     state = next((one for one in states if one.temp or one.press), finding.State())
     own = next((one for one in reversed(gone) if one not in held), "1")
     found.append(f"In the place of {fixes or 'what moves its atoms'}:")

@@ -18,8 +18,9 @@ OURS = re.compile(r"fix_nosquish\.(NVE|NVT|NPT|NPH|MatubayasiNakahara|Gear)$")
 CONSTRAINTS = "shake", "rattle"
 PLAIN = "nve", "nvt", "npt", "nph"  # fixes that move points, whose place ours can take
 AXES = "iso", "aniso", "x", "y", "z"
+TILTS = "tri", "xy", "xz", "yz"
 # of a fix's keywords how many words follow
-FOLLOW = dict.fromkeys((*AXES, "temp", "tri", "xy", "xz", "yz", "tparam", "fixedpoint"), 3)
+FOLLOW = dict.fromkeys((*AXES, *TILTS, "temp", "tparam", "fixedpoint"), 3)
 FOLLOW |= {"force": 4, "torque": 4, "langevin": 4, "output": 2, "moments": 2}
 KEPT = "force", "torque", "reinit"  # keywords that all rigid fixes have, but the ones for small
 FULL_TURN = 3  # atoms of the largest cluster that shake holds as a rigid body
@@ -35,7 +36,7 @@ class State:
 
     Attributes:
         temp: start, stop, damping; None at constant energy.
-        press: axis words with start, stop, damping each.
+        press: words of axes and tilts with start, stop, damping each.
         couple: the word behind ``couple``; None for none.
     """
 
@@ -48,6 +49,11 @@ class State:
         """As the names of fixes have it."""
         heat, box = bool(self.temp), bool(self.press)
         return {(0, 0): "nve", (1, 0): "nvt", (1, 1): "npt", (0, 1): "nph"}[heat, box]
+
+    @property
+    def tilts(self) -> bool:
+        """Whether the box changes its angles."""
+        return any(name in TILTS for name, *_ in self.press)
 
     @property
     def ramps(self) -> list[str]:
@@ -288,7 +294,7 @@ def without_output(line: str) -> tuple[str, list[str]]:
     return with_words(line, lambda one: f'"{without}"' if one.text == text else one.quoted), cut
 
 
-def state_of(words: Sequence[str], style: str) -> tuple[State, list[str], list[str]]:
+def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
     """A fix's temperature and pressure; keywords for other fixes, too; and those that are not."""
     temp: tuple[str, ...] | None = None
     press, couple, kept, dropped = [], None, [], []
@@ -297,17 +303,12 @@ def state_of(words: Sequence[str], style: str) -> tuple[State, list[str], list[s
             temp = part[1:]
         elif part[0] == "langevin":
             temp = part[1:4]
-        elif part[0] in AXES:
+        elif part[0] in (*AXES, *TILTS):
             press.append(part)
         elif part[0] == "couple":
             couple = part[1] if part[1] != "none" else None
         elif part[0] in KEPT:
             kept.append(" ".join(part))
-        elif part[0] in ("tri", "xy", "xz", "yz"):
-            raise Unclear(
-                f"fix {style} changes the angles of the box ({part[0]}): no rigid fix does that, "
-                "so there is nothing to compare it with"
-            )
         elif part[0] not in ("seed", "thermostat", "barostat", "points"):
             dropped.append(" ".join(part))
     return State(temp, tuple(press), couple), kept, dropped
@@ -320,7 +321,7 @@ def kept_by(line: str) -> State:
         words = _words_of_ours(line)[2]
     elif kind == "rigid":
         words = words[body_words(words) :]
-    return State() if kind == "constraints" else state_of(words, style_of(line))[0]
+    return State() if kind == "constraints" else state_of(words)[0]
 
 
 def body_words(words: Sequence[str]) -> int:
@@ -338,7 +339,7 @@ def _of_rigid(said, atoms, one, line, kind) -> Found:
         count = body_words(words[4:])
         group, bodies, keywords = words[2], words[4 : 4 + count], words[4 + count :]
     points = _points(keywords)
-    state, kept, dropped = state_of(keywords, style)
+    state, kept, dropped = state_of(keywords)
     body = numbers(said, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
     return Found(
@@ -465,7 +466,7 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
         )
     mover = fixes[movers[0]]
     words = texts(mover)
-    state, _, dropped = state_of(words[4:], words[3])
+    state, _, dropped = state_of(words[4:])
     moved = in_group(said, atoms, words[2])
     if not moved[body > 0].all():
         raise Unclear(f"fix {movers[0]} moves a part of the rigid atoms only")

@@ -35,6 +35,8 @@ def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]
         notes.append(f"For the script's own integrator only: {told}.")
     if not found.constraints:
         notes.append(f"No shake: {found.why or 'it does not hold these bodies'}.")
+    if found.state.tilts:
+        notes.append("No rigid: LAMMPS's rigid fixes do not change the angles of a box.")
     if found.kind == "plain":  # the script's own moves other bodies: it has none
         return made, OURS, notes
     yours = _yours(found)
@@ -166,7 +168,7 @@ def _kinds(state: State, units: str) -> list[tuple[str, str]]:
 
 def _rigid(found: Found) -> Iterator[Integrator]:
     state, rest = found.state, [*itertools.chain(*_rest(found))]
-    if state.press and found.rest and found.holder:
+    if state.tilts or (state.press and found.rest and found.holder):
         return
     small = found.bodies.split()[0] in ("molecule", "custom")
     more = state_words(state, plain=True)
