@@ -312,6 +312,41 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
     assert run.launcher(4)[1:] == ["-np", "4"]
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "sweep water", "stability gradient", "compare water", "sampling water", "bench water",
+        "ensembles", "long", "paper", "published", "scaling", "theory",
+        "check my.in", "bodies my.in", "advise my.in",
+    ],
+)  # fmt: skip
+def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
+    """Locks out an option that is there and does nothing, as it did for scenes of sweep, and a verb
+    that runs on the machine where a cluster's users may run nothing."""
+    verb, *_ = words.split()
+    monkeypatch.setattr(run, "_launch", None)
+    monkeypatch.setattr(f"validation.{verb}.command.run", lambda _: 0)
+    assert main([*words.split(), "--launch", "env srun -n {ranks}"]) == 0
+    assert run.launcher(3) == ["env", "srun", "-n", "3"]
+    assert main(words.split()) == 0
+    assert run.launcher(3)[1:] == ["-np", "3"]
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("srun", "{ranks} is missing"),
+        ("nolauncher -n {ranks}", "there is no program nolauncher"),
+        ("", "{ranks} is missing"),
+    ],
+)
+def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
+    """Locks out runs on another number of ranks than the table says, and a traceback."""
+    with pytest.raises(SystemExit) as end:
+        main(["compare", "water", "--launch", command])
+    assert end.value.code == 2 and said in capsys.readouterr().err
+
+
 SCENES_ONLY = (
     "theory published scaling report ensembles paper engines sweep bench sampling stability"
 )

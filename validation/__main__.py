@@ -19,6 +19,10 @@ def main(words: list[str] | None = None) -> int:
     for one in signal.SIGTERM, signal.SIGHUP:
         if signal.getsignal(one) is not signal.SIG_IGN:
             signal.signal(one, signal.default_int_handler)
+    if hasattr(arguments, "launch"):
+        from validation.running import run  # heavy: not for --help
+
+        run.launch_by(arguments.launch)
     try:
         return arguments.function(arguments)
     except KeyboardInterrupt:  # between two runs, or while a script is read

@@ -1,6 +1,8 @@
 """What the verbs' command lines share: types of words, options, and how a verb ends."""
 
 import argparse
+import shlex
+import shutil
 import sys
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
@@ -251,8 +253,18 @@ def targets(parser: argparse.ArgumentParser, text: str, **more: Any) -> None:
 
 def launch(parser: argparse.ArgumentParser) -> None:
     """The option --launch."""
+
+    def command(words):
+        program, *_ = shlex.split(words) or [""]
+        if "{ranks}" not in words:
+            told = '{ranks} is missing, the number of ranks, as in "srun -n {ranks}"'
+            raise argparse.ArgumentTypeError(f"{words}: {told}")
+        if not shutil.which(program):
+            raise argparse.ArgumentTypeError(f"{words}: there is no program {program}")
+        return words
+
     help = 'what starts each run\'s ranks, as "srun -n {ranks}" (default: mpirun)'
-    parser.add_argument("--launch", metavar="COMMAND", help=help)
+    parser.add_argument("--launch", type=command, metavar="COMMAND", help=help)
 
 
 def silence(parser: argparse.ArgumentParser, default: float) -> None:

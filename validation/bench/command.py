@@ -56,10 +56,8 @@ def run(arguments: Namespace) -> int:
     from validation.bench import figures, goals, measure, plan, report  # heavy: not for --help
     from validation.own import system
     from validation.pages import console
-    from validation.running import run as run_by
     from validation.running import store
 
-    run_by.launch_by(arguments.launch)
     scripts = [one for one in arguments.parts if command_line.is_script(one, lambda: PARTS)]
     if not arguments.parts:
         command_line.need_scenes()

@@ -38,6 +38,7 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument("--shapes-stay", action="store_true", help=help)
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/bodies-SCRIPT")
+    command_line.launch(parser)
     command_line.own(parser)
 
 

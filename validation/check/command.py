@@ -31,10 +31,8 @@ def run(arguments: Namespace) -> int:
     from validation.check import measure, report  # heavy: not for --help
     from validation.own import system
     from validation.pages import console
-    from validation.running import run as run_by
     from validation.running import store
 
-    run_by.launch_by(arguments.launch)
     ask, out = system.begin(arguments, arguments.scene)
     with store.alone(out):
         own = system.take(ask, out, arguments.ranks, arguments.silence)

@@ -46,10 +46,8 @@ def run(arguments: Namespace) -> int:
     from validation.compare import measure, report  # heavy: not for --help
     from validation.own import shifted, system
     from validation.pages import console
-    from validation.running import run as run_by
     from validation.running import store
 
-    run_by.launch_by(arguments.launch)
     script = command_line.is_script(arguments.scene, lambda: _SCENES)
     if script:
         ask, out = system.begin(arguments, arguments.scene)

@@ -40,6 +40,7 @@ def add(verbs: command_line.Verbs) -> None:
     command_line.number(parser, "--starts", 1, "N", text)
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/ensembles", short=True)
+    command_line.launch(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -22,6 +22,7 @@ def add(verbs: command_line.Verbs) -> None:
     command_line.only(parser, INTEGRATORS, default=INTEGRATORS)
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/long-run")
+    command_line.launch(parser)
 
 
 def run(arguments: Namespace) -> int:

@@ -42,6 +42,7 @@ def add(verbs: command_line.Verbs) -> None:
     command_line.ranks(parser, of="what is larger than the dimer")
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/paper", short=True)
+    command_line.launch(parser)
 
 
 def run(arguments: Namespace) -> int:

@@ -24,6 +24,7 @@ def add(verbs: command_line.Verbs) -> None:
     command_line.ranks(parser)
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/published")
+    command_line.launch(parser)
 
 
 def run(arguments: Namespace) -> int:

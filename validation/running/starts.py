@@ -30,7 +30,7 @@ def of_size(scene: Scene, bodies: int, folder: Path) -> Scene:
     if not data.exists():
         data.parent.mkdir(parents=True, exist_ok=True)
         part = data.with_suffix(".part")
-        command = [run.mpirun(), "-np", str(min(4, os.cpu_count() or 1)), sys.executable]
+        command = [*run.launcher(min(4, os.cpu_count() or 1)), sys.executable]
         command += [str(scene.cutter), str(bodies), str(part)]
         how: dict = {"cwd": scene.folder, "env": {"OMP_NUM_THREADS": "1", **os.environ}}
         done = subprocess.run(command, stdin=subprocess.DEVNULL, **how)

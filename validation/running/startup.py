@@ -83,7 +83,7 @@ def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tup
     command = [str(lmp) if lmp.exists() else "lmp", "-in", str(script)]
     command += ["-log", "none", "-screen", "none"]
     if ranks > 1:
-        command = [run.mpirun(), "-np", str(ranks), *command]
+        command = [*run.launcher(ranks), *command]
     cache = str(place / "cache")
     own = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": cache, "NUMBA_CACHE_DIR": cache}
     cores = os.sched_getaffinity(0)

@@ -52,14 +52,12 @@ def scenes() -> Collection[str]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
-    from validation.running import run as run_by
 
     if not arguments.scenes:
         command_line.need_scenes()
     names = list(dict.fromkeys(arguments.scenes)) or [DEFAULT]
     if len(names) > 1 and any(command_line.is_script(one, scenes) for one in names):
         arguments.parser.error("a script of your own is run alone")
-    run_by.launch_by(arguments.launch)
     statuses = []
     for name in names:
         statuses.append(_scene(arguments, name, len(names) > 1))

@@ -21,6 +21,7 @@ def add(verbs: command_line.Verbs) -> None:
     help, kind = "numbers of MPI ranks (default 1,2,4,8,16)", command_line.wholes
     parser.add_argument("--ranks", type=kind, default=(1, 2, 4, 8, 16), metavar="N,N", help=help)
     command_line.out(parser, "results/scaling")
+    command_line.launch(parser)
 
 
 def run(arguments: Namespace) -> int:

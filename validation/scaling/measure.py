@@ -143,7 +143,7 @@ def _count(case: Case, out: Path, meter: run.Meter) -> dict:
 def link() -> Link:
     """Between two ranks on this machine, measured with mpi4py's own ping-pong."""
     program = ["-m", "mpi4py.bench", "pingpong", "-m", "8", "-n", "4194304", "-l", "2000"]
-    command = [run.mpirun(), "-np", "2", sys.executable, *program]
+    command = [*run.launcher(2), sys.executable, *program]
     quiet = subprocess.DEVNULL
     text = subprocess.run(command, stdin=quiet, capture_output=True, text=True, check=True).stdout
     found = re.findall(r"^ *(\d+) +[\d.]+ \| (\S+) ", text, re.M)

@@ -96,11 +96,9 @@ def _script(arguments: Namespace, path: str) -> int:
     """What breaks on a script of one's own; the exit status."""
     from validation.own import system  # heavy: not for --help
     from validation.pages import console
-    from validation.running import run as run_by
     from validation.running import store
     from validation.stability import stress  # heavy: not for --help
 
-    run_by.launch_by(arguments.launch)
     ask, out = system.begin(arguments, path)
     with store.alone(out):
         own = system.take(ask, out, 1, arguments.silence)

@@ -28,6 +28,7 @@ def add(verbs: command_line.Verbs) -> None:
     )
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/theory")
+    command_line.launch(parser)
 
 
 def _parts():

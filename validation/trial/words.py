@@ -38,10 +38,8 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
     # heavy: not for --help
     from validation.own import shifted, system
     from validation.pages import console
-    from validation.running import run as run_by
     from validation.trial import measure, report, targets, trial
 
-    run_by.launch_by(arguments.launch)
     ask, out = system.begin(arguments, script)
     silence = arguments.silence or 120.0
     own = shifted.shifted(system.take(ask, out, arguments.ranks, silence))
