@@ -5,7 +5,7 @@ The summary also has what earlier calls have left in the folder, of the same pac
 """
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -44,25 +44,14 @@ def bench(
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
-    store = Store(out / "records", "validation.bench.measure")
-    records, summary = {}, machine.circumstances() | {"interrupted": False}
+    store, summary = _store(out), _summary()
     cpu = summary["machine"]["cpu"]
-    for point in wanted:
-        origin = store.origin(point, cpu, files=point.folders)
-        kept = None if again else store.kept(point.name, origin)
-        if kept:
-            meter.begin(f"{point.name}, of {kept['date']}", point.turns)
-            meter.end(None)
-        make = partial(_record, point, out, meter, silence)
-        try:
-            records[point.name] = store.once(point.name, origin, make, again)
-        except KeyboardInterrupt as end:
-            summary["interrupted"] = True
-            if isinstance(end, Cut):
-                records[point.name] = end.record
-            break
+    records, summary["interrupted"] = _each(
+        {point: store.origin(point, cpu, files=point.folders) for point in wanted},
+        lambda point: _record(point, out, meter, silence),
+        store, again, meter,
+    )  # fmt: skip
     earlier = {name: kept["record"] for name, kept in store.alike().items()}
-    summary |= {"points": [], "passes": [], "starts": [], "memory": []}
     for record in (earlier | records).values():
         # times of another processor are not held beside this one's
         if record["cpu"] == cpu and record["inputs"] == _inputs(record["inputs"]):
@@ -75,6 +64,44 @@ def bench(
         summary["versions"].update(machine.worker_versions(point["versions"]))
     _relate_to_memory(summary)
     return summary
+
+
+def _store(out: Path) -> Store:
+    return Store(out / "records", "validation.bench.measure")
+
+
+def _summary() -> dict:
+    """Before anything is measured."""
+    return machine.circumstances() | {"points": [], "passes": [], "starts": [], "memory": []}
+
+
+def _each(
+    origins: Mapping[Point, str],
+    measure: Callable[[Point], dict],
+    store: Store,
+    again: bool,
+    meter: run.Meter,
+) -> tuple[dict[str, dict], bool]:
+    """Records of points by name, and whether a Ctrl-C cut them short.
+
+    Args:
+        origins: what each record follows from.
+        measure: makes a record of a point, or raises `Cut` with a part of it.
+    """
+    records = {}
+    for point, origin in origins.items():
+        kept = None if again else store.kept(point.name, origin)
+        if kept:
+            meter.begin(f"{point.name}, of {kept['date']}", point.turns)
+            meter.end(None)
+        try:
+            records[point.name] = store.once(point.name, origin, partial(measure, point), again)
+        except Cut as end:
+            records[point.name] = end.record
+            return records, True
+        except KeyboardInterrupt:
+            return records, True
+    return records, False
 
 
 def _record(point: Point, out: Path, meter: run.Meter, silence: float) -> dict:
@@ -136,27 +163,20 @@ def own(
         points: with the script's name as ``part``.
         out, again, silence: as of `bench`.
     """
-    store = Store(out / "records", "validation.bench.measure")
-    summary = machine.circumstances() | {"interrupted": False}
-    summary |= {"points": [], "passes": [], "starts": [], "memory": []}
-    for point in points:
-        origin = store.origin(point, scene, integrators, summary["machine"]["cpu"])
+    store, summary = _store(out), _summary()
 
-        def make(point=point):
-            begin = {"begin": machine.now(), "load": os.getloadavg()[0]}
-            rows, cut = _timed(scene, integrators, point, out, meter, silence)
-            rows[0] |= begin | {"end": machine.now(), "complete": not cut}
-            if cut:
-                raise Cut(rows[0])
-            return rows[0]
+    def measure(point):
+        begin = {"begin": machine.now(), "load": os.getloadavg()[0]}
+        (row,), cut = _timed(scene, integrators, point, out, meter, silence)
+        row |= begin | {"end": machine.now(), "complete": not cut}
+        if cut:
+            raise Cut(row)
+        return row
 
-        try:
-            summary["points"].append(store.once(point.name, origin, make, again))
-        except KeyboardInterrupt as end:
-            summary["interrupted"] = True
-            if isinstance(end, Cut):
-                summary["points"].append(end.record)
-            break
+    what = scene, integrators, summary["machine"]["cpu"]
+    origins = {point: store.origin(point, *what) for point in points}
+    records, summary["interrupted"] = _each(origins, measure, store, again, meter)
+    summary["points"] += records.values()
     return summary
 
 
