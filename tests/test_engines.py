@@ -19,8 +19,7 @@ from validation.engines import engine, measure, plan, with_gromacs, with_openmm
 from validation.engines.engine import BAR, KJ, Course, Engine, Failed, Samples
 from validation.engines.runs import Runs
 from validation.engines.water import Shift, of_scene
-from validation.ensembles.lengths import Lengths
-from validation.sampling.plan import Point
+from validation.ensembles.lengths import Lengths, Point
 
 WATER = of_scene(plan.CASE.scene)
 COURSE = Course("sd", 298.0, 5.0, 2.0, 100, 24, 7)
@@ -227,7 +226,7 @@ def test_an_engine_that_is_not_there(monkeypatch, tmp_path, capsys):
     (tmp_path / "start-1").mkdir()
     for name in "gromacs-sd-2-fs-0a", "openmm-langevin-20-4-fs-0b", "no-scheme-4-fs-0c":
         (tmp_path / "start-1" / f"{name}.json").touch()
-    points = [plan.Point("openmm-langevin-5", 2.0)]
+    points = [Point("openmm-langevin-5", 2.0)]
     every = measure.with_left(points, tmp_path)
     assert [one.scheme for one in every] == ["openmm-langevin-5", "openmm-langevin-20"]
     scheme = plan.SCHEMES["gromacs-sd"]

@@ -12,8 +12,8 @@ from scipy import signal
 
 from validation import __main__
 from validation.ensembles import criteria, lengths, measure, plan, runs, schemes
-from validation.ensembles.lengths import Lengths
-from validation.ensembles.plan import REFERENCES, SCHEMES, Point
+from validation.ensembles.lengths import Lengths, Point
+from validation.ensembles.plan import REFERENCES, SCHEMES
 from validation.running import run
 from validation.running.lammps_log import Loop
 from validation.statistics import measures, structure
@@ -55,7 +55,7 @@ def test_what_runs():
     every = plan.points()
     number = 2 + sum(len(scheme.steps) for scheme in SCHEMES.values())
     assert every[0] == REFERENCE and len(set(every)) == len(every) == number
-    assert all(every.index(one.other) <= every.index(one) for one in every)
+    assert all(every.index(plan.beside_which(one)) <= every.index(one) for one in every)
     assert plan.points(["csvr"], [6.0]) == [REFERENCE, Point("csvr", 6.0)]
     assert plan.points(["npt-csvr"], [6.0]) == [AT_PRESSURE, Point("npt-csvr", 6.0)]
     pressed, first = Point("npt-csvr-400atm", 6.0), Point("npt-csvr", 6.0)

@@ -10,11 +10,10 @@ from scipy import signal
 from validation import __main__
 from validation.ensembles import plan as ensembles
 from validation.ensembles import runs
-from validation.ensembles.lengths import Lengths
+from validation.ensembles.lengths import Lengths, Point
 from validation.ensembles.schemes import SEED
 from validation.running import rounds, run
 from validation.sampling import criteria, measure, plan
-from validation.sampling.plan import Point
 from validation.statistics import limit, measures, precision
 from validation.statistics.estimate import Estimate
 from validation.statistics.limit import Model

@@ -14,11 +14,10 @@ from validation.engines.engine import Samples
 from validation.engines.plan import CASE, SCHEMES, Scheme
 from validation.engines.runs import Runs
 from validation.engines.water import of_scene
-from validation.ensembles.lengths import SAMPLED, Lengths, ordered
+from validation.ensembles.lengths import SAMPLED, Lengths, Point, ordered
 from validation.ensembles.measure import of_momentum
 from validation.running import machine, run
 from validation.sampling.measure import told_limit
-from validation.sampling.plan import Point
 from validation.statistics import limit, measures
 from validation.statistics.estimate import Estimate
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from validation.command_line import chosen
 from validation.engines import with_gromacs, with_openmm
 from validation.engines.engine import Course, Engine
-from validation.ensembles.lengths import Lengths, folder
+from validation.ensembles.lengths import Lengths, Point, folder
 from validation.ensembles.schemes import FIRST_SEED
-from validation.sampling.plan import CASES, Point
+from validation.sampling.plan import CASES
 from validation.statistics.limit import Model
 
 CASE = CASES["water"](Path())  # of `sampling`; it writes nothing

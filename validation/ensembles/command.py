@@ -47,18 +47,19 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     command_line.need_scenes()
     from validation.ensembles import criteria, measure, plan, report  # heavy: not for --help
+    from validation.ensembles.lengths import Lengths, Point
     from validation.pages import console
     from validation.statistics.estimate import plain
 
     short = not arguments.full
     out = command_line.folder(arguments, short)
     time = arguments.ps or (SHORT_TIME if short else FULL_TIME)
-    lengths = plan.Lengths(time, arguments.starts)
+    lengths = Lengths(time, arguments.starts)
     points = plan.points(arguments.only, arguments.dt or (SHORT_STEPS if short else None))
     screen = console.console()
     with console.Meter(screen, plan.total(points, lengths)) as meter:
         summary, rows = measure.ensembles(points, lengths, out, meter, arguments.silence)
-    made = criteria.checks({plan.Point(row.scheme, row.dt): vars(row) for row in rows}, time)
+    made = criteria.checks({Point(row.scheme, row.dt): vars(row) for row in rows}, time)
     summary |= {"rows": [plain(vars(row)) for row in rows], "checks": [one.plain() for one in made]}
     report.write(summary, out)
     report.show(screen, summary, out)

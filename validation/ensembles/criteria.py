@@ -7,14 +7,14 @@ from a trial of the same thermostats in another program.
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from validation.ensembles.lengths import LEAST
+from validation.ensembles.lengths import LEAST, Point
 from validation.ensembles.plan import (
     EQUAL_STEPS,
     KNOWN_STEPS,
     LIMIT_STEPS,
     MOMENTS_STEPS,
     SCHEMES,
-    Point,
+    label,
 )
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate, combined
@@ -134,7 +134,7 @@ def _judged(rows: Rows) -> Iterator[Check]:
             none = MISSING.get(one.key, "there is no reference")
             note = "" if row.get(one.key) else row.get("error") or none
             yield Check.of(
-                one.part, _subject(one.scheme, one.dt), one.what, row.get(one.key),
+                one.part, label(Point(one.scheme, one.dt)), one.what, row.get(one.key),
                 **ends, unit=one.unit, note=note,
             )  # fmt: skip
 
@@ -147,7 +147,7 @@ def _tried(rows: Rows) -> Iterator[Check]:
                 continue
             other = Estimate(theirs, TRIAL_ERROR)
             found = _distance(row, row.get("bias"), other, TRIAL_ERROR, f"{theirs:+.3f} {MOLECULE}")
-            subject = _subject(scheme, dt)
+            subject = label(Point(scheme, dt))
             yield Check.of(
                 "trial", subject, what, found[0], high=APART, note=found[1], source=TRIED
             )
@@ -161,7 +161,7 @@ def _compressed(rows: Rows) -> Iterator[Check]:
             other = row.get("fluctuations") or Estimate(1.0)
             told = f"{other.text()} of fluctuations, 1e-5/atm"
             found = _distance(row, row.get("two_pressures"), other, UNSURE * other.value, told)
-            subject = _subject(scheme, dt)
+            subject = label(Point(scheme, dt))
             yield Check.of("compressibility", subject, what, found[0], high=APART, note=found[1])
 
 
@@ -177,7 +177,3 @@ def _distance(
     if max(found.error, other.error) > most:
         return None, f"{told}: run longer, for a standard error above {most:.2g} tells nothing"
     return abs(found.value - other.value) / error, told
-
-
-def _subject(scheme: str, dt: float) -> str:
-    return f"{SCHEMES[scheme].label}, {dt:g} fs"

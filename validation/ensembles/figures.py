@@ -4,7 +4,8 @@ import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from validation.ensembles.criteria import BOUNDS, MOLECULE
-from validation.ensembles.plan import REFERENCES, SCHEMES, Point, reference
+from validation.ensembles.lengths import Point
+from validation.ensembles.plan import REFERENCES, SCHEMES, beside_which, label, reference
 from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn
 from validation.statistics.estimate import SURE, Estimate
 
@@ -62,7 +63,7 @@ def _against_step(
     all these numbers; None if there is none."""
     known: dict[str, list[tuple[float, Estimate]]] = {}
     for row in summary["rows"]:
-        if row.get(key) and Point(row["scheme"], row["dt"]).other == limit:
+        if row.get(key) and beside_which(Point(row["scheme"], row["dt"])) == limit:
             known.setdefault(row["scheme"], []).append((row["dt"], Estimate.of(row[key])))
     if not known:
         return None, []
@@ -95,6 +96,6 @@ def _against_step(
 
 def _caption(what: str, limit: Point) -> str:
     return (
-        f"Distance of the {what} from that of {limit.label}; whiskers: {SURE} intervals, the "
+        f"Distance of the {what} from that of {label(limit)}; whiskers: {SURE} intervals, the "
         f"reference's included. Shaded: the bounds of {SCHEMES[limit.scheme].label}."
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, TypeVar
+from typing import NamedTuple
 
 from validation.ensembles.schemes import Scheme
 from validation.scenes import Scene, steps
@@ -71,17 +71,11 @@ def at_least_one(time: float, dt: float) -> int:
     return max(1, steps(time, dt))
 
 
-class _Point(Protocol):
-    """A scheme with a step."""
+class Point(NamedTuple):
+    """A scheme's name, and a time step in fs."""
 
-    @property
-    def scheme(self) -> str: ...
-
-    @property
-    def dt(self) -> float: ...
-
-
-P = TypeVar("P", bound=_Point)
+    scheme: str
+    dt: float
 
 
 class One(NamedTuple):
@@ -94,8 +88,8 @@ class One(NamedTuple):
     start: int
 
 
-def ordered(points: Collection[P], schemes: Iterable[str]) -> list[P]:
-    """Points, each with a ``scheme`` and a ``dt``, once each, by scheme and step."""
+def ordered(points: Collection[Point], schemes: Iterable[str]) -> list[Point]:
+    """Points, once each, by scheme and step."""
     places = {name: place for place, name in enumerate(schemes)}
     return sorted(set(points), key=lambda one: (places[one.scheme], one.dt))
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from validation.ensembles import plan, runs, schemes
-from validation.ensembles.lengths import SAMPLED, Lengths, ordered
-from validation.ensembles.plan import REFERENCES, SCHEMES, STARTER, TEMPERATURE, Point
+from validation.ensembles.lengths import SAMPLED, Lengths, Point, ordered
+from validation.ensembles.plan import REFERENCES, SCHEMES, STARTER, TEMPERATURE, beside_which
 from validation.ensembles.schemes import Scheme
 from validation.running import machine, rounds, run
 from validation.scenes import FS_PER_PS
@@ -222,7 +222,8 @@ def rows(found: Found, points: Iterable[Point]) -> list[Row]:
             vars(row).update(means[point], starts=len(starts))
             for name in SPREAD:
                 vars(row)[name] = measures.spread(one[name].value for one in starts)
-            if point.other in means and point.other not in found.errors and point.other != point:
+            other = beside_which(point)
+            if other in means and other not in found.errors and other != point:
                 vars(row).update(compared(point, means, found.samples))
         made.append(row)
     return made
@@ -232,7 +233,7 @@ def compared(
     point: Point, means: Mapping[Point, Numbers], samples: Mapping[Point, list[structure.Sampled]]
 ) -> Numbers:
     """The numbers of a point beside its other one."""
-    both = point.other, point
+    both = beside_which(point), point
     low, high = (means[one] for one in both)
     if not SCHEMES[point.scheme].first:
         return biases(high, low)

@@ -2,10 +2,9 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 from validation.command_line import chosen
-from validation.ensembles.lengths import Lengths, One, folder
+from validation.ensembles.lengths import Lengths, One, Point, folder
 from validation.ensembles.schemes import SEED, Scheme, bath, beside, chains, nvt, state
 from validation.scenes import Scene, smooth_water
 from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
@@ -98,26 +97,19 @@ SCHEMES = {
 STARTER = SCHEMES["langevin-20"]  # makes the starts
 
 
-class Point(NamedTuple):
-    """A scheme's name, and a time step in fs."""
-
-    scheme: str
-    dt: float
-
-    @property
-    def label(self) -> str:
-        """For the terminal."""
-        return f"{SCHEMES[self.scheme].label}, {self.dt:g} fs"
-
-    @property
-    def other(self) -> "Point":
-        """The one that it is compared with: the first state at the same step, or the reference."""
-        scheme = SCHEMES[self.scheme]
-        return Point(scheme.first, self.dt) if scheme.first else reference(scheme)
-
-
 REFERENCES = Point("langevin-5", 1.0), Point("npt-langevin", 1.0)  # of volume, of pressure
 BESIDE = 2.0  # fs; a point of the references' schemes that tells how near to the limit they are
+
+
+def label(point: Point) -> str:
+    """A point, for tables and the terminal."""
+    return f"{SCHEMES[point.scheme].label}, {point.dt:g} fs"
+
+
+def beside_which(point: Point) -> Point:
+    """What a point is compared with: the first state at the same step, or the reference."""
+    scheme = SCHEMES[point.scheme]
+    return Point(scheme.first, point.dt) if scheme.first else reference(scheme)
 
 
 def reference(scheme: Scheme) -> Point:
@@ -143,7 +135,7 @@ def points(only: Collection[str] | None = None, dt: Collection[float] | None = N
         for name in chosen(SCHEMES, only)
         for one in sorted(dt or SCHEMES[name].steps)
     ]
-    return list(dict.fromkeys(point for one in found for point in (one.other, one)))
+    return list(dict.fromkeys(point for one in found for point in (beside_which(one), one)))
 
 
 def names(points: Collection[Point], lengths: Lengths) -> Iterator[tuple[Point, One]]:
@@ -151,7 +143,7 @@ def names(points: Collection[Point], lengths: Lengths) -> Iterator[tuple[Point, 
     for start in range(1, lengths.starts + 1):
         for point in points:
             scheme = SCHEMES[point.scheme]
-            yield point, One(folder(start, *point), point.label, scheme, point.dt, start)
+            yield point, One(folder(start, *point), label(point), scheme, point.dt, start)
 
 
 def total(points: Collection[Point], lengths: Lengths) -> int:

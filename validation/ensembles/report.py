@@ -6,8 +6,8 @@ from rich.console import Console
 
 from validation.ensembles.criteria import MOLECULE, TITLES
 from validation.ensembles.figures import bias, density
-from validation.ensembles.lengths import too_short
-from validation.ensembles.plan import BESIDE, REFERENCES, SCHEMES, Point
+from validation.ensembles.lengths import Point, too_short
+from validation.ensembles.plan import BESIDE, REFERENCES, SCHEMES, beside_which, label
 from validation.pages import points
 from validation.pages.points import Part
 from validation.pages.said import Figure, Said, of_checks
@@ -51,18 +51,18 @@ def limits(summary: dict) -> list[str]:
     return [
         _limit(found, reference, *told)
         for reference, told in zip(REFERENCES, TOLD)
-        if any(Point(*point).other == reference for point in found)
+        if any(beside_which(Point(*point)) == reference for point in found)
     ]
 
 
 def _limit(found, reference, means, biases):
     if (one := found.get(reference)) is None:
-        return f"The reference, {reference.label}, was not measured: there are no biases from it."
+        return f"The reference, {label(reference)}, was not measured: there are no biases from it."
     told = [f"{cell(one, column)} {column.unit} ({column.title})" for column in means]
-    said = f"The reference, {reference.label}, has {' and '.join(told)}. "
+    said = f"The reference, {label(reference)}, has {' and '.join(told)}. "
     beside = reference._replace(dt=BESIDE)
     if (two := found.get(beside)) is None:
-        return said + f"How near it is to the limit is not known without {beside.label}."
+        return said + f"How near it is to the limit is not known without {label(beside)}."
     told = [f"{cell(two, column)} {column.unit}" for column in biases]
     return said + f"{BESIDE:g} fs are apart from it by {' and '.join(told)}."
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 
 from validation.ensembles import criteria as ensembles
 from validation.ensembles import plan
-from validation.ensembles.lengths import LEAST
+from validation.ensembles.lengths import LEAST, Point
 from validation.statistics import measures
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
@@ -42,7 +42,7 @@ def checks(summary: Mapping) -> list[Check]:
     made = [one for row in good if row["ours"] and row["dt"] > today for one in _of(row)]
     if summary["title"] == plan.TITLE:
         there = {
-            plan.Point(row["scheme"], row["dt"]): _as_there(row, summary["temperature"])
+            Point(row["scheme"], row["dt"]): _as_there(row, summary["temperature"])
             for row in good
             if row["scheme"] in plan.SCHEMES
         }

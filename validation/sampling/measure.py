@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from validation.ensembles import runs
-from validation.ensembles.lengths import SAMPLED, Lengths, ordered
+from validation.ensembles.lengths import SAMPLED, Lengths, Point, ordered
 from validation.ensembles.measure import of_momentum
 from validation.ensembles.schemes import ALL_PRINT, OURS_PRINTS, Scheme
 from validation.running import machine, rounds, run
 from validation.sampling import plan
 from validation.sampling.criteria import BOUNDS
-from validation.sampling.plan import Case, Point
+from validation.sampling.plan import Case
 from validation.scenes.units import BOLTZMANN, COULOMB
 from validation.statistics import limit, measures, motion, precision, structure
 from validation.statistics.estimate import Estimate

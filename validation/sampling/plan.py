@@ -5,13 +5,12 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from validation.command_line import chosen
 from validation.ensembles import plan as ensembles
-from validation.ensembles.lengths import Lengths, One, folder, step_of_starts
+from validation.ensembles.lengths import Lengths, One, Point, folder, step_of_starts
 from validation.ensembles.schemes import (
     MOVES,
     SEED,
@@ -70,13 +69,6 @@ TORQUES = (
     "variable torque equal sum(v_torques)",
 )
 FORCES = ("fx", "fy", "fz"), ("f_raw[1]", "f_raw[2]", "f_raw[3]")
-
-
-class Point(NamedTuple):
-    """A scheme's name, and a time step in fs."""
-
-    scheme: str
-    dt: float
 
 
 # what users have today, for molecules that shake can hold, and for others
