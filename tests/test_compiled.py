@@ -212,14 +212,15 @@ def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
         cwd=folder,  # with the installed package, not the checkout's
         env=environment,
         stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
     )
 
 
 def answer(process):
     """What a process says; it may compile first, which takes a minute on a slow machine."""
-    output, _ = process.communicate(timeout=200)
-    assert process.returncode == 0, output
+    output, said = process.communicate(timeout=200)
+    assert process.returncode == 0, output + said
     return json.loads(output)
 
 
@@ -602,15 +603,30 @@ def test_one_rank_compiles(tmp_path, ranks):
     assert len(files(tmp_path)) == 1
 
 
+def test_loops_of_a_driver_script_are_refused():
+    """Locks out a traceback with a KeyError of the compiler's process, whose main module is another
+    one, half a minute after the fix line."""
+    with pytest.raises(RuntimeError, match="in a file of its own, NAME"):
+        machine_code.Module("__main__").load()
+
+
 def test_processors_that_differ(written, copied):
-    """Locks out: a rank that runs the code of another processor."""
-    assert answer(start(copied, USE_RANKS, ["processors"], 2)) == sums(2, [1])
+    """Locks out: a rank that runs the code of another processor, and copies of a body that drift
+    apart without a word."""
+    process = start(copied, USE_RANKS, ["processors"], 2)
+    output, said = process.communicate(timeout=200)
+    assert json.loads(output) == sums(2, [1]), said
     assert len(files(copied)) == 2
+    assert said.count(machine_code.UNLIKE) == 1
 
 
 def test_a_loop_used_before_on_one_rank(copied):
-    """Locks out: ranks that wait for each other because one has loaded already."""
-    assert answer(start(copied, USE_RANKS, ["early"], 2)) == sums(2, [])
+    """Locks out: ranks that wait for each other because one has loaded already; and a warning of
+    unlike processors where they are alike."""
+    process = start(copied, USE_RANKS, ["early"], 2)
+    output, said = process.communicate(timeout=200)
+    assert json.loads(output) == sums(2, []), said
+    assert machine_code.UNLIKE not in said
 
 
 @pytest.mark.parametrize("ranks", [1, 4])

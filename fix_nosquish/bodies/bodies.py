@@ -14,7 +14,7 @@ from ..errors import RunError
 from ..loops.compiled import F2, Cell, I
 from ..loops.memory import Memory
 from ..motion import block
-from ..motion.frames import angular_momentum, quaternion_momentum, rotation_matrix
+from ..motion.frames import angular_momentum, quaternion_momentum, rotation_matrix, vector_times
 from ..motion.periodic import PeriodicBox
 from ..motion.step import gather
 from ..ranks import migration
@@ -340,11 +340,7 @@ class Bodies:
         if self.planar:
             momentum[2:5] = 0.0
         self.v[:] = 1.0 / self.mass * momentum[:3]
-        (q0, q1, q2, q3), (x, y, z) = self.q, 2.0 * momentum[3:]
-        self.p[:] = (  # 2 (0, L) q: (2.60) with the angular momentum in space
-            -x * q1 - y * q2 - z * q3, x * q0 + y * q3 - z * q2,
-            -x * q3 + y * q0 + z * q1, x * q2 - y * q1 + z * q0,
-        )  # fmt: skip
+        self.p[:] = vector_times(*(2.0 * momentum[3:]), self.q)  # (2.60), with L in space
         if self.chosen:
             slower = self.angular_momentum() * self.slowness
             self.p[:] = quaternion_momentum(self.q, *slower)

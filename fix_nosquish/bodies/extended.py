@@ -15,6 +15,7 @@ from ..loops.compiled import F1, F2, I1, L1, address, call, loop
 from ..motion.block import ATOM, LANES, MOMENT, Layout, P, Q, four, take, three, write
 from ..motion.frames import angular_velocity, product, rotation_matrix, to_body, to_space
 from ..motion.step import show_atoms_moments
+from .bodies import matrices
 
 # moments of inertia of unit mass and size: a solid sphere's radius, an ellipsoid's half axes, the
 # length of a line
@@ -51,7 +52,7 @@ class Particles(NamedTuple):
         """Rotations (3, 3, m) from their principal frames to space."""
         none = ~self.quat.any(axis=0)
         quat = self.quat + np.outer([1.0, 0.0, 0.0, 0.0], none)
-        return np.array(rotation_matrix(quat)).reshape(3, 3, -1)
+        return matrices(quat)
 
     def inertia(self):
         """Their tensors of inertia in space, (3, 3, m)."""

@@ -116,7 +116,8 @@ class Command:
         separate: whether translation and rotation have a thermostat each.
         moments: ("equal", value), the principal moments that bodies get, or ("scale", factor) of
             those of their atoms, each a word for a number; ("alike", None) for those of atoms that
-            weigh alike; None for those of the atoms.
+            weigh alike; ("step", None) for those that the time step needs; None for those of the
+            atoms.
         quench: dictionary from keywords of a minimisation to words for numbers.
         pressure: dictionary from some of `PRESSURES` to (PSTART, PSTOP, PDAMP), words for numbers.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.

@@ -1,4 +1,4 @@
-"""LAMMPS as the fix sees it: views of its arrays, box, units; the only file that touches it.
+"""LAMMPS as the fix sees it: views of its arrays, box, units; the only Python file that touches it.
 
 The C library interface is called with ctypes, through the symbols of the LAMMPS that
 runs this very process, so that the `lammps` Python module, whose version may be

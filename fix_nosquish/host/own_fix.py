@@ -80,15 +80,8 @@ class OwnFix:
     def point(self):
         lammps = self.lammps
         cells, empty = lammps.cells, np.empty(0)
-        for name, of in (
-            ("x", "x"),
-            ("v", "v"),
-            ("f", "f"),
-            ("torque", "torque"),
-            ("omega", "omega"),
-            ("angmom", "angmom"),
-        ):
-            values = lammps.per_atom(of, columns=3)
+        for name in ("x", "v", "f", "torque", "omega", "angmom"):
+            values = lammps.per_atom(name, columns=3)
             if values is not None:
                 cells[f"atom_{name}"].set(values)
         mu = lammps.per_atom("mu", columns=4)

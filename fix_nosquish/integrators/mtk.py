@@ -75,7 +75,7 @@ from .constant_temperature import COMMON, HEAT, KT, OF_BAROSTAT, part_of_run, wo
 # of freedom of translation; the molecular virial
 INERTIA, FREEDOM, VIRIAL, MTK_NUMBERS = NUMBERS, NUMBERS + 6, NUMBERS + 7, NUMBERS + 13
 # the piston: rates of strain; the work done against the pressure; the k T that its inertia is of
-WORK, INERTIA_KT, PISTON = COMPONENTS, COMPONENTS + 1, COMPONENTS + 2
+PV, INERTIA_KT, PISTON = COMPONENTS, COMPONENTS + 1, COMPONENTS + 2
 Piston = NamedTuple("Piston", [*Barostat.__annotations__.items(), ("piston", F1)])
 # parameters behind those of all thermostats: twice this rank's kinetic energy along each axis, and
 # with each tilt; factors of velocities, and what shears them then; the same of positions, and the
@@ -147,7 +147,7 @@ def strain(parameters, cell, box, part, dt):
                 cell.cell_sums[n] *= factor if first_axis(n) == k or second_axis(n) == k else 1.0
     much = dt * total
     longer = dt * (1.0 + 0.5 * much) if abs(much) < 1e-7 else (exp(much) - 1.0) / total
-    cell.piston[WORK] += against * volume * longer
+    cell.piston[PV] += against * volume * longer
 
 
 @inlined
@@ -183,7 +183,7 @@ def tilt(parameters, cell, box, part, dt):
     for k in range(3):
         volume *= numbers[STRETCH + k]
     against = xy * pressure_now(numbers, XY, part) + xz * pressure_now(numbers, XZ, part)
-    cell.piston[WORK] += (against + yz * pressure_now(numbers, YZ, part)) * volume
+    cell.piston[PV] += (against + yz * pressure_now(numbers, YZ, part)) * volume
     both = 0.5 * xy * yz  # of the exponential
     add_shear(numbers, SHEAR, xy, xz + both, yz)
     xy, xz, yz = -xy, both - xz, -yz
@@ -382,5 +382,5 @@ class Mtk(ConstantPressure):
         """As `NVT`, with the work against the pressure and the energy of the piston; collective."""
         others = super().compute_scalar()
         return (
-            others + self.piston[WORK] + 0.5 * (self._inertia * self.piston[:COMPONENTS] ** 2).sum()
+            others + self.piston[PV] + 0.5 * (self._inertia * self.piston[:COMPONENTS] ** 2).sum()
         )

@@ -27,6 +27,10 @@ MODULES = {}  # name: the `Module`
 PACKAGE = __name__.partition(".")[0]
 _HASH = 8  # bytes of a file before its machine code
 COMPILERS = "lower.py", "compile.py"
+UNLIKE = (
+    f"{PACKAGE}: the ranks run on processors of several kinds, whose rounding differs. So two "
+    "copies of a body that ranks share drift apart by rounding: run on nodes of one kind"
+)
 
 
 def load(communicator, *names):
@@ -51,6 +55,8 @@ def load(communicator, *names):
         finally:
             communicator.rest()  # while rank 0 compiles
     processor, codes = communicator.share(sent)
+    if communicator.any(processor != _processor()) and communicator.rank == 0:
+        _tell(UNLIKE)
     with communicator.together("the loops cannot be compiled or loaded"):
         for name, module in modules.items():
             if not module.ready:
@@ -146,6 +152,11 @@ class Module:
         """
         from importlib import metadata  # here, because other ranks can do without
 
+        if self.name == "__main__":  # of another process, the compiler, this is another file
+            raise RuntimeError(
+                "loops of a driver script cannot be compiled: have the class with its operations "
+                "in a file of its own, NAME.py, import it, and write NAME.CLASS in the fix line"
+            )
         beside = Path(importlib.util.cache_from_source(sys.modules[self.name].__file__))
         compiler = (
             f"{_processor()} {metadata.version('llvmlite')} {metadata.version('numba')} "

@@ -1,6 +1,7 @@
 """Between the principal frame of a body and the space frame."""
 
 from ..loops.compiled import inlined
+from .rotor import s_times
 
 
 @inlined
@@ -47,11 +48,18 @@ def angular_momentum(q, p):
 @inlined
 def quaternion_momentum(q, l1, l2, l3):
     """p of the angular momentum L in the principal frame: p = 2 S(q) (0, L)."""
+    a, b, c, d = s_times(q, l1, l2, l3)
+    return 2.0 * a, 2.0 * b, 2.0 * c, 2.0 * d
+
+
+@inlined
+def vector_times(x, y, z, q):
+    """The product of quaternions (0, x, y, z) q."""
     return (
-        2.0 * (-q[1] * l1 - q[2] * l2 - q[3] * l3),
-        2.0 * (q[0] * l1 - q[3] * l2 + q[2] * l3),
-        2.0 * (q[3] * l1 + q[0] * l2 - q[1] * l3),
-        2.0 * (-q[2] * l1 + q[1] * l2 + q[0] * l3),
+        -x * q[1] - y * q[2] - z * q[3],
+        x * q[0] + y * q[3] - z * q[2],
+        -x * q[3] + y * q[0] + z * q[1],
+        x * q[2] - y * q[1] + z * q[0],
     )
 
 

@@ -26,6 +26,7 @@ from .block import (
     write,
 )
 from .exact_rotor import rotate_exactly
+from .frames import vector_times
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
 FTM2V, MROT, PARAMETERS = 0, 1, 2
@@ -46,14 +47,9 @@ def kick(block, kind, dt, parameters):
             block[V + k, b] += dtf / block[MASS, b] * block[FORCE + k, b]
         t1, t2, t3 = three(block, TORQUE, b)
         x, y, z = 2.0 * dtf * t1, 2.0 * dtf * t2, 2.0 * dtf * t3
-        q0, q1, q2, q3 = four(block, Q, b)
         p0, p1, p2, p3 = four(block, P, b)
-        write(block, P, b, (
-            p0 + (-x * q1 - y * q2 - z * q3),
-            p1 + (x * q0 + y * q3 - z * q2),
-            p2 + (-x * q3 + y * q0 + z * q1),
-            p3 + (x * q2 - y * q1 + z * q0),
-        ))  # fmt: skip
+        k0, k1, k2, k3 = vector_times(x, y, z, four(block, Q, b))
+        write(block, P, b, (p0 + k0, p1 + k1, p2 + k2, p3 + k3))
 
 
 @inlined

@@ -95,7 +95,7 @@ struct Bridge {
   const Pass *end;
   const Pass *whole;
   const Pass *velocities;
-  const Pass *virial_passes;
+  const Pass *constraint_virial;
   const Pass *follow;
   const Pass *pressure;
   const Pass *cell;

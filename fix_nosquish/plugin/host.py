@@ -9,20 +9,10 @@ from numpy.ctypeslib import as_array
 from ..loops.compiled import array
 from .structs import Bridge, FixFacts
 
-# lists of passes, and their names in `passes`
-LISTS = {
-    "begin": "begin",
-    "end": "end",
-    "whole": "whole",
-    "velocities": "velocities",
-    "virial_passes": "virial",
-    "follow": "follow",
-    "pressure": "pressure",
-    "cell": "cell",
-    "flip": "flip",
-    "deform": "deform",
-    "flipped": "flipped",
-}
+LISTS = (  # of passes, that the plugin does by itself: see `passes`
+    *("begin", "end", "whole", "velocities", "constraint_virial", "follow"),
+    *("pressure", "cell", "flip", "deform", "flipped"),
+)
 
 
 class OtherFix(NamedTuple):
@@ -159,13 +149,10 @@ class Host:
         self._bridge.set_array_rows(self._bridge.fix, int(n))
 
     def go_alone(self, lists, *, velocities_every, python_every, ended, late, without):
-        tables = {
-            field: _table(lists[name])
-            for field, name in LISTS.items()
-            if name in lists and name not in without
-        }
-        for field, table in tables.items():
-            setattr(self._bridge, field, table.ctypes.data)
+        some = [name for name in LISTS if name in lists and name not in without]
+        tables = {name: _table(lists[name]) for name in some}
+        for name, table in tables.items():
+            setattr(self._bridge, name, table.ctypes.data)
         self._kept = lists, tables
         self._bridge.velocities_every, self._bridge.python_every = velocities_every, python_every
         self._bridge.ended, self._bridge.late = ended, late
@@ -173,8 +160,8 @@ class Host:
 
     def call_always(self):
         self._bridge.may_wait = False
-        for field in LISTS:
-            setattr(self._bridge, field, None)
+        for name in LISTS:
+            setattr(self._bridge, name, None)
         self._kept = None
 
     def keep_box(self):

@@ -610,7 +610,7 @@ void FixPythonMove::final_integrate()
       make_virial_per_atom();
       set_cell(VIRIAL, virial, 6, 0);
       set_cell(ATOM_VIRIAL, bridge.virial_per_atom, std::max(0, bridge.natoms), 9);
-      if (!run(bridge.virial_passes)) call_with_virial(bridge.final_integrate);    // which says why
+      if (!run(bridge.constraint_virial)) call_with_virial(bridge.final_integrate);    // which says why
       give_virial_per_atom();
     }
   } else {

@@ -1,4 +1,5 @@
-"""The ranks of a run: collective operations, done once a run, and what loops call MPI with.
+"""The ranks of a run: what Python does with all of them, mostly once a run, and what loops call MPI
+with.
 
 `ALONE` is a run on one rank: nothing is shared, and mpi4py is not imported.
 """

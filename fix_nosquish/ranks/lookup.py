@@ -61,7 +61,6 @@ class Messages:
     def __init__(self, communicator):
         self._memory = Memory(dict.fromkeys(ROWS, L1))
         self._cells = communicator.cells | {"messages": self._memory.cells["memory"]}
-        self._size = communicator.size
 
     def deliver(self, to, numbers, sources=None):
         """Send numbers to ranks.

@@ -24,8 +24,7 @@ from ..loops.memory import room
 from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
 from .mpi import LONG, RANK, Mpi, add_up
-from .sharing import ASKED, ASKED_ROW, BODIES, IDS, MEET, SHARED, SHARED_ROW, find, in_row
-from .sharing import HOME as HOME_ROW
+from .sharing import ASKED, ASKED_ROW, BODIES, HOME_ROW, IDS, MEET, SHARED, SHARED_ROW, find, in_row
 
 IN_NO_BODY = -1  # an atom's origin
 # what goes with an atom to another rank: its origin, its body's column of state, its of displace
@@ -116,7 +115,10 @@ def matrix(memory, row):
 
 @inlined
 def locate(atoms, bodies, found):
-    """Find the atoms of the bodies in LAMMPS's arrays; a list of before may be no more."""
+    """Find the atoms of the bodies in LAMMPS's arrays.
+
+    An origin beyond the list of before, or beyond what arrived, counts as none: the atom came.
+    """
     count = came = moved = 0
     before, arrived, natoms = bodies[INDEX, 1], atoms.arrived.shape[0], atoms.groups.size
     index = ints(bodies[INDEX, 0], before)

@@ -28,10 +28,10 @@ _FUNCTIONS = (
     "Get_count",
     "Allreduce",
 )
-ISEND, ISSEND, IRECV, WAITALL, TESTALL, TEST, IBARRIER, IMPROBE, MPROBE, MRECV, GET_COUNT = range(
-    11
-)
-ALLREDUCE = 11
+(
+    ISEND, ISSEND, IRECV, WAITALL, TESTALL, TEST, IBARRIER, IMPROBE, MPROBE, MRECV, GET_COUNT,
+    ALLREDUCE,
+) = range(12)  # fmt: skip
 # handles, sizes, offsets,
 COMM, LONG, DOUBLE, SUM, ANY_SOURCE, REQUEST_SIZE, SOURCE_AT, STATUS_SIZE = range(12, 20)
 # how many ranks and which one is this, which of two tags is next
@@ -43,8 +43,7 @@ QUESTION, ANSWER, PART = 1, 3, 4  # tags of messages; QUESTION + 1 is one, too
 # status
 FLAG, MESSAGE, BARRIER, STATUS, WORDS = 0, 1, 2, 3, 35
 # rows of the memory: requests, as many as messages are under way, and statuses; what `deliver`
-# leaves: senders, how many numbers each
-# sent, the numbers; and what it works with
+# leaves: senders, how many numbers each sent, the numbers; and what it works with
 ROWS = "requests", "statuses", "senders", "sent", "numbers", "unsorted", "begins"
 REQUESTS, STATUSES, SENDERS, SENT, NUMBERS, UNSORTED, BEGINS = range(1, 8)
 

@@ -69,7 +69,7 @@ _OWN = (
     QUESTIONS,
     MEETING,
     MANY,
-    HOME,
+    HOME_ROW,
     SHARED_ROW,
     FIRST,
     SOURCE,
@@ -220,7 +220,7 @@ def connect(memory, counts, own):
     """
     bodies, n, answered = counts[BODIES], counts[ASKED], memory[NUMBERS, 1]
     places, many = in_row(memory, PLACES, n), in_row(memory, MANY, n)
-    answers, home = in_row(memory, NUMBERS, answered), in_row(memory, HOME, bodies)
+    answers, home = in_row(memory, NUMBERS, answered), in_row(memory, HOME_ROW, bodies)
     shared, first = in_row(memory, SHARED_ROW, n), in_row(memory, FIRST, n + 1)
     source, copies = in_row(memory, SOURCE, answered), in_row(memory, COPIED, answered)
     partners, shares = in_row(memory, PARTNER, answered), in_row(memory, SHARES, answered)
@@ -272,7 +272,7 @@ def find(mpi, memory, counts):
     """Find who else holds the bodies that may be shared; collective."""
     own = mpi.interface[RANK]
     if mpi.interface[RANKS] == 1:
-        home = in_row(memory, HOME, counts[BODIES])
+        home = in_row(memory, HOME_ROW, counts[BODIES])
         for b in range(counts[BODIES]):
             home[b] = own
         counts[SHARED] = counts[PARTNERS] = counts[COPIES] = 0
@@ -395,7 +395,7 @@ class Sharers:
 
     @property
     def home(self):
-        return self._row(HOME, BODIES)
+        return self._row(HOME_ROW, BODIES)
 
     @property
     def owned(self):

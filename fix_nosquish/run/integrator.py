@@ -287,7 +287,8 @@ class Integrator(Declaration):
         if self.told_box is not None:
             machine_code.load(self.communicator, deform.__name__)
         self._box_may_change = self.other_fixes.change_box and self.told_box is None
-        self._masses_may_change = any(fix.style.startswith("adapt") for fix in self.other_fixes)
+        adapts = any(fix.style.startswith("adapt") for fix in self.other_fixes)
+        self._masses_may_change = adapts and self.lammps.setting("rmass_flag") > 0
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.wrench.copy())
@@ -567,13 +568,13 @@ class Integrator(Declaration):
             self.phase, self.host.velocities_set = Phase.SET, False
             self.reports.forget()
 
-    def come_to_rest(self):
-        """Have the bodies as a step that is looked at leaves them, with their forces."""
+    def come_to_rest(self, forces=True):
+        """Have the bodies as a step that is looked at leaves them, with their forces, if wanted."""
         if self.phase == Phase.WAITING:
-            if self.middle:
-                self.do("gather")
-            else:
+            if not self.middle:
                 self.catch_up()
+            elif forces:
+                self.do("gather")
 
     def do(self, name):
         """Do a list of passes; see `passes`."""
@@ -735,12 +736,13 @@ class Integrator(Declaration):
 
     def _take_velocities(self):
         """Have the bodies move as their atoms do, but for those of an infile; collective."""
-        bodies = self.bodies
-        kept = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
-        spins = None
+        bodies, spins, known = self.bodies, None, None
+        if len(self.notes["given"]):
+            given = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
+            known = given, bodies.momenta()[:, given]
         if bodies.spin:
             spins = particles_of(self.lammps, self.shapes(), bodies.index).momentum
-        bodies.take_velocities(self.lammps, spins, (kept, bodies.momenta()[:, kept]))
+        bodies.take_velocities(self.lammps, spins, known)
 
     @hook
     def post_run(self):

@@ -10,12 +10,14 @@ from . import reports
 
 # fixes that change the box and tell rigid fixes, or do not in a run
 _FOLLOWED = "deform", "box/relax"
-# fixes that read no velocities but those of their own atoms
+# fixes that read no velocities but those of their own atoms; and these between the halves of a step
 _BLIND = "nve", "rigid", "shake", "rattle"
+_BLIND_BETWEEN = (*_BLIND, "balance", "deform")
 # fixes that keep a temperature
 _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
-# fixes that act at the end of a step and change no velocity
+# fixes that act at the end of a step and change no velocity; and those that do not even read one
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
+_IDLE = "deform", "colvars"
 # fixes whose forces leave the total momentum as it is
 _INTERNAL = (
     *("addtorque", "bond/", "cmap", "drude", "momentum", "qeq/"),
@@ -62,9 +64,11 @@ class OtherFixes:
         unknown = fixes is None
         self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
         self.change_forces = unknown or any(fix.post_force for fix in fixes)
-        ending = [*(fix for fix in fixes if fix.end_of_step), *_swaps(command, step)]
-        self.late = [fix for fix in ending if not fix.style.startswith(READERS)]
-        self.half_step = unknown or any(fix.between for fix in fixes)
+        ending = [fix for fix in fixes if fix.end_of_step and not fix.style.startswith(_IDLE)]
+        ending += _swaps(command, step)
+        self.late = [fix for fix in ending if not fix.style.startswith((*READERS, "dt/reset"))]
+        between = [fix for fix in fixes if fix.between]
+        self.half_step = unknown or not all(f.style.startswith(_BLIND_BETWEEN) for f in between)
         each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
         self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
         changes = [fix for fix in fixes if fix.box_change]

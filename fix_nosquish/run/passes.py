@@ -6,7 +6,7 @@
     end          what a step that is looked at ends with: its second half; where atoms carry the
                  velocities of the step's middle, nothing
     velocities   the atoms' velocities
-    virial       the constraint virial
+    constraint_virial
     follow       the bodies follow LAMMPS's atoms
     pressure     what the forces say of the pressure, every so many steps
     cell         the box changes, in the next step
@@ -17,7 +17,7 @@
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
-The plugin does them by itself; with a LAMMPS's own fix python/move, Python does them, by `do`.
+The plugin does them by itself; where it does not, or there is none, Python does them, by `do`.
 """
 
 import numpy as np
@@ -130,7 +130,7 @@ class Passes:
             "kick": [*gather, kick_begins],
             "velocities": velocities,
             "turn": turn,
-            "virial": [*gather, *of_bodies] if integrator.middle else of_bodies,
+            "constraint_virial": [*gather, *of_bodies] if integrator.middle else of_bodies,
             "follow": [bodies.following],
         }
         if integrator.every:

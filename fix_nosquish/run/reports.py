@@ -121,8 +121,8 @@ class Reports:
         own = f".{integrator.host.fix_id}" if several else ""
         infile.write(f"{name}{own}.rigid", self.made(), integrator.lammps, integrator.communicator)
 
-    def made(self):
-        """The bodies, with their forces, as a step that is looked at leaves them.
+    def made(self, forces=True):
+        """The bodies, with their forces, if wanted, as a step that is looked at leaves them.
 
         Raises:
             RunError: on all ranks, before the first run.
@@ -133,7 +133,7 @@ class Reports:
                 "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
                 everywhere=True,
             )
-        integrator.come_to_rest()
+        integrator.come_to_rest(forces)
         return integrator.bodies
 
     # ------------------------------------------------------------- thermodynamics
@@ -147,7 +147,7 @@ class Reports:
         cells, of_atoms = integrator.lammps.cells, integrator.virial_per_atom
         cells["virial"].set(virial)
         cells["atom_virial"].set(np.empty((0, 9)) if of_atoms is None else of_atoms)
-        integrator.do("virial")
+        integrator.do("constraint_virial")
 
     def virial_of_all(self):
         """The virial of all bodies on all ranks, between LAMMPS's forces and final_integrate."""
@@ -202,6 +202,7 @@ class Reports:
         return self._once(
             "energies",
             lambda bodies: thermo.energies(bodies, integrator.communicator, integrator.lammps),
+            forces=False,
         )
 
     def kinetic_at_end(self):
@@ -218,7 +219,7 @@ class Reports:
                 integrator.do("close")
                 return thermo.energies(bodies, integrator.communicator, integrator.lammps)[:2].sum()
 
-        return self._once("kinetic", closed), now
+        return self._once("kinetic", closed, forces=False), now
 
     def end_run(self):
         """A run is over: keep what is to be known between runs; collective."""
@@ -236,10 +237,14 @@ class Reports:
 
         return self._once("array", gathered)
 
-    def _once(self, name, make):
-        """What make(bodies) returned, if nothing has changed the bodies since it was called."""
+    def _once(self, name, make, forces=True):
+        """What make(bodies) returned, if nothing has changed the bodies since it was called.
+
+        Args:
+            forces: whether it needs the bodies' forces.
+        """
         if self._known.get("when") != self._when() or name not in self._known:
-            bodies = self.made()  # which may change them
+            bodies = self.made(forces)  # which may change them
             if self._known.get("when") != self._when():
                 self._known = {"when": self._when()}
             self._known[name] = make(bodies)
