@@ -1,5 +1,7 @@
 """What tests of user's scripts have in common: how they are taken, and how they are refused."""
 
+from pathlib import Path
+
 import pytest
 
 GAS = """units lj
@@ -21,7 +23,8 @@ def take(path, out, ranks=1, **ask):
     """What the harness makes of a script."""
     from validation.own import system  # an extra has what it needs
 
-    return system.take(system.Ask(str(path), **ask), out, ranks, 300.0, tell=lambda line: None)
+    asked = system.Ask(str(path), str(Path(path).parent), **ask)
+    return system.take(asked, out, ranks, 300.0, tell=lambda line: None)
 
 
 def refused(text, tmp_path, **ask):

@@ -30,6 +30,7 @@ def test_atoms_with_molecule_id_0_are_a_body():
     said = {
         "groups": ["all"],
         "fixes": {},
+        "commands": [],
         "run": "run 1",
         "skipped": 0,
         "step": 0,

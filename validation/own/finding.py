@@ -140,8 +140,18 @@ def told(fixes: Mapping[str, str]) -> str:
     return ", ".join(said) or "no fix"
 
 
-def nothing(seen: Sequence[str]) -> str:
-    """What to say where no run has a fix that keeps atoms rigid."""
+def nothing(seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had: int = 0) -> str:
+    """What to say where no run has a fix that keeps atoms rigid.
+
+    Args:
+        seen: the runs, with their fixes.
+        wanted: of --fix.  at: of --run.  had: how many such runs there are.
+    """
+    if had:
+        return f"--run {at}: the script has {had} such runs, and no other behind them"
+    if seen and wanted:
+        some = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
+        return f"no run of the script has fix {' and '.join(wanted)}. Its runs and fixes: {some}"
     if not seen:
         return (
             "the script has no run of a step or more, so there is nothing to compare: give the "
@@ -173,6 +183,8 @@ def find(
         Unclear: it cannot be told, or is none that another integrator can take the place of.
     """
     fixes: dict[str, str] = said["fixes"]
+    if absent := [one for one in wanted if one not in fixes]:
+        raise Unclear(f"there is no fix {absent[0]} at that run; it has {told(fixes)}")
     known = holders(fixes, wanted)
     if not known:
         known = _movers(said, atoms, fixes, in_group(said, atoms, group or "all"))
@@ -218,7 +230,7 @@ def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.n
         Unclear: there is no such group.
     """
     if group not in said["groups"]:
-        names = ", ".join(said["groups"])
+        names = ", ".join(filter(None, said["groups"]))
         raise Unclear(f"the script has no group {group} at its run; it has {names}")
     return atoms["mask"] & (1 << said["groups"].index(group)) != 0
 
@@ -449,6 +461,8 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     else:
         if not bodies:
             raise Unclear("say what is one body, too: --bodies molecule (or custom i_NAME)")
+        if not _are_bodies(bodies.split(), said["groups"]):
+            raise Unclear(f"--bodies {bodies}: molecule, custom i_NAME or single is expected")
         style = bodies
         body = numbers(said, atoms, group or texts(line)[2], bodies.split())
     name, setup = _group_of(said, atoms, body, group)
@@ -469,7 +483,10 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     state, _, dropped = state_of(words[4:])
     moved = in_group(said, atoms, words[2])
     if not moved[body > 0].all():
-        raise Unclear(f"fix {movers[0]} moves a part of the rigid atoms only")
+        raise Unclear(
+            f"fix {movers[0]} moves a part of the rigid atoms only, those of group {words[2]}. If "
+            f"these are whole bodies, say so: --group {words[2]} --bodies molecule"
+        )
     ids = [own for own in fixes if own == movers[0] or fixes[own] == holder]
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
@@ -492,6 +509,16 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
         dropped=tuple(dropped),
         setup=tuple(setup),
     )
+
+
+def _are_bodies(words: Sequence[str], groups: Collection[str]) -> bool:
+    """Whether words of --bodies are those of a body style."""
+    if words[:1] == ["group"]:
+        names = words[2:]
+        return words[1:2] == [str(len(names))] and bool(names) and set(names) <= set(groups)
+    if words[:1] == ["custom"]:
+        return len(words) == 2 and words[1].startswith(("i_", "v_"))
+    return list(words) in (["molecule"], ["single"])
 
 
 def shake_words(line: str) -> str:
@@ -572,7 +599,7 @@ def _same(atoms, body) -> bool:
 def _group_of(said, atoms, body, group) -> tuple[str, list[str]]:
     """A group of the bodies' atoms, and the commands that make it."""
     inside = body > 0
-    for name in [group] if group else said["groups"]:
+    for name in [group] if group else filter(None, said["groups"]):
         if (in_group(said, atoms, name) == inside).all():
             return name, []
     types = np.asarray(atoms["type"])

@@ -12,7 +12,8 @@ from 1).  Left beside it:
 
     read.json   ``commands`` up to the run, ``fixes`` (ID to its command, at that run), ``run`` (its
                 words), ``later`` (the runs behind it, as they are written), what LAMMPS says of the
-                system, and ``left_out`` (commands that write)
+                system, ``left_out`` (commands that write), ``files`` (of the user's, that are read)
+                and ``asked`` (what was looked for, and what there was)
     atoms.npz   of each atom, in order of ID
     error.txt   why there is nothing of it
 
@@ -21,9 +22,9 @@ and in ``inputs`` state.dump, the state that runs begin with.
 In the place of what moves atoms ``commands`` have a command that reads where they came to, if
 commands behind it depend on that.
 
-No file of the user's is written to.  LAMMPS works in ``inputs``.  A file that a command names is
-linked there if the command only reads it, else copied.  One that is above the script's folder is
-named by its whole path, or by that of a copy in a fix.  Commands that write are left out.
+No file of the user's is written to: see ``files``.  LAMMPS works in ``inputs``.  What a command
+writes at once is written there, for a later one may read it.  Commands that write as a run goes on
+are left out.
 """
 
 import sys
@@ -33,10 +34,9 @@ sys.path[0] = __file__.rsplit("/", 3)[0]
 
 # before lammps: its plugins import fix_nosquish, which is to be the one that is installed
 from validation.own import finding, script  # noqa: E402  isort: skip
+from validation.own.files import Failure, Files  # noqa: E402  isort: skip
 from validation.running import machine, starts  # noqa: E402  isort: skip
 
-import glob  # noqa: E402
-import hashlib  # noqa: E402
 import json  # noqa: E402
 import os  # noqa: E402
 import re  # noqa: E402
@@ -71,28 +71,21 @@ class Quit(Exception):
     """The script says quit."""
 
 
-class Failure(Exception):
-    """The script cannot be taken; the message says why."""
-
-
 class Reader:
     """Reads a script with a LAMMPS.
 
     Args:
-        source: the folder of the user's script.
-        inputs: the folder where LAMMPS works.
+        files: of the script.
         ask: see above.
         doing: whether runs that are passed over are done.
     """
 
-    def __init__(self, source: Path, inputs: Path, ask: dict, log: Path, doing: bool) -> None:
-        self.source, self.doing = source, doing
-        self.inputs = self.root = inputs  # the first moves with the script's folder
+    def __init__(self, files: Files, ask: dict, log: Path, doing: bool) -> None:
+        self.files, self.doing = files, doing
         self.fix, self.any, self.skip = ask["fix"], ask["any"], ask["at"] - 1
         self.everything = ask["everything"]
         self.commands: list[str] = []
         self.fixes: dict[str, str] = {}
-        self.files: set[str] = set()  # of the user's, that are read
         self.seen: list[str] = []  # runs, and the fixes that there were
         self.left_out: list[str] = []
         self.moved = False  # atoms, since the last command that depends on where they are
@@ -121,8 +114,9 @@ class Reader:
                 ]
                 raise
             if jump:
-                name = name if jump.file == "SELF" else jump.file
-                commands, position = self._commands(name), 0
+                if jump.file != "SELF":
+                    name, commands = jump.file, self._commands(jump.file)
+                position = 0
                 if jump.label is not None:
                     wanted = ["label", jump.label]
                     at = [i for i, one in enumerate(commands) if script.texts(one)[:2] == wanted]
@@ -131,21 +125,7 @@ class Reader:
                     position = at[0] + 1
 
     def _commands(self, name: str) -> list[str]:
-        path = self.source / name
-        if path.exists() and not path.is_file() and not path.is_dir():
-            raise Failure(
-                f"'{self.where}' reads what someone types in a terminal: put the commands that "
-                "would be typed in its place"
-            )
-        if not path.is_file():
-            raise Failure(f"there is no file {name} in {self.source}, which the script reads")
-        self.files.add(str(path))
-        try:
-            return list(script.lines(path.read_text()))
-        except UnicodeDecodeError:
-            raise Failure(
-                f"{name} is no text: give the input script, not a restart file or a picture"
-            ) from None
+        return list(script.lines(self.files.text(name, self.where)))
 
     def one(self, command: str) -> Jump | None:
         """Do a command; where the reading goes on, if not behind it."""
@@ -156,7 +136,8 @@ class Reader:
                 "script have no end, or does it wait for someone at the terminal?"
             )
         self.where = command
-        line = self.lmp.expand(command) if "$" in command else command
+        line = self.files.asks(command, self.lmp.expand)
+        line = self.lmp.expand(line) if "$" in line else line
         found = script.words(line or "")
         if not found:
             return None
@@ -179,27 +160,41 @@ class Reader:
         elif word == "shell":
             self._shell(rest, line)
         elif word in script.TOLD or word == "label":
-            self.left_out += [line] * (word not in ("label", "echo", "print"))
+            self._told(word, line)
         elif word == "clear":
             self.lmp.command(line)
-            self.commands = [one for one in self.commands if one.startswith("variable")]
+            outlive = "variable", "next", "shell"
+            self.commands = [one for one in self.commands if script.texts(one)[0] in outlive]
             self.fixes, self.moved = {}, False
         else:
             self._do(word, line)
         return None
 
+    def _told(self, word: str, line: str) -> None:
+        """A command that only tells, or writes: what it writes at once a later one may read."""
+        if done := self.files.writable(line):
+            self.lmp.command(done)
+            return
+        names = script.written_later(line)
+        self.files.leave_out(names, line)
+        self.left_out += [line] * (bool(names) or word not in ("label", "echo", "print"))
+
     def _do(self, word: str, line: str) -> None:
-        plain, reads = script.without_files(line), word in script.READS
+        plain = script.without_files(line)
         self.left_out += [line] * (plain != line)
         if word == "fix":
+            self.files.leave_out(script.written_later(line) if plain != line else [], line)
             plain, cut = finding.without_output(plain)
             self.left_out += cut
+        plain = self.files.brought(plain, word in script.READS, word == "fix")
         _, *rest = script.texts(plain)
-        self._bring(rest, reads)
-        plain = self._with_paths(plain, word)
+        if word == "variable" and rest[1:2] == ["getenv"]:
+            self.files.environment[rest[2]] = os.environ.get(rest[2])
         if self.moved and word in script.PLACED:
             self.moved = False
-            self.states.append(dumped(self.lmp, self.inputs / f"state-{len(self.states) + 1}.dump"))
+            self.states.append(
+                dumped(self.lmp, self.files.root / f"state-{len(self.states) + 1}.dump")
+            )
             self.commands.append(self.states[-1])
         stores = _stores(plain)
         for command in (*stores[:1], plain, *stores[1:]):
@@ -218,7 +213,7 @@ class Reader:
         try:
             branches = script.branches(found)
         except ValueError as wrong:
-            raise Failure(str(wrong)) from None
+            raise Failure(f"'{self.where}': {wrong}") from None
         words = ["if"]
         for number, branch in enumerate(branches):
             if branch.condition is None:
@@ -240,16 +235,12 @@ class Reader:
 
     def _shell(self, rest: list[str], line: str) -> None:
         if rest[:1] == ["cd"]:
-            self.source, self.inputs = self.source / rest[1], self.inputs / rest[1]
-            if not self.source.is_dir():
-                raise Failure(f"there is no folder {self.source}")
-            if WORLD.rank == 0:
-                self.inputs.mkdir(parents=True, exist_ok=True)
-            WORLD.Barrier()
-            os.chdir(self.inputs)
+            self.files.cd(rest[1])
         elif rest[:1] == ["putenv"]:
             self._do("shell", line)
         else:
+            self.files.made |= {self.files.place(one) for one in rest[1:] if rest[0] == "mkdir"}
+            self.files.leave_out(script.written_later(line), line)
             self.left_out.append(line)
 
     def _run(self, line: str) -> None:
@@ -266,70 +257,45 @@ class Reader:
             self.moved |= takes_time or not line.startswith("run")
             self.commands.append(line)
             self.lmp.command("thermo_modify flush yes")  # the log is what is watched for life
-            self.lmp.command(line)
+            self.lmp.command(self._without_writing(line))
         else:
             self.skipped += 1
 
-    def _bring(self, names: list[str], reads: bool) -> None:
-        """Have the files that a command names where LAMMPS works, unless it finds them where they
-        are."""
-        for name in names:
-            for path in self._files(name, reads):
-                if self.root in path.parents:
-                    continue  # a copy, which an earlier command has
-                self.files.add(str(path))
-                if not is_elsewhere(name):
-                    _put(path, self.inputs / path.relative_to(self.source), reads)
-        WORLD.Barrier()
+    def _without_writing(self, line: str) -> str:
+        """A run without the commands in between that write.
 
-    def _with_paths(self, line: str, command: str) -> str:
-        """A command that finds files in no folder in which LAMMPS works, by their whole paths.
-
-        A fix may write to a file that it names, so it gets a copy.
+        Raises:
+            Failure: they stand in a condition.
         """
-
-        def changed(word: script.Word) -> str:
-            path = self.source / word.text
-            there = self._files(word.text, command in script.READS)
-            if not is_elsewhere(word.text) or not there or self.root in path.parents:
-                return word.quoted
-            if command == "fix":
-                return f'"{self._copied(path)}"'
-            return word.quoted if word.text.startswith("/") else f'"{self.source}/{word.text}"'
-
-        return script.with_words(line, changed)
-
-    def _copied(self, path: Path) -> Path:
-        """The copy of a file in a folder of its own, where LAMMPS works."""
-        name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
-        place = self.root / f"elsewhere-{name}" / path.name
-        _put(path, place, link=False)
-        WORLD.Barrier()
-        return place
-
-    def _files(self, name: str, reads: bool) -> list[Path]:
-        if not name or "\0" in name or len(name) > 255:
-            return []
-        if reads and ("*" in name or "%" in name):  # elsewhere * stands for types or groups
-            pattern = os.path.join(glob.escape(str(self.source)), name.replace("%", "*"))
-            return [Path(one) for one in sorted(glob.glob(pattern)) if Path(one).is_file()]
-        path = self.source / name
-        return [path] if path.is_file() else []
+        between = script.done_between(line)
+        found, kept = script.words(line), []
+        for one in between:
+            word, *_ = script.texts(one)
+            if word == "if":
+                inner = [
+                    own for branch in script.branches(script.words(one)) for own in branch.commands
+                ]
+                if any(_writes(own) for own in inner):
+                    raise Failure(
+                        f"'{line}' of an earlier run writes in a condition: leave that out of the "
+                        "script, or give one that begins behind that run"
+                    )
+            if _writes(one):
+                self.files.leave_out(script.written_later(one), one)
+                self.left_out.append(one)
+            else:
+                kept.append(one)
+        if len(kept) == len(between):
+            return line
+        head = [one.quoted for one in found]
+        head = head[: head.index("every") + 2 * bool(kept)]
+        return " ".join((*head, *(f'"{one}"' for one in kept)))
 
 
-def _put(path: Path, place: Path, link: bool) -> None:
-    """A copy of a file, or a link to it, if there is none; rank 0 makes it."""
-    if WORLD.rank == 0 and not place.exists():
-        place.parent.mkdir(parents=True, exist_ok=True)
-        if link:
-            place.symlink_to(path.resolve())
-        else:
-            shutil.copyfile(path, place)
-
-
-def is_elsewhere(name: str) -> bool:
-    """Whether a file of this name is in no folder in which LAMMPS works."""
-    return name.startswith("/") or os.path.normpath(name).startswith("..")
+def _writes(line: str) -> bool:
+    """Whether a command in between two parts of a run is to be left out."""
+    word, *_ = script.texts(line)
+    return word in script.TOLD or word == "shell"
 
 
 def _stores(line: str) -> list[str]:
@@ -358,14 +324,18 @@ def read(ask: dict, out: Path) -> None:
         again = bool(found.skipped) and not found.alone
         if not again:
             raise
-    if again:  # with the runs before it
+    if again:  # with the runs before it, and nothing of what was written without them
         found.lmp.close()
+        _clear(inputs)
         found = _reader(path, inputs, ask, out, doing=True)
         _until_run(found, path)
     if not found.run:
-        raise Failure(finding.nothing(found.seen))
+        raise Failure(finding.nothing(found.seen, found.fix, ask["at"], ask["at"] - 1 - found.skip))
     lmp = found.lmp
+    dt = lmp.extract_global("dt")  # before a fix dt/reset changes it
+    lmp.command("thermo_modify norm no")
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
+    temperature, potential = _thermo(lmp)
     _look_at_ids(lmp, found.run)
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     said = {
@@ -376,16 +346,18 @@ def read(ask: dict, out: Path) -> None:
         "at": ask["at"],
         "states": found.states,
         "skipped": found.done,
-        "files": sorted(found.files),
+        "files": sorted(found.files.read),
+        "asked": [found.files.globs, found.files.environment],
         "left_out": list(dict.fromkeys(found.left_out)),
         "units": lmp.extract_global("units"),
-        "dt": lmp.extract_global("dt"),
+        "dt": dt,
         "step": lmp.extract_global("ntimestep"),
         "dimension": lmp.extract_setting("dimension"),
         "groups": lmp.available_ids("group"),
         "cell": [[high[0] - low[0], 0, 0], [xy, high[1] - low[1], 0], [xz, yz, high[2] - low[2]]],
         "periodic": periodic,
-        "temperature": lmp.get_thermo("temp"),
+        "temperature": temperature,
+        "potential": potential,
         "boltzmann": lmp.extract_global("boltz"),
         "special": [lmp.extract_global(f"special_{one}") for one in ("lj", "coul")],
     }
@@ -401,7 +373,34 @@ def read(ask: dict, out: Path) -> None:
 
 def _reader(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> Reader:
     os.chdir(inputs)
-    return Reader(path.parent, inputs, ask, out / "log.lammps", doing)
+    files = Files((path.parent, Path(ask["folder"])), inputs, WORLD)
+    return Reader(files, ask, out / "log.lammps", doing)
+
+
+def _clear(inputs: Path) -> None:
+    """Empty the folder where LAMMPS works."""
+    if WORLD.rank == 0:
+        for one in inputs.iterdir():
+            if one.is_dir() and not one.is_symlink():
+                shutil.rmtree(one)
+            else:
+                one.unlink()
+    WORLD.Barrier()
+
+
+def _thermo(lmp: lammps) -> tuple[float, float]:
+    """Temperature and potential energy of all atoms, 0 where LAMMPS cannot tell them; every rank
+    must call."""
+    for style in "", "thermo_style one":  # the script's own may have neither
+        try:
+            if style:
+                for one in (style, "thermo_modify norm no", "run 0 post no"):
+                    lmp.command(one)
+            return lmp.get_thermo("temp"), lmp.get_thermo("pe")
+        except Exception as failure:
+            if isinstance(failure, MPIAbortException):
+                raise
+    return 0.0, 0.0
 
 
 def _made(inputs: Path) -> dict[str, str]:
@@ -452,6 +451,8 @@ def _look_at_ids(lmp: lammps, run: str) -> None:
 def _with_numbers(lmp: lammps, line: str) -> str:
     """A fix of ours with numbers in the place of equal-style variables, which it reads when a run
     begins."""
+    if finding.kind_of(line) == "constraints":
+        return _without_labels(lmp, line)
     if finding.kind_of(line) != "ours":
         return line
 
@@ -463,6 +464,20 @@ def _with_numbers(lmp: lammps, line: str) -> str:
         return f"{value:.0f}" if value.is_integer() else script.undotted(repr(value))
 
     return re.sub(r"\bv_(\w+)", number, line)
+
+
+def _without_labels(lmp: lammps, line: str) -> str:
+    """A fix shake with numbers in the place of labels of types."""
+    kinds, kind = {"b": "bond", "a": "angle", "t": "atom"}, ""
+    told: list[str] = []
+    for word in script.words(line):
+        kind = word.text if word.text in ("b", "a", "t", "m", "mol", "kbond") else kind
+        label = len(told) > 6 and kind in kinds and re.search(r"[^\d*]", word.text)
+        if label and word.text != kind:
+            told.append(lmp.expand(f"$(label2type({kinds[kind]},{word.text}):%.0f)"))
+        else:
+            told.append(word.quoted)
+    return " ".join(told)
 
 
 def _variable(lmp: lammps, name: str) -> np.ndarray | None:

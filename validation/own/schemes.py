@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +11,7 @@ import fix_nosquish
 from fix_nosquish.host.command import Command
 from validation.own import finding
 from validation.own.finding import Found, State, style_of
-from validation.own.script import texts, undotted, words
+from validation.own.script import done_between, texts, undotted, words
 from validation.scenes.integrators import OURS, Integrator
 
 SEED = 4928
@@ -104,6 +104,21 @@ def state_words(state, plain=False) -> str:
         told += axis
     told += ["couple", state.couple] if state.couple else []
     return "".join(" " + (one if plain else undotted(one)) for one in told)
+
+
+def steering(commands: Sequence[str]) -> set[int]:
+    """Which commands are of fixes that change the step, or end a run before its time."""
+    found, now = set(), set[str]()
+    for i, line in enumerate(commands):
+        word, *rest = texts(line)
+        if word == "fix":
+            now -= {rest[0]}
+            now |= {rest[0]} if style_of(line) in ("dt/reset", "halt") else set()
+        if word in ("fix", "fix_modify", "unfix") and rest[0] in now:
+            found.add(i)
+        if word == "unfix":
+            now -= {rest[0]}
+    return found
 
 
 def _rest(found: Found) -> tuple[list[str], list[str]]:
@@ -218,6 +233,20 @@ def _constrained(found: Found) -> Iterator[Integrator]:
         yield Integrator(style, label, lines, kind="constraints", tolerance=tolerance)
 
 
+def _reading_ours(found: Found, commands: Sequence[str]) -> list[str]:
+    """Commands that name a fix which is replaced, as f_ID or as a rigid fix."""
+    made = []
+    for line in commands:
+        word, *rest = texts(line)
+        named = any(re.search(rf"f_{re.escape(one)}\b", line) for one in found.ids)
+        if word == "compute" and len(rest) > 3 and rest[3] in found.ids:
+            named |= rest[2].startswith(("ke/rigid", "erotate/rigid", "rigid/local"))
+        if word == "fix" and "rigid" in rest[3:]:
+            named |= any(one in found.ids for one in rest)
+        made += [line] * named
+    return made
+
+
 def _ensemble(found, said, atoms):
     """What integrators keep, and which other fix keeps the temperature beside them."""
     name, baths = found.state.ensemble.upper(), finding.thermostats(said, atoms, found)
@@ -258,6 +287,17 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
         )
     elif found.rest:
         lines.append("The other atoms that these fixes move keep their integrator.")
+    if between := done_between(said["run"]):
+        some = "; ".join(between)
+        lines.append(
+            f"What is done between the parts of that run is left out: {some}. Where it changes "
+            "atoms, the script's own run is another one."
+        )
+    if replaced := _reading_ours(found, said["commands"]):
+        lines.append(
+            "These read numbers of a fix that is replaced, which others may not have: where such "
+            f"a row fails, leave them out of the script: {'; '.join(map(plain, replaced[:6]))}."
+        )
     if found.dropped:
         lines.append(f"Keywords of it that others do not have: {', '.join(found.dropped)}.")
     if said["skipped"]:

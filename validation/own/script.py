@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal, InvalidOperation
+from itertools import pairwise
 from typing import NamedTuple
 
 # a run begins, or something that LAMMPS does step by step
@@ -41,6 +42,9 @@ CHANGES = frozenset(
 PLACED = CHANGES | {"group", "fix", "compute"}
 # fixes that remember where atoms were when they were made
 REMEMBERS = "spring/self", "store/state", "move", "recenter", "tmd", "poems", "rigid"
+# they write a file at once, in the place of the word of this number
+WRITES = {"write_data": 1, "write_restart": 1, "write_coeff": 1, "group2ndx": 1, "write_dump": 3}
+IS_FILE = re.compile(r"is_file\(([^()]*)\)")
 # they only read the files that they name, so a link is enough
 READS = frozenset(("read_data", "read_restart", "read_dump", "molecule", "include", "jump"))
 
@@ -172,6 +176,43 @@ def branches(found: Sequence[Word]) -> list[Branch]:
             result[-1].commands.append(word.text)
         position += 1
     return result
+
+
+def written_at(line: str) -> int | None:
+    """Which word of a command names the file that it writes at once; None if it writes none."""
+    found = words(line)
+    at = WRITES.get(found[0].text)
+    if found[0].text == "print":
+        names = [i for i, one in enumerate(found) if one.quoted in ("file", "append")]
+        at = names[0] + 1 if names else None
+    return at if at is not None and at < len(found) else None
+
+
+def appends(line: str) -> bool:
+    """Whether a command of `written_at` adds to a file."""
+    return line.startswith("print") and any(one.quoted == "append" for one in words(line))
+
+
+def written_later(line: str) -> list[str]:
+    """Names of the files that a command has LAMMPS write as it goes on, or the shell."""
+    word, *rest = texts(line)
+    if word == "dump":
+        return rest[4:5]
+    if word == "restart":
+        return [one for one in rest[1:3] if one not in ("fileper", "nfile")]
+    if word == "shell" and rest[:1] in (["cp"], ["mv"]):
+        return rest[-1:]
+    if word == "fix":
+        return [name for key, name in pairwise(rest) if key in ("file", "append")]
+    at = written_at(line)
+    return [] if at is None else [texts(line)[at]]
+
+
+def done_between(line: str) -> list[str]:
+    """The commands that ``run N every M`` does between the parts of a run."""
+    word, *rest = texts(line)
+    at = rest.index("every") + 2 if word == "run" and "every" in rest else len(rest)
+    return [one for one in rest[at:] if one != "NULL"]
 
 
 def without_files(command: str) -> str:

@@ -176,7 +176,14 @@ def temperature(own: Own) -> float:
     try:
         return float((own.found.state.temp or ("",))[0])
     except ValueError:
-        return own.said["temperature"]
+        return own.said["temperature"] or _of_velocities(own)
+
+
+def _of_velocities(own: Own) -> float:
+    """The temperature of all atoms, as if each moved by itself."""
+    motion = mvv2e(own) * float(own.atoms["mass"] @ (own.atoms["v"] ** 2).sum(axis=1))
+    degrees = own.said["dimension"] * len(own.atoms["mass"])
+    return motion / (degrees * own.said["boltzmann"])
 
 
 def thermal(own: Own) -> float:

@@ -20,6 +20,7 @@ import numpy as np
 
 from validation import command_line
 from validation.own import finding, schemes
+from validation.own.files import asked_now
 from validation.own.finding import Found, Unclear
 from validation.own.script import CHANGES, DONE, RUNS, remembers, texts
 from validation.running import machine, run, starts, store
@@ -28,6 +29,7 @@ from validation.scenes.integrators import Integrator
 from validation.scenes.units import UNITS, Units
 
 READER = Path(__file__).with_name("reader.py")
+SAME = 1e-6  # of the potential and the thermal energy: more is another system
 
 
 @dataclass(frozen=True)
@@ -35,7 +37,7 @@ class Ask:
     """What the command line says of a script.
 
     Attributes:
-        script: its path.
+        script: its path.  folder: in which the harness was started.
         variables: of the option -var: a name and its values, each.
         fix: IDs of the fixes whose place is taken; empty finds them.
         group, bodies: the rigid atoms, where no fix tells them.
@@ -43,6 +45,7 @@ class Ask:
     """
 
     script: str
+    folder: str
     variables: tuple[tuple[str, ...], ...] = ()
     fix: tuple[str, ...] = ()
     group: str | None = None
@@ -52,9 +55,14 @@ class Ask:
     @classmethod
     def of(cls, arguments: Namespace, script: str) -> "Ask":
         """Of a script, with the options that `command_line.own` adds."""
+        given = tuple(map(tuple, arguments.variables or ()))
+        for one in given:
+            if len(one) < 2:
+                arguments.parser.error(f"-var {one[0]}: a value is missing behind the name")
         return cls(
-            str(Path(script).resolve()),
-            tuple(map(tuple, arguments.variables or ())),
+            os.path.abspath(script),  # a link's own folder, as LAMMPS takes it
+            os.getcwd(),
+            given,
             tuple(arguments.fix or ()),
             arguments.group,
             arguments.bodies,
@@ -145,6 +153,7 @@ def take(
         scene, late = _scene(ask, folder, said, atoms, found)
         if found.kind in ("constraints", "plain"):
             scene = _at_rest(scene, those, folder, ranks, silence)
+        late += _otherwise(scene, those, said, folder, ranks, silence)
         scene = replace(scene, origin=_files_of(said, scene.folder))
     notes = (*schemes.summary(found, said, atoms), *more, *late)
     for line in notes:
@@ -209,15 +218,16 @@ def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
     """What was read before, if nothing has changed since."""
     try:
         kept = json.loads((folder / "known.json").read_text())
-        same = kept["origin"] == _origin(ask, ranks, everything, kept["files"])
+        how = ranks, everything, kept["files"], kept["asked"]
+        same = kept["origin"] == _origin(ask, *how) and kept["asked"] == asked_now(*kept["asked"])
         return json.loads((folder / "read.json").read_text()) if same else None
     except (OSError, ValueError, KeyError):
         return None
 
 
-def _origin(ask, ranks, everything, files) -> str:
-    code, found = store.code_of("validation.own.system"), _contents(files)
-    return store.digest(asdict(ask), ranks, everything, code, machine.versions(), files, found)
+def _origin(ask, ranks, everything, files, asked) -> str:
+    code, found = store.code_of("validation.own.system"), [files, _contents(files), asked]
+    return store.digest(asdict(ask), ranks, everything, code, machine.versions(), found)
 
 
 def _contents(files) -> str:
@@ -237,6 +247,7 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
     (folder / "inputs").mkdir(parents=True)
     plain = {
         "script": ask.script,
+        "folder": ask.folder,
         "inputs": str(folder / "inputs"),
         "variables": ask.variables,
         "fix": ask.fix,
@@ -265,8 +276,8 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
         why = error.read_text() if error.exists() else f"ended, see {folder / 'output.txt'}"
         raise SystemExit(f"{Path(ask.script).name}: {run.one_line(why)}")
     said = json.loads((folder / "read.json").read_text())
-    files = said["files"]
-    kept = {"files": files, "origin": _origin(ask, ranks, everything, files)}
+    known = said["files"], said["asked"]
+    kept = {"files": known[0], "asked": known[1], "origin": _origin(ask, ranks, everything, *known)}
     (folder / "known.json").write_text(json.dumps(kept))
     return said
 
@@ -284,6 +295,8 @@ def _scene(
         first = min(first, max(i for i in own if texts(commands[i])[0] == "fix"))
     if found.kind == "plain" or ask.group:
         first = len(commands)
+    stray = schemes.steering(commands)
+    gone |= stray
     states = said["states"]
     # behind the state that runs begin with, these would change it a second time
     changes = [
@@ -322,7 +335,11 @@ def _scene(
         output=tuple(output),
         dimension=said["dimension"],
     )
-    return scene, _late([commands[i] for i in range(first, len(commands)) if i not in gone])
+    late = _late([commands[i] for i in range(first, len(commands)) if i not in gone])
+    if stray:
+        some = "; ".join(schemes.plain(commands[i]) for i in sorted(stray))
+        late.append(f"Left out, for they change the step or end a run early: {some}.")
+    return scene, late
 
 
 def _keep(array: np.ndarray, folder: Path, path: Path) -> None:
@@ -353,17 +370,52 @@ def _box(commands) -> int:
 
 
 def _at_rest(scene, those, folder, ranks, silence) -> Scene:
-    """The scene with velocities of rigid bodies: what all integrators make of the script's."""
-    ours = next((one for one in those if one.kind in ("ours", "rigid")), None)
-    if ours is None:
+    """The scene with velocities of rigid bodies: what all integrators make of the script's.
+
+    Raises:
+        SystemExit: none that moves rigid bodies can begin.
+    """
+    rigid = [one for one in those if one.kind in ("ours", "rigid")]
+    if not rigid:
         return scene
     state, made = scene.folder / "bodies.dump", folder / "bodies" / "state.dump"
-    if not state.exists():
+    why: list[str] = []
+    while not state.exists():
+        if len(why) == len(rigid):
+            raise SystemExit(f"{scene.subject}: {'; '.join(why)}")
+        one = rigid[len(why)]
         how: dict = {"dt": scene.dt, "every": 0, "ranks": ranks, "silence": silence}
         more = starts.to_dump(made, 1)
-        result = run.run(run.job(scene, ours, made.parent, [0], more=more, **how))
+        result = run.run(run.job(scene, one, made.parent, [0], more=more, **how))
         if result.error:
-            raise SystemExit(f"{scene.subject}: {ours.label} cannot begin: {result.error}")
-        made.replace(state)
+            why.append(f"{one.label} cannot begin: {result.error}")
+        else:
+            made.replace(state)
     begun = starts.read(state, 0, scene.dimension, box=True)
     return replace(scene, setup=(*scene.setup[:-1], begun))
+
+
+def _otherwise(scene, those, said, folder, ranks, silence) -> list[str]:
+    """What is to be said where the start is another system than the script has behind earlier runs:
+    these may have changed what is no motion of atoms, as charges, bonds, coefficients."""
+    if not said["skipped"]:
+        return []
+    place = folder / "beginning"
+    how: dict = {"dt": scene.dt, "every": 1, "ranks": ranks, "silence": silence}
+    for one in those:
+        job = run.job(scene, one, place, [0], more=run.thermo(), **how)
+        result = run.once(job, failures=True)
+        if result.error or not len(result.thermo.get("PotEng", ())):
+            continue
+        here, there = float(result.thermo["PotEng"][0]), said["potential"]
+        number = int(np.prod(np.load(scene.body_property, mmap_mode="r").shape[1:]))
+        scale = abs(there) + number * said["boltzmann"] * said["temperature"]
+        if abs(here - there) <= SAME * scale:
+            return []
+        return [
+            f"The potential energy is {here:.8g} at the start here, and {there:.8g} in the script: "
+            "an earlier run changes more than the motion of atoms, as charges, bonds or "
+            "coefficients, or its variables count steps. So this is another system. Run the script "
+            "so far, keep it by write_data, and give one that reads that file."
+        ]
+    return []

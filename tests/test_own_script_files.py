@@ -1,0 +1,299 @@
+"""The files that a user's script names, and what an earlier run changes: no file of the user's is
+written to, and the system that is compared is the script's."""
+
+import os
+import re
+
+import numpy as np
+import pytest
+import scripts
+from own_scripts import GAS, refused, take
+
+pytest.importorskip("mdtraj", reason="the validation extra is not installed")
+
+from validation.own import files, script, system
+from validation.own.files import Files
+
+RIGID = "fix 1 a rigid/nve single\ntimestep 0.001\n"
+LENNARD = GAS.replace("pair_style zero 2.0", "pair_style lj/cut 2.0").replace(
+    "pair_coeff * *", "pair_coeff * * 1 1"
+)
+
+
+class One:
+    """A world of one rank."""
+
+    rank = 0
+
+    @staticmethod
+    def Barrier():
+        """Wait for nobody."""
+
+
+def written(tmp_path, text, name="in.own"):
+    """A script with these commands."""
+    path = tmp_path / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def box(tmp_path, name="start.data"):
+    """A data file of the user's."""
+    place = tmp_path / name
+    place.parent.mkdir(parents=True, exist_ok=True)
+    lines = ["of a test", "", "4 atoms", "1 atom types", "", *(f"0 6 {a}lo {a}hi" for a in "xyz")]
+    atoms = [f"{n} 1 {x} {y} 1" for n, (x, y) in enumerate([(1, 1), (2, 1), (4, 4), (4, 5)], 1)]
+    place.write_text("\n".join([*lines, "", "Masses", "", "1 1", "", "Atoms", "", *atoms, ""]))
+    return place
+
+
+READ = """units lj
+read_data {name}
+group a id 1 2
+pair_style zero 2.0
+pair_coeff * *
+"""
+
+
+def pairs(own):
+    """What a run of the scene says of its start."""
+    job = system.run.job(
+        own.scene, next(iter(own.integrators.values())), own.scene.folder.parent / "look", [2],
+        dt=own.scene.dt, every=1, ranks=1, silence=100.0,
+    )  # fmt: skip
+    return system.run.run(job)
+
+
+def test_no_file_of_the_users_is_written_to_behind_a_change_of_folder(tmp_path):
+    """Locks out LAMMPS at work in the user's folder, where the dump of a state, and what fixes
+    write, replace files of these names; and runs that look for files in another folder."""
+    place = tmp_path / "user"
+    kept = box(place, "parts/start.data"), place / "parts" / "state-1.dump"
+    kept[1].write_text("my own")
+    for there in (str(place / "parts"), "parts"):
+        text = f"shell cd {there}\n" + READ.format(name="start.data") + RIGID
+        text += "velocity a create 1 5\nrun 3\ngroup b id 3 4\nfix 2 b rigid/nve single\nrun 5\n"
+        path = written(place, text)
+        before = {one: one.read_bytes() for one in place.rglob("*") if one.is_file()}
+        out = tmp_path / f"out-{there == 'parts'}"
+        own = take(path, out, at=2, fix=("1",))
+        assert not pairs(own).error
+        assert {one: one.read_bytes() for one in place.rglob("*") if one.is_file()} == before
+    text = "shell mkdir run1\nshell cd run1\n" + READ.format(name="../parts/start.data") + RIGID
+    assert take(written(place, text + "run 5\n"), tmp_path / "made").bodies == 1
+    message = refused("shell cd nowhere\n", tmp_path)
+    assert "there is no folder" in message and "make the folder" in message
+
+
+def test_commands_between_parts_of_an_earlier_run_write_nothing(tmp_path):
+    """Locks out `run N every M` whose commands replace or append to the user's files."""
+    box(tmp_path), (tmp_path / "results.data").write_text("kept")
+    between = f'"write_data {tmp_path}/results.data" "print now append {tmp_path}/log"'
+    between += ' "variable n equal 1"'
+    text = READ.format(name="start.data") + RIGID + f"run 4 every 2 {between}\nrun 5\n"
+    own = take(written(tmp_path, text), tmp_path / "out", at=2)
+    assert (tmp_path / "results.data").read_text() == "kept" and not (tmp_path / "log").exists()
+    assert own.said["step"] == 4 and len(own.said["left_out"]) == 2
+    inside = f"""run 4 every 2 "if '1 == 1' then 'shell rm {tmp_path}/results.data'"\nrun 5\n"""
+    message = refused(READ.format(name="start.data") + RIGID + inside, tmp_path, at=2)
+    assert "writes in a condition" in message and (tmp_path / "results.data").exists()
+
+
+def test_commands_between_parts_of_the_run_are_told(tmp_path):
+    """Locks out a comparison of another run than the script's, without a word."""
+    text = GAS + RIGID + 'run 10 every 5 "velocity a scale 1.0"\n'
+    notes = take(written(tmp_path, text), tmp_path / "out").notes
+    assert any("is left out: velocity a scale 1.0" in one for one in notes)
+
+
+def test_names_are_of_the_scripts_folder_or_of_the_one_where_it_was_started(tmp_path):
+    """Locks out the files beside a link's target in the place of those beside the link, files that
+    LAMMPS finds where it is started, and a choice between two that differ."""
+    one, other = tmp_path / "water298", tmp_path / "scripts"
+    box(one)
+    path = written(other, READ.format(name="start.data") + RIGID + "run 5\n")
+    (one / "in.own").symlink_to(path)
+    assert take(one / "in.own", tmp_path / "a").bodies == 1  # the link's own folder
+    asked = system.Ask(str(path), str(one))
+    assert system.take(asked, tmp_path / "b", 1, 100.0, tell=lambda _: None).bodies == 1
+    (other / "start.data").write_text((one / "start.data").read_text().replace("0 6", "0 7"))
+    with pytest.raises(SystemExit, match=r"start.data is another file in .*scripts than in"):
+        system.take(asked, tmp_path / "c", 1, 100.0, tell=lambda _: None)
+
+
+def test_is_file_finds_the_users_files(tmp_path):
+    """Locks out the branch of a file that is not there, where it is; and a reading that goes on
+    when it comes or goes."""
+    text = 'if "$(is_file(more.lmp))" then "variable x equal 2" else "variable x equal 1"\n'
+    path = written(tmp_path, GAS + text + RIGID + "timestep $(v_x/1000)\nrun 5\n")
+    assert take(path, tmp_path / "out").scene.dt == 0.001
+    (tmp_path / "more.lmp").write_text("\n")
+    assert take(path, tmp_path / "out").scene.dt == 0.002
+    (tmp_path / "more.lmp").unlink()
+    assert take(path, tmp_path / "out").scene.dt == 0.001
+
+
+def test_what_the_script_writes_is_what_it_reads(tmp_path):
+    """Locks out an old file of the user's in the place of the one that the script writes, a file
+    that is lacking, and a message that does not say why."""
+    old = box(tmp_path, "eq.data")
+    before = old.read_text()
+    text = GAS + "displace_atoms b move 0.25 0 0\nwrite_data eq.data nocoeff\nclear\n"
+    text += READ.format(name="eq.data") + 'print "timestep 0.003" file more.lmp\n'
+    own = take(written(tmp_path, text + RIGID + "include more.lmp\nrun 5\n"), tmp_path / "out")
+    np.testing.assert_allclose(own.atoms["x"][2], [4.25, 4.0, 4.0])
+    assert own.scene.dt == 0.003 and old.read_text() == before
+    assert not pairs(own).error and not (tmp_path / "more.lmp").exists()
+    text = GAS + RIGID + "dump 1 all custom 5 traj.dump id x y z\nrun 5\nundump 1\n"
+    text += "read_dump traj.dump 5 x y z\nrun 5\n"
+    message = refused(text, tmp_path, at=2)
+    assert "'read_dump traj.dump 5 x y z' reads traj.dump, which 'dump 1 all" in message
+    assert "give one that begins with that file" in message
+
+
+def test_the_environment_and_wildcards_are_looked_at_again(tmp_path, monkeypatch):
+    """Locks out an old reading in the place of a new one."""
+    path = written(tmp_path, GAS + RIGID + "variable t getenv STEP_OF_TEST\ntimestep $t\nrun 5\n")
+    for value in "0.001", "0.002":
+        monkeypatch.setenv("STEP_OF_TEST", value)
+        assert take(path, tmp_path / "out").scene.dt == float(value)
+    box(tmp_path, "run.1.data")
+    found = Files([tmp_path], tmp_path / "root", One)
+    found.find("run.*.data", wild=True)
+    asked = [found.globs, found.environment]
+    assert asked == files.asked_now(*asked)
+    box(tmp_path, "run.2.data")
+    assert asked != files.asked_now(*asked)
+
+
+def test_clear_in_a_loop_keeps_the_loops_counter(tmp_path):
+    """Locks out variables that count from the begin in the run that is compared."""
+    loop = "variable i loop 3\nlabel top\nclear\n" + GAS + RIGID
+    text = loop + "variable t equal v_i\nrun 2\nnext i\njump SELF top\n"
+    own = take(written(tmp_path, text), tmp_path / "out", at=3)
+    lines = [one for one in own.scene.setup if one.split()[0] in ("variable", "next")]
+    assert lines.count("variable i loop 3") == 1 and lines.count("next i") == 2
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "variable e equal 3.0\nfix ad all adapt 1 pair lj/cut epsilon 1 1 v_e reset no\n",
+        "",
+    ],
+)
+def test_another_system_than_the_scripts_is_told(tmp_path, change):
+    """Locks out coefficients, charges or bonds that an earlier run has changed, and that are lost
+    without a word; and a word where nothing is lost."""
+    text = LENNARD + RIGID + change + "run 3\n" + "unfix ad\n" * bool(change) + "run 5\n"
+    notes = take(written(tmp_path, text), tmp_path / "out", at=2).notes
+    assert any("this is another system" in one for one in notes) is bool(change)
+
+
+def test_fixes_that_change_the_step_are_left_out(tmp_path):
+    """Locks out steps of another length than the table says, and a run that ends early."""
+    text = GAS + "fix dt all dt/reset 1 1e-4 2e-4 0.1\nvariable n equal step\n"
+    text += "fix h all halt 1 v_n > 3 error soft\n"
+    own = take(written(tmp_path, text + RIGID + "run 10\n"), tmp_path / "out")
+    assert not any(re.search(r"dt/reset|halt", one) for one in (*own.scene.setup, *own.scene.then))
+    assert any("change the step or end a run early: fix dt all" in one for one in own.notes)
+    result = pairs(own)
+    assert not result.error and result.thermo["Time"][-1] == pytest.approx(0.002)
+
+
+def test_options_that_name_nothing_are_refused_with_what_there_is(tmp_path):
+    """Locks out another fix or run in the place of the one that is named, and tracebacks."""
+    text = GAS + "fix 1 a nve\nrun 5\n"
+    how = {"group": "a", "bodies": "single"}
+    assert "there is no fix 9 at that run; it has 1 (nve" in refused(
+        text, tmp_path, fix=("9",), **how
+    )
+    assert "no run of the script has fix 9" in refused(
+        GAS + RIGID + "run 5\n", tmp_path, fix=("9",)
+    )
+    assert "the script has 1 such runs" in refused(GAS + RIGID + "run 5\n", tmp_path, at=3)
+    message = refused(text, tmp_path, group="waters", bodies="molecule")
+    assert "no group waters at its run; it has all, a, b" in message
+    for words in "molecules", "custom", "custom x", "group", "group 2 a", "group 1 none":
+        assert f"--bodies {words}: molecule" in refused(text, tmp_path, group="a", bodies=words)
+    message = refused(GAS + 'if "1 == 1" "run 5"\n', tmp_path)
+    assert '\'if "1 == 1" "run 5"\'' in message
+
+
+def test_letters_of_other_encodings_in_comments(tmp_path):
+    """Locks out a script that LAMMPS runs and the harness takes for a picture."""
+    path = tmp_path / "in.own"
+    path.write_bytes("# Wärme\n".encode("latin-1") + (GAS + RIGID + "run 5\n").encode())
+    assert take(path, tmp_path / "out").bodies == 1
+
+
+def test_thermo_output_without_a_temperature(tmp_path):
+    """Locks out a script that is refused because its output does not name what the harness asks."""
+    text = GAS + "velocity all create 2.0 5\nthermo_style custom step pe\n" + RIGID + "run 5\n"
+    assert take(written(tmp_path, text), tmp_path / "out").said["temperature"] > 0
+
+
+def test_labels_of_types_in_shake(tmp_path):
+    """Locks out a traceback for words of shake that are no numbers."""
+    path = scripts.spce(tmp_path, number=2)
+    labels = "labelmap bond 1 OW-HW\nlabelmap angle 1 HW-OW-HW\n"
+    text = path.read_text()
+    at = text.index("\n", text.index("read_data")) + 1
+    text = (text[:at] + labels + text[at:]).replace(" b 1 a 1", " b OW-HW a HW-OW-HW")
+    assert "b OW-HW" in text
+    path.write_text(text)
+    own = take(path, tmp_path / "out")
+    assert own.bodies == 8 and own.scene.constraints == "b 1 a 1"
+
+
+def test_others_begin_where_ours_cannot(tmp_path):
+    """Locks out a command that is refused as a whole, because one integrator cannot begin."""
+    both = "fix hold all shake 1e-6 100 0 b 1 a 1\nfix move all nve\n"
+    fix = f"{both}fix p all press/berendsen iso 1 1 1000"
+    path = scripts.spce(tmp_path, number=2, fix=fix)
+    own = take(path, tmp_path / "out")
+    assert (own.scene.folder / "bodies.dump").exists()
+
+
+def test_a_link_is_never_written_through(tmp_path):
+    """Locks out a fix that gets a link to the user's file, because an earlier command only read
+    it, and a write that follows a link."""
+    box(tmp_path), (tmp_path / "root").mkdir()
+    found = Files([tmp_path], tmp_path / "root", One)
+    place = tmp_path / "root" / "start.data"
+    found.brought("read_data start.data", reads=True, fix=False)
+    assert place.is_symlink()
+    found.brought("fix 1 all own start.data", reads=False, fix=True)
+    assert place.is_file() and not place.is_symlink()
+    place.unlink()
+    found.brought("read_data start.data", reads=True, fix=False)
+    assert found.writable("write_data start.data") == 'write_data "start.data"'
+    assert not os.path.lexists(place)
+    for line in (
+        "write_data ../a.data",
+        f"write_data {tmp_path}/a.data",
+        "write_restart a.*",
+        "dump 1",
+    ):
+        assert found.writable(line) is None
+
+
+def test_words_that_name_files():
+    """Locks out a file that a command writes, and of which nobody knows."""
+    later = {
+        "dump 1 all custom 5 a.dump id": ["a.dump"],
+        "restart 5 a b": ["a", "b"],
+        "restart 0": [],
+        "shell cp a b": ["b"],
+        "shell rm a": [],
+        'fix 1 all print 5 "x" append a.txt screen no': ["a.txt"],
+        "write_data a.data": ["a.data"],
+        "write_dump all atom a.dump": ["a.dump"],
+        'print "x" file a': ["a"],
+        'print "file x"': [],
+        "run 5": [],
+    }
+    assert {line: script.written_later(line) for line in later} == later
+    between = 'run 5 every 2 NULL "print x"', "run 5 every 2 NULL", "run 5"
+    assert [script.done_between(one) for one in between] == [["print x"], [], []]

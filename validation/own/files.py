@@ -1,0 +1,253 @@
+"""The user's files that a script names, and what stands for them in the folder where LAMMPS works.
+
+No file of the user's is written to.  LAMMPS works in one folder, ``root``, whatever ``shell cd``
+says: a file below the script's folder stands there under the same relative name, as a link if the
+command only reads it, else as a copy.  One that is elsewhere is named by its whole path, or by that
+of a copy in a fix.  What a command writes is written below ``root``, too, or not at all.
+"""
+
+import fnmatch
+import glob
+import hashlib
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from validation.own import script
+
+
+class Failure(Exception):
+    """The script cannot be taken; the message says why."""
+
+
+class Files:
+    """Finds the files of a script.
+
+    Args:
+        folders: where relative names may be: the script's, and the one in which the harness was
+            started, as LAMMPS takes them.
+        root: where LAMMPS works.
+        world: the ranks.
+
+    Attributes:
+        read: paths of the user's files that are read.
+        globs: patterns and names that were looked for, with the paths that there were.
+        environment: variables of the environment that were asked for, with their values.
+    """
+
+    def __init__(self, folders: Sequence[Path], root: Path, world) -> None:
+        self.folders, self.root, self.world = tuple(dict.fromkeys(folders)), root, world
+        self.at = "."  # the folder of relative names, below each of these, or a whole path
+        self.made: set[str] = set()  # folders that the script makes
+        self.read: set[str] = set()
+        self.globs: dict[str, list[str]] = {}
+        self.environment: dict[str, str | None] = {}
+        self.written: set[str] = set()  # by the script, below root
+        self.lacking: dict[str, str] = {}  # what is not written, and the command that would
+
+    # ------------------------------------------------------------ names
+
+    def place(self, name: str) -> str:
+        """A name as it is from the script's folder, or from the root of all files."""
+        return os.path.normpath(os.path.join(self.at, name))
+
+    def find(self, name: str, wild: bool = False) -> list[Path]:
+        """The files of this name; of those that a wildcard stands for, if ``wild``.
+
+        Raises:
+            Failure: it is another file in each of the folders.
+        """
+        if not name or "\0" in name or len(name) > 255:
+            return []
+        place = self.place(name)
+        if place in self.written:
+            return [self.root / place]
+        every = [folder / place for folder in self.folders]
+        if wild and ("*" in name or "%" in name):
+            patterns = [str(one).replace("%", "*") for one in every]
+            self.globs |= {one: matching(one) for one in patterns}
+            found = [[Path(one) for one in self.globs[own]] for own in patterns if self.globs[own]]
+        else:
+            found = [[one] for one in dict.fromkeys(every) if one.is_file()]
+        if len(found) > 1 and not _same(*found):
+            raise Failure(
+                f"{name} is another file in {self.folders[0]} than in {self.folders[1]}. LAMMPS "
+                "takes the one of the folder in which it is started: start this command in the "
+                "script's folder, or rename one of them"
+            )
+        return found[0] if found else []
+
+    def text(self, name: str, asked: str) -> str:
+        """What is in a file of commands.
+
+        Args:
+            asked: the command that reads it.
+        """
+        self._refuse_lacking(name, asked)
+        path = next(iter(self.find(name)), Path(self.folders[0], self.place(name)))
+        if path.exists() and not path.is_file() and not path.is_dir():
+            raise Failure(
+                f"'{asked}' reads what someone types in a terminal: put the commands that would be "
+                "typed in its place"
+            )
+        if not path.is_file():
+            raise Failure(f"there is no file {name} in {path.parent}, which the script reads")
+        self._note(path)
+        content = path.read_bytes()
+        if b"\0" in content or content[:2] in (b"\xff\xfe", b"\xfe\xff"):  # marks of UTF-16
+            raise Failure(
+                f"{name} is no text: give the input script, not a restart file or a picture"
+            )
+        try:
+            return content.decode()
+        except UnicodeDecodeError:  # LAMMPS reads bytes: such letters stand in comments
+            return content.decode("latin-1")
+
+    def cd(self, name: str) -> None:
+        """Relative names are of another folder from now on."""
+        place = self.place(name)
+        if place not in self.made and not any((one / place).is_dir() for one in self.folders):
+            raise Failure(
+                f"'shell cd {name}': there is no folder {self.folders[0] / place}. Other commands "
+                "of the shell are left out: make the folder, with what is to be in it"
+            )
+        self.at = place
+
+    # ------------------------------------------------------------ commands
+
+    def brought(self, line: str, reads: bool, fix: bool) -> str:
+        """A command with names under which LAMMPS finds its files, which are there then.
+
+        Args:
+            reads: whether it only reads them.  fix: whether it is a fix, which may write.
+
+        Raises:
+            Failure: it reads what a command that is left out writes.
+        """
+
+        def changed(word: script.Word) -> str:
+            if reads:
+                self._refuse_lacking(word.text, line)
+            found = self.find(word.text, wild=reads)
+            if not found:
+                return word.quoted
+            place = self.place(word.text)
+            if self.root in found[0].parents and found[0] != self.root / place:
+                return word.quoted  # a copy, which an earlier command has
+            for path in found:
+                self._note(path)
+            if not is_elsewhere(place):
+                for path in found:
+                    self._put(path, self.root / os.path.dirname(place) / path.name, reads)
+                return word.quoted if self.at == "." else f'"{place}"'
+            if fix:
+                return f'"{self._copied(found[0])}"'
+            return f'"{found[0].parent / os.path.basename(place)}"'
+
+        changed_line = script.with_words(line, changed)
+        self.world.Barrier()
+        return changed_line
+
+    def asks(self, text: str, expand: Callable[[str], str]) -> str:
+        """A command whose ``is_file(NAME)`` finds what LAMMPS would find in the user's folder."""
+
+        def looked(match):
+            name = expand(match[1]) if "$" in match[1] else match[1]
+            for folder in self.folders:
+                pattern = glob.escape(str(folder / self.place(name)))
+                self.globs[pattern] = matching(pattern)
+            there = self.brought(name, reads=True, fix=False) if self.find(name) else name
+            return f"is_file({there.strip(chr(34))})"
+
+        return script.IS_FILE.sub(looked, text)
+
+    def writable(self, line: str) -> str | None:
+        """A command that writes a file, with a name below ``root``; None if it is to be left out,
+        for it writes elsewhere, or a file for each step or rank."""
+        at, found = script.written_at(line), script.words(line)
+        if at is None:
+            return None
+        name = found[at].text
+        place = self.place(name)
+        if is_elsewhere(place) or "*" in name or "%" in name:
+            return None
+        if script.appends(line):
+            for path in self.find(name):
+                self._put(path, self.root / place, link=False)
+        if self.world.rank == 0:
+            target = self.root / place
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if target.is_symlink():
+                target.unlink()
+        self.world.Barrier()
+        self.written.add(place)
+        told = [one.quoted for one in found]
+        return " ".join((*told[:at], f'"{place}"', *told[at + 1 :]))
+
+    def leave_out(self, names: Sequence[str], line: str) -> None:
+        """Note that these files are not written, for this command is left out."""
+        self.lacking |= {self.place(name).replace("%", "*"): line for name in names}
+
+    def _refuse_lacking(self, name: str, asked: str) -> None:
+        place = self.place(name)
+        if place in self.written:
+            return
+        for pattern, line in self.lacking.items():
+            if fnmatch.fnmatch(place, pattern):
+                raise Failure(
+                    f"'{asked}' reads {name}, which '{line}' writes before it, and that command is "
+                    "left out here, for it writes as the script runs. Run the script so far, and "
+                    "give one that begins with that file"
+                )
+
+    # ------------------------------------------------------------ links and copies
+
+    def _note(self, path: Path) -> None:
+        if self.root not in path.parents:
+            self.read.add(str(path))
+
+    def _copied(self, path: Path) -> Path:
+        """The copy of a file in a folder of its own, where LAMMPS works."""
+        name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
+        place = self.root / f"elsewhere-{name}" / path.name
+        self._put(path, place, link=False)
+        return place
+
+    def _put(self, path: Path, place: Path, link: bool) -> None:
+        """A copy of a file, or a link to it, if there is none; rank 0 makes it."""
+        if self.world.rank != 0 or path == place:
+            return
+        if place.is_symlink() and not link:
+            place.unlink()
+        if not place.exists():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            if link:
+                place.symlink_to(path.resolve())
+            else:
+                shutil.copyfile(path, place)
+
+
+def _same(one: list[Path], other: list[Path]) -> bool:
+    """Whether two folders have the same files."""
+    return [a.name for a in one] == [b.name for b in other] and all(
+        a.samefile(b) or a.read_bytes() == b.read_bytes() for a, b in zip(one, other)
+    )
+
+
+def is_elsewhere(place: str) -> bool:
+    """Whether a file at this place is in no folder in which LAMMPS works."""
+    return place.startswith("/") or place.split("/")[0] == ".."
+
+
+def asked_now(globs: Sequence[str], environment: Sequence[str]) -> list:
+    """What patterns and variables of the environment stand for at present."""
+    return [
+        {one: matching(one) for one in globs},
+        {one: os.environ.get(one) for one in environment},
+    ]
+
+
+def matching(pattern: str) -> list[str]:
+    """Paths of the files that a pattern stands for."""
+    return sorted(one for one in glob.glob(pattern) if os.path.isfile(one))
