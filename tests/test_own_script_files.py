@@ -221,6 +221,12 @@ def test_options_that_name_nothing_are_refused_with_what_there_is(tmp_path):
     assert '\'if "1 == 1" "run 5"\'' in message
 
 
+def test_labels_with_variables(tmp_path):
+    """Locks out a label that LAMMPS finds, for it puts variables in place there, too."""
+    jump = "variable mode string warm\njump SELF ${mode}er\nquit\nlabel ${mode}er\n"
+    assert take(written(tmp_path, GAS + jump + RIGID + "run 5\n"), tmp_path / "out").bodies == 1
+
+
 def test_letters_of_other_encodings_in_comments(tmp_path):
     """Locks out a script that LAMMPS runs and the harness takes for a picture."""
     path = tmp_path / "in.own"

@@ -118,11 +118,16 @@ class Reader:
                     name, commands = jump.file, self._commands(jump.file)
                 position = 0
                 if jump.label is not None:
-                    wanted = ["label", jump.label]
-                    at = [i for i, one in enumerate(commands) if script.texts(one)[:2] == wanted]
-                    if not at:
-                        raise Failure(f"jump: {name} has no label {jump.label}")
-                    position = at[0] + 1
+                    position = self._label(commands, jump.label, name)
+
+    def _label(self, commands: list[str], label: str, name: str) -> int:
+        """The command behind a label."""
+        for position, one in enumerate(commands, 1):
+            if one.startswith("label"):
+                line = self.lmp.expand(one) if "$" in one else one
+                if script.texts(line)[:2] == ["label", label]:
+                    return position
+        raise Failure(f"jump: {name} has no label {label}")
 
     def _commands(self, name: str) -> list[str]:
         return list(script.lines(self.files.text(name, self.where)))
