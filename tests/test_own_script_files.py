@@ -72,7 +72,8 @@ def test_no_file_of_the_users_is_written_to_behind_a_change_of_folder(tmp_path):
     kept = box(place, "parts/start.data"), place / "parts" / "state-1.dump"
     kept[1].write_text("my own")
     for there in (str(place / "parts"), "parts"):
-        text = f"shell cd {there}\n" + READ.format(name="start.data") + RIGID
+        text = f"shell cd {there}\nvariable f string start.data\n"
+        text += READ.format(name="$f") + RIGID
         text += "velocity a create 1 5\nrun 3\ngroup b id 3 4\nfix 2 b rigid/nve single\nrun 5\n"
         path = written(place, text)
         before = {one: one.read_bytes() for one in place.rglob("*") if one.is_file()}
@@ -268,12 +269,12 @@ def test_a_link_is_never_written_through(tmp_path):
     box(tmp_path), (tmp_path / "root").mkdir()
     found = Files([tmp_path], tmp_path / "root", One)
     place = tmp_path / "root" / "start.data"
-    found.brought("read_data start.data", reads=True, fix=False)
+    found.brought("read_data start.data")
     assert place.is_symlink()
-    found.brought("fix 1 all own start.data", reads=False, fix=True)
+    found.brought("fix 1 all own start.data")
     assert place.is_file() and not place.is_symlink()
     place.unlink()
-    found.brought("read_data start.data", reads=True, fix=False)
+    found.brought("read_data start.data")
     assert found.writable("write_data start.data") == 'write_data "start.data"'
     assert not os.path.lexists(place)
     for line in (

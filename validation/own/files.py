@@ -116,15 +116,16 @@ class Files:
 
     # ------------------------------------------------------------ commands
 
-    def brought(self, line: str, reads: bool, fix: bool) -> str:
+    def brought(self, line: str) -> str:
         """A command with names under which LAMMPS finds its files, which are there then.
-
-        Args:
-            reads: whether it only reads them.  fix: whether it is a fix, which may write.
 
         Raises:
             Failure: it reads what a command that is left out writes.
         """
+        word, *rest = script.texts(line)
+        reads, fix = word in script.READS, word == "fix"
+        # a name that stands in a variable is looked up where a command has it
+        stays = self.at == "." or (word == "variable" and rest[1:2] not in (["file"], ["atomfile"]))
 
         def changed(word: script.Word) -> str:
             if reads:
@@ -140,7 +141,7 @@ class Files:
             if not is_elsewhere(place):
                 for path in found:
                     self._put(path, self.root / os.path.dirname(place) / path.name, reads)
-                return word.quoted if self.at == "." else f'"{place}"'
+                return word.quoted if stays else f'"{place}"'
             if fix:
                 return f'"{self._copied(found[0])}"'
             return f'"{found[0].parent / os.path.basename(place)}"'
@@ -157,8 +158,8 @@ class Files:
             for folder in self.folders:
                 pattern = glob.escape(str(folder / self.place(name)))
                 self.globs[pattern] = matching(pattern)
-            there = self.brought(name, reads=True, fix=False) if self.find(name) else name
-            return f"is_file({there.strip(chr(34))})"
+            *_, there = script.texts(self.brought(f"include {name}"))
+            return f"is_file({there})"
 
         return script.IS_FILE.sub(looked, text)
 

@@ -191,7 +191,7 @@ class Reader:
             self.files.leave_out(script.written_later(line) if plain != line else [], line)
             plain, cut = finding.without_output(plain)
             self.left_out += cut
-        plain = self.files.brought(plain, word in script.READS, word == "fix")
+        plain = self.files.brought(plain)
         _, *rest = script.texts(plain)
         if word == "variable" and rest[1:2] == ["getenv"]:
             self.files.environment[rest[2]] = os.environ.get(rest[2])
