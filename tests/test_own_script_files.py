@@ -222,6 +222,16 @@ def test_options_that_name_nothing_are_refused_with_what_there_is(tmp_path):
     assert '\'if "1 == 1" "run 5"\'' in message
 
 
+def test_commands_that_need_a_fix_which_is_replaced_are_told(tmp_path):
+    """Locks out rows that fail for a line of the script's output, where nobody says so."""
+    text = GAS + RIGID + "compute k a ke/rigid 1\nthermo_style custom step pe f_1\n"
+    text += "variable k equal f_1\nvariable other equal f_11\nrun 5\n"
+    (note,) = (
+        one for one in take(written(tmp_path, text), tmp_path / "out").notes if "replaced" in one
+    )
+    assert note.endswith("out of the script: compute k a ke/rigid 1; variable k equal f_1.")
+
+
 def test_labels_with_variables(tmp_path):
     """Locks out a label that LAMMPS finds, for it puts variables in place there, too."""
     jump = "variable mode string warm\njump SELF ${mode}er\nquit\nlabel ${mode}er\n"

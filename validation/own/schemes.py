@@ -11,7 +11,7 @@ import fix_nosquish
 from fix_nosquish.host.command import Command
 from validation.own import finding
 from validation.own.finding import Found, State, style_of
-from validation.own.script import done_between, texts, undotted, words
+from validation.own.script import DONE, done_between, texts, undotted, words
 from validation.scenes.integrators import OURS, Integrator
 
 SEED = 4928
@@ -236,7 +236,7 @@ def _constrained(found: Found) -> Iterator[Integrator]:
 def _reading_ours(found: Found, commands: Sequence[str]) -> list[str]:
     """Commands that name a fix which is replaced, as f_ID or as a rigid fix."""
     made = []
-    for line in commands:
+    for line in (one for one in commands if texts(one)[0] not in DONE):
         word, *rest = texts(line)
         named = any(re.search(rf"f_{re.escape(one)}\b", line) for one in found.ids)
         if word == "compute" and len(rest) > 3 and rest[3] in found.ids:
