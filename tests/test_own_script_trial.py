@@ -511,7 +511,7 @@ def test_g_is_the_same_in_each_unit_of_length(unit):
     cells = np.array([20 * np.eye(3)] * len(x))
     found = structure.of_sites(x * unit, cells * unit, (2.0 * unit, 9.5 * unit), 0.5 * unit)
     r = np.abs(x[:, :, None] - x[:, None])
-    r = np.linalg.norm(np.minimum(r, 20 - r), axis=3)[:, *np.triu_indices(60, 1)]
+    r = np.linalg.norm(np.minimum(r, 20 - r), axis=3)[:, np.triu(np.ones((60, 60), bool), 1)]
     edges = 2.0 + 0.5 * np.arange(16)
     ideal = r.size * 4 / 3 * np.pi * np.diff(edges**3) / 20**3
     np.testing.assert_allclose(found.mean(axis=0), np.histogram(r, edges)[0] / ideal, rtol=0.01)
