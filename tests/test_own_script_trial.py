@@ -651,6 +651,25 @@ def test_what_short_runs_cannot_tell_is_said_and_the_rest_answered():
     assert not any("But for that" in line for line in report.answer(summary)[1])
 
 
+def test_an_answer_by_energies_that_nobody_knows_says_what_to_do():
+    """Locks out an answer that ends with what nobody knows, where the budget was over before ours
+    ran; and a budget of years, from runs of a few samples."""
+    some = {"temperature": Estimate(0.01, 0.01)}
+    lost = row(4.0, "rigid/nvt", **some) | {"uncounted": True}
+    summary = summary_of({"drift": 1.0, "temperature": 0.02}, lost) | {"late": True}
+    choice, told, lines = report.answer(summary)
+    assert choice.best is None and not lines and told[0].startswith("The budget was over before")
+    assert told[1].startswith("Of rigid/nvt nobody knows drift")
+    assert told[2] == "What follows is by temperature only."
+    assert "About --budget 10 tells" in told[3] and told[-1].startswith("The nearest: rigid/nvt")
+    assert report._minutes(summary) == 10
+    lost["errors"]["temperature"] = Estimate(0.01, 0.1, 1).plain()
+    assert "try about --budget 50 first" in report.answer(summary)[1][3]
+    assert report._minutes(summary) is None
+    (*_, last) = report.answer(summary | {"targets": {"drift": 1.0}})[1]
+    assert last.startswith("Nothing else is a target")
+
+
 def test_no_step_behind_a_bad_one_may_be_good():
     """Locks out an answer that asks for more minutes, where a shorter step is above a target for
     sure, so that no budget names the longer one; and a faster step of another integrator, of which
