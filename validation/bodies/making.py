@@ -46,9 +46,9 @@ NOTHING = Beside()
 
 def gone(said: Mapping) -> list[str]:
     """The script's commands whose work is in a data file of its atoms, in order, each once."""
-    found = [line for line in said["commands"] if _makes(line) and line not in said["states"]]
-    found += [line for line in said["fixes"].values() if _stored(line)]
-    return list(dict.fromkeys(map(schemes.plain, found)))
+    kept = {line for line in said["fixes"].values() if _stored(line)}
+    some = (line for line in said["commands"] if line not in said["states"])
+    return list(dict.fromkeys(schemes.plain(one) for one in some if _makes(one) or one in kept))
 
 
 def _makes(line: str) -> bool:
@@ -66,7 +66,7 @@ def _stored(line: str) -> bool:
 def beside(said: Mapping, atoms: Mapping[str, np.ndarray]) -> Beside:
     """Words of the script's read_data that its atoms still need, and groups that came with them."""
     stored = {one: line for one, line in said["fixes"].items() if _stored(line)}
-    words, behind, sentences = [*_carried(said, stored)], [], []
+    words, behind, sentences = [*_carried(said)], [], []
     words += [f"fix {one} NULL {one}" for one in stored]
     named = {texts(line)[1] for line in said["commands"] if texts(line)[0] == "group"}
     whole = []
@@ -87,15 +87,18 @@ def beside(said: Mapping, atoms: Mapping[str, np.ndarray]) -> Beside:
     return Beside(" ".join(words), tuple(stored.values()), tuple(behind), tuple(sentences))
 
 
-def _carried(said: Mapping, stored: Mapping[str, str]) -> Iterator[str]:
-    """Keywords of read_data that are about room for each atom, or about sections of fixes."""
+def _carried(said: Mapping) -> Iterator[str]:
+    """Keywords of read_data that are about room for each atom, or about sections of fixes whose
+    names stay."""
     found = []
     for words in (one for one in map(texts, said["commands"]) if one[0] == "read_data"):
         for at, word in enumerate(words):
             if re.fullmatch(r"extra/\w+/per/atom", word):
                 found.append(" ".join(words[at : at + 2]))
-            elif at > 1 and word == "fix" and words[at + 1] not in stored:
-                found.append(" ".join(words[at : at + 4]))
+            elif at > 1 and word == "fix":
+                line = said["fixes"].get(words[at + 1])
+                if line and finding.style_of(line) != "property/atom":
+                    found.append(" ".join(words[at : at + 4]))
     yield from dict.fromkeys(found)
 
 
