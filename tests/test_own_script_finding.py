@@ -20,6 +20,7 @@ from validation.bodies import lines as bodies
 from validation.bodies import parts
 from validation.check import measure as check
 from validation.own import finding, schemes, shapes
+from validation.running import lammps_log
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures
 
@@ -236,11 +237,115 @@ def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
     assert kind.number == 27 and kind.scatter < 1e-6
 
 
+TEMPLATE = """water
+
+3 atoms
+2 bonds
+1 angles
+
+Coords
+
+1 0 0 0
+2 0.8165 0.5774 0
+3 -0.8165 0.5774 0
+
+Types
+
+1 1
+2 2
+3 2
+
+Charges
+
+1 -0.8476
+2 0.4238
+3 0.4238
+
+Bonds
+
+1 1 1 2
+2 1 1 3
+
+Angles
+
+1 1 2 1 3
+"""
+FORCES = "include parts/spce.ff\n"
+PAIRS = "pair_style lj/cut/coul/cut 6.0"
+HEAD, TAIL = "units real\natom_style full\n", "timestep 1\nfix 1 all nvt temp 298 298 100\nrun 3\n"
+MADE = {  # of scripts, what makes their atoms, and the number of bodies
+    "replicate": (f"{HEAD}read_data parts/spce.data\nreplicate 2 1 1\n{FORCES}", 54),
+    "restart": ("read_restart parts/water.restart\nvelocity ox scale 298\n", 27),
+    "restart and its pair style": (f"read_restart parts/water.restart\n{PAIRS}\n", 27),
+    "molecules": (
+        f"{HEAD}region box block 0 12 0 12 0 12\ncreate_box 2 box bond/types 1 angle/types 1 "
+        "extra/bond/per/atom 2 extra/angle/per/atom 1 extra/special/per/atom 2\nmass 1 15.9994\n"
+        "mass 2 1.008\nmolecule w parts/water.mol\nlattice sc 4.0 origin 0.5 0.5 0.5\n"
+        f"create_atoms 0 box mol w 4567\ngroup some molecule 1:9\n"
+        f"displace_atoms some move 0.3 0 0\n{FORCES}", 27,
+    ),
+    "groups": (
+        f"{HEAD}fix tag all property/atom i_tag\nread_data parts/spce.data group solvent "
+        f"extra/bond/per/atom 1\nset group all i_tag 7\n{FORCES}group few molecule 1:3\n"
+        "delete_atoms group few\nreset_atoms id\nvelocity solvent create 298 1\n", 24,
+    ),
+}  # fmt: skip
+
+
+def with_lines(text, told):
+    """A script with what ``bodies`` tells of it: commands that go, and lines in the place of the
+    first of them and of the fix."""
+    kept, gone, made, now = text.splitlines(), [], {"first": [], "fix": []}, None
+    for line in told.splitlines():
+        if line.startswith("    "):
+            now.append(line.strip())
+        elif "which all go:" in line:
+            now = gone
+        elif "the place of" in line:
+            now = made["fix" if "the place of fix" in line else "first"]
+    (own,) = (line for line in kept if line.startswith("fix 1 "))
+    gone = gone or [line for line in kept if line.startswith("read_data")]
+    places = sorted(kept.index(line) for line in gone)
+    assert len(places) == len(gone)
+    kept[places[0]] = "\n".join(made["first"])
+    kept = [line for line in kept if line not in gone]
+    kept[kept.index(own)] = "\n".join(made["fix"])
+    return "\n".join(kept) + "\n"
+
+
+@pytest.mark.parametrize("kind", MADE)
+def test_lines_for_bodies_run_whatever_makes_the_atoms(kind, tmp_path, run_lammps, capsys):
+    """Locks out lines that LAMMPS refuses, and bodies that are there twice, where a script's atoms
+    are not read_data's alone: copies, molecules of a template, a restart file, and atoms that are
+    deleted; and groups, styles and coefficients that go with the command that had them."""
+    scripts.spce(tmp_path, number=3)
+    (tmp_path / "parts" / "water.mol").write_text(TEMPLATE)
+    if kind.startswith("restart"):
+        run_lammps(
+            f"{HEAD}read_data parts/spce.data\n{FORCES}velocity all create 298 1\n"
+            "group ox type 1\ngroup some id 1:4 9\ngroup none empty\n"
+            "write_restart parts/water.restart\n"
+        )
+    text, number = MADE[kind][0] + TAIL, MADE[kind][1]
+    (tmp_path / "in.made").write_text(text)
+    assert main(["bodies", str(tmp_path / "in.made"), "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    changed = with_lines(text, told)
+    if kind == "restart":
+        assert "words behind pair_style lj/cut/coul/cut" in told
+        changed = changed.replace("include /", f"{PAIRS}\ninclude /")
+    log = run_lammps(f"{changed}print 'atoms $(atoms) $(step)'\n").log
+    assert f"atoms {3 * number} 3" in log and f"{number} rigid bodies" in log
+    own, new = (lammps_log.thermo(one)["E_pair"][0] for one in (run_lammps(text).log, log))
+    assert new == pytest.approx(own, rel=1e-6)
+
+
 def test_lines_for_bodies_are_the_scripts_own():
     """Locks out lines that LAMMPS refuses where they are said to stand, for the script's own fixes
     are still there; another ensemble; a fix of no atoms; and parts that nothing holds together."""
     fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": "fix 2 all nvt temp 300.5 300.5 200"}
-    said = {"fixes": fixes, "commands": ["bond_style zero"]}
+    said = {"fixes": fixes, "commands": ["bond_style zero", "read_data b.data"]}
+    said |= {"groups": ["all"], "states": []}
     atoms = {"bonds": np.array([[1, 1, 2], [1, 2, 3]])}
     place = Path("/a/b.data")
     told = bodies.told("molecule", said, atoms, np.array([1, 1, 1]), place)

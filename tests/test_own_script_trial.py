@@ -23,6 +23,7 @@ from validation.running import rounds, run
 from validation.running.store import Store
 from validation.sampling import plan as sampling_plan
 from validation.scenes.integrators import Integrator
+from validation.scenes.units import UNITS
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
 from validation.trial import confirm, errors, law, lists, report, targets, timed, trial, turns
@@ -502,6 +503,20 @@ def test_a_trial_that_ends_before_its_first_run_says_so(capsys, tmp_path):
     assert "Interrupted: the same command goes on from here." in said
 
 
+@pytest.mark.parametrize("unit", (1e-10, 1e-8, 1e-4, 1.0))
+def test_g_is_the_same_in_each_unit_of_length(unit):
+    """Locks out a g(r) of zeros, and an error of it that is zero, in units si and cgs, where a
+    volume in single precision is none."""
+    x = np.random.default_rng(1).uniform(0, 20, (40, 60, 3))
+    cells = np.array([20 * np.eye(3)] * len(x))
+    found = structure.of_sites(x * unit, cells * unit, (2.0 * unit, 9.5 * unit), 0.5 * unit)
+    r = np.abs(x[:, :, None] - x[:, None])
+    r = np.linalg.norm(np.minimum(r, 20 - r), axis=3)[:, np.triu(np.ones((60, 60), bool), 1)]
+    edges = 2.0 + 0.5 * np.arange(16)
+    ideal = r.size * 4 / 3 * np.pi * np.diff(edges**3) / 20**3
+    np.testing.assert_allclose(found.mean(axis=0), np.histogram(r, edges)[0] / ideal, rtol=0.01)
+
+
 def test_g_of_runs_with_other_numbers_of_parts_is_compared():
     """Locks out a g(r) that is left out, for one run has room for fewer frames than another."""
     random = np.random.default_rng(3)
@@ -589,6 +604,20 @@ def test_units_are_lammpss():
     }
 
 
+def test_each_units_drift_is_told_of_a_time_that_runs_have():
+    """Locks out a drift per 1,000 s, or per 1,000 ns, which no run can tell: all but reduced units
+    have the ns, of their own length."""
+    second = {"fs": 1e-15, "ps": 1e-12, "ns": 1e-9, "µs": 1e-6, "s": 1.0}
+    for style, units in UNITS.items():
+        own = SimpleNamespace(scene=SimpleNamespace(units=style), units=units)
+        steps = targets.steps_of_cost(own, 1.0)
+        if style == "lj":
+            assert (steps, targets.name_of_ns(own)) == (1000.0, "1,000 τ")
+        else:
+            assert steps * second[units.time] == pytest.approx(1e-9)
+            assert targets.name_of_ns(own) == "ns"
+
+
 def test_schemes_of_a_script_that_keep_the_momentum_are_known(taken, tmp_path):
     """Locks out a pressure that lacks kT over the volume where the momentum is kept at zero, and
     shares its limit with one that does not."""
@@ -620,6 +649,25 @@ def test_what_short_runs_cannot_tell_is_said_and_the_rest_answered():
     assert "About --budget 73 tells" in report.answer(summary)[1][0]
     errors["energy"] = Estimate(0.1, 0.2).plain()  # nor this
     assert not any("But for that" in line for line in report.answer(summary)[1])
+
+
+def test_an_answer_by_energies_that_nobody_knows_says_what_to_do():
+    """Locks out an answer that ends with what nobody knows, where the budget was over before ours
+    ran; and a budget of years, from runs of a few samples."""
+    some = {"temperature": Estimate(0.01, 0.01)}
+    lost = row(4.0, "rigid/nvt", **some) | {"uncounted": True}
+    summary = summary_of({"drift": 1.0, "temperature": 0.02}, lost) | {"late": True}
+    choice, told, lines = report.answer(summary)
+    assert choice.best is None and not lines and told[0].startswith("The budget was over before")
+    assert told[1].startswith("Of rigid/nvt nobody knows drift")
+    assert told[2] == "What follows is by temperature only."
+    assert "About --budget 10 tells" in told[3] and told[-1].startswith("The nearest: rigid/nvt")
+    assert report._minutes(summary) == 10
+    lost["errors"]["temperature"] = Estimate(0.01, 0.1, 1).plain()
+    assert "try about --budget 50 first" in report.answer(summary)[1][3]
+    assert report._minutes(summary) is None
+    (*_, last) = report.answer(summary | {"targets": {"drift": 1.0}})[1]
+    assert last.startswith("Nothing else is a target")
 
 
 def test_no_step_behind_a_bad_one_may_be_good():

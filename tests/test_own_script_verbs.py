@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -301,6 +302,34 @@ def test_check_finds_what_does_not_fit(tmp_path):
     assert turns == [False]
     for one in map(check._told, checks):  # what is wrong is said where it is so
         assert bool(one.note) == (one.part == "step" or not one.holds), one
+
+
+def test_check_of_atoms_that_a_fix_holds(tmp_path):
+    """Locks out a check that ends in a traceback where other atoms have no force, so that no step
+    is too long for them."""
+    path = scripts.spce(tmp_path, fix="group some molecule <= 63\nfix 1 some rigid/nve molecule",
+                        lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
+    own = take(path, tmp_path / "out")
+    made = shapes.bodies(own)
+    found = [one.subject for one in check._step(own, made, shapes.kinds(own, made))]
+    assert found[1:] == ["centres", "turning"]
+
+
+def test_a_start_whose_run_has_no_numbers_fails(taken, tmp_path, monkeypatch):
+    """Locks out "ok" of an integrator whose energy is nan after some steps: LAMMPS goes on."""
+    own = taken("spce")
+    one = next(iter(own.integrators.values()))
+    own = replace(own, integrators={one.name: one})
+    names = "Step", "Temp", "Press", "KinEng", "PotEng", "TotEng", "Econserve"
+    thermo = {name: np.ones(5) for name in names} | {"Step": 2.0 * np.arange(5)}
+    result = SimpleNamespace(error=None, interrupted=False, thermo=thermo)
+    monkeypatch.setattr(run, "once", lambda job: result)
+    (row,), _ = check._starts(own, tmp_path, 1, 60.0, Silent())
+    assert row["error"] is None and row["temperature"] == 1.0
+    thermo["TotEng"] = np.array([1.0, 1.0, np.nan, np.inf, np.nan])
+    thermo["Press"] = np.array([1.0, 1.0, 1.0, np.nan, np.nan])
+    (row,), _ = check._starts(own, tmp_path, 1, 60.0, Silent())
+    assert row["error"] == "no number from step 4 on: TotEng" and "change" not in row
 
 
 def test_ranks_are_started_by_the_launcher(monkeypatch):

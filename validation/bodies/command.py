@@ -6,7 +6,7 @@ import re
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from validation import command_line
@@ -46,7 +46,7 @@ def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     import numpy as np  # heavy: not for --help
 
-    from validation.bodies import lines, parts
+    from validation.bodies import lines, making, parts
     from validation.own import system
 
     ask, out = system.begin(arguments, arguments.scene)
@@ -67,6 +67,7 @@ def run(arguments: Namespace) -> int:
         x, moved = parts.alike(atoms, body, cell, periodic)
     np.savez(out / "bodies.npz", x=x, body=body)
     data = out / f"{ask.name}.data"
+    styles = out / "styles" if making.from_restart(said) else None
     plain = {
         "folder": str(folder / "inputs"),
         "commands": system.without_fixes(said),
@@ -74,6 +75,7 @@ def run(arguments: Namespace) -> int:
         "kind": arguments.kind,
         "data": str(data),
         "log": str(out / "write.log"),
+        "styles": styles and str(styles),
     }
     (out / "write.json").write_text(json.dumps(plain))
     writer = Path(__file__).with_name("writer.py")
@@ -84,10 +86,22 @@ def run(arguments: Namespace) -> int:
     lost = _give_coefficients(said["commands"], folder / "inputs", data)
     if moved:
         print(f"Each kind has its mean shape: for this an atom moved by {moved:.3g} Å at most.")
-    print("\n".join(lines.told(arguments.kind, said, atoms, body, data)))
+    restart = _of_restart(said, styles, data.with_suffix(".coeffs")) if styles else making.NOTHING
+    print("\n".join(lines.told(arguments.kind, said, atoms, body, data, restart)))
     if lost:
         print(f"The coefficients in {lost} are not in it: give them by commands.")
     return 0
+
+
+def _of_restart(said: Mapping, styles: Path, file: Path):
+    """What a script that reads a restart file needs beside the data file; writes ``file``, which
+    has its styles and coefficients."""
+    from validation.bodies import making  # heavy: not for --help
+
+    known = json.loads(styles.with_suffix(".json").read_text())
+    first, lost, commands = making.styles(said, styles.with_suffix(".coeffs").read_text())
+    file.write_text(commands)
+    return making.of_restart(said, known, first, lost, str(file))
 
 
 def coefficients(text: str) -> str:
@@ -101,7 +115,9 @@ def _give_coefficients(commands: Sequence[str], inputs: Path, data: Path) -> str
     there."""
     reads = [words for words in map(texts, commands) if words[0] == "read_data"]
     found = {}
-    for _, name, *_ in reads:
+    for _, name, *words in reads:
+        if "nocoeff" in words:
+            continue
         opened = gzip.open if name.endswith(".gz") else open
         with opened(inputs / name, "rt", errors="replace") as file:
             found[name] = coefficients(file.read())

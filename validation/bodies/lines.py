@@ -5,12 +5,19 @@ from pathlib import Path
 
 import numpy as np
 
+from validation.bodies import making
+from validation.bodies.making import NOTHING, Beside
 from validation.own import finding, schemes
 from validation.own.script import texts
 
 
 def told(
-    kind: str, said: Mapping, atoms: Mapping[str, np.ndarray], body: np.ndarray, data: Path
+    kind: str,
+    said: Mapping,
+    atoms: Mapping[str, np.ndarray],
+    body: np.ndarray,
+    data: Path,
+    restart: Beside = NOTHING,
 ) -> list[str]:
     """Lines for a script, and which of its own they replace.
 
@@ -19,13 +26,16 @@ def told(
         said, atoms: of ``own.reader``.
         body: (atoms,) number of each atom's body, from 1, 0 for none.
         data: the data file that has them.
+        restart: of `making.of_restart`.
     """
     points = bool((body == 0).any())
     gone = {one: line for one, line in said["fixes"].items() if finding.kind_of(line)}
     held = [one for one, line in gone.items() if finding.kind_of(line) == "constraints"]
     fixes = " and ".join(f"fix {one} ({finding.style_of(line)})" for one, line in gone.items())
-    found = [f"{data} has them. In the script, in the place of its read_data:"]
-    found += (f"    {line}" for line in reads(kind, str(data), points))
+    found = [f"{data} has them. {_place(making.gone(said))}:"]
+    more = making.beside(said, atoms).within(restart)
+    found += (f"    {line}" for line in reads(kind, str(data), points, more))
+    found += more.sentences
     states = [finding.kept_by(line) for line in gone.values()]
     state = next((one for one in states if one.temp or one.press), finding.State())
     own = next((one for one in reversed(gone) if one not in held), "1")
@@ -41,15 +51,28 @@ def told(
     return found
 
 
-def reads(kind: str, data: str, points: bool) -> list[str]:
+def _place(gone: list[str]) -> str:
+    """Where lines for the data file stand, if these commands go."""
+    if len(gone) == 1 and texts(gone[0])[0] == "read_data":
+        return "In the script, in the place of its read_data"
+    some = "".join(f"\n    {line}" for line in gone)
+    return (
+        f"It has the work of these commands of the script, which all go:{some}\n"
+        "In the place of the first of them"
+    )
+
+
+def reads(kind: str, data: str, points: bool, beside: Beside = NOTHING) -> list[str]:
     """What stands in the place of a script's read_data; ``points``: whether some atoms are in no
     body."""
-    more = ["group points subtract all bodies"] * points
+    more = [*beside.behind, *["group points subtract all bodies"] * points]
+    read = f"read_data {data} {beside.words}".rstrip()
     if kind == "molecule":
-        return [f"read_data {data}", "group bodies molecule > 0", *more]
+        return [*beside.before, read, "group bodies molecule > 0", *more]
     return [
+        *beside.before,
         "fix body all property/atom i_body",
-        f"read_data {data} fix body NULL body",
+        f"{read} fix body NULL body",
         "variable is_in atom i_body>0",
         "group bodies variable is_in",
         *more,

@@ -3,7 +3,7 @@
 From the state at the script's run, and from some steps with each integrator.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -239,23 +239,36 @@ def _starts(own, out, ranks, silence, meter):
         job = run.job(own.scene, one, directory, [STEPS], every=1, origin=origin, **how)
         result = run.once(job)
         meter.end(result.error)
-        row: dict = {"name": one.name, "label": one.label, "error": result.error}
+        error = result.error or _no_number(result.thermo)
+        row: dict = {"name": one.name, "label": one.label, "error": error}
         row["uncounted"] = counted.wrongly(one)
-        thermo = result.thermo
-        if thermo and not result.error:
-            energy = thermo.get("Econserve", thermo["TotEng"])
-            freedom = (
-                2 * thermo["KinEng"][0] / max(own.said["boltzmann"] * thermo["Temp"][0], 1e-300)
-            )
-            row |= {
-                "temperature": float(thermo["Temp"][0]),
-                "freedom": round(float(freedom)),
-                "pressure": float(thermo["Press"][0]),
-                "potential": float(thermo["PotEng"][0]),
-            }
+        if result.thermo and not error:
+            row |= _start(own, result.thermo)
             if not row["uncounted"]:
+                energy = result.thermo.get("Econserve", result.thermo["TotEng"])
                 row["change"] = float(np.ptp(energy))
         rows.append(row)
         if result.interrupted:
             return rows, True
     return rows, False
+
+
+def _start(own, thermo) -> dict:
+    """What an integrator makes of the start."""
+    heat = own.said["boltzmann"] * thermo["Temp"][0]
+    return {
+        "temperature": float(thermo["Temp"][0]),
+        "freedom": round(float(2 * thermo["KinEng"][0] / max(heat, 1e-300))),
+        "pressure": float(thermo["Press"][0]),
+        "potential": float(thermo["PotEng"][0]),
+    }
+
+
+def _no_number(thermo: Mapping[str, np.ndarray]) -> str | None:
+    """From which step on a quantity of a run is no number; None if all are.  LAMMPS goes on."""
+    bad = {name: ~np.isfinite(values) for name, values in thermo.items()}
+    first = min((int(one.argmax()) for one in bad.values() if one.any()), default=None)
+    if first is None:
+        return None
+    names = ", ".join(name for name, one in bad.items() if one[first])
+    return f"no number from step {thermo['Step'][first]:.0f} on: {names}"

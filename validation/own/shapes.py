@@ -197,7 +197,8 @@ def fastest(own: Own, made: Bodies) -> dict[str, float]:
     noise is none of them.
 
     Returns:
-        of ``centres``, ``turning`` (about the axis where it is largest) and ``other atoms``.
+        of ``centres``, ``turning`` (about the axis where it is largest) and ``other atoms``, those
+        that have a force: an ideal gas and what ``fix setforce`` holds have none.
     """
     energy, atoms = thermal(own), own.atoms
     force = atoms["f"]
@@ -226,7 +227,8 @@ def fastest(own: Own, made: Bodies) -> dict[str, float]:
         mine = free & (atoms["type"] == kind)
         square = (force[mine] ** 2).mean() / atoms["mass"][mine].mean()
         found["other atoms"] = max(found.get("other atoms", 0.0), square)
-    return {name: float(np.sqrt(one / (energy * mvv2e(own)))) for name, one in found.items()}
+    unit = energy * mvv2e(own)
+    return {name: float(np.sqrt(one / unit)) for name, one in found.items() if one > 0}
 
 
 def nearest(own: Own) -> tuple[float, int, int] | None:

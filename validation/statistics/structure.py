@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate
-from validation.statistics.positions import NM_PER_ANGSTROM, Positions
+from validation.statistics.positions import Positions
 
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
 
@@ -175,17 +175,19 @@ def of_sites(
     """g(r) of equal atoms, (blocks, bins), of successive parts of the frames.
 
     Args:
-        x: (frames, atoms, 3) Angstrom.  cells: (frames, 3, 3), vectors as rows.
+        x: (frames, atoms, 3), in any unit of length.  cells: (frames, 3, 3), vectors as rows.
         reach: ends of the bins, which have this ``width``.
     """
+    # mdtraj has single precision, in which a volume in m^3 is 0: lengths go in of order one
+    scale = 1 / reach[1]
     top = mdtraj.Topology()
     residue = top.add_residue("HOH", top.add_chain())
     for _ in range(x.shape[1]):
         top.add_atom("O", mdtraj.element.oxygen, residue)
-    path = mdtraj.Trajectory(x * NM_PER_ANGSTROM, top)
-    path.unitcell_vectors = cells * NM_PER_ANGSTROM
+    path = mdtraj.Trajectory(x * scale, top)
+    path.unitcell_vectors = cells * scale
     pairs = top.select_pairs("all", "all")
-    ends = [end * NM_PER_ANGSTROM for end in reach]
+    ends = [end * scale for end in reach]
     parts = np.array_split(np.arange(path.n_frames), blocks)
     # by a width it rounds their number down, as where 53 of them come to 52.999...
     how = {"r_range": ends, "n_bins": round((reach[1] - reach[0]) / width)}

@@ -20,6 +20,8 @@ from validation.trial.targets import ENERGIES, judged
 EACH = "Each integrator's fastest step"
 FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often
 LEAST_ROOM = 0.25  # of a target, between it and the error that is counted on in telling a budget
+FAR = 100  # times a budget: what is told of one so much larger, by few samples, is chance
+MORE = 10  # times a budget, that is tried then
 SKINS = "Skins of the neighbour lists, with the advised step"
 
 
@@ -28,8 +30,10 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     wanted, time = summary["targets"], UNITS[summary["units"]].time
     points, rest = _asked(summary)
     choice = _chosen(summary, points, wanted)
-    told = list(_told(summary, points, choice, wanted, time)) if points or not rest else []
-    told += _uncounted(summary, rest, wanted, time)
+    told = list(_late(summary))
+    if points or not rest:
+        told += _told(summary, points, choice, wanted, time)
+    told += _uncounted(summary, rest, wanted, time, alone=not points)
     told += confirm.said(summary, time)
     return choice, told, _lines(summary, choice)
 
@@ -48,29 +52,42 @@ def _asked(summary) -> tuple[list, list]:
     return points, [one for one in asked if judged(one, wanted) != wanted]
 
 
-def _uncounted(summary, points, wanted, time) -> Iterator[str]:
-    """Of those whose energy says nothing, the fastest that is good by the other targets."""
+def _late(summary) -> Iterator[str]:
+    if summary["late"]:
+        yield (
+            "The budget was over before all steps were tried: it is small, or the machine is "
+            "busier than when it began. The same command goes on."
+        )
+
+
+def _uncounted(summary, points, wanted, time, alone) -> Iterator[str]:
+    """Of those whose energy says nothing, the fastest that is good by the other targets; if they
+    are ``alone``, also what to do where none is."""
     if not points:
         return
     labels = ", ".join(dict.fromkeys(one["label"] for one in points))
     lost = " and ".join(name for name in ENERGIES if name in wanted)
     yield f"Of {labels} nobody knows {lost}: {counted.WHY}."
     rest = judged(points[0], wanted)
-    best = _chosen(summary, points, rest).best if rest else None
-    if best:
+    choice = _chosen(summary, points, rest) if rest else None
+    if choice and choice.best:
+        best = choice.best
         yield (
             f"But for that, {best['label']} with {best['dt']:g} {time} is within the targets: "
             f"{_within(best, rest)}. It takes {_cost(best)} s per {summary['ns']}."
+        )
+    elif choice and alone:
+        yield f"What follows is by {', '.join(rest)} only."
+        yield from _none(summary, points, choice, rest, time)
+    elif alone:
+        yield (
+            "Nothing else is a target, so there is no answer. Give one that they tell (--target "
+            "temperature=VALUE), or try integrators whose energy is counted (--only)."
         )
 
 
 def _told(summary, points, choice, wanted, time) -> Iterator[str]:
     best = choice.best
-    if summary["late"]:
-        yield (
-            "The budget was over before all steps were tried: the machine is busier than when it "
-            "began. The same command goes on."
-        )
     if best is None:
         yield from _none(summary, points, choice, wanted, time)
         return
@@ -188,6 +205,11 @@ def _longer(summary, points, perhaps, wanted) -> str:
     other = "a target that short runs can tell: --target NAME=VALUE"
     if minutes is None:
         return f"Give {other}."
+    if minutes > FAR * summary["minutes"]:
+        return (
+            "Runs so short do not tell how long it takes: try about "
+            f"--budget {MORE * summary['minutes']:g} first, in so many minutes. Or give {other}."
+        )
     return f"About --budget {minutes} tells, in so many minutes. Or give {other}."
 
 
@@ -210,6 +232,18 @@ def _telling(summary, points, perhaps, wanted) -> int | None:
         return None
     # the least that helps is some runs more
     return math.ceil(float(f"{summary['minutes'] * max(2.0, min(factors)):.2g}"))
+
+
+def _minutes(summary) -> int | None:
+    """Minutes that tell what `answer` cannot; None where it can, or where no run tells it."""
+    wanted, (points, rest) = summary["targets"], _asked(summary)
+    if rest and not points:
+        points, wanted = rest, judged(rest[0], wanted)
+    choice = _chosen(summary, points, wanted) if wanted else None
+    if choice is None or choice.best or not choice.perhaps:
+        return None
+    minutes = _telling(summary, points, choice.perhaps, wanted)
+    return minutes if minutes and minutes <= FAR * summary["minutes"] else None
 
 
 def _above(point, name, most, confidence) -> float:
@@ -349,7 +383,7 @@ def _numbers(point, wanted) -> dict:
 def write(summary: dict, out: Path) -> None:
     """Write all files into a folder."""
     choice, told, lines = answer(summary)
-    wanted, (points, _) = summary["targets"], _asked(summary)
+    wanted = summary["targets"]
     values: dict = {"told": told, "lines": lines, "shown": tables(summary)}
     figures = draw(summary, out)
     files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
@@ -357,9 +391,7 @@ def write(summary: dict, out: Path) -> None:
         files["confirmed"] = report.frame(_numbers(one, wanted) for one in longer)
     else:
         (out / "confirmed.csv").unlink(missing_ok=True)  # of another answer
-    minutes = None
-    if choice.best is None and choice.perhaps:
-        minutes = _telling(summary, points, choice.perhaps, wanted)
+    minutes = _minutes(summary)
     said: dict = {"answer": [*told, *lines], "minutes_that_tell": minutes, "advised": None}
     if choice.best:
         said["advised"] = {key: choice.best[key] for key in ("integrator", "label", "dt")}

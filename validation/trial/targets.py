@@ -9,7 +9,9 @@ from validation.own.system import Own
 # get by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
 # steps: the standard deviation of a whole run is mostly this
 SPAN = 96
-NS = {"real": 1e6, "metal": 1e3, "electron": 1e6}  # times in a ns; elsewhere in 1,000 of them
+# times in a ns; in reduced units 1,000 of them stand for it
+NS = {"real": 1e6, "electron": 1e6, "metal": 1e3, "nano": 1.0, "micro": 1e-3}
+NS |= {"si": 1e-9, "cgs": 1e-9}
 ENERGIES = "drift", "energy"  # targets that econserve tells
 MEANS = frozenset(("potential", "density", "rdf"))  # that are held against another run
 TARGETS = {
