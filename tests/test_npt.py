@@ -207,6 +207,28 @@ def test_virial_of_others(run_lammps, virial):
     assert_lammps_virial(run_lammps(script, files=files))
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("every", [1, 3])
+def test_pressures_that_are_printed(run_lammps, ranks, every):
+    """Locks out pressures without the constraint virial, in steps in which the barostat asks for
+    one too: they are the same whatever else is printed, and of atoms as of all."""
+    system = mixture(side=3)
+    words = fix("seed 771", f"iso 12e-2 12e-2 2e-1 every {every} compressibility 8")
+    found = {}
+    for steps in 1, 2, 6:
+        script = f"{system.setup}\ntimestep 0.002\n{words}{thermo('press', steps)}run 12\n"
+        rows = run_lammps(script, files=system.files, ranks=ranks).thermo
+        found[steps] = rows["Press"][rows["Step"] % 6 == 0]
+    assert (found[1] == found[2]).all() and (found[1] == found[6]).all()
+    atoms = (
+        "compute s all centroid/stress/atom NULL\ncompute p all reduce sum c_s[1] c_s[2] c_s[3]\n"
+    )
+    lines = f"variable p equal -(c_p[1]+c_p[2]+c_p[3])/(3*vol)\n{thermo('press v_p', 1)}"
+    script = f"{system.setup}\ntimestep 0.002\n{words}{atoms}{lines}run 12\n"
+    rows = run_lammps(script, files=system.files, ranks=ranks).thermo
+    np.testing.assert_allclose(rows["Press"], rows["v_p"], rtol=0, atol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("lines", "says"),
     [

@@ -264,6 +264,7 @@ class FixPythonMove : public Fix {
   bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
   bool pressure_is_due(bigint step) const { return cell_is_due(step) || cell_is_due(step - 1); }
   void ask_for_pressure(bigint step);
+  int asked_by_others(int vflag) const;
   double potential();
   Compute *own_compute(const std::string &own) const;
   void ask_for_energy(bigint step) { own_compute(energy_id)->addstep(step); }
@@ -574,7 +575,7 @@ void FixPythonMove::initial_integrate(int vflag)
   flush_log();
   v_init(vflag);
   stream_with_box();
-  bridge.vflag = vflag;
+  bridge.vflag = asked_by_others(vflag);
   const bool waits = bridge.phase == WAITING, for_python = update->ntimestep == bridge.begins;
   if (for_python && bridge.needs_energy) bridge.energy = potential();
   const Pass *passes = for_python ? nullptr : waits ? bridge.whole : bridge.phase == SET ? bridge.begin : nullptr;
@@ -583,9 +584,9 @@ void FixPythonMove::initial_integrate(int vflag)
     bridge.phase = HALF;
     bridge.velocities_set = 0;
     // if it fails, Python finds it broken, too, and says why
-    if (cell_is_due(update->ntimestep - 1) && !run(bridge.cell)) call(bridge.initial_integrate, vflag);
+    if (cell_is_due(update->ntimestep - 1) && !run(bridge.cell)) call(bridge.initial_integrate, bridge.vflag);
   } else {
-    call(bridge.initial_integrate, vflag);
+    call(bridge.initial_integrate, bridge.vflag);
   }
 }
 
@@ -597,6 +598,7 @@ void FixPythonMove::final_integrate()
   auto falls_on = [step](int every) { return every && step % every == 0; };
   const bool for_energy = step == bridge.energy_step, for_python = for_energy || falls_on(bridge.python_every);
   take_virial();
+  if (!bridge.vflag) update->vflag_global = -1;    // whoever reads a virial nevertheless hears that there is none
   const bool looked_at = step == output->next || falls_on(bridge.velocities_every);
   if (bridge.may_wait && !bridge.vflag && !looked_at && !for_python) {
     bridge.phase = WAITING;
@@ -916,6 +918,18 @@ void FixPythonMove::ask_for_pressure(bigint step)
 {
   const bigint every = bridge.changes_box;
   own_compute(virial_id)->addstep(cell_is_due(step - 1) ? step : (step + every - 1) / every * every);
+}
+
+// What virial is asked for in this step by others than this fix, whose own part of it the new box does not need.
+
+int FixPythonMove::asked_by_others(int vflag) const
+{
+  const bigint step = update->ntimestep;
+  if (!pressure_is_due(step) || (vflag & (VIRIAL_ATOM | VIRIAL_CENTROID))) return vflag;
+  if (output->any_time_dumps && output->next_time_dump_any == step) return vflag;
+  for (const auto &compute : modify->get_compute_list())
+    if (compute->pressflag && virial_id != compute->id && compute->matchstep(step)) return vflag;
+  return 0;
 }
 
 // What LAMMPS's forces say of the pressure, where that is needed: their virial on all ranks, without this fix's.
