@@ -493,6 +493,19 @@ def sampling_bounds():
     return _checks(rows("sampling-water", "checks"), _OF_SAMPLING)
 
 
+def _other(scene):
+    """Biases and costs of a scene of `sampling` beside water."""
+    verb = f"sampling-{scene}"
+    biases = ("U/N", "kcal/mol a molecule"), ("pressure", "atm"), ("squared torque", "%")
+    less = ((f"less than {one['scheme']}", "times") for one in summary(verb)["known"])
+    return _schemes(verb, *biases, ("T_rot", "K"), ("cost median", "s/ps"), *less)
+
+
+def sampling_co2():
+    """Carbon dioxide."""
+    return _other("co2")
+
+
 def engines_bias():
     """Distances of means in other engines from their limit of small steps."""
     return _schemes("engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
@@ -800,6 +813,7 @@ TABLES = [
     sampling_cost,
     sampling_faster,
     sampling_bounds,
+    sampling_co2,
     engines_bias,
     engines_bounds,
     long_run,
