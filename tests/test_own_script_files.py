@@ -162,7 +162,7 @@ def test_the_environment_and_wildcards_are_looked_at_again(tmp_path, monkeypatch
     box(tmp_path, "run.1.data")
     found = Files([tmp_path], tmp_path / "root", One)
     found.find("run.*.data", wild=True)
-    asked = [found.globs, found.environment]
+    asked = [found.globs, {}]
     assert asked == files.asked_now(*asked)
     box(tmp_path, "run.2.data")
     assert asked != files.asked_now(*asked)
@@ -196,6 +196,10 @@ def test_fixes_that_change_the_step_are_left_out(tmp_path):
     """Locks out steps of another length than the table says, and a run that ends early."""
     text = GAS + "fix dt all dt/reset 1 1e-4 2e-4 0.1\nvariable n equal step\n"
     text += "fix h all halt 1 v_n > 3 error soft\n"
+    text += "fix mean all ave/time 1 1 1 f_dt\n"
+    own = take(written(tmp_path, text + RIGID + "run 10\n"), tmp_path / "out")
+    assert any("no run begins with them: fix mean all" in one for one in own.notes)
+    text = text.replace("fix mean all ave/time 1 1 1 f_dt\n", "")
     own = take(written(tmp_path, text + RIGID + "run 10\n"), tmp_path / "out")
     assert not any(re.search(r"dt/reset|halt", one) for one in (*own.scene.setup, *own.scene.then))
     assert any("change the step or end a run early: fix dt all" in one for one in own.notes)
@@ -225,7 +229,7 @@ def test_options_that_name_nothing_are_refused_with_what_there_is(tmp_path):
 def test_commands_that_need_a_fix_which_is_replaced_are_told(tmp_path):
     """Locks out rows that fail for a line of the script's output, where nobody says so."""
     text = GAS + RIGID + "compute k a ke/rigid 1\nthermo_style custom step pe f_1\n"
-    text += "variable k equal f_1\nvariable other equal f_11\nrun 5\n"
+    text += "variable k equal f_1\nvariable other equal f_11\nvariable half_1 equal 3\nrun 5\n"
     (note,) = (
         one for one in take(written(tmp_path, text), tmp_path / "out").notes if "replaced" in one
     )
@@ -270,7 +274,7 @@ def test_others_begin_where_ours_cannot(tmp_path):
     fix = f"{both}fix p all press/berendsen iso 1 1 1000"
     path = scripts.spce(tmp_path, number=2, fix=fix)
     own = take(path, tmp_path / "out")
-    assert (own.scene.folder / "bodies.dump").exists()
+    assert (own.scene.folder / files.STATES / "bodies.dump").exists()
 
 
 def test_a_link_is_never_written_through(tmp_path):
@@ -285,8 +289,9 @@ def test_a_link_is_never_written_through(tmp_path):
     assert place.is_file() and not place.is_symlink()
     place.unlink()
     found.brought("read_data start.data")
-    assert found.writable("write_data start.data") == 'write_data "start.data"'
-    assert not os.path.lexists(place)
+    assert found.writable("write_data start.data") == 'write_data "start.data.new"'
+    assert place.is_symlink() and not os.path.lexists(tmp_path / "root" / "start.data.new")
+    assert found.find("start.data") == [tmp_path / "root" / "start.data.new"]
     for line in (
         "write_data ../a.data",
         f"write_data {tmp_path}/a.data",
@@ -296,11 +301,95 @@ def test_a_link_is_never_written_through(tmp_path):
         assert found.writable(line) is None
 
 
+def test_files_with_the_names_of_the_harnesss_own(tmp_path):
+    """Locks out a dump of the user's that the harness writes over, or takes for its own."""
+    lines = ["ITEM: TIMESTEP", "0", "ITEM: NUMBER OF ATOMS", "4", "ITEM: BOX BOUNDS pp pp pp"]
+    lines += ["0 6"] * 3 + ["ITEM: ATOMS id type x y z"]
+    lines += [f"{n} 1 {x} {y} 1" for n, (x, y) in enumerate([(1, 1), (2, 1), (4, 4), (4, 5)], 1)]
+    names = "state.dump", "state-1.dump", "bodies.dump"
+    for name in names:
+        (tmp_path / name).write_text("\n".join([*lines, ""]))
+    reads = "".join(f"read_dump {name} 0 x y z\n" for name in names)
+    text = READ.format(name=box(tmp_path).name) + reads + RIGID + "run 3\nrun 5\n"
+    own = take(written(tmp_path, text), tmp_path / "out", at=2)
+    assert all((tmp_path / name).read_text() == "\n".join([*lines, ""]) for name in names)
+    assert files.STATES in own.scene.setup[-1] and not pairs(own).error
+
+
+def test_fixes_write_nothing_elsewhere(tmp_path):
+    """Locks out a fix whose prefix is a whole path into the user's folder."""
+    (tmp_path / "root").mkdir()
+    found = Files([tmp_path], tmp_path / "root", One)
+    for name in f"{tmp_path}/prod", "../prod":
+        line = found.brought(f"fix 1 all colvars c.in output {name}")
+        (place,) = re.findall(r'"(.*)"', line)
+        assert place.startswith(str(tmp_path / "root")) and os.path.isdir(os.path.dirname(place))
+    for line in "fix 1 all nve", "fix 1 all deform 1 x scale /nowhere/x", "fix 1 all move v_x/../y":
+        assert found.brought(line) == line
+
+
+def test_a_file_that_is_written_over_is_read_as_it_was(tmp_path):
+    """Locks out runs that read a file as a later command of the script has left it."""
+    before = box(tmp_path).read_text()
+    text = READ.format(name="start.data") + "replicate 2 1 1\nwrite_data start.data\n" + RIGID
+    own = take(written(tmp_path, text + "run 5\n"), tmp_path / "out")
+    assert not pairs(own).error and len(own.atoms["x"]) == 8
+    assert box(tmp_path, "again").read_text() == before == (tmp_path / "start.data").read_text()
+
+
+def test_what_a_fix_writes_is_not_taken_from_an_old_file(tmp_path):
+    """Locks out an old file of the user's behind a run that writes it anew."""
+    (tmp_path / "v.txt").write_text("2\n")
+    text = GAS + RIGID + 'fix p all print 1 "3" file v.txt\nrun 2\nunfix p\n'
+    message = refused(text + "variable v file v.txt\nrun 5\n", tmp_path, at=2)
+    assert "reads v.txt, which 'fix p all print" in message
+
+
+def test_names_behind_a_change_of_folder(tmp_path):
+    """Locks out a file of the top folder in the place of one that is not there, and a group that
+    gets a folder in front of its name."""
+    box(tmp_path, "m.mol"), box(tmp_path, "sub/a"), (tmp_path / "root").mkdir()
+    found = Files([tmp_path], tmp_path / "root", One)
+    found.brought("read_data m.mol")
+    found.cd("sub")
+    assert found.asks('if "$(is_file(m.mol))"', str) == 'if "$(is_file(sub/m.mol))"'
+    assert found.brought("read_data m.mol") == 'read_data "sub/m.mol"'
+    assert found.brought("group a type 1") == "group a type 1"
+    assert found.brought("fix 1 a nve") == "fix 1 a nve"
+    assert found.brought("fix 1 a cmap a") == 'fix 1 a cmap "sub/a"'
+    assert found.brought("pair_coeff * * a") == 'pair_coeff * * "sub/a"'
+
+
+def test_commands_between_parts_keep_their_quotes(tmp_path):
+    """Locks out words that come apart where others are left out, and what is written deep in."""
+    lines = """run 4 every 2 'print "x" file y' 'if "1 > 0" then "velocity a scale 1.0"' ""\n"""
+    text = READ.format(name=box(tmp_path).name) + RIGID + "velocity a create 1.0 5\n" + lines
+    own = take(written(tmp_path, text + "run 5\n"), tmp_path / "out", at=2)
+    assert own.said["step"] == 4 and not (tmp_path / "y").exists()
+    wrong = "variable c string \"shell touch y\"\nrun 4 every 2 '$c'\n"
+    text = READ.format(name="start.data") + RIGID + wrong + "run 5\n"
+    assert take(written(tmp_path, text), tmp_path / "deep", at=2).said["step"] == 4
+    assert not (tmp_path / "y").exists()
+
+
+def test_a_file_that_rank_0_cannot_write_ends_all_ranks(tmp_path):
+    """Locks out ranks that wait for the first one, which reads the script anew."""
+    text = READ.format(name=box(tmp_path).name) + RIGID + "run 2\n"
+    text += 'print "x" file sub\nwrite_data sub/x.data\nrun 5\n'
+    path = written(tmp_path, text)
+    asked = system.Ask(str(path), str(tmp_path), at=2)
+    with pytest.raises(SystemExit, match="failed at 'write_data sub/x.data'"):
+        system.take(asked, tmp_path / "out", 2, 40.0, tell=lambda _: None)
+
+
 def test_words_that_name_files():
     """Locks out a file that a command writes, and of which nobody knows."""
     later = {
         "dump 1 all custom 5 a.dump id": ["a.dump"],
         "restart 5 a b": ["a", "b"],
+        "restart 5 a": ["a.*"],
+        "restart 5 a.*.b": ["a.*.b"],
+        "write_dump all image a.ppm type type": [],
         "restart 0": [],
         "shell cp a b": ["b"],
         "shell rm a": [],
@@ -312,5 +401,7 @@ def test_words_that_name_files():
         "run 5": [],
     }
     assert {line: script.written_later(line) for line in later} == later
-    between = 'run 5 every 2 NULL "print x"', "run 5 every 2 NULL", "run 5"
+    between = 'run 5 every 2 "print x"', "run 5 every 2 NULL", "run 5"
     assert [script.done_between(one) for one in between] == [["print x"], [], []]
+    assert [*script.lines("a # \x85 b\nc\r\n")] == ["a", "c"]
+    assert not script.IS_FILE.search('Path("x").is_file()')

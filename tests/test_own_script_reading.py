@@ -24,6 +24,7 @@ from validation.ensembles.lengths import Lengths, One
 from validation.ensembles.plan import SCHEMES
 from validation.ensembles.runs import Runs
 from validation.own import finding, schemes, script, shapes, system
+from validation.own.files import STATES
 from validation.running import machine, run, startup
 from validation.running.store import Store
 from validation.scenes import SCENES
@@ -139,11 +140,11 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     assert system._known(ask, folder, 1, everything=False)
     assert not system._known(ask, folder, 1, everything=True)  # bodies stops at another run
     names = {one.name for one in first.scene.folder.iterdir()}
-    assert names == {"rings.data", "state.dump", "bodies.npy"}
+    assert names == {"rings.data", STATES}
     (tmp_path / "notes").write_text("changed")
     log = (tmp_path / "out" / "script" / "log.lammps").read_text()
     assert "thermo_modify flush yes\nrun 0\n" in log  # else it is silent, and taken for hung
-    dump = first.scene.folder / "state.dump"
+    dump = first.scene.folder / STATES / "state.dump"
     stamp = dump.stat().st_mtime_ns
     take(path, tmp_path / "out")
     assert dump.stat().st_mtime_ns == stamp

@@ -55,14 +55,16 @@ def load(communicator, *names):
         finally:
             communicator.rest()  # while rank 0 compiles
     processor, codes = communicator.share(sent)
-    if communicator.any(processor != _processor()) and communicator.rank == 0:
-        _tell(UNLIKE)
+    unlike = False
     with communicator.together("the loops cannot be compiled or loaded"):
+        unlike = processor != _processor()
         for name, module in modules.items():
             if not module.ready:
-                if processor == _processor():
+                if not unlike:
                     module.code = codes[name]
                 module.load()
+    if communicator.any(unlike) and communicator.rank == 0:
+        _tell_once(UNLIKE)
 
 
 def module_of(function):
@@ -223,6 +225,9 @@ def answer(make):
 
 def _tell(text):
     print(text, file=sys.stderr, flush=True)
+
+
+_tell_once = cache(_tell)
 
 
 def _hash(text):

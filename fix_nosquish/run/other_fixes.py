@@ -64,7 +64,7 @@ class OtherFixes:
         unknown = fixes is None
         self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
         self.change_forces = unknown or any(fix.post_force for fix in fixes)
-        ending = [fix for fix in fixes if fix.end_of_step and not fix.style.startswith(_IDLE)]
+        ending = [fix for fix in fixes if fix.end_of_step and fix.style not in _IDLE]
         ending += _swaps(command, step)
         self.late = [fix for fix in ending if not fix.style.startswith((*READERS, "dt/reset"))]
         between = [fix for fix in fixes if fix.between]

@@ -9,12 +9,18 @@ of a copy in a fix.  What a command writes is written below ``root``, too, or no
 import fnmatch
 import glob
 import hashlib
+import itertools
 import os
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from validation.own import script
+
+# commands with names of files, and the first word that may be one
+FIRST = {"fix": 4, "variable": 3}
+NAMING = "_coeff", "_style"
+STATES = "validation-states"  # below root: a folder of the harness's own files, which no user has
 
 
 class Failure(Exception):
@@ -33,7 +39,7 @@ class Files:
     Attributes:
         read: paths of the user's files that are read.
         globs: patterns and names that were looked for, with the paths that there were.
-        environment: variables of the environment that were asked for, with their values.
+        environment: names of variables of the environment that were asked for.
     """
 
     def __init__(self, folders: Sequence[Path], root: Path, world) -> None:
@@ -42,8 +48,9 @@ class Files:
         self.made: set[str] = set()  # folders that the script makes
         self.read: set[str] = set()
         self.globs: dict[str, list[str]] = {}
-        self.environment: dict[str, str | None] = {}
-        self.written: set[str] = set()  # by the script, below root
+        self.environment: list[str] = []
+        self.used: set[str] = set()  # places below root that commands read or write
+        self.written: dict[str, str] = {}  # what the script writes, and its place below root
         self.lacking: dict[str, str] = {}  # what is not written, and the command that would
 
     # ------------------------------------------------------------ names
@@ -62,7 +69,7 @@ class Files:
             return []
         place = self.place(name)
         if place in self.written:
-            return [self.root / place]
+            return [self.root / self.written[place]]
         every = [folder / place for folder in self.folders]
         if wild and ("*" in name or "%" in name):
             patterns = [str(one).replace("%", "*") for one in every]
@@ -122,33 +129,50 @@ class Files:
         Raises:
             Failure: it reads what a command that is left out writes.
         """
-        word, *rest = script.texts(line)
-        reads, fix = word in script.READS, word == "fix"
+        word, *_ = script.texts(line)
+        first = FIRST.get(word, 1 if word in script.READS or word.endswith(NAMING) else None)
         # a name that stands in a variable is looked up where a command has it
-        stays = self.at == "." or (word == "variable" and rest[1:2] not in (["file"], ["atomfile"]))
+        moves = first is not None and not (word == "variable" and not _of_file(line))
+        number = itertools.count()
 
-        def changed(word: script.Word) -> str:
-            if reads:
-                self._refuse_lacking(word.text, line)
-            found = self.find(word.text, wild=reads)
-            if not found:
-                return word.quoted
-            place = self.place(word.text)
-            if self.root in found[0].parents and found[0] != self.root / place:
-                return word.quoted  # a copy, which an earlier command has
-            for path in found:
-                self._note(path)
-            if not is_elsewhere(place):
-                for path in found:
-                    self._put(path, self.root / os.path.dirname(place) / path.name, reads)
-                return word.quoted if stays else f'"{place}"'
-            if fix:
-                return f'"{self._copied(found[0])}"'
-            return f'"{found[0].parent / os.path.basename(place)}"'
+        def changed(own: script.Word) -> str:
+            at = next(number)
+            named = moves and at >= (first or 0) and self.at != "."
+            return self._name(own, word, named, line)
 
         changed_line = script.with_words(line, changed)
         self.world.Barrier()
         return changed_line
+
+    def _name(self, own: script.Word, command: str, named: bool, line: str) -> str:
+        """A word of a command, see `brought`; ``named``: whether a file's name may be changed."""
+        reads, fix, place = command in script.READS, command == "fix", self.place(own.text)
+        found = self.find(own.text, wild=reads)
+        if reads or (found and not fix):  # else the word may be no file's name
+            self._refuse_lacking(own.text, line)
+        if not found:
+            away = fix and is_elsewhere(os.path.normpath(own.text))
+            if away and (self.folders[0] / place).parent.is_dir():
+                return f'"{self._aside(self.folders[0] / place, make=True)}"'  # it may write there
+            return f'"{place}"' if reads and named and own.text else own.quoted
+        if place in self.written:
+            name = self.written[place]
+            return own.quoted if name == own.text else f'"{name}"'
+        if self.root in found[0].parents:
+            return own.quoted  # a copy, which an earlier command has
+        for path in found:
+            self._note(path)
+        if not is_elsewhere(place):
+            for path in found:
+                below = os.path.join(os.path.dirname(place), path.name)
+                self.used.add(below)
+                self._put(path, self.root / below, reads)
+            return f'"{place}"' if named else own.quoted
+        if fix:
+            copy = self._aside(found[0])
+            self._put(found[0], copy, link=False)
+            return f'"{copy}"'
+        return f'"{found[0].parent / os.path.basename(place)}"'
 
     def asks(self, text: str, expand: Callable[[str], str]) -> str:
         """A command whose ``is_file(NAME)`` finds what LAMMPS would find in the user's folder."""
@@ -173,18 +197,19 @@ class Files:
         place = self.place(name)
         if is_elsewhere(place) or "*" in name or "%" in name:
             return None
-        if script.appends(line):
-            for path in self.find(name):
-                self._put(path, self.root / place, link=False)
+        below, earlier = place, self.find(name)
+        while below in self.used:  # runs read again what was there before
+            below += ".new"
+        self.used.add(below)
         if self.world.rank == 0:
-            target = self.root / place
+            target = self.root / below
             target.parent.mkdir(parents=True, exist_ok=True)
-            if target.is_symlink():
-                target.unlink()
+            if script.appends(line) and earlier:
+                shutil.copyfile(earlier[0], target)
         self.world.Barrier()
-        self.written.add(place)
+        self.written[place] = below
         told = [one.quoted for one in found]
-        return " ".join((*told[:at], f'"{place}"', *told[at + 1 :]))
+        return " ".join((*told[:at], f'"{below}"', *told[at + 1 :]))
 
     def leave_out(self, names: Sequence[str], line: str) -> None:
         """Note that these files are not written, for this command is left out."""
@@ -208,12 +233,13 @@ class Files:
         if self.root not in path.parents:
             self.read.add(str(path))
 
-    def _copied(self, path: Path) -> Path:
-        """The copy of a file in a folder of its own, where LAMMPS works."""
+    def _aside(self, path: Path, make: bool = False) -> Path:
+        """The place of a file that is elsewhere, in a folder of its own where LAMMPS works."""
         name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
-        place = self.root / f"elsewhere-{name}" / path.name
-        self._put(path, place, link=False)
-        return place
+        folder = self.root / f"elsewhere-{name}"
+        if make and self.world.rank == 0:
+            folder.mkdir(exist_ok=True)
+        return folder / path.name
 
     def _put(self, path: Path, place: Path, link: bool) -> None:
         """A copy of a file, or a link to it, if there is none; rank 0 makes it."""
@@ -234,6 +260,11 @@ def _same(one: list[Path], other: list[Path]) -> bool:
     return [a.name for a in one] == [b.name for b in other] and all(
         a.samefile(b) or a.read_bytes() == b.read_bytes() for a, b in zip(one, other)
     )
+
+
+def _of_file(line: str) -> bool:
+    """Whether a command is a variable that reads a file."""
+    return script.texts(line)[2:3] in (["file"], ["atomfile"])
 
 
 def is_elsewhere(place: str) -> bool:

@@ -462,7 +462,10 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
         if not bodies:
             raise Unclear("say what is one body, too: --bodies molecule (or custom i_NAME)")
         if not _are_bodies(bodies.split(), said["groups"]):
-            raise Unclear(f"--bodies {bodies}: molecule, custom i_NAME or single is expected")
+            raise Unclear(
+                f"--bodies {bodies}: molecule, custom i_NAME, single, or group N with N names of "
+                "groups that there are, is expected"
+            )
         style = bodies
         body = numbers(said, atoms, group or texts(line)[2], bodies.split())
     name, setup = _group_of(said, atoms, body, group)

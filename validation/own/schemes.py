@@ -2,7 +2,7 @@
 
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -233,16 +233,16 @@ def _constrained(found: Found) -> Iterator[Integrator]:
         yield Integrator(style, label, lines, kind="constraints", tolerance=tolerance)
 
 
-def _reading_ours(found: Found, commands: Sequence[str]) -> list[str]:
-    """Commands that name a fix which is replaced, as f_ID or as a rigid fix."""
+def reading(ids: Collection[str], commands: Sequence[str]) -> list[str]:
+    """Commands that name a fix with one of these IDs, as f_ID or as a rigid fix."""
     made = []
     for line in (one for one in commands if texts(one)[0] not in DONE):
         word, *rest = texts(line)
-        named = any(re.search(rf"f_{re.escape(one)}\b", line) for one in found.ids)
-        if word == "compute" and len(rest) > 3 and rest[3] in found.ids:
+        named = any(re.search(rf"(?<!\w)f_{re.escape(one)}\b", line) for one in ids)
+        if word == "compute" and len(rest) > 3 and rest[3] in ids:
             named |= rest[2].startswith(("ke/rigid", "erotate/rigid", "rigid/local"))
         if word == "fix" and "rigid" in rest[3:]:
-            named |= any(one in found.ids for one in rest)
+            named |= any(one in ids for one in rest)
         made += [line] * named
     return made
 
@@ -293,7 +293,7 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
             f"What is done between the parts of that run is left out: {some}. Where it changes "
             "atoms, the script's own run is another one."
         )
-    if replaced := _reading_ours(found, said["commands"]):
+    if replaced := reading(found.ids, said["commands"]):
         lines.append(
             "These read numbers of a fix that is replaced, which others may not have: where such "
             f"a row fails, leave them out of the script: {'; '.join(map(plain, replaced[:6]))}."

@@ -44,7 +44,7 @@ PLACED = CHANGES | {"group", "fix", "compute"}
 REMEMBERS = "spring/self", "store/state", "move", "recenter", "tmd", "poems", "rigid"
 # they write a file at once, in the place of the word of this number
 WRITES = {"write_data": 1, "write_restart": 1, "write_coeff": 1, "group2ndx": 1, "write_dump": 3}
-IS_FILE = re.compile(r"is_file\(([^()]*)\)")
+IS_FILE = re.compile(r"(?<![\w.])is_file\(([^()]+)\)")
 # they only read the files that they name, so a link is enough
 READS = frozenset(("read_data", "read_restart", "read_dump", "molecule", "include", "jump"))
 
@@ -124,7 +124,7 @@ def undotted(word: str) -> str:
 def lines(text: str) -> Iterator[str]:
     """Whole commands of a file: continued lines together, without comments and empty lines."""
     kept = ""
-    for line in text.splitlines():
+    for line in re.split(r"\r\n|\r|\n", text):  # other ends of lines stand in Latin-1 comments
         kept += line
         bare = kept.rstrip()
         if kept.count('"""') % 2:
@@ -182,6 +182,8 @@ def written_at(line: str) -> int | None:
     """Which word of a command names the file that it writes at once; None if it writes none."""
     found = words(line)
     at = WRITES.get(found[0].text)
+    if found[0].text == "write_dump" and texts(line)[2:3] in (["image"], ["movie"]):
+        return None  # nothing reads a picture
     if found[0].text == "print":
         names = [i for i, one in enumerate(found) if one.quoted in ("file", "append")]
         at = names[0] + 1 if names else None
@@ -198,8 +200,9 @@ def written_later(line: str) -> list[str]:
     word, *rest = texts(line)
     if word == "dump":
         return rest[4:5]
-    if word == "restart":
-        return [one for one in rest[1:3] if one not in ("fileper", "nfile")]
+    if word == "restart":  # LAMMPS puts the step behind a single name
+        names = [one for one in rest[1:3] if one not in ("fileper", "nfile")]
+        return names if len(names) > 1 else [one if "*" in one else f"{one}.*" for one in names]
     if word == "shell" and rest[:1] in (["cp"], ["mv"]):
         return rest[-1:]
     if word == "fix":
@@ -212,7 +215,7 @@ def done_between(line: str) -> list[str]:
     """The commands that ``run N every M`` does between the parts of a run."""
     word, *rest = texts(line)
     at = rest.index("every") + 2 if word == "run" and "every" in rest else len(rest)
-    return [one for one in rest[at:] if one != "NULL"]
+    return [] if rest[at:] == ["NULL"] else rest[at:]
 
 
 def without_files(command: str) -> str:

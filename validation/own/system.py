@@ -20,7 +20,7 @@ import numpy as np
 
 from validation import command_line
 from validation.own import finding, schemes
-from validation.own.files import asked_now
+from validation.own.files import STATES, asked_now
 from validation.own.finding import Found, Unclear
 from validation.own.script import CHANGES, DONE, RUNS, remembers, texts
 from validation.running import machine, run, starts, store
@@ -238,7 +238,11 @@ def _contents(files) -> str:
 def _files_of(said: Mapping, inputs: Path) -> str:
     """Hash of the files that a script's runs follow from: the user's, those that its reading made,
     and the bodies. Others in the folder are written by the runs themselves."""
-    bodies = [one for one in (inputs / "bodies.npy", inputs / "bodies.dump") if one.exists()]
+    bodies = [
+        one
+        for one in (inputs / STATES / "bodies.npy", inputs / STATES / "bodies.dump")
+        if one.exists()
+    ]
     return store.digest(_contents(said["files"]), said["made"], [*map(machine.contents, bodies)])
 
 
@@ -276,7 +280,8 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
         why = error.read_text() if error.exists() else f"ended, see {folder / 'output.txt'}"
         raise SystemExit(f"{Path(ask.script).name}: {run.one_line(why)}")
     said = json.loads((folder / "read.json").read_text())
-    known = said["files"], said["asked"]
+    globs, environment = said["asked"]  # with values as they are outside of the ranks
+    known = said["files"], [globs, {one: os.environ.get(one) for one in environment}]
     kept = {"files": known[0], "asked": known[1], "origin": _origin(ask, ranks, everything, *known)}
     (folder / "known.json").write_text(json.dumps(kept))
     return said
@@ -314,7 +319,7 @@ def _scene(
     ]
     inputs = folder / "inputs"
     known = np.array([found.body, atoms["type"]], dtype=np.int32)
-    _keep(known, folder, inputs / "bodies.npy")
+    _keep(known, folder, inputs / STATES / "bodies.npy")
     number = int(found.body.max())
     scene = Scene(
         name=ask.name,
@@ -324,7 +329,7 @@ def _scene(
         group=found.group,
         bodies=found.bodies,
         constraints=found.constraints,
-        body_property=str(inputs / "bodies.npy"),
+        body_property=str(inputs / STATES / "bodies.npy"),
         units=said["units"],
         dt=said["dt"],
         unit=number,
@@ -339,6 +344,10 @@ def _scene(
     if stray:
         some = "; ".join(schemes.plain(commands[i]) for i in sorted(stray))
         late.append(f"Left out, for they change the step or end a run early: {some}.")
+        ids = {texts(commands[i])[1] for i in stray}
+        if readers := schemes.reading(ids, [*before, *then]):
+            some = "; ".join(map(schemes.plain, readers))
+            late.append(f"These read numbers of them, so no run begins with them: {some}.")
     return scene, late
 
 
@@ -378,7 +387,7 @@ def _at_rest(scene, those, folder, ranks, silence) -> Scene:
     rigid = [one for one in those if one.kind in ("ours", "rigid")]
     if not rigid:
         return scene
-    state, made = scene.folder / "bodies.dump", folder / "bodies" / "state.dump"
+    state, made = scene.folder / STATES / "bodies.dump", folder / "bodies" / "state.dump"
     why: list[str] = []
     while not state.exists():
         if len(why) == len(rigid):
@@ -398,7 +407,7 @@ def _at_rest(scene, those, folder, ranks, silence) -> Scene:
 def _otherwise(scene, those, said, folder, ranks, silence) -> list[str]:
     """What is to be said where the start is another system than the script has behind earlier runs:
     these may have changed what is no motion of atoms, as charges, bonds, coefficients."""
-    if not said["skipped"]:
+    if not said["skipped"] or said["potential"] is None:
         return []
     place = folder / "beginning"
     how: dict = {"dt": scene.dt, "every": 1, "ranks": ranks, "silence": silence}
