@@ -49,7 +49,7 @@ class Files:
         self.read: set[str] = set()
         self.globs: dict[str, list[str]] = {}
         self.environment: list[str] = []
-        self.used: set[str] = set()  # places below root that commands read or write
+        self.used: set[str] = set()  # places below root that commands read
         self.written: dict[str, str] = {}  # what the script writes, and its place below root
         self.lacking: dict[str, str] = {}  # what is not written, and the command that would
 
@@ -157,6 +157,7 @@ class Files:
             return f'"{place}"' if reads and named and own.text else own.quoted
         if place in self.written:
             name = self.written[place]
+            self.used.add(name)
             return own.quoted if name == own.text else f'"{name}"'
         if self.root in found[0].parents:
             return own.quoted  # a copy, which an earlier command has
@@ -197,14 +198,13 @@ class Files:
         place = self.place(name)
         if is_elsewhere(place) or "*" in name or "%" in name:
             return None
-        below, earlier = place, self.find(name)
-        while below in self.used:  # runs read again what was there before
-            below += ".new"
-        self.used.add(below)
+        below, earlier = self.written.get(place, place), self.find(name)
+        if below in self.used:  # runs read again what was there before
+            below = f"{place}.{len(self.used)}"
         if self.world.rank == 0:
             target = self.root / below
             target.parent.mkdir(parents=True, exist_ok=True)
-            if script.appends(line) and earlier:
+            if script.appends(line) and earlier and earlier[0] != target:
                 shutil.copyfile(earlier[0], target)
         self.world.Barrier()
         self.written[place] = below
