@@ -144,7 +144,7 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
     assert bad["cost"] is None  # it is not timed
     skins = [one["command"] for one in summary["lists"]]
     assert skins == ["neighbor 2 bin", "neighbor 3 bin", "neighbor 4 bin"]  # LAMMPS's own is 2
-    assert all(0.2 < one["min"] <= one["max"] < 5 for one in summary["lists"])
+    assert all(0 < one["min"] <= one["median"] <= one["max"] for one in summary["lists"])
     assert "neighbor 3 bin" in page
     # again: nothing is run, and another process finds the same
     begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}

@@ -609,14 +609,15 @@ def own_scripts():
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
         title = found["title"] + f", {found['ranks']} ranks" * (found["ranks"] > 1)
-        line = [title, own, name, found["minutes_that_tell"] or NOTHING]
+        line = [title, own, plain(found["minutes"]), name, found["minutes_that_tell"] or NOTHING]
         if found.get("confirmed"):
             longer = rows(f"own-scripts/{folder}", "confirmed")
             line += [_confirmed(row, found["targets"], unit) for row in longer]
+            line += [NOTHING] * (2 - len(longer))  # the answer itself says that it is too long
         elif confirms:
             line += [NOTHING, NOTHING]
         lines.append(line)
-    head = ["script", "its step", "advised", "minutes that would tell, about"]
+    head = ["script", "its step", "budget, minutes", "advised", "minutes that would tell, about"]
     if confirms:
         head += ["ten times as long", "1.5 times that step"]
     return markdown(head, lines)
