@@ -610,12 +610,9 @@ def own_scripts():
         own = f"{plain(found['dt'])}{NBSP}{unit}"
         title = found["title"] + f", {found['ranks']} ranks" * (found["ranks"] > 1)
         line = [title, own, plain(found["minutes"]), name, found["minutes_that_tell"] or NOTHING]
-        if found.get("confirmed"):
-            longer = rows(f"own-scripts/{folder}", "confirmed")
-            line += [_confirmed(row, found["targets"], unit) for row in longer]
-            line += [NOTHING] * (2 - len(longer))  # the answer itself says that it is too long
-        elif confirms:
-            line += [NOTHING, NOTHING]
+        longer = rows(f"own-scripts/{folder}", "confirmed") if found.get("confirmed") else []
+        line += [_confirmed(row, found["targets"], unit) for row in longer]
+        line += [NOTHING] * (2 * confirms - len(longer))  # not run, or the answer itself tells
         lines.append(line)
     head = ["script", "its step", "budget, minutes", "advised", "minutes that would tell, about"]
     if confirms:

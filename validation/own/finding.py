@@ -149,15 +149,14 @@ def nothing(seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had:
     """
     if had:
         return f"--run {at}: the script has {had} such runs, and no other behind them"
-    if seen and wanted:
-        some = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
-        return f"no run of the script has fix {' and '.join(wanted)}. Its runs and fixes: {some}"
     if not seen:
         return (
             "the script has no run of a step or more, so there is nothing to compare: give the "
             "script that runs, not one that it includes"
         )
     some = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
+    if wanted:
+        return f"no run of the script has fix {' and '.join(wanted)}. Its runs and fixes: {some}"
     return (
         f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {some}. "
         "If some molecules are to be rigid, say which: --group GROUP --bodies molecule (and --fix "

@@ -153,7 +153,7 @@ def take(
         scene, late = _scene(ask, folder, said, atoms, found)
         if found.kind in ("constraints", "plain"):
             scene = _at_rest(scene, those, folder, ranks, silence)
-        late += _otherwise(scene, those, said, folder, ranks, silence)
+        late += _otherwise(scene, those, said, len(found.body), folder, ranks, silence)
         scene = replace(scene, origin=_files_of(said, scene.folder))
     notes = (*schemes.summary(found, said, atoms), *more, *late)
     for line in notes:
@@ -218,8 +218,8 @@ def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
     """What was read before, if nothing has changed since."""
     try:
         kept = json.loads((folder / "known.json").read_text())
-        how = ranks, everything, kept["files"], kept["asked"]
-        same = kept["origin"] == _origin(ask, *how) and kept["asked"] == asked_now(*kept["asked"])
+        how = ranks, everything, kept["files"], asked_now(*kept["asked"])
+        same = kept["origin"] == _origin(ask, *how)
         return json.loads((folder / "read.json").read_text()) if same else None
     except (OSError, ValueError, KeyError):
         return None
@@ -388,25 +388,28 @@ def _at_rest(scene, those, folder, ranks, silence) -> Scene:
     if not rigid:
         return scene
     state, made = scene.folder / STATES / "bodies.dump", folder / "bodies" / "state.dump"
-    why: list[str] = []
-    while not state.exists():
-        if len(why) == len(rigid):
-            raise SystemExit(f"{scene.subject}: {'; '.join(why)}")
-        one = rigid[len(why)]
+    if not state.exists():
         how: dict = {"dt": scene.dt, "every": 0, "ranks": ranks, "silence": silence}
-        more = starts.to_dump(made, 1)
-        result = run.run(run.job(scene, one, made.parent, [0], more=more, **how))
-        if result.error:
+        more, why = starts.to_dump(made, 1), []
+        for one in rigid:
+            result = run.run(run.job(scene, one, made.parent, [0], more=more, **how))
+            if not result.error:
+                made.replace(state)
+                break
             why.append(f"{one.label} cannot begin: {result.error}")
         else:
-            made.replace(state)
+            raise SystemExit(f"{scene.subject}: {'; '.join(why)}")
     begun = starts.read(state, 0, scene.dimension, box=True)
     return replace(scene, setup=(*scene.setup[:-1], begun))
 
 
-def _otherwise(scene, those, said, folder, ranks, silence) -> list[str]:
+def _otherwise(scene, those, said, atoms, folder, ranks, silence) -> list[str]:
     """What is to be said where the start is another system than the script has behind earlier runs:
-    these may have changed what is no motion of atoms, as charges, bonds, coefficients."""
+    these may have changed what is no motion of atoms, as charges, bonds, coefficients.
+
+    Args:
+        atoms: how many there are.
+    """
     if not said["skipped"] or said["potential"] is None:
         return []
     place = folder / "beginning"
@@ -417,8 +420,7 @@ def _otherwise(scene, those, said, folder, ranks, silence) -> list[str]:
         if result.error or not len(result.thermo.get("PotEng", ())):
             continue
         here, there = float(result.thermo["PotEng"][0]), said["potential"]
-        number = int(np.prod(np.load(scene.body_property, mmap_mode="r").shape[1:]))
-        scale = abs(there) + number * said["boltzmann"] * said["temperature"]
+        scale = abs(there) + atoms * said["boltzmann"] * said["temperature"]
         if abs(here - there) <= SAME * scale:
             return []
         return [

@@ -52,7 +52,6 @@ def scenes() -> Collection[str]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
-
     if not arguments.scenes:
         command_line.need_scenes()
     names = list(dict.fromkeys(arguments.scenes)) or [DEFAULT]
