@@ -186,9 +186,8 @@ def test_what_runs(name, tmp_path):
     case = plan.CASES[name](tmp_path)
     made = list(case.runs(case.points(), Lengths(1.0, 2)))
     assert len({one.name for _, one in made}) == len(made) == 2 * len(case.points())
-    assert set(case.known) <= set(case.points()) and set(case.models) == set(case.schemes) - {
-        "rigid/nvt/small"
-    }
+    assert set(case.known) <= set(case.points())
+    assert set(case.schemes) - set(case.models) <= {"rigid/nvt/small", "langevin-20-step"}
     for scheme in case.schemes.values():
         words = " ".join(scheme.seeded(1).commands(case.scene))
         assert f" {case.temperature:g} " in words and SEED not in words and "{" not in words

@@ -263,6 +263,10 @@ def _nosquish(
             (_ours("nh", "NVT nh", usual, "nh", steps[1:5], 3), 6.0),
         )
     }  # fmt: skip
+    if equal:  # the step chooses larger moments of such molecules only
+        label, words = "NVT langevin 20/ps, moments of the step", f"{noise} moments step"
+        # no model: the moments are others at each step
+        ours[_ours("langevin-20-step", label, strong, words, (6.0, 8.0, 12.0))] = None
     ours |= dict.fromkeys(_hybrid(temperature, ending, large, told), Model())
     return {
         replace(one, integrator=_with(one.integrator, points), whole=whole): model
