@@ -501,6 +501,16 @@ def _other(scene):
     return _schemes(verb, *biases, ("T_rot", "K"), ("cost median", "s/ps"), *less)
 
 
+def sampling_peptide():
+    """A peptide in water."""
+    return _other("peptide")
+
+
+def sampling_benzene():
+    """Benzene."""
+    return _other("benzene")
+
+
 def sampling_co2():
     """Carbon dioxide."""
     return _other("co2")
@@ -811,6 +821,8 @@ TABLES = [
     sampling_cost,
     sampling_faster,
     sampling_bounds,
+    sampling_peptide,
+    sampling_benzene,
     sampling_co2,
     engines_bias,
     engines_bounds,
