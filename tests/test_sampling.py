@@ -456,7 +456,7 @@ def test_time_that_others_had_is_no_cost(tmp_path, monkeypatch):
 @pytest.mark.timeout(300)
 def test_the_verb_runs(tmp_path, monkeypatch):
     """Locks out a verb that fails, runs that are done twice, a folder that forgets what an earlier
-    command has left, and a Ctrl-C that loses it."""
+    command has left, a Ctrl-C that loses it, and a start that takes all others with it."""
     monkeypatch.setattr(runs, "ROUNDS", 2)
     monkeypatch.setattr(runs, "SECONDS", 0.02)
     words = ["sampling", "water", "--ps", "0.05", "--out", str(tmp_path), "--only"]
@@ -494,3 +494,20 @@ def test_the_verb_runs(tmp_path, monkeypatch):
     again = json.loads((tmp_path / "summary.json").read_text())
     assert again["interrupted"] and again["rows"] == summary["rows"]
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")} == done
+
+    def silent(job, *rest, **more):
+        if any(f"start-{number}/start" in job.directory for number in lost):
+            return run.Result("no sign of life", {}, [], None, {})
+        return once(job, *rest, **more)
+
+    monkeypatch.setattr(run, "once", silent)
+    twice, lost = [*words, "langevin-20", "--dt", "2", "--starts", "2"], [2]
+    assert __main__.main(twice) == 0
+    rows = json.loads((tmp_path / "summary.json").read_text())["rows"]
+    assert all(row["starts"] == 1 and not row["error"] for row in rows) and len(rows) == 6
+    told = "No average has start 2, which failed: no sign of life."
+    assert told in (tmp_path / "report.html").read_text()
+    lost.append(1)
+    assert __main__.main([*twice, "--out", str(tmp_path / "none")]) == 1
+    (row,) = json.loads((tmp_path / "none" / "summary.json").read_text())["rows"]
+    assert row["error"] == "all starts failed: no sign of life"

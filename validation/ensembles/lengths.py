@@ -1,6 +1,6 @@
 """How long the runs of `ensembles` and `sampling` are, and how each is called."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -59,6 +59,12 @@ def too_short(time: float) -> str:
         f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell their "
         "own errors."
     )
+
+
+def lost(summary: Mapping) -> list[str]:
+    """Why starts are in no average, a sentence each; a former summary may not have it."""
+    failed = summary.get("lost", {}).items()
+    return [f"No average has start {number}, which failed: {why}." for number, why in failed]
 
 
 def step_of_starts(scene: Scene) -> float:

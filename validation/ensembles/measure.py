@@ -105,8 +105,8 @@ def ensembles(
     """
     found, batch = Found(), _runs(lengths, out, silence)
     made = batch.do([one for _, one in plan.names(points, lengths)], meter, __name__)
-    for why in made.failed.values():
-        found.errors |= dict.fromkeys(points, why)
+    if made.error:
+        found.errors |= dict.fromkeys(points, made.error)
     every = ordered([*points, *plan.points(dt=plan.KNOWN_STEPS)], SCHEMES)
     for point, one in plan.names(every, lengths):
         job = batch.job(one)
@@ -115,7 +115,7 @@ def ensembles(
     scene = batch.scene
     summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
     summary["versions"] |= machine.worker_versions(made.versions)
-    summary |= {"interrupted": made.interrupted, "molecules": scene.unit}
+    summary |= {"interrupted": made.interrupted, "molecules": scene.unit, "lost": made.failed}
     summary |= {"temperature": TEMPERATURE, "references": [one._asdict() for one in REFERENCES]}
     summary["settings"] = asdict(lengths) | {"settle": lengths.settle, "sampled_fs": SAMPLED}
     return summary, rows(found, every)

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from validation.ensembles.criteria import MOLECULE, TITLES
 from validation.ensembles.figures import bias, density
-from validation.ensembles.lengths import Point, too_short
+from validation.ensembles.lengths import Point, lost, too_short
 from validation.ensembles.plan import BESIDE, REFERENCES, SCHEMES, beside_which, label
 from validation.pages import points
 from validation.pages.points import Part
@@ -78,7 +78,8 @@ def parts(summary: dict) -> list[Part]:
 
 def _told(summary):
     time = summary["settings"]["time"]
-    return {"titles": TITLES, "limits": limits(summary), "too_short": too_short(time)}
+    told = [*limits(summary), *lost(summary)]
+    return {"titles": TITLES, "limits": told, "too_short": too_short(time)}
 
 
 def write(summary: dict, out: Path) -> None:
@@ -104,4 +105,4 @@ def say(summary: dict) -> Said:
         Figure("bias.png", "Bias of the mean potential energy against the time step."),
         Figure("density.png", "Bias of the mean density against the time step."),
     ]
-    return of_checks(summary, TITLES, noun, lines=limits(summary), figures=figures)
+    return of_checks(summary, TITLES, noun, lines=_told(summary)["limits"], figures=figures)

@@ -19,9 +19,11 @@ TIMED = "timed"  # folder of these runs, and what is kept of them
 
 @dataclass
 class Done:
-    """What became of runs: why starts failed, by number; versions; whether a Ctrl-C came."""
+    """What became of runs: why starts failed, by number, and ``error``, if all did; versions;
+    whether a Ctrl-C came."""
 
     failed: dict[int, str] = field(default_factory=dict)
+    error: str | None = None
     versions: dict[str, str] = field(default_factory=dict)
     interrupted: bool = False
 
@@ -48,20 +50,24 @@ class Runs:
     def do(self, wanted: Collection[One], meter: run.Meter, module: str) -> Done:
         """Do the starts and the runs that are not there yet; several processes share them.
 
+        A start that fails has no runs, and the others have theirs.
+
         Args:
             module: of the harness, that measures.
         """
         store, done = Store(self.folder, module), Done()
         starts = {f"start-{n}/start": n for n in range(1, self.lengths.starts + 1)}
-        by_name = {one.name: one for one in wanted}
         try:
             for name in store.shared(starts):
                 number = starts[name]
                 made = self._do(done, f"start {number}", self.start(number), meter)
                 if made.error:
-                    done.failed[number] = f"start {number}: {made.error}"
-            for name in store.shared(by_name if not done.failed else ()):
-                one = by_name[name]
+                    done.failed[number] = made.error
+            if len(done.failed) == len(starts):
+                done.error = f"all starts failed: {done.failed[1]}"
+            good = {one.name: one for one in wanted if one.start not in done.failed}
+            for name in store.shared(good):
+                one = good[name]
                 label = one.label + f", start {one.start}" * (self.lengths.starts > 1)
                 self._do(done, label, self.job(one), meter)
         except KeyboardInterrupt:

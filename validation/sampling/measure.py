@@ -205,8 +205,8 @@ def sampling(
     folder, found = out / "runs" / lengths.folder, Found()
     batch = runs.Runs(case.scene, case.starter, lengths, folder, silence, case.prints(lengths))
     made = batch.do([one for _, one in case.runs(points, lengths)], meter, __name__)
-    for why in made.failed.values():
-        found.errors |= dict.fromkeys(points, why)
+    if made.error:
+        found.errors |= dict.fromkeys(points, made.error)
     every = ordered([*points, *_known(case, folder)], case.schemes)
     for point, one in case.runs(every, lengths):
         job = batch.job(one)
@@ -219,6 +219,7 @@ def sampling(
         "scene": case.name,
         "title": case.scene.title,
         "interrupted": made.interrupted or interrupted,
+        "lost": made.failed,
         "bodies": case.scene.unit,
         "temperature": case.temperature,
         "known": [one._asdict() for one in case.known],

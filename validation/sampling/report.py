@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.ensembles.lengths import too_short
+from validation.ensembles.lengths import lost, too_short
 from validation.pages import points
 from validation.pages.points import Part
 from validation.pages.said import Figure, Said, of_checks
@@ -88,7 +88,8 @@ def of_limit(name: str, one: dict) -> str:
 
 def _told(summary):
     time = summary["settings"]["time"]
-    return {"titles": TITLES, "limits": limits(summary), "too_short": too_short(time)}
+    told = [*limits(summary), *lost(summary)]
+    return {"titles": TITLES, "limits": told, "too_short": too_short(time)}
 
 
 def write(summary: dict, out: Path) -> None:
@@ -116,4 +117,4 @@ def say(summary: dict) -> Said:
         Figure("precision.png", "Total error of averages against the time that is spent."),
         Figure("bias.png", "Bias of averages against the time step."),
     ]
-    return of_checks(summary, TITLES, noun, lines=limits(summary), figures=figures)
+    return of_checks(summary, TITLES, noun, lines=_told(summary)["limits"], figures=figures)
