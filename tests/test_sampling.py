@@ -510,4 +510,4 @@ def test_the_verb_runs(tmp_path, monkeypatch):
     lost.append(1)
     assert __main__.main([*twice, "--out", str(tmp_path / "none")]) == 1
     (row,) = json.loads((tmp_path / "none" / "summary.json").read_text())["rows"]
-    assert row["error"] == "all starts failed: no sign of life"
+    assert row["error"] == "all starts failed, start 1: no sign of life"

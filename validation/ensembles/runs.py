@@ -64,7 +64,7 @@ class Runs:
                 if made.error:
                     done.failed[number] = made.error
             if len(done.failed) == len(starts):
-                done.error = f"all starts failed: {done.failed[1]}"
+                done.error = f"all starts failed, start 1: {done.failed[1]}"
             good = {one.name: one for one in wanted if one.start not in done.failed}
             for name in store.shared(good):
                 one = good[name]
