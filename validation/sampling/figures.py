@@ -79,7 +79,9 @@ def bias(summary: dict) -> Drawn:
         axis.axhline(0, color=INK, lw=0.8)
         if key in BOUNDS:
             axis.axhspan(-BOUNDS[key], BOUNDS[key], color=PALE, alpha=0.4, lw=0)
-            axis.set_yscale("symlog", linthresh=LINEAR * BOUNDS[key])
+            known = [Estimate.of(row["biases"][key]) for row in summary["rows"] if _has(row, key)]
+            if max(abs(one.value) + one.margin for one in known) > LINEAR * BOUNDS[key]:
+                axis.set_yscale("symlog", linthresh=LINEAR * BOUNDS[key])
         for i, (scheme, rows) in enumerate(by_scheme.items()):
             some = [(row["dt"], Estimate.of(row["biases"][key])) for row in rows if _has(row, key)]
             colour, marker = _style(scheme, i)
