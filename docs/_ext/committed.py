@@ -689,6 +689,12 @@ def _made(found):
     )
 
 
+def scene(verb):
+    """What a verb ran, and how long; a sentence."""
+    found = summary(verb)
+    return f"The scene: {found['title']}, {found['settings']['time']:g} ps from each start."
+
+
 def holding(verb, name="table"):
     """How many of a table's statements hold, a sentence."""
     verdicts = [row["verdict"] for row in rows(verb, name)]
@@ -725,7 +731,7 @@ def render(text):
     names = {function.__name__: function for function in TABLES}
     others = {
         function.__name__: function
-        for function in (made, holding, apart, met, largest, summary, significant)
+        for function in (made, scene, holding, apart, met, largest, summary, significant)
     }
     return environment.from_string(text).render(**names, **others)
 

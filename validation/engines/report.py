@@ -7,7 +7,7 @@ from rich.console import Console
 from validation.engines.criteria import TITLES
 from validation.engines.figures import bias
 from validation.engines.measure import OBSERVED
-from validation.ensembles.lengths import too_short
+from validation.ensembles.lengths import beside_tables
 from validation.pages import points
 from validation.pages.points import Part
 from validation.pages.said import Figure, Said, of_checks
@@ -41,8 +41,7 @@ def limits(summary: dict) -> list[str]:
 
 
 def _told(summary):
-    time = summary["settings"]["time"]
-    return {"titles": TITLES, "limits": limits(summary), "too_short": too_short(time)}
+    return beside_tables(summary, TITLES, limits(summary))
 
 
 def write(summary: dict, out: Path) -> None:

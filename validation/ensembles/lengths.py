@@ -61,10 +61,13 @@ def too_short(time: float) -> str:
     )
 
 
-def lost(summary: Mapping) -> list[str]:
-    """Why starts are in no average, a sentence each; a former summary may not have it."""
-    failed = summary.get("lost", {}).items()
-    return [f"No average has start {number}, which failed: {why}." for number, why in failed]
+def beside_tables(summary: Mapping, titles: Mapping[str, str], limits: Collection[str]) -> dict:
+    """What is told of points beside their tables, as `points.write` and `points.show` take it: the
+    sentences about limits, and why starts are in no average."""
+    failed = summary.get("lost", {}).items()  # a former summary does not tell
+    lost = (f"No average has start {number}, which failed: {why}." for number, why in failed)
+    time = summary["settings"]["time"]
+    return {"titles": titles, "limits": [*limits, *lost], "too_short": too_short(time)}
 
 
 def step_of_starts(scene: Scene) -> float:

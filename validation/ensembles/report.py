@@ -6,7 +6,7 @@ from rich.console import Console
 
 from validation.ensembles.criteria import MOLECULE, TITLES
 from validation.ensembles.figures import bias, density
-from validation.ensembles.lengths import Point, lost, too_short
+from validation.ensembles.lengths import Point, beside_tables
 from validation.ensembles.plan import BESIDE, REFERENCES, SCHEMES, beside_which, label
 from validation.pages import points
 from validation.pages.points import Part
@@ -77,9 +77,7 @@ def parts(summary: dict) -> list[Part]:
 
 
 def _told(summary):
-    time = summary["settings"]["time"]
-    told = [*limits(summary), *lost(summary)]
-    return {"titles": TITLES, "limits": told, "too_short": too_short(time)}
+    return beside_tables(summary, TITLES, limits(summary))
 
 
 def write(summary: dict, out: Path) -> None:

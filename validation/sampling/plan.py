@@ -184,6 +184,7 @@ def _schemes(
     rest: str = "",
     everywhere: str = "{group}",
     shake: bool = False,
+    alike: bool = True,
     equal: bool = False,
     heavy: Mapping[float, tuple[str, ...]] | None = None,
     longest: float = 14.0,
@@ -194,7 +195,8 @@ def _schemes(
         points: keyword of ours for atoms that are in no body.
         rest: group of these; empty for none.
         everywhere: group of all atoms that move.
-        shake: whether fix shake can hold the molecules.
+        shake: whether fix shake can hold the molecules, and ``alike`` whether it then holds all
+            that bodies do: else its averages are others in the limit, too.
         equal: whether moments of `MOMENT` are of use, else those of the molecules are scaled.
         heavy: of hydrogens' masses the LAMMPS commands that set all masses.
         longest: fs.
@@ -203,7 +205,8 @@ def _schemes(
     usual, kicks = state(temperature, DAMPING), (RAW, bath(temperature, DAMPING, everywhere))
     every |= _rigid(usual, kicks, rest)
     if shake:
-        every |= _constrained(usual, kicks, everywhere, heavy or {})
+        held = _constrained(usual, kicks, everywhere, heavy or {})
+        every |= held if alike else dict.fromkeys(held)
     made = {
         one.name: replace(
             one, temperature=temperature, steps=tuple(dt for dt in one.steps if dt <= longest)
@@ -354,9 +357,8 @@ def _water(_: Path) -> Case:
 def _peptide(_: Path) -> Case:
     scene, temperature = peptide.scene(), TEMPERATURE["peptide"]
     how: dict = {"points": " points flexible", "rest": "flexible", "everywhere": "all"}
-    made, models = _schemes(temperature, shake=True, longest=6.0, **how)
     # of four atoms shake holds three bonds, so the energy of their angles is in its averages
-    models = {name: one for name, one in models.items() if not name.startswith("shake")}
+    made, models = _schemes(temperature, shake=True, alike=False, longest=6.0, **how)
     turning = rotations(scene)
     return Case(
         scene, temperature, made, models, made["langevin-20"], CONSTRAINED, turning, WATER_OXYGENS

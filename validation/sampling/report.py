@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.ensembles.lengths import lost, too_short
+from validation.ensembles.lengths import beside_tables
 from validation.pages import points
 from validation.pages.points import Part
 from validation.pages.said import Figure, Said, of_checks
@@ -87,9 +87,7 @@ def of_limit(name: str, one: dict) -> str:
 
 
 def _told(summary):
-    time = summary["settings"]["time"]
-    told = [*limits(summary), *lost(summary)]
-    return {"titles": TITLES, "limits": told, "too_short": too_short(time)}
+    return beside_tables(summary, TITLES, limits(summary))
 
 
 def write(summary: dict, out: Path) -> None:
