@@ -93,8 +93,8 @@ class ConstantTemperature(Integrator):
     method = "NO_SQUISH"
     _held = 0  # degrees of freedom of the total momentum, if that is taken as zero
 
-    def __init__(self, ptr, words):
-        super().__init__(ptr, words)
+    def __init__(self, ptr, line):
+        super().__init__(ptr, line)
         self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, *self.own_state()])
         self._energy = 0.0  # given before this run, in all
 

@@ -120,8 +120,8 @@ class HMC(NVE):
     kind: ClassVar = float(crc32(b"HMC 7"))
     _has_warned = False
 
-    def __init__(self, ptr, words):
-        super().__init__(ptr, words)
+    def __init__(self, ptr, line):
+        super().__init__(ptr, line)
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
 
     def own_parameters(self):

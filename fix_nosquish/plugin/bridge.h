@@ -67,7 +67,7 @@ struct Bridge {
   void *lammps;
   const char *fix_id;
   const char *group;
-  const char *target;
+  const char *line;    // the fix line from its style on, a word a line
   double *virial;
   double *virial_per_atom;    // (natoms, 9)
   int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
@@ -146,6 +146,7 @@ struct Bridge {
   int (*compute_vector)(int i, double *value);
   int (*compute_array)(int i, int j, double *value);
   void (*release)(void *bridge);
-  // set by a hook that fails
+  // set by a hook that fails, or by what makes the instance
+  int32_t argument;    // of LAMMPS's fix command, that is wrong; -1 for none
   char message[4096];
 };

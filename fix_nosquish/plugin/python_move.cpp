@@ -1,10 +1,10 @@
-/* fix python/move, as a LAMMPS plugin.
+/* Fixes nosquish/nve, /nvt, ..., and fix python/move, as a LAMMPS plugin.
 
-   It is a superset of LAMMPS's own fix python/move, which it replaces where LAMMPS was built with its package PYTHON. The fix line names a Python class,
+   Fix python/move is a superset of LAMMPS's own, which it replaces where LAMMPS was built with its package PYTHON. The fix line names a Python class,
 
        fix ID group python/move "module.class"
 
-   and the fix calls the methods of one instance of it. Everything that is Python's is in bridge.py;
+   and the fix calls the methods of one instance of it. The class of another style is in fix_nosquish.INTEGRATORS. Everything that is Python's is in bridge.py;
    the two sides share the plain C struct Bridge. From Python itself a few functions are called, looked
    up by name at run time, so that one compiled plugin serves every Python version. */
 
@@ -15,6 +15,7 @@
 #include "angle.h"
 #include "atom.h"
 #include "bond.h"
+#include "citeme.h"
 #include "comm.h"
 #include "compute.h"
 #include "dihedral.h"
@@ -186,6 +187,24 @@ void run_python(const std::string &line)
 // the fix
 // ----------------------------------------------------------------------
 
+const std::string PYTHON_MOVE = "python/move", NATIVE = "nosquish/";
+const auto STYLES = {"nve", "nvt", "npt", "nph", "hmc", "fire"};    // NATIVE ones
+
+bool is_ours(const std::string &style)
+{
+  return style == PYTHON_MOVE || style.rfind(NATIVE, 0) == 0;
+}
+
+const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
+                     "@Article{Miller2002,\n"
+                     " author = {Miller, T. F. and Eleftheriou, M. and Pattnaik, P. and Ndirango, A. and Newns, D. and Martyna, G. J.},\n"
+                     " title = {Symplectic quaternion scheme for biophysical molecular dynamics},\n"
+                     " journal = {J. Chem. Phys.},\n"
+                     " volume = 116,\n"
+                     " pages = {8649--8659},\n"
+                     " year = 2002\n"
+                     "}\n\n";
+
 class FixPythonMove : public Fix {
  public:
   FixPythonMove(LAMMPS *, int, char **);
@@ -270,10 +289,8 @@ class FixPythonMove : public Fix {
   void ask_for_energy(bigint step) { own_compute(energy_id)->addstep(step); }
   void go_back();
   void renew_forces();
-  std::string problem(const std::string &text) const
-  {
-    return "Fix " + std::string(id) + " python/move: " + text;
-  }
+  std::string problem(const std::string &text) const { return "Fix " + std::string(id) + " " + style + ": " + text; }
+  void take_over_state();
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
   void flush_log() const;
   template <typename... Types, typename... Values>
@@ -285,8 +302,9 @@ class FixPythonMove : public Fix {
 FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     Fix(lmp, narg, arg), bridge(), failing(MPI_COMM_NULL)
 {
-  if (narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
-  if (narg > 4)
+  const bool quoted = PYTHON_MOVE == arg[2];
+  if (quoted && narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
+  if (quoted && narg > 4)
     error->all(FLERR, problem("put the class and its words in quotes: \"" + std::string(arg[3]) +
                               " " + arg[4] + " ...\""));
 
@@ -300,13 +318,15 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (!obstacle.empty()) end_run(obstacle);    // other ranks may have a Python, and wait in it
 
   fill_bridge();
-  const std::string target = arg[3];
-  bridge.target = target.c_str();
+  std::string line = arg[2];
+  for (int k = 3; k < narg; k++) line += std::string("\n") + arg[k];
+  bridge.line = line.c_str();
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
   run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
-  bridge.target = nullptr;
+  bridge.line = nullptr;
   if (bridge.outcome != DONE) end_run(bridge.message, 5.0);    // imports may take their time
 
+  if (lmp->citeme && (!quoted || std::string(arg[3]).rfind("fix_nosquish.", 0) == 0)) lmp->citeme->add(PAPER);
   add_computes();
   set_flags();
   if (bridge.follows_atoms) {
@@ -316,6 +336,18 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     grow_arrays(atom->nmax);
     std::fill_n(origin, atom->nlocal, -1);
   }
+  take_over_state();
+}
+
+// LAMMPS gives a fix the state in a restart file that one of its own ID and style has left; one of another style of ours may
+// have done so.
+
+void FixPythonMove::take_over_state()
+{
+  char *state = RestartState::left_by(modify, id, [this](const std::string &other) { return is_ours(other) && other != style; });
+  if (!state || !restart_global) return;
+  restart(state);
+  if (comm->me == 0) utils::logmesg(lmp, problem("it goes on from the state of its ID in the restart file\n"));
 }
 
 // What Python may ask of this fix, and where LAMMPS keeps what Python reads.
@@ -375,6 +407,7 @@ void FixPythonMove::fill_bridge()
   bridge.end_step = &update->endstep;
   bridge.last_step = &update->laststep;
   bridge.begins = bridge.energy_step = -1;
+  bridge.argument = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 }
 
@@ -1158,7 +1191,7 @@ void FixPythonMove::call(int (*hook)(Types...), Values... arguments)
 void FixPythonMove::end_run(const std::string &text, double patience)
 {
   using namespace std::chrono;
-  if (universe->nprocs == 1) error->one(FLERR, problem(text));
+  if (universe->nprocs == 1) all_at_argument(error, bridge.argument, problem(text));
 
   int all_failed = 0;
   MPI_Request gathering;
@@ -1168,7 +1201,7 @@ void FixPythonMove::end_run(const std::string &text, double patience)
     std::this_thread::sleep_for(milliseconds(5));
     MPI_Test(&gathering, &all_failed, MPI_STATUS_IGNORE);
   } while (!all_failed && steady_clock::now() - start < duration<double>(patience));
-  if (all_failed) error->all(FLERR, problem(text));
+  if (all_failed) all_at_argument(error, bridge.argument, problem(text));
 
   const auto report = "ERROR on proc " + std::to_string(comm->me) + ": " + problem(text) + "\n";
   fputs(report.c_str(), screen ? screen : stderr);
@@ -1203,6 +1236,13 @@ bool compiled_for(void *lmp)
       lammps_extract_setting(nullptr, "imageint") == sizeof(imageint);
 }
 
+void *make(void *lmp, int narg, char **arg)
+{
+  if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"))    // before anything relies on the layout of a Fix
+    static_cast<LAMMPS *>(lmp)->error->all(FLERR, std::string("Fix ") + arg[2] + ": " + obstacle);
+  return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
+}
+
 // Python's callbacks and the end of the process come back to this code: it must not go. On Linux, the linker's flag sees to it.
 
 void stay_loaded()
@@ -1230,14 +1270,13 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   lammpsplugin_t plugin{};
   plugin.version = static_cast<LAMMPS *>(lmp)->version;
   plugin.style = "fix";
-  plugin.name = "python/move";
-  plugin.info = "fix python/move";
+  plugin.name = PYTHON_MOVE.c_str();
+  plugin.info = "fixes nosquish/* and python/move";
   plugin.author = "fix_nosquish";
-  plugin.creator.v2 = [](void *lmp, int narg, char **arg) -> void * {
-    if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"))    // before anything relies on the layout of a Fix
-      static_cast<LAMMPS *>(lmp)->error->all(FLERR, "Fix python/move: " + std::string(obstacle));
-    return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
-  };
+  plugin.creator.v2 = make;
   plugin.handle = handle;
   reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc)(&plugin, lmp);
+  // each registration is a line of the log, so the others are LAMMPS's own way of entering a style
+  for (const std::string name : STYLES)
+    (*static_cast<LAMMPS *>(lmp)->modify->fix_map)[NATIVE + name] = reinterpret_cast<Modify::FixCreator>(make);
 }

@@ -59,7 +59,7 @@ class Integrator(Declaration):
 
     Args:
         ptr: the pointer to LAMMPS that fix python/move hands over.
-        words: the text of the fix line from the class on.
+        line: the `command.Line`.
     Raises:
         RunError: with a message for the user, from any method.
 
@@ -96,11 +96,11 @@ class Integrator(Declaration):
         of_body = ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
         return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
 
-    def __init__(self, ptr, words):
+    def __init__(self, ptr, line):
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
-        self.name, self.number = words.partition(" ")[0], next(self._numbers)
+        self.name, self.number = line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
@@ -109,10 +109,10 @@ class Integrator(Declaration):
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
-        self._begin(words)
+        self._begin(line)
 
     @hook
-    def _begin(self, words):
+    def _begin(self, line):
         modules = [step, migration, sharing, virial, passes]
         if self.communicator.size > 1 or self.host:
             modules.append(lookup)
@@ -125,7 +125,7 @@ class Integrator(Declaration):
             *(kind.__module__ for kind in type(self).__mro__),
             *self.modules,
         )
-        self.command = Command.parse(words, self.keywords)
+        self.command = Command.parse(line, self.keywords)
         self._refuse_other_rotor(self.command.rotor)
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
