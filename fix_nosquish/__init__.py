@@ -15,7 +15,6 @@ to it.
 
 import sys
 from collections.abc import Callable, Collection
-from functools import partial
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -24,8 +23,6 @@ from .errors import RunError
 
 if TYPE_CHECKING:  # a name of the package costs no import of numpy
     import numpy as np
-
-    from .host.command import Line
 
 __version__ = "0.1.0"
 INTEGRATORS = {
@@ -40,8 +37,8 @@ INTEGRATORS = {
 }  # class: its module in `integrators`, which is imported when a fix line names the class
 
 
-def __getattr__(name: str) -> partial:
-    return partial(_integrator(_class_in(name, INTEGRATORS)), line=_quoted(name))
+def __getattr__(name: str) -> Callable:
+    return _bound(_integrator(_class_in(name, INTEGRATORS)), name)
 
 
 def of_fix_line(*classes: type) -> Callable[[str], Any]:
@@ -53,11 +50,11 @@ def of_fix_line(*classes: type) -> Callable[[str], Any]:
     named = {one.__name__: one for one in classes}
 
     def find(name: str) -> Any:
-        if name == "__path__":  # Python asks where the rest of a name with a point is: see `_Finder`
+        if name == "__path__":  # so that what has a point goes on to `_Finder`
             return []
         if name.startswith("__"):
             raise AttributeError(name)
-        return partial(named[_class_in(name, named, classes[0].__module__)], line=_quoted(name))
+        return _bound(named[_class_in(name, named, classes[0].__module__)], name)
 
     return find
 
@@ -72,10 +69,11 @@ def _integrator(name: str) -> type:
     return getattr(module, name)
 
 
-def _quoted(text: str) -> "Line":
+def _bound(kind: type, text: str) -> Callable:
+    """What LAMMPS calls with its pointer, to make the integrator of a line in quotes."""
     from .host.command import Line
 
-    return Line.quoted(text)
+    return lambda ptr: kind(ptr, Line.quoted(text))
 
 
 def _class_in(text: str, known: Collection[str], module: str = __name__) -> str:
@@ -121,8 +119,6 @@ class _UpToPoint(ModuleType):
     LAMMPS's own fix python/move takes what stands before the last point for a module's name, and
     what is behind it for an attribute.
     """
-
-    __path__: list[str] = []  # what follows may have a point, too
 
     def __getattr__(self, rest: str) -> Any:
         if rest.startswith("__"):

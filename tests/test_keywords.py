@@ -12,7 +12,7 @@ from systems import LIKE_LAMMPS, OURS, RIGID, apart, mixture
 from test_bad_input import Case
 
 from fix_nosquish.errors import RunError
-from fix_nosquish.host.command import Command
+from fix_nosquish.host.command import Command, Line
 from validation.scenes.data_file import data_file
 
 
@@ -172,7 +172,7 @@ UNREADABLE = {
     ),
     "reinit neither yes nor no": ("reinit on", ("'on'", "yes or no")),
     "reinit twice": ("reinit no reinit no", ("reinit", "twice")),
-    "no name of the infile": ("infile", ("ends where", "a file", "without a point")),
+    "no name of the infile": ("infile", ("ends where", "a file", "v_NAME")),
     "keyword of a thermostat": ("temp 1 1 1", ("'temp'", "fix_nosquish.NVT")),
     "keyword langevin": ("langevin 1 1 1 428984", ("'langevin'", "fix_nosquish.NVT")),
 }
@@ -184,7 +184,7 @@ def test_unreadable_words(name):
     what was expected (tests/test_bad_input.py has how such a message ends a run)."""
     words, expected = UNREADABLE[name]
     with pytest.raises(RunError) as caught:
-        Command.parse("NVE all molecule " + words)
+        Command.parse(Line.quoted("NVE all molecule " + words))
     assert caught.value.everywhere and not [
         says for says in (*expected, words) if says not in str(caught.value)
     ]

@@ -26,7 +26,7 @@ from ..bodies.kinds import compare
 from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError
-from ..host.command import Command
+from ..host.command import Command, Line
 from ..host.hosts import driven_by_plugin, hook
 from ..host.lammps import Lammps, pointer
 from ..host.own_fix import OwnFix
@@ -59,7 +59,7 @@ class Integrator(Declaration):
 
     Args:
         ptr: the pointer to LAMMPS that fix python/move hands over.
-        line: the `command.Line`.
+        line: the `command.Line`, or the text of one in quotes.
     Raises:
         RunError: with a message for the user, from any method.
 
@@ -97,6 +97,7 @@ class Integrator(Declaration):
         return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
 
     def __init__(self, ptr, line):
+        line = Line.quoted(line) if isinstance(line, str) else line
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
