@@ -15,6 +15,7 @@ to it.
 
 import sys
 from collections.abc import Callable, Collection
+from importlib.abc import Loader
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -59,12 +60,12 @@ def of_fix_line(*classes: type) -> Callable[[str], Any]:
     return find
 
 
-def of_style(style: str) -> type:
+def of_style(style: str) -> Any:
     """The integrator of a fix style of the plugin, such as nosquish/nve."""
     return _integrator({name.lower(): name for name in INTEGRATORS}[style.rpartition("/")[2]])
 
 
-def _integrator(name: str) -> type:
+def _integrator(name: str) -> Any:
     module = __import__(f"{__name__}.integrators.{INTEGRATORS[name]}", fromlist=[name])
     return getattr(module, name)
 
@@ -136,23 +137,20 @@ class _UpToPoint(ModuleType):
         return sys.modules[module].__getattr__(f"{name}{space}{words}")
 
 
-class _Finder:
+class _Finder(Loader):
     """Finds `_UpToPoint` as a module of what the first point of a fix line stands behind."""
 
-    @staticmethod
-    def find_spec(name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
         module = name.partition(" ")[0].rpartition(".")[0]
         if " " in name and hasattr(sys.modules.get(module), "__getattr__"):
-            return ModuleSpec(name, _Finder, is_package=True)
+            return ModuleSpec(name, self, is_package=True)
         return None
 
-    @staticmethod
-    def create_module(spec: ModuleSpec) -> ModuleType:
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
         return _UpToPoint(spec.name)
 
-    @staticmethod
-    def exec_module(module: ModuleType) -> None:
+    def exec_module(self, module: ModuleType) -> None:
         pass
 
 
-sys.meta_path.insert(0, _Finder)
+sys.meta_path.insert(0, _Finder())

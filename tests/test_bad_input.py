@@ -97,7 +97,8 @@ CASES = {
         before="variable n equal 2",
     ),
     "variable before a point": Case(
-        "all molecule infile ${f}.txt", ("no variable's value inside quotes, where '${f}.txt' stands",)
+        "all molecule infile ${f}.txt",
+        ("no variable's value inside quotes, where '${f}.txt' stands",),
     ),
     "value not a number": Case("all molecule mrot two", ("'two'", "whole number of at least 1")),
     "value of zero": Case("all molecule mrot 0", ("'0'", "whole number of at least 1")),
