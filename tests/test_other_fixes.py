@@ -249,11 +249,8 @@ def test_temperature_behind_shake(run_lammps, tmp_path):
     """Locks out a temperature of the atoms before, counted as if nothing had held them: 94 K of
     heating where fix shake had left rigid water, but for its tolerance."""
     text = spce(tmp_path, lines="thermo_style custom step temp").read_text()
-    text += (
-        "unfix hold\nunfix move\n"
-        'fix 1 all python/move "fix_nosquish.NVE all molecule"\nrun 0\n'
-    )
-    done = run_lammps(text)
+    text += 'unfix hold\nunfix move\nfix 1 all python/move "fix_nosquish.NVE all molecule"\nrun 0\n'
+    run_lammps(text)
     log = (tmp_path / "water.log").read_text()
     (line,) = re.findall(r"  start velocities: (.*)", log)
     held = read_thermo(log)["Temp"][-2]
