@@ -446,6 +446,10 @@ WRONG_FILES = {
         "3\n" + GOOD_ROW.format(1) + "\n" + GOOD_ROW.format(2),
         ("announces 3 bodies", "lines for 2"),
     ),
+    "more lines": (
+        "1\n" + GOOD_ROW.format(9) + "\n" + GOOD_ROW.format(1),
+        ("announces 1 bodies", "lines for 2"),
+    ),
     "unknown body": (
         "2\n" + GOOD_ROW.format(1) + "\n" + GOOD_ROW.format(77),
         ("body 77", "not there"),
@@ -463,7 +467,7 @@ WRONG_FILES = {
         "1\n" + GOOD_ROW.format(9).replace("3", "three"),
         ("cannot read the infile", "three"),
     ),
-    "no mass": ("1\n" + GOOD_ROW.format(9).replace("3", "0"), ("body of molecule 9 ", "mass 0")),
+    "no mass": ("1\n" + GOOD_ROW.format(9).replace("3", "0"), ("body 9 has", "mass 0")),
     "not finite": ("1\n" + GOOD_ROW.format(9).replace("3", "nan"), NOT_FINITE),
     "negative moment": (
         "1\n9 3 1 1 1 -1 1 1 0 0 0 0 0 0 0 0 0 0 0 0",

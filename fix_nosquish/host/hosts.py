@@ -91,6 +91,20 @@ class Host(Protocol):
             0, 0; principal moments of a triangle; 0 for others. None where they cannot be known.
         """
 
+    def inserted(self):
+        """The molecules that other fixes have inserted as rigid bodies since this was last asked.
+
+        Returns:
+            (k, 10) of each the highest ID of an atom before it, how many atoms it got on this rank,
+            which of the template's molecules it is, its velocity, and how it was turned: a
+            quaternion.
+        """
+
+    def molecule(self, number):
+        """A molecule of the template: its geometric centre, mass, centre of mass and tensor of
+        inertia (xx yy zz yz xz xy), (13,), with no number for what is not known; None where nothing
+        is."""
+
     def removed_freedom(self, fix_id, group):
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
 

@@ -126,6 +126,8 @@ struct Bridge {
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
   int (*particles)(void *fix, double *numbers);    // of each local atom 7: see bodies/extended.py; 0 if its style is not known
   int64_t (*turn)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
+  int (*inserted)(void *fix, double *numbers);    // of each molecule that was inserted 10: see plugin/host.py; null: how many
+  int (*molecule)(void *fix, int number, double *numbers);    // one of the template, 13: see templates.h; 0 if it is not known
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);

@@ -121,6 +121,18 @@ class Host:
         known = self._bridge.particles(self._bridge.fix, _as("virial", numbers.ctypes.data))
         return numbers if known else None
 
+    def inserted(self):
+        ask, fix = self._bridge.inserted, self._bridge.fix
+        numbers = np.empty((ask(fix, None), 10))
+        if len(numbers):
+            ask(fix, _as("virial", numbers.ctypes.data))
+        return numbers
+
+    def molecule(self, number):
+        numbers = np.empty(13)
+        known = self._bridge.molecule(self._bridge.fix, number, _as("virial", numbers.ctypes.data))
+        return numbers if known else None
+
     def removed_freedom(self, fix_id, group):
         return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())
 

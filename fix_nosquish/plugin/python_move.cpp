@@ -11,6 +11,7 @@
 #include "bridge.h"
 #include "lammps_versions.h"
 #include "particles.h"
+#include "templates.h"
 
 #include "angle.h"
 #include "atom.h"
@@ -237,7 +238,7 @@ class FixPythonMove : public Fix {
   void grow_arrays(int) override;
   void copy_arrays(int i, int j, int) override { origin[j] = origin[i]; }
   void set_arrays(int i) override { origin[i] = -1; }
-  void set_molecule(int, tagint, int, double *, double *, double *) override {}    // its atoms tell what is to be known
+  void set_molecule(int, tagint, int, double *, double *, double *) override;
   int pack_exchange(int, double *) override;
   int unpack_exchange(int, double *) override;
   double memory_usage() override;
@@ -257,6 +258,8 @@ class FixPythonMove : public Fix {
   double forces_virial[6] = {}, told_box[9] = {};
   std::vector<double> of_atoms;    // the virial of each, nine numbers
   double kept_rate[6] = {};    // how fast fix deform's box vectors change, as a run begins
+  static constexpr int INSERTED = 10;
+  std::vector<double> inserted;    // molecules, so many numbers of each
   Particles particles;
   std::string command;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
@@ -270,6 +273,7 @@ class FixPythonMove : public Fix {
   int64_t removed_freedom(const char *, const char *) const;
   void point();
   void set_cell(int, const void *, int64_t, int64_t);
+  Molecule **first_molecule() const;
   void make_virial_per_atom(), give_virial_per_atom();
   std::vector<double> box() const;
   void tell_box();
@@ -389,6 +393,19 @@ void FixPythonMove::fill_bridge()
   bridge.turn = [](void *fix, int64_t i, const double *quat) {
     self(fix)->particles.turn(self(fix)->atom, (int) i, quat);
     return (int64_t) 0;
+  };
+  bridge.inserted = [](void *fix, double *numbers) {
+    auto &inserted = self(fix)->inserted;
+    const int count = inserted.size() / INSERTED;
+    if (numbers) {
+      std::copy(inserted.begin(), inserted.end(), numbers);
+      inserted.clear();
+    }
+    return count;
+  };
+  bridge.molecule = [](void *fix, int number, double *numbers) {
+    const auto first = self(fix)->first_molecule();
+    return (int) (first && Templates::read(self(fix)->atom, first[number], numbers));
   };
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.gravity = [](void *fix, const char *other) {
@@ -677,16 +694,31 @@ void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
   call(bridge.final_integrate_respa, ilevel, iloop);
 }
 
+// The molecules of the template are side by side.
+
+Molecule **FixPythonMove::first_molecule() const
+{
+  const int number = bridge.template_id ? atom->find_molecule(bridge.template_id) : -1;
+  return number < 0 ? nullptr : atom->molecules + number;
+}
+
+// Another fix has inserted a molecule of the template, with atoms of its own on each rank: all ranks are told. What its atoms do
+// not say of it is kept until LAMMPS has brought them to their ranks.
+
+void FixPythonMove::set_molecule(int before, tagint tag, int number, double *, double *velocity, double *quat)
+{
+  inserted.insert(inserted.end(), {(double) tag, (double) (atom->nlocal - before), (double) number});
+  inserted.insert(inserted.end(), velocity, velocity + 3);
+  inserted.insert(inserted.end(), quat, quat + 4);
+}
+
 // Granular pair styles look up the mass of the body of each atom here. Fixes that insert molecules see whether their template,
 // a place in LAMMPS's list of these, is that of the bodies.
 
 void *FixPythonMove::extract(const char *name, int &dim)
 {
   dim = 0;
-  if (strcmp(name, "onemol") == 0) {
-    const int number = bridge.template_id ? atom->find_molecule(bridge.template_id) : -1;
-    return number < 0 ? nullptr : atom->molecules + number;
-  }
+  if (strcmp(name, "onemol") == 0) return first_molecule();
   dim = 1;
   if (strcmp(name, "body") == 0) return bridge.body;
   if (strcmp(name, "masstotal") == 0) return bridge.masstotal;

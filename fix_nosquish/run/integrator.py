@@ -14,12 +14,13 @@ moves the bodies.
 
 import weakref
 from enum import IntEnum
+from functools import partial
 from itertools import count as count_from_zero
 from math import gcd
 
 import numpy as np
 
-from ..bodies import extended, turnover
+from ..bodies import extended, infile, templates, turnover
 from ..bodies.build import build, count
 from ..bodies.extended import particles_of
 from ..bodies.kinds import compare
@@ -130,11 +131,11 @@ class Integrator(Declaration):
         self._refuse_other_rotor(self.command.rotor)
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
-        self.restart_file = self.infile is not None
         self.reports = reports.Reports(self)
         self.oriented = self.communicator.any(self.lammps.orients)
         self._all.add(self)
         self.template = self.command.mol
+        self.restart_file = bool(self.infile or self.template)
         if self.template and not self.lammps.has("molecule", self.template):
             raise self.command.wrong(
                 f"there is no molecule template '{self.template}' (keyword mol): "
@@ -241,7 +242,7 @@ class Integrator(Declaration):
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self._look_at_fixes()
         self._refuse_streams()
-        anew = self.command.reinit or not self._ran
+        anew = not self._goes_on
         if anew:
             self._build()
         else:
@@ -262,6 +263,21 @@ class Integrator(Declaration):
         if not self.host.calls_setup:
             self.reports.say(self.host.has_virial)
         self._tell_count()
+
+    @property
+    def told(self):
+        """What tells of bodies besides their atoms when a run makes them; see `build`."""
+        return partial(infile.read, self.infile) if self.infile else None
+
+    @property
+    def keeps_bodies(self):
+        """Whether of some bodies more is known than their atoms tell."""
+        return bool(self.infile or (self.notes and len(self.notes["given"])))
+
+    @property
+    def _goes_on(self):
+        """Whether the bodies are those of the last run."""
+        return self._ran and (not self.command.reinit or self.keeps_bodies)
 
     @property
     def runs(self):
@@ -298,7 +314,7 @@ class Integrator(Declaration):
         self.bodies = self.passes = None  # there may be no room for both
         self._lost = former is not None
         self.bodies, self.notes = build(
-            self.lammps, self.communicator, self.membership, self.infile, self.rows + self.kept,
+            self.lammps, self.communicator, self.membership, self.told, self.rows + self.kept,
             former, **self.particles(),
         )  # fmt: skip
         self._lost = self._started = False
@@ -427,9 +443,10 @@ class Integrator(Declaration):
         if self.start and not self._started:
             self.start.bind_to(self.passes.cells)()
         self._started = True
-        if self._ran and not self.command.reinit:
+        if self._goes_on:
             if not self.streams:  # where LAMMPS has just taken an atom into the box, it is faster
-                self._say_ignored("reinit no")
+                own = "some have what their molecule template says"
+                self._say_ignored(own if self.command.reinit else "reinit no")
             self.set_velocities()
         self.phase, self._ran = self.ended, True
         if vflag:
@@ -510,10 +527,13 @@ class Integrator(Declaration):
 
     def _turn_over(self):
         """Atoms of bodies came or are gone, and their bodies with them; collective."""
-        how = {"own_rows": self.rows + self.kept, **self.particles()}
-        lines = turnover.turn_over(
+        molecules = templates.inserted(self.host, self.communicator)
+        told = partial(templates.read, molecules) if molecules else None
+        how = {"told": told, "own_rows": self.rows + self.kept, **self.particles()}
+        lines, given = turnover.turn_over(
             self.bodies, self.lammps, self.communicator, self.membership, how
         )
+        self.notes["given"] = np.union1d(self.notes["given"], given)
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
@@ -736,7 +756,8 @@ class Integrator(Declaration):
         self.reports.say_taken_over(step, due)
 
     def _take_velocities(self):
-        """Have the bodies move as their atoms do, but for those of an infile; collective."""
+        """Have the bodies move as their atoms do, but for those of which more is known;
+        collective."""
         bodies, spins, known = self.bodies, None, None
         if len(self.notes["given"]):
             given = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
@@ -827,7 +848,8 @@ class Integrator(Declaration):
 
     @hook
     def write_restart_file(self, name):
-        """LAMMPS writes a restart file: keep the bodies of an infile beside it; collective."""
+        """LAMMPS writes a restart file: keep bodies of which more is known than their atoms beside
+        it; collective."""
         self.reports.write_restart_file(name)
 
     def table(self):

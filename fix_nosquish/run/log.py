@@ -50,7 +50,7 @@ def summary(integrator, virial):
             else ""
         ),
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
-        f"  start velocities: {_start(notes, removed, own, lammps)}",
+        f"  start velocities: {_start(notes, own, lammps)}",
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
@@ -93,18 +93,20 @@ def _kinds(bodies, found):
     return ", ".join(f"{number} {kind}" for kind, number in kinds.items() if number) or "none yet"
 
 
-def _start(notes, removed, own, lammps):
-    """What was taken from the atoms' velocities, so that they are rigid motion."""
-    kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
-    # as compute temp of these atoms counts them
-    degrees = np.array([removed + own, own]) - lammps.dimension
-    before, now = np.divide(2 * kinetic, degrees * lammps.boltz, out=np.zeros(2), where=degrees > 0)
+def _start(notes, own, lammps):
+    """What was taken from the atoms' velocities, so that they are rigid motion.
+
+    There is no temperature of the atoms before: another fix may have held them, with as many
+    degrees of freedom as nobody knows.
+    """
+    degrees = own - lammps.dimension  # as compute temp of these atoms counts them
+    left = 2 * (notes["kinetic"] - notes["removed"])
+    now = left / (degrees * lammps.boltz) if degrees > 0 else 0.0
     if not projected(notes):
         return f"rigid motion, temperature {now:.8g} of the bodies"
     return (
         f"{notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion "
-        f"and was removed; temperature {before:.8g} of the atoms before, {now:.8g} of the bodies "
-        "now"
+        f"and was removed; temperature {now:.8g} of the bodies"
     )
 
 

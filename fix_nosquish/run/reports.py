@@ -69,6 +69,8 @@ class Reports:
             names = " or ".join(fixes)
             names = names if fixes[0] == TEMPER else f"fix {names}"
             kept = " (not those of the infile)" if self._integrator.infile else ""
+            if self._integrator.keeps_bodies and not kept:
+                kept = " (not those with a mass, com or inertia of their molecule template)"
             self._integrator.host.log(
                 f"The velocities of the bodies' atoms were changed at the end of step {at} (by "
                 f"{names}): the bodies take them over, as rigid motion{kept}\n"
@@ -115,9 +117,12 @@ class Reports:
         return output.table(self.made(), self._integrator.lammps)
 
     def write_restart_file(self, name):
-        """Keep the bodies beside a restart file, to be read as infile; collective."""
+        """Keep the bodies beside a restart file, to be read as infile, if their atoms do not tell
+        all of them; collective."""
         integrator = self._integrator
-        several = sum(mate.restart_file for mate in integrator.mates) > 1
+        if not integrator.keeps_bodies:
+            return
+        several = sum(mate.keeps_bodies for mate in integrator.mates) > 1
         own = f".{integrator.host.fix_id}" if several else ""
         infile.write(f"{name}{own}.rigid", self.made(), integrator.lammps, integrator.communicator)
 
@@ -183,7 +188,7 @@ class Reports:
                 integrator.lammps,
                 integrator.communicator,
                 integrator.membership,
-                integrator.infile,
+                integrator.told,
                 former=integrator.former(),
                 **integrator.particles(),
             )[0]
