@@ -10,6 +10,7 @@
 
 #include "bridge.h"
 #include "lammps_versions.h"
+#include "layout.h"
 #include "particles.h"
 
 #include "angle.h"
@@ -1192,7 +1193,8 @@ struct lammpsplugin_t {
   void *handle;
 };
 
-// This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw.
+// This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw. What it can use of that version
+// without these, the library interface, it uses to see whether that LAMMPS was built of the same headers: see layout.h.
 
 bool compiled_for(void *lmp)
 {
@@ -1201,6 +1203,23 @@ bool compiled_for(void *lmp)
       lammps_extract_setting(nullptr, "bigint") == sizeof(bigint) &&
       lammps_extract_setting(nullptr, "tagint") == sizeof(tagint) &&
       lammps_extract_setting(nullptr, "imageint") == sizeof(imageint);
+}
+
+// Before anything relies on the layout of LAMMPS's classes.
+
+void refuse_other_layout(LAMMPS *lmp)
+{
+  std::string problem;
+  if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE")) problem = obstacle;
+  else if (const char *differs = Layout(lmp).differs())
+    problem = "this LAMMPS has another class " + std::string(differs) +
+        " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
+        "options or patches. Compile the plugin again, in a checkout of fix_nosquish: pip install --force-reinstall --no-deps . "
+        "with NOSQUISH_LAMMPS set to the source tree or the install folder of this LAMMPS (see docs/own-lammps.md)";
+  if (problem.empty()) return;
+  problem = "Fix python/move: " + problem;
+  if (Layout(lmp).lammps()) lmp->error->all(FLERR, problem);
+  lammps_error(lmp, LMP_ERROR_ALL, problem.c_str());
 }
 
 // Python's callbacks and the end of the process come back to this code: it must not go. On Linux, the linker's flag sees to it.
@@ -1228,14 +1247,14 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   stay_loaded();
   name_python_early();
   lammpsplugin_t plugin{};
-  plugin.version = static_cast<LAMMPS *>(lmp)->version;
+  const bool known = Layout(static_cast<LAMMPS *>(lmp)).lammps();
+  plugin.version = known ? static_cast<LAMMPS *>(lmp)->version : "";
   plugin.style = "fix";
   plugin.name = "python/move";
   plugin.info = "fix python/move";
   plugin.author = "fix_nosquish";
   plugin.creator.v2 = [](void *lmp, int narg, char **arg) -> void * {
-    if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"))    // before anything relies on the layout of a Fix
-      static_cast<LAMMPS *>(lmp)->error->all(FLERR, "Fix python/move: " + std::string(obstacle));
+    refuse_other_layout(static_cast<LAMMPS *>(lmp));
     return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
   };
   plugin.handle = handle;
