@@ -4,6 +4,7 @@
 """
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -196,6 +197,14 @@ def test_another_build_of_the_same_version(tmp_path, run_lammps, header, before,
     name = {"lammps.h": "LAMMPS"}.get(header, header[:-2].capitalize())
     assert f"another class {name} than the headers" in errors[0], errors
     assert "NOSQUISH_LAMMPS" in errors[0]
+
+
+def test_lowest_versions():
+    """Locks out a package that is installed beside an older numba, which cannot compile its loops:
+    "module 'llvmlite.binding' has no attribute 'create_pipeline_tuning_options'"."""
+    needed = [line for line in metadata.requires("fix_nosquish") if "extra" not in line]
+    for name in "numpy", "numba", "llvmlite", "mpi4py":
+        assert any(re.match(f"{name} ?>=", line) for line in needed), (name, needed)
 
 
 def test_a_rank_without_python(tmp_path):
