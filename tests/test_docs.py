@@ -263,8 +263,8 @@ def test_tutorial(run_lammps, tmp_path):
     assert re.search(r"^step 4 fs: range of the energy \d\.\d+ kcal/mol$", second.log, re.M)
     assert "start velocities: rigid motion" in second.log
 
-    lines = re.findall(r"^    (variable +table .*)\n    (fix .*output.*)$", text, re.M)[0]
-    table = re.sub(r"^fix +bodies .*$", "\n".join(lines).replace(" 100 ", " 10 "), step, flags=re.M)
+    line = re.findall(r"^    (fix .*output.*)$", text, re.M)[0]
+    table = re.sub(r"^fix +bodies .*$", line.replace(" 100 ", " 10 "), step, flags=re.M)
     run_lammps(table, options=["-var", "dt", "2"])
     head, *rows = (tmp_path / "bodies.csv").read_text().splitlines()
     page_of_the_fix = (DOCS / "fix.md").read_text()

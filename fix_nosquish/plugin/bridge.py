@@ -230,6 +230,8 @@ def _release(address):
     for name in (*LISTS, "body", "masstotal", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
     bridge.may_wait = False
+    if hasattr(instance, "let_go"):  # what a driver still holds must not reach into freed memory
+        instance.let_go()
 
 
 @atexit.register

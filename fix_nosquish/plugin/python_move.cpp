@@ -10,6 +10,7 @@
 
 #include "bridge.h"
 #include "lammps_versions.h"
+#include "layout.h"
 #include "particles.h"
 #include "templates.h"
 
@@ -188,12 +189,12 @@ void run_python(const std::string &line)
 // the fix
 // ----------------------------------------------------------------------
 
-const std::string PYTHON_MOVE = "python/move", NATIVE = "nosquish/";
-const auto STYLES = {"nve", "nvt", "npt", "nph", "hmc", "fire"};    // NATIVE ones
+const std::string PYTHON_MOVE = "python/move";
+const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc", "nosquish/fire"};
 
 bool is_ours(const std::string &style)
 {
-  return style == PYTHON_MOVE || style.rfind(NATIVE, 0) == 0;
+  return style == PYTHON_MOVE || std::count(std::begin(NATIVE), std::end(NATIVE), style);
 }
 
 const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
@@ -1257,7 +1258,8 @@ struct lammpsplugin_t {
   void *handle;
 };
 
-// This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw.
+// This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw. What it can use of that version
+// without these, the library interface, it uses to see whether that LAMMPS was built of the same headers: see layout.h.
 
 bool compiled_for(void *lmp)
 {
@@ -1268,10 +1270,26 @@ bool compiled_for(void *lmp)
       lammps_extract_setting(nullptr, "imageint") == sizeof(imageint);
 }
 
+// Before anything relies on the layout of LAMMPS's classes.
+
+void refuse_other_layout(LAMMPS *lmp, const std::string &style)
+{
+  std::string problem;
+  if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE")) problem = obstacle;
+  else if (const char *differs = Layout(lmp).differs())
+    problem = "this LAMMPS has another class " + std::string(differs) +
+        " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
+        "options or patches. Compile the plugin again, in a checkout of fix_nosquish: pip install --force-reinstall --no-deps . "
+        "with NOSQUISH_LAMMPS set to the source tree or the install folder of this LAMMPS (see docs/own-lammps.md)";
+  if (problem.empty()) return;
+  problem = "Fix " + style + ": " + problem;
+  if (Layout(lmp).lammps()) lmp->error->all(FLERR, problem);
+  lammps_error(lmp, LMP_ERROR_ALL, problem.c_str());
+}
+
 void *make(void *lmp, int narg, char **arg)
 {
-  if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"))    // before anything relies on the layout of a Fix
-    static_cast<LAMMPS *>(lmp)->error->all(FLERR, std::string("Fix ") + arg[2] + ": " + obstacle);
+  refuse_other_layout(static_cast<LAMMPS *>(lmp), arg[2]);
   return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
 }
 
@@ -1300,15 +1318,21 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   stay_loaded();
   name_python_early();
   lammpsplugin_t plugin{};
-  plugin.version = static_cast<LAMMPS *>(lmp)->version;
+  const bool known = Layout(static_cast<LAMMPS *>(lmp)).lammps();
+  plugin.version = known ? static_cast<LAMMPS *>(lmp)->version : "";
   plugin.style = "fix";
   plugin.name = PYTHON_MOVE.c_str();
   plugin.info = "fixes nosquish/* and python/move";
   plugin.author = "fix_nosquish";
   plugin.creator.v2 = make;
   plugin.handle = handle;
-  reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc)(&plugin, lmp);
-  // each registration is a line of the log, so the others are LAMMPS's own way of entering a style
-  for (const std::string name : STYLES)
-    (*static_cast<LAMMPS *>(lmp)->modify->fix_map)[NATIVE + name] = reinterpret_cast<Modify::FixCreator>(make);
+  const auto enter = reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc);
+  enter(&plugin, lmp);
+  const bool alike = !Layout(static_cast<LAMMPS *>(lmp)).differs();
+  for (const auto &name : NATIVE) {
+    plugin.name = name.c_str();
+    // the same without a line of the log for each
+    if (alike) (*static_cast<LAMMPS *>(lmp)->modify->fix_map)[name] = reinterpret_cast<Modify::FixCreator>(make);
+    else enter(&plugin, lmp);
+  }
 }

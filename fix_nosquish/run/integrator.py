@@ -185,8 +185,7 @@ class Integrator(Declaration):
     @classmethod
     def of_fix(cls, lmp, fix_id):
         """The integrator of a LAMMPS that the fix of this ID drives."""
-        handle = pointer(getattr(lmp, "lmp", lmp))
-        every = [other for other in cls._all if other.lammps.handle == handle]
+        every = cls._of_lammps(pointer(getattr(lmp, "lmp", lmp)))
         for other in every:
             # LAMMPS's own fix tells no ID
             if other.host.fix_id == fix_id or (other.host.fix_id is None and len(every) == 1):
@@ -201,9 +200,29 @@ class Integrator(Declaration):
 
     @property
     def mates(self):
-        """All integrators of this LAMMPS, this one among them."""
-        mates = [other for other in self._all if other.lammps.handle == self.lammps.handle]
-        return sorted(mates, key=lambda mate: mate.number)  # alike on all ranks
+        """All integrators of this LAMMPS, this one among them, in an order alike on all ranks."""
+        return sorted(self._of_lammps(self.lammps.handle), key=lambda mate: mate.number)
+
+    @classmethod
+    def _of_lammps(cls, handle):
+        """Those that a fix of this LAMMPS drives: not one whose making failed, nor one whose fix is
+        gone, that somebody still holds."""
+        return [one for one in cls._all if one.host and one.lammps.handle == handle]
+
+    def let_go(self):
+        """The fix is gone, and what this object knew of LAMMPS's memory with it."""
+        name = f"fix {self.host.fix_id} ({self.name})"
+        self.__dict__ = {"_gone": name}
+
+    def __getattr__(self, name):
+        gone = self.__dict__.get("_gone")
+        if gone is None or name[:2] == "__":
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        raise RunError(
+            f"{gone} is gone, by unfix or with its LAMMPS: ask for what you need before, or take "
+            "the integrator of a fix that there is",
+            everywhere=True,
+        )
 
     @property
     def phase(self):
