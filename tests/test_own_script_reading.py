@@ -154,6 +154,11 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     stamp = dump.stat().st_mtime_ns
     take(path, tmp_path / "out")
     assert dump.stat().st_mtime_ns == stamp
+    for name in "known.json", "read.json":  # cut short
+        (folder / name).write_text((folder / name).read_text()[:-9])
+        assert system._known(ask, folder, 1, everything=False) is None
+        take(path, tmp_path / "out")
+        assert system._known(ask, folder, 1, everything=False)
     data = tmp_path / "rings.data"
     data.write_text(data.read_text().replace("13.019", "14.5"))
     again = take(path, tmp_path / "out")

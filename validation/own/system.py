@@ -23,7 +23,7 @@ from validation.own import finding, schemes
 from validation.own.files import STATES, asked_now
 from validation.own.finding import Found, Unclear
 from validation.own.script import CHANGES, DONE, RUNS, computed, remembers, texts
-from validation.running import machine, run, starts, store
+from validation.running import machine, run, starts, store, whole
 from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 from validation.scenes.units import UNITS, Units
@@ -217,11 +217,11 @@ def without_fixes(said: Mapping) -> list[str]:
 def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
     """What was read before, if nothing has changed since."""
     try:
-        kept = json.loads((folder / "known.json").read_text())
+        kept = whole.read(folder / "known.json") or {}
         how = ranks, everything, kept["files"], asked_now(*kept["asked"])
         same = kept["origin"] == _origin(ask, *how)
-        return json.loads((folder / "read.json").read_text()) if same else None
-    except (OSError, ValueError, KeyError):
+        return whole.read(folder / "read.json") if same else None
+    except (OSError, KeyError):
         return None
 
 
@@ -283,7 +283,7 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
     globs, environment = said["asked"]  # with values as they are outside of the ranks
     known = said["files"], [globs, {one: os.environ.get(one) for one in environment}]
     kept = {"files": known[0], "asked": known[1], "origin": _origin(ask, ranks, everything, *known)}
-    (folder / "known.json").write_text(json.dumps(kept))
+    whole.write(folder / "known.json", kept)  # the last file: it tells that the others are whole
     return said
 
 
