@@ -214,6 +214,39 @@ run 100
     return script
 
 
+def spheres(folder, lines=""):
+    """Bodies of three spheres, whose temperature counts how these turn, in reduced units.
+
+    Args:
+        lines: in front of the fix that moves them.
+    """
+    script = folder / "in.spheres"
+    (folder / "corner.mol").write_text(
+        "three spheres in a corner\n\n3 atoms\n\nCoords\n\n1 0 0 0\n2 0.9 0 0\n3 0 0.9 0\n\n"
+        "Types\n\n1 1\n2 1\n3 1\n\nDiameters\n\n1 1\n2 1\n3 1\n\nMasses\n\n1 1\n2 1\n3 1\n"
+    )
+    script.write_text(
+        f"""units lj
+atom_style hybrid sphere molecular
+lattice sc 0.05 origin 0.5 0.5 0.5
+region box block 0 3 0 3 0 3
+create_box 1 box
+molecule corner corner.mol
+create_atoms 0 box mol corner 3847
+pair_style lj/cut 2.5
+pair_coeff 1 1 1 1
+neigh_modify exclude molecule/intra all delay 0 every 1
+velocity all create 1.0 4928
+{lines}
+fix 1 all rigid/nve/small molecule
+timestep 0.002
+run 0
+run 100
+"""
+    )
+    return script
+
+
 def staged(folder):
     """Two bodies of two atoms and three points, moved by one of ours in other words than usual,
     behind a run on which groups, springs and a variable depend."""

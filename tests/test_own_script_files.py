@@ -229,11 +229,13 @@ def test_options_that_name_nothing_are_refused_with_what_there_is(tmp_path):
 def test_commands_that_need_a_fix_which_is_replaced_are_told(tmp_path):
     """Locks out rows that fail for a line of the script's output, where nobody says so."""
     text = GAS + RIGID + "compute k a ke/rigid 1\nthermo_style custom step pe f_1\n"
+    text += "variable t equal c_1_temp\nvariable u equal c_11_temp\n"
     text += "variable k equal f_1\nvariable other equal f_11\nvariable half_1 equal 3\nrun 5\n"
     (note,) = (
         one for one in take(written(tmp_path, text), tmp_path / "out").notes if "replaced" in one
     )
-    assert note.endswith("out of the script: compute k a ke/rigid 1; variable k equal f_1.")
+    told = "compute k a ke/rigid 1; variable t equal c_1_temp; variable k equal f_1."
+    assert note.endswith(f"out of the script: {told}")
 
 
 def test_labels_with_variables(tmp_path):

@@ -1,5 +1,9 @@
 """User's scripts of five kinds: they begin as in LAMMPS, and each integrator moves them."""
 
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scripts
@@ -10,6 +14,7 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.check import measure as check
+from validation.own.script import computed
 from validation.running import lammps_log, run
 
 KINDS = ("spce", "co2", "rings", "polymer", "clusters")
@@ -65,3 +70,56 @@ def test_each_integrator_moves_each_kind(kind, tmp_path, monkeypatch):
     assert np.ptp(kelvin) < 1e-3 * np.mean(kelvin)
     kinds = {one.kind for one in own.integrators.values()}
     assert kinds >= {"ours", "rigid"} and (kind != "spce" or "constraints" in kinds)
+
+
+TEMPERATURES = {
+    "of spheres": "compute t all temp/sphere\nthermo_modify temp t",
+    "beside other words": "compute t all temp/sphere\nthermo_modify temp t lost warn flush yes",
+    "of a part": "compute c all temp/com\ncompute_modify c extra/dof -300\n"
+    "compute t all temp/sphere bias c\n"
+    "compute p all pressure t\n"
+    "thermo_style custom step temp press\nthermo_modify temp t press p line one",
+    "with other degrees of freedom": "compute t all temp/sphere\ncompute_modify t extra/dof 9\n"
+    "compute_modify thermo_temp extra/dof 100\nthermo_modify temp t",
+    "by fix_modify": "compute t all temp/sphere\nthermo_modify temp t\n"
+    "fix wall all wall/lj93 zlo EDGE 1 1 2.5\nfix_modify wall virial yes",
+}
+
+
+@pytest.mark.parametrize("which", TEMPERATURES)
+def test_temperature_and_pressure_are_the_scripts(which, tmp_path):
+    """Locks out temperatures and pressures of other computes than the script's, by which bodies of
+    spheres cannot even begin: held against what LAMMPS prints for the script itself."""
+    periodic = "wall" not in TEMPERATURES[which]
+    lines = f"{TEMPERATURES[which]}\nthermo_modify norm no"
+    path = scripts.spheres(tmp_path, lines)
+    if not periodic:
+        path.write_text(path.read_text().replace("lattice", "boundary p p f\nlattice"))
+    command = [str(Path(sys.executable).with_name("lmp")), "-in", path.name, "-log", "log"]
+    subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    theirs = lammps_log.thermo((tmp_path / "log").read_text())
+    own = take(path, tmp_path / "out")
+    assert own.said["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5)
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows) and len(rows) > 3
+    for row in rows:
+        assert row["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5), row["label"]
+    assert own.integrators[rows[0]["name"]].kind == "rigid"  # the script's own
+    assert rows[0]["pressure"] == pytest.approx(theirs["Press"][0], rel=1e-4)
+
+
+def test_what_thermo_modify_says_of_a_replaced_fix(tmp_path):
+    """Locks out rows that fail for a compute which only the script's own fix makes, and settings
+    that a later command of the script has taken back, or not."""
+    path = scripts.co2(tmp_path)
+    more = "compute t all temp\ncompute_modify 1_temp extra/dof 5\n"
+    more += "thermo_modify temp t press 1_press lost warn\n"
+    path.write_text(path.read_text().replace("timestep", f"{more}timestep"))
+    own = take(path, tmp_path / "out")
+    assert own.scene.output == ("thermo_modify temp t", "thermo_modify lost warn")
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows) and len(rows) > 3
+    assert any("thermo_modify press 1_press" in one for one in own.notes)
+    assert any("compute_modify 1_temp extra/dof 5" in one for one in own.notes)
+    lines = "thermo_modify temp a lost ignore", "thermo_style one", "thermo_modify press b"
+    assert computed([*lines, "thermo_modify temp c flush yes"]) == {"press": "b", "temp": "c"}

@@ -69,13 +69,15 @@ def test_lines_words_and_branches_are_lammpss():
 
 def test_the_commands_are_those_that_lammps_does(tmp_path):
     """Locks out a loop, a jump, a condition or a variable of the command line that is followed
-    otherwise than LAMMPS does: both set the same variable."""
+    otherwise than LAMMPS does: both set the same variable. Values of the command line have more
+    than one letter, and there are several of one variable."""
     (tmp_path / "more.in").write_text('variable text string "${text}+m"\n')
     path = tmp_path / "in.loop"
     path.write_text(
         GAS
         + """variable text string s
 variable n index 2
+variable w index one two
 variable i loop $n
 label top
 variable j index a b
@@ -88,6 +90,9 @@ jump SELF inner
 next i
 jump SELF top
 label out
+variable text string ${text}$n${w}
+next w
+variable text string ${text}${w}
 variable t equal 2*$(v_i)
 fix 1 all rigid/nve group 2 a b
 timestep $(v_t/1000)
@@ -95,13 +100,14 @@ print "says ${text} $t"
 run 1
 """
     )
-    for more in [], ["-var", "n", "3"]:
+    several = (("n", "12"), ("w", "left", "right"))
+    for variables in (), several:
+        more = [word for one in variables for word in ("-var", *one)]
         command = ["lmp", "-in", str(path), "-log", str(tmp_path / "log"), *more]
         subprocess.run([str(Path(sys.executable).with_name(command[0])), *command[1:]], check=True,
                        cwd=tmp_path, stdout=subprocess.DEVNULL)  # fmt: skip
         log = (tmp_path / "log").read_text()
         told = next(line for line in log.splitlines() if line.startswith("says ")).split()[1:]
-        variables = (("n", "3"),) if more else ()
         own = take(path, tmp_path / "out", variables=variables)
         last = [one for one in own.scene.setup if one.startswith("variable text")][-1]
         assert last.split()[-1] == told[0]
@@ -148,6 +154,11 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     stamp = dump.stat().st_mtime_ns
     take(path, tmp_path / "out")
     assert dump.stat().st_mtime_ns == stamp
+    for name in "known.json", "read.json":  # cut short
+        (folder / name).write_text((folder / name).read_text()[:-9])
+        assert system._known(ask, folder, 1, everything=False) is None
+        take(path, tmp_path / "out")
+        assert system._known(ask, folder, 1, everything=False)
     data = tmp_path / "rings.data"
     data.write_text(data.read_text().replace("13.019", "14.5"))
     again = take(path, tmp_path / "out")

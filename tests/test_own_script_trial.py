@@ -135,6 +135,10 @@ def test_steps_behind_one_that_fails_are_left_out():
 def test_targets_are_those_that_a_script_has(tmp_path):
     """Locks out a target that says nothing of a script, one that is not known, and a barostat
     whose work counts as unknown: econserve has it, with each of ours."""
+    lines = "compute t all temp/sphere\nthermo_modify temp t"
+    spheres = take(scripts.spheres(tmp_path, lines), tmp_path / "out1")
+    assert set(targets.targets(spheres, {})) == {"drift", "energy", "rdf"}
+    assert any("moments of inertia of their own" in one for one in spheres.notes)
     co2 = take(scripts.co2(tmp_path), tmp_path / "out")
     assert set(targets.targets(co2, {})) == {"drift", "energy", "temperature", "density", "rdf"}
     assert targets.targets(co2, {"drift": 1.0})["drift"] == 1.0

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import subprocess
 import threading
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 from conftest import Silent
 
-from validation.running import machine, store
+from validation.running import machine, run, store, whole
 from validation.running.store import Store
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -171,15 +172,91 @@ def test_processes_share(tmp_path):
 
 def test_file_is_whole(tmp_path, monkeypatch):
     """Locks out a file that an interruption leaves in half."""
-    store.write(tmp_path / "one.json", {"value": 1})
+    whole.write(tmp_path / "one.json", {"value": 1})
 
     def stop(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Path, "replace", stop)
     with pytest.raises(KeyboardInterrupt):
-        store.write(tmp_path / "one.json", {"value": 2})
+        whole.write(tmp_path / "one.json", {"value": 2})
     assert json.loads((tmp_path / "one.json").read_text()) == {"value": 1}
+
+
+DAMAGES = {
+    "cut": lambda text: text[: len(text) // 2],
+    "empty": lambda text: "",
+    "a list": lambda text: f"[{text}]",
+    "an unknown field": lambda text: text.replace("{", '{"colour": 1,', 1),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+@pytest.mark.parametrize("file", ["job.json", "done.json"])
+def test_a_damaged_file_of_a_run_has_it_done_again(tmp_path, capsys, file, damage):
+    """Locks out a traceback where a folder is gone on with in which a file was cut short, by a
+    full disk or an older version, or is of a newer one."""
+    made = ["region box block 0 1 0 1 0 1", "create_box 1 box", "mass 1 1", "fix 1 all nve"]
+    job = run.Job(str(tmp_path / "run"), str(tmp_path), made, [1], None)
+    assert run.once(job).error is None and run.is_there(job)
+    path = tmp_path / "run" / file
+    path.write_text(DAMAGES[damage](path.read_text()))
+    if (file, damage) == ("done.json", "an unknown field"):
+        assert run.is_there(job) and run.collect(path.parent).error is None
+        return
+    assert not run.is_there(job)
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith(f"{path} is damaged (") and said.endswith("is done again")
+    assert (run.collect(path.parent).error is None) is (file == "job.json")
+    assert run.once(job).error is None and run.is_there(job)
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_record_is_made_again(tmp_path, capsys, damage):
+    """Locks out a traceback where a record was cut short."""
+    make, calls = counted({"value": 1.5})
+    kept = Store(tmp_path, MEASURE)
+    kept.once("one", "origin", make)
+    (path,) = tmp_path.glob("*.json")
+    path.write_text(DAMAGES[damage](path.read_text()))
+    good = damage == "an unknown field"
+    assert [*kept.alike()] == ["one"] * good
+    assert kept.once("one", "origin", make) == {"value": 1.5}
+    assert len(calls) == (1 if good else 2)
+    assert len(capsys.readouterr().err.splitlines()) == (not good)
+
+
+def test_positions_that_were_not_written_to_their_end(tmp_path, monkeypatch):
+    """Locks out half a file of positions, which ends all later commands in the folder."""
+    worker = tmp_path / "worker.py"
+    text = run.WORKER.read_text()
+    assert text.count("np.savez(file, **arrays)") == 1
+    worker.write_text(text.replace("np.savez(file, **arrays)", "file.write(b'PK'); 1 / 0"))
+    monkeypatch.setattr(run, "WORKER", worker)
+    made = ["region box block 0 1 0 1 0 1", "create_box 1 box", "create_atoms 1 single 0 0 0"]
+    made = ["atom_style molecular", *made, "mass 1 1", "fix 1 all nve"]
+    job = run.Job(str(tmp_path / "run"), str(tmp_path), made, [1], "molecule")
+    assert run.run(job).error == "division by zero"
+    assert run.collect(job.directory).positions is None
+
+
+def test_nothing_of_python_runs_between_fork_and_exec(monkeypatch):
+    """Locks out a child that waits for ever for a lock that another thread, as that of a progress
+    bar, had when it was forked."""
+    popen, seen = subprocess.Popen, []
+
+    def begins(words, **more):
+        seen.append(more)
+        return popen(words, **more)
+
+    monkeypatch.setattr(subprocess, "Popen", begins)
+    output = subprocess.PIPE
+    with run.started(["sh", "-c", "trap"], stdout=output, text=True) as process:
+        assert process.communicate()[0] == ""  # no signal is ignored
+    with run.started(["no-such-program"], stderr=output, text=True) as process:
+        said = process.communicate()[1]
+    assert said == "ERROR: no-such-program cannot be started: No such file or directory\n"
+    assert len(seen) == 2 and not any(more.get("preexec_fn") for more in seen)
 
 
 def test_breaks_goes_on(tmp_path, monkeypatch):

@@ -503,6 +503,17 @@ def test_thermo_table():
     assert table["TotEng"].tolist() == [-8049.5, -8049.25, -8049.75, -8050.0]
 
 
+def test_thermo_of_runs_that_print_different_columns():
+    """Locks out a traceback where the second run prints more columns than the first, or others."""
+    more = LOG.replace("Time          TotEng\n        20             40  -8049.75", "Time          "
+                       "TotEng     Press\n        20             40  -8049.75  7")  # fmt: skip
+    more = more.replace("60  -8050", "60  -8050   8")
+    table = lammps_log.thermo(more)
+    assert table["TotEng"].tolist() == [-8049.5, -8049.25, -8049.75, -8050.0]
+    np.testing.assert_array_equal(table["Press"], [np.nan, np.nan, 7, 8])
+    assert lammps_log.thermo("Step Temp\n")["Temp"].tolist() == []
+
+
 def test_thermo_of_a_log_cut_in_a_number():
     """Locks out '-80' read from a log that ends in the middle of '-8049.75'."""
     cut = LOG[: LOG.index("-8049.75") + 3]

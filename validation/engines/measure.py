@@ -4,7 +4,6 @@ An engine that has the scene's forces is held against the limit of small steps o
 `sampling` has found it.  One with other forces is held against its own limit.
 """
 
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -16,7 +15,7 @@ from validation.engines.runs import Runs
 from validation.engines.water import of_scene
 from validation.ensembles.lengths import SAMPLED, Lengths, Point, ordered
 from validation.ensembles.measure import of_momentum
-from validation.running import machine, run
+from validation.running import machine, run, whole
 from validation.sampling.measure import told_limit
 from validation.statistics import limit, measures
 from validation.statistics.estimate import Estimate
@@ -50,10 +49,9 @@ def known_limit(folder: Path) -> dict:
     Raises:
         SystemExit: it has left nothing there, or of another scene.
     """
-    try:
-        summary = json.loads((folder / "summary.json").read_text())
-    except FileNotFoundError:
-        raise SystemExit(f"{folder} has no summary.json of the verb sampling") from None
+    summary = whole.read(folder / "summary.json")
+    if summary is None:
+        raise SystemExit(f"{folder} has no summary.json of the verb sampling")
     limits = {key: one for key, one in summary.get("limits", {}).items() if key in OBSERVED}
     if summary.get("scene") != CASE.name or not limits:
         raise SystemExit(f"{folder} has no limit of the scene {CASE.name}, made by sampling")

@@ -85,7 +85,7 @@ class Found:
         why: why not.
         keywords: that go into other fixes, too.
         dropped: keywords that do not.
-        modified: commands ``fix_modify`` of these fixes.
+        modified: commands ``fix_modify`` of these fixes, and ``compute_modify`` of their computes.
         setup: commands that make the group, if the script has none.
     """
 
@@ -210,14 +210,27 @@ def find(
     return replace(found, modified=_modified(said["commands"], found.ids))
 
 
+def computes(ids: Collection[str]) -> set[str]:
+    """IDs of computes that fixes with these IDs make for themselves."""
+    return {f"{one}_{kind}" for one in ids for kind in ("temp", "press")}
+
+
+def modifies_compute(line: str, ids: Collection[str]) -> bool:
+    """Whether a command modifies one of these `computes`."""
+    word, *rest = texts(line)
+    return word == "compute_modify" and rest[0] in computes(ids)
+
+
 def _modified(commands: Sequence[str], ids: Collection[str]) -> tuple[str, ...]:
-    """What ``fix_modify`` says of fixes, since each was made the last time."""
+    """What ``fix_modify`` says of fixes, and ``compute_modify`` of their computes, since each was
+    made the last time."""
     found: list[str] = []
     for line in commands:
         words = texts(line)
         if words[0] in ("fix", "unfix"):
-            found = [one for one in found if texts(one)[1] != words[1]]
-        elif words[0] == "fix_modify" and words[1] in ids:
+            own = {words[1]} | computes(words[1:2])
+            found = [one for one in found if texts(one)[1] not in own]
+        elif (words[0] == "fix_modify" and words[1] in ids) or modifies_compute(line, ids):
             found.append(line)
     return tuple(found)
 

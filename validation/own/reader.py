@@ -5,10 +5,10 @@ includes, variables, loops, conditions.  So it knows each command with all varia
 It stops where the first run would begin in which a fix moves rigid bodies, or that is asked for.
 Minimizations and ``run 0`` are no such run: they are done, as runs before it are.
 
-``ask.json`` has ``script``, ``inputs`` (the folder where LAMMPS works), ``variables`` (name and
-values, as of the option -var), ``fix`` (IDs of fixes that move the atoms, if told), ``any`` (any
-run will do), ``everything`` (so will what is none, as a minimization), ``at`` (which of these runs,
-from 1).  Left beside it:
+``ask.json`` has ``script``, ``inputs`` (the folder where LAMMPS works), ``variables`` (lists of a
+name and its values, as of the option -var), ``fix`` (IDs of fixes that move the atoms, if told),
+``any`` (any run will do), ``everything`` (so will what is none, as a minimization), ``at`` (which
+of these runs, from 1).  Left beside it:
 
     read.json   ``commands`` up to the run, ``fixes`` (ID to its command, at that run), ``run`` (its
                 words), ``later`` (the runs behind it, as they are written), what LAMMPS says of the
@@ -52,6 +52,9 @@ from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
 
 MOST = 300_000  # commands: more are a loop without an end
 BRANCH = "validation_branch"  # the variable that tells which branch of an if is taken
+# LAMMPS's settings of atoms that have a direction, and of those that may have moments of their own
+ORIENTED = "ellipsoid", "line", "tri", "body", "mu"
+SIZED = "radius", "ellipsoid", "line", "tri", "body"
 NOISY = "langevin", "ttm"  # fixes whose forces are no springs'
 WORLD = MPI.COMM_WORLD
 
@@ -95,8 +98,8 @@ class Reader:
         self.skipped, self.done, self.count, self.jump_skip, self.run = 0, 0, 0, False, ""
         self.where = "the script"
         options = ["-log", str(log), "-screen", "none", "-nocite"]
-        for name, values in ask["variables"]:
-            options += ["-var", name, *values]
+        for words in ask["variables"]:
+            options += ["-var", *words]
         self.lmp = lammps(cmdargs=options)
 
     def file(self, name: str) -> None:
@@ -327,6 +330,24 @@ def dumped(lmp: lammps, dump: Path) -> str:
     return starts.read(dump, step, dimension, box=True)
 
 
+def _spins(lmp: lammps, folder: Path) -> list[str]:
+    """Commands that give atoms how they turn, which a dump lacks; every rank must call."""
+    commands = []
+    for kind in "omega", "angmom":
+        if lmp.extract_setting(f"{kind}_flag") < 1:
+            continue
+        values = np.array(lmp.gather_atoms(kind, 1, 3)).reshape(-1, 3)
+        for axis, column in zip("xyz", values.T):
+            file = folder / f"{kind}.{axis}"
+            commands.append(f'variable own_{kind}_{axis} atomfile "{file}"')
+            if WORLD.rank == 0:
+                rows = (f"{number} {value!r}\n" for number, value in enumerate(column.tolist(), 1))
+                file.write_text(f"{len(column)}\n{''.join(rows)}")
+        names = " ".join(f"v_own_{kind}_{axis}" for axis in "xyz")
+        commands.append(f"set group all {kind} {names}")
+    return commands
+
+
 def read(ask: dict, out: Path) -> None:
     """Read the script, and leave what it says in ``out``."""
     path, inputs = Path(ask["script"]), Path(ask["inputs"])
@@ -349,7 +370,7 @@ def read(ask: dict, out: Path) -> None:
     dt = lmp.extract_global("dt")  # before a fix dt/reset changes it
     lmp.command("thermo_modify norm no")
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
-    temperature, potential = _thermo(lmp)
+    temperature, potential = _thermo(lmp, found.commands)
     _look_at_ids(lmp, found.run)
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     said = {
@@ -379,6 +400,9 @@ def read(ask: dict, out: Path) -> None:
     if WORLD.rank == 0:
         np.savez(out / "atoms.npz", **atoms)
     said["state"] = dumped(lmp, inputs / STATES / "state.dump")
+    said["spins"] = _spins(lmp, inputs / STATES)
+    for name, kinds in ("oriented", ORIENTED), ("sized", SIZED):
+        said[name] = any(lmp.extract_setting(f"{one}_flag") > 0 for one in kinds)
     lmp.close()
     if WORLD.rank == 0:
         said["made"] = _made(inputs)
@@ -405,13 +429,14 @@ def _clear(inputs: Path) -> None:
     WORLD.Barrier()
 
 
-def _thermo(lmp: lammps) -> tuple[float, float | None]:
+def _thermo(lmp: lammps, commands: Collection[str]) -> tuple[float, float | None]:
     """Temperature and potential energy of all atoms, or 0 and None where LAMMPS cannot tell them;
     every rank must call."""
+    kept = [f"thermo_modify {key} {one}" for key, one in script.computed(commands).items()]
     for style in "", "thermo_style one":  # the script's own may have neither
         try:
             if style:
-                for one in (style, "thermo_modify norm no", "run 0 post no"):
+                for one in (style, "thermo_modify norm no", *kept, "run 0 post no"):
                     lmp.command(one)
             return lmp.get_thermo("temp"), lmp.get_thermo("pe")
         except Exception as failure:

@@ -234,11 +234,14 @@ def _constrained(found: Found) -> Iterator[Integrator]:
 
 
 def reading(ids: Collection[str], commands: Sequence[str]) -> list[str]:
-    """Commands that name a fix with one of these IDs, as f_ID or as a rigid fix."""
-    made = []
+    """Commands that name a fix with one of these IDs, as f_ID or as a rigid fix, or a compute that
+    it makes."""
+    made, own = [], finding.computes(ids)
     for line in (one for one in commands if texts(one)[0] not in DONE):
         word, *rest = texts(line)
         named = any(re.search(rf"(?<!\w)f_{re.escape(one)}\b", line) for one in ids)
+        named |= any(re.search(rf"(?<!\w)c_{re.escape(one)}\b", line) for one in own)
+        named |= word in ("fix_modify", "compute_modify") and not own.isdisjoint(rest)
         if word == "compute" and len(rest) > 3 and rest[3] in ids:
             named |= rest[2].startswith(("ke/rigid", "erotate/rigid", "rigid/local"))
         if word == "fix" and "rigid" in rest[3:]:

@@ -1,7 +1,7 @@
 """LAMMPS's input language as text: lines, words, and what a command does to files.  No LAMMPS."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 from typing import NamedTuple
@@ -31,6 +31,8 @@ DONE = frozenset(
         *("thermo", "thermo_style", "thermo_modify", "timestep", "reset_timestep"),
     )
 )
+# of a thermo_modify, each with a word behind it: what is computed; others say how it is printed
+COMPUTED = "temp", "press", "lost", "lost/bond"
 # they change the atoms or the box, by where atoms are
 CHANGES = frozenset(
     (
@@ -79,6 +81,20 @@ def with_words(line: str, changed: Callable[[Word], str]) -> str:
 def texts(line: str) -> list[str]:
     """The words of a command, without quotes."""
     return [word.text for word in words(line)]
+
+
+def computed(commands: Iterable[str]) -> dict[str, str]:
+    """What the commands say of `COMPUTED`, in order; a ``thermo_style`` forgets what was before."""
+    found: dict[str, str] = {}
+    for word, *rest in map(texts, commands):
+        if word == "thermo_style":
+            found = {}
+        elif word == "thermo_modify":
+            for key, value in pairwise(rest):
+                if key in COMPUTED:
+                    found.pop(key, None)  # the later one comes behind the others
+                    found[key] = value
+    return found
 
 
 def takes_time(line: str, step: int) -> bool:

@@ -22,8 +22,8 @@ from validation import command_line
 from validation.own import finding, schemes
 from validation.own.files import STATES, asked_now
 from validation.own.finding import Found, Unclear
-from validation.own.script import CHANGES, DONE, RUNS, remembers, texts
-from validation.running import machine, run, starts, store
+from validation.own.script import CHANGES, DONE, RUNS, computed, remembers, texts
+from validation.running import machine, run, starts, store, whole
 from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 from validation.scenes.units import UNITS, Units
@@ -217,11 +217,11 @@ def without_fixes(said: Mapping) -> list[str]:
 def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
     """What was read before, if nothing has changed since."""
     try:
-        kept = json.loads((folder / "known.json").read_text())
+        kept = whole.read(folder / "known.json") or {}
         how = ranks, everything, kept["files"], asked_now(*kept["asked"])
         same = kept["origin"] == _origin(ask, *how)
-        return json.loads((folder / "read.json").read_text()) if same else None
-    except (OSError, ValueError, KeyError):
+        return whole.read(folder / "read.json") if same else None
+    except (OSError, KeyError):
         return None
 
 
@@ -283,7 +283,7 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
     globs, environment = said["asked"]  # with values as they are outside of the ranks
     known = said["files"], [globs, {one: os.environ.get(one) for one in environment}]
     kept = {"files": known[0], "asked": known[1], "origin": _origin(ask, ranks, everything, *known)}
-    (folder / "known.json").write_text(json.dumps(kept))
+    whole.write(folder / "known.json", kept)  # the last file: it tells that the others are whole
     return said
 
 
@@ -298,6 +298,7 @@ def _scene(
         ended = max((i for i in own if texts(commands[i])[0] == "unfix"), default=-1)
         gone |= {i for i in own if i > ended and texts(commands[i])[0] in ("fix", "fix_modify")}
         first = min(first, max(i for i in own if texts(commands[i])[0] == "fix"))
+    gone |= {i for i, line in enumerate(commands) if finding.modifies_compute(line, found.ids)}
     if found.kind == "plain" or ask.group:
         first = len(commands)
     stray = schemes.steering(commands)
@@ -311,12 +312,8 @@ def _scene(
     kept = [i for i, line in enumerate(commands) if i not in gone and texts(line)[0] not in DONE]
     before, then = ([commands[i] for i in kept if (i < first) == early] for early in (True, False))
     before.insert(_box(before), run.RESET)  # before fixes that forbid it
-    lost = [line for line in said["commands"] if line.startswith("thermo_modify")]
-    output = [
-        f"thermo_modify lost {words[words.index('lost') + 1]}"
-        for words in map(texts, lost[-1:])
-        if "lost" in words
-    ]
+    of_fixes = finding.computes(found.ids)
+    output = {key: one for key, one in computed(commands).items() if one not in of_fixes}
     inputs = folder / "inputs"
     known = np.array([found.body, atoms["type"]], dtype=np.int32)
     _keep(known, folder, inputs / STATES / "bodies.npy")
@@ -325,7 +322,7 @@ def _scene(
         name=ask.name,
         title=f"{Path(ask.script).name}: {number:,} bodies, {len(found.body):,} atoms",
         folder=inputs,
-        setup=(*before, *found.setup, said["state"]),
+        setup=(*before, *found.setup, *said["spins"], said["state"]),
         group=found.group,
         bodies=found.bodies,
         constraints=found.constraints,
@@ -337,10 +334,27 @@ def _scene(
         subject=Path(ask.script).name,
         then=tuple(line for line in then if line not in states),
         columns=("econserve", "density"),
-        output=tuple(output),
+        output=tuple(f"thermo_modify {key} {one}" for key, one in output.items()),
         dimension=said["dimension"],
     )
-    late = _late([commands[i] for i in range(first, len(commands)) if i not in gone])
+    late = []
+    if said["sized"]:
+        late.append(
+            "Atoms may have moments of inertia of their own, as spheres and ellipsoids have. What "
+            "is said here of the bodies' moments and of the turning in a step leaves these out."
+        )
+    if said["oriented"] and said["skipped"]:
+        late.append(
+            "Atoms have directions of their own, as ellipsoids and dipoles have, and these are not "
+            "carried over from earlier runs: give a script that reads a data file of the state "
+            "behind them."
+        )
+    late += _late([commands[i] for i in range(first, len(commands)) if i not in gone])
+    if unknown := [f"{key} {one}" for key, one in computed(commands).items() if one in of_fixes]:
+        late.append(
+            f"Left out, for a fix that is replaced makes these computes: thermo_modify "
+            f"{' '.join(unknown)}."
+        )
     if stray:
         some = "; ".join(schemes.plain(commands[i]) for i in sorted(stray))
         late.append(f"Left out, for they change the step or end a run early: {some}.")
@@ -414,8 +428,9 @@ def _otherwise(scene, those, said, atoms, folder, ranks, silence) -> list[str]:
         return []
     place = folder / "beginning"
     how: dict = {"dt": scene.dt, "every": 1, "ranks": ranks, "silence": silence}
+    more = (*run.thermo(), *scene.output)
     for one in those:
-        job = run.job(scene, one, place, [0], more=run.thermo(), **how)
+        job = run.job(scene, one, place, [0], more=more, **how)
         result = run.once(job, failures=True)
         if result.error or not len(result.thermo.get("PotEng", ())):
             continue

@@ -16,7 +16,7 @@ from rich.text import Text
 
 from validation.pages.page import page
 from validation.pages.tables import Column, cell
-from validation.running import store
+from validation.running import whole
 from validation.statistics.check import CHECK_COLUMNS, VERDICTS, bound, measured
 from validation.statistics.estimate import SURE, Estimate
 
@@ -39,7 +39,7 @@ def write(
         figures: of the page: (PNG path, caption).
         values: what else the template uses.
     """
-    store.write(out / "summary.json", summary)
+    whole.write(out / "summary.json", summary)
     write_tables(out, tables)
     if template:
         page(template, out / "report.html", figures, summary=summary, **values)

@@ -19,15 +19,18 @@ def thermo(text: str) -> dict[str, np.ndarray]:
 
     Returns:
         dict of column name to array.  A step printed twice (end of one run, start of
-        the next) appears once.  Empty if nothing was printed.
+        the next) appears once.  Empty if nothing was printed.  Where runs print different
+        columns, there are all of them, with NaN in the steps that lack one.
     """
     columns: list[str] = []
-    rows: dict[float, list[float]] = {}
+    names: dict[str, None] = {}
+    rows: dict[float, dict[str, float]] = {}
     inside = False
     for line in text.splitlines(keepends=True):
         words = line.split()
         if words[:1] == ["Step"]:
             columns, inside = words, True
+            names |= dict.fromkeys(columns)
         elif line.startswith("Loop time"):
             inside = False
         elif inside and len(words) == len(columns) and line.endswith("\n"):
@@ -35,9 +38,8 @@ def thermo(text: str) -> dict[str, np.ndarray]:
                 row = [float(word) for word in words]
             except ValueError:  # a warning between the rows
                 continue
-            rows[row[0]] = row
-    table = np.array(list(rows.values())).reshape(len(rows), len(columns))
-    return dict(zip(columns, table.T))
+            rows.setdefault(row[0], {}).update(zip(columns, row))
+    return {name: np.array([row.get(name, np.nan) for row in rows.values()]) for name in names}
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,6 @@ A crash, a hang or a bad command ends that run only: its ``Result`` says why.
 """
 
 import contextlib
-import ctypes
-import json
 import os
 import re
 import shlex
@@ -22,19 +20,18 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from validation.running import lammps_log
+from validation.running import lammps_log, whole
 from validation.running.lock import Lock
 from validation.scenes import Scene
 from validation.scenes.integrators import Integrator
 from validation.statistics.positions import Positions
 
 WORKER = Path(__file__).with_name("worker.py")
+TIED = Path(__file__).with_name("tied.py")
 RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid it later
 THERMO = "thermo_style custom step time temp press pe ke etotal"
 LOOK = 0.2  # s between two looks at a running job
 COMPILING, COMPILES = 600.0, " compiles its loops, once"  # s that a first use may need, its words
-SET_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of Linux's prctl
-_libc = ctypes.CDLL(None)  # here: between fork and exec nothing is loaded
 HUNG = "no sign of life"  # begins the message of a run that hung
 GRACE = 5.0  # s that processes have to end after SIGTERM
 AGAIN = 0.5  # s in which more signals count as the one that came
@@ -185,7 +182,7 @@ def run(
         _empty(directory)
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / "job.json"
-    path.write_text(json.dumps(asdict(job), indent=1))
+    whole.write(path, asdict(job))
     interrupted = False
     words = [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())]
     how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
@@ -236,11 +233,22 @@ def is_there(job: Job, failures: bool = False) -> bool:
             the machine ended, as by a full disk.
     """
     directory = Path(job.directory)
-    if not (directory / "job.json").exists():
+    known = _kept(directory)
+    if known is None:
         return False
-    known = Job(**json.loads((directory / "job.json").read_text()))
     failed = failures and _lasts(directory) and known.silence >= job.silence
-    return known == job and (failed or (directory / "done.json").exists())
+    return known == job and (failed or whole.read(directory / "done.json") is not None)
+
+
+def _kept(directory: Path) -> Job | None:
+    """The job whose files are in a directory; None if no job, or none of this version, is there."""
+    path = directory / "job.json"
+    plain = whole.read(path)
+    try:
+        return None if plain is None else Job(**plain)
+    except TypeError as error:
+        whole.damaged(path, error)
+        return None
 
 
 def _lasts(directory: Path) -> bool:
@@ -265,22 +273,22 @@ def collect(directory: Path | str) -> Result:
             cell = arrays.pop("cell")
             arrays.setdefault("cells", np.repeat(cell[None], len(arrays["x"]), axis=0))
         positions = Positions(**arrays)
-    text = _read(directory / "done.json")
-    done = json.loads(text) if text else {}
+    done = whole.read(directory / "done.json")
     message = (
         _read(directory / "error.txt")
         or lammps_log.error(log)
         or lammps_log.error(output)
         or f"ended without a message: {_exit(output)}, see {directory / 'output.txt'}"
     )
+    told = dict(done or {})
     return Result(
-        error=None if text else one_line(message),
+        error=one_line(message) if done is None else None,
         thermo=lammps_log.thermo(log),
         timings=lammps_log.timings(log),
         positions=positions,
-        memory=done.pop("memory", []),
-        seconds=done.pop("seconds", {}),
-        versions=done,
+        memory=told.pop("memory", []),
+        seconds=told.pop("seconds", {}),
+        versions=told,
     )
 
 
@@ -322,7 +330,8 @@ def _compiles(log: Path) -> bool:
 
 @contextlib.contextmanager
 def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
-    """A process in a group of its own, which is ended with the block, however that ends.
+    """A process in a group of its own, which is ended with the block, however that ends, and with
+    this process (see ``tied``).
 
     Ctrl-C, and the signals that count as one (see ``validation.__main__``), raise KeyboardInterrupt
     in the block, or behind it, and once: while the process begins they wait for it, and more of
@@ -340,9 +349,9 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
         how: dict = {
             "stdin": subprocess.DEVNULL,
             "start_new_session": True,
-            "preexec_fn": _ends_with_us,
         }
-        process = subprocess.Popen(words, **how | more)
+        tied = sys.executable, "-IS", str(TIED), str(os.getpid())
+        process = subprocess.Popen([*tied, *words], **how | more)
         try:
             try:
                 stop.open()
@@ -358,12 +367,6 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
             signal.signal(one, signal.default_int_handler)
     if stop.waits:
         raise KeyboardInterrupt
-
-
-def _ends_with_us() -> None:
-    """In a new process: it gets SIGTERM when this one is killed.  Else it would go on, and write
-    where another process of the harness does the same run again."""
-    _libc.prctl(SET_DEATH_SIGNAL, signal.SIGTERM)
 
 
 class _Stop:

@@ -16,14 +16,14 @@ import fcntl
 import functools
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
-from validation.running import machine
+from validation.running import machine, whole
 from validation.running.lock import Lock
 
+RECORD = {"name", "base", "complete", "date", "record"}
 HARNESS = Path(__file__).resolve().parents[1]
 # files that no number follows from; criteria judges numbers, and makes none
 SHOWN = (
@@ -77,10 +77,7 @@ class Store:
 
     def kept(self, name: str, origin: str) -> dict | None:
         """What is kept, or None: ``record``, ``complete``, ``date``, ``origin`` and ``base``."""
-        try:
-            return json.loads(self._file(name, origin).read_text())
-        except FileNotFoundError:
-            return None
+        return _record(self._file(name, origin))
 
     def keep(self, name: str, origin: str, record: dict, complete: bool = True) -> None:
         """Keep a record; one that is not ``complete`` is for its maker to go on from."""
@@ -92,13 +89,15 @@ class Store:
             "date": machine.now(),
             "record": record,
         }
-        write(self._file(name, origin), plain)
+        whole.write(self._file(name, origin), plain)
 
     def alike(self) -> dict[str, dict]:
         """All that is kept, of the same versions, package and code; of a name the newest only."""
         found: dict[str, dict] = {}
         for file in self.folder.rglob("*.json"):
-            kept = json.loads(file.read_text())
+            kept = _record(file)
+            if kept is None:
+                continue
             known = found.get(kept["name"])
             if kept["base"] == self.base and not (known and known["date"] >= kept["date"]):
                 found[kept["name"]] = kept
@@ -140,12 +139,13 @@ def alone(folder: Path) -> Iterator[None]:
         yield
 
 
-def write(path: Path, plain: dict) -> None:
-    """Write plain data as JSON, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    part.write_text(json.dumps(plain, indent=1, ensure_ascii=False) + "\n")
-    part.replace(path)
+def _record(file: Path) -> dict | None:
+    """What `Store.keep` wrote; None if there is none."""
+    kept = whole.read(file)
+    if kept is not None and not kept.keys() >= RECORD:
+        whole.damaged(file, "no record")
+        return None
+    return kept
 
 
 def digest(*data) -> str:

@@ -16,7 +16,8 @@ trajectory, over all of which what a fix changes in a run is changed once), ``bo
                     as rows of atoms counted from 0
     done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
                     each of ``commands``, of ``setups``, of ``runs``;
-                    written last, so its presence means success
+                    written last, so its presence means success; it and the positions are there
+                    as a whole, or not at all
     error.txt       the message of the first rank that failed
 
 If messages are counted (see ``counting``), then in the last run only.
@@ -131,14 +132,17 @@ def work(job: dict, out: Path) -> None:
         if bodies is not None:
             arrays: dict = kept | more
             arrays |= {"bodies": bodies, "cells": cells, "periodic": periodic}
-            np.savez(out / "positions.npz", **arrays)
+            with open(out / "positions.part", "wb") as file:
+                np.savez(file, **arrays)
+            (out / "positions.part").replace(out / "positions.npz")
         done = {
             "lammps": version,
             "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),
             "memory": memory,
             "seconds": seconds,
         }
-        (out / "done.json").write_text(json.dumps(done))
+        (out / "done.part").write_text(json.dumps(done))
+        (out / "done.part").replace(out / "done.json")
 
 
 def main() -> None:

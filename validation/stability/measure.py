@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from validation.running import machine, run, store
+from validation.running import machine, run, store, whole
 from validation.running.run import Meter, Result
 from validation.scenes import SCENES, Scene
 from validation.scenes.integrators import INTEGRATORS, SWEPT, Integrator
@@ -304,8 +304,10 @@ class Rows:
 
     def _of(self, folder):
         """Rows of another atlas's summary, without those of other lengths or inner bounds."""
-        found = {}
-        for told in json.loads((folder / "summary.json").read_text())["cases"]:
+        found, summary = {}, whole.read(folder / "summary.json")
+        if summary is None:
+            raise SystemExit(f"{folder} has no summary.json of the verb stability")
+        for told in summary["cases"]:
             if (case := self.cases.get(told["name"])) is None:
                 continue
             for row in told["rows"]:
@@ -343,7 +345,7 @@ class Rows:
                 place = self.place(case, row["integrator"])
                 self.store.keep(*place, row, _enough(self.cases[case], row))
             _fill(summary, self.cases, self.all())
-            store.write(self.out / "summary.json", summary)
+            whole.write(self.out / "summary.json", summary)
 
 
 def stability(

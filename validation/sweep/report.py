@@ -1,6 +1,5 @@
 """From a sweep's summary to files and to the terminal."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -8,6 +7,7 @@ from rich.console import Console
 
 from validation.choice import Measured, fastest, front, least
 from validation.pages import report
+from validation.running import whole
 from validation.statistics.estimate import SURE, Estimate
 from validation.statistics.measures import Spread
 from validation.sweep.figures import MAIN, draw
@@ -63,10 +63,7 @@ def gathered(summary: dict, out: Path) -> dict:
     swept = {key: summary[key] for key in ("command", "date", "interrupted")}
     scenes = {name: scene | {"swept": swept} for name, scene in summary["scenes"].items()}
     lengths = dict(summary["lengths"])
-    try:
-        earlier = json.loads((out / "summary.json").read_text())
-    except (OSError, json.JSONDecodeError):  # none, or cut off
-        earlier = {}
+    earlier = whole.read(out / "summary.json") or {}
     alike = all(earlier.get(key) == summary[key] for key in ("code", "versions"))
     if alike and earlier["machine"]["cpu"] == summary["machine"]["cpu"]:
         for name in earlier["scenes"]:

@@ -81,6 +81,8 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
     lacking = counted.lacking(own)
     if lacking:
         found = {name: most for name, most in found.items() if name not in ENERGIES}
+    if own.said["sized"]:  # such atoms turn, too, and their velocities do not tell it
+        del found["temperature"]
     if not state.press:
         del found["density"]
     if not has_rdf(own):
@@ -94,6 +96,7 @@ def targets(own: Own, wanted: Mapping[str, float]) -> dict[str, float]:
             f"{missing[0]} says nothing of this script: "
             + {
                 **dict.fromkeys(ENERGIES, COUNTED.format(fixes=fixes)),
+                "temperature": "its atoms may have moments of inertia of their own",
                 "density": "its box does not change",
                 "rdf": "its box is not periodic, or has less than ten bodies",
             }[missing[0]]
