@@ -235,8 +235,12 @@ def test_fixes_that_do_not_push_are_named():
     """Locks out a page by which other fixes push the bodies than those of which the package counts
     this, as where it names a few that do."""
     text = (DOCS / "fix-nvt.md").read_text().split("### Degrees of freedom")[1].split("###")[0]
-    named = re.search(r"Only these do not: (.*)\n", text)[1]
-    assert set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", named)) == set(other_fixes._INTERNAL)
+    named = re.search(r"\| known to conserve the momentum .*\n\|-.*\n((\|.*\n)+)", text)[1]
+    assert set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", named)) == set(other_fixes._CONSERVING)
+    pairs = re.search(r"\*\*Pair styles\*\* (.*)\n", text)[1]
+    styles = other_fixes._NOT_CONSERVING + other_fixes._NOT_WITHOUT_NEWTON
+    named = set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", pairs))
+    assert named == set(styles)
 
 
 # ---- the tutorial

@@ -787,3 +787,135 @@ def test_points_refused(refused, lines, says):
     system = mixture(side=2)
     words = with_points(THERMOSTATS["langevin"]).replace(POINTS, "")
     refused(f"{system.setup}\n{lines}\n{words}run 0\n", says, system.files)
+
+
+DIPOLES = """
+units lj
+atom_style full
+region b block 0 15 0 15 0 15
+create_box 1 b
+create_atoms 1 single 3 3 3
+create_atoms 1 single 4 3 3
+create_atoms 1 single 3 4.2 3
+create_atoms 1 single 9 9 9
+create_atoms 1 single 9 10 9
+create_atoms 1 single 9 9 10.3
+set atom 1*3 mol 1
+set atom 4*6 mol 2
+set atom 1 charge 1
+set atom 4 charge 1
+set atom 2*3 charge -0.5
+set atom 5*6 charge -0.5
+mass 1 1
+pair_style zero 2
+pair_coeff * *
+comm_modify cutoff 4
+velocity all create 1 31
+velocity all zero linear
+timestep 0.05
+"""
+GRADIENT = "variable ez atom 2*sin(2*PI*z/15)\nfix ef all efield 0 0 v_ez\n"
+
+
+@pytest.mark.parametrize("name", ["csvr", "nh"])
+def test_dipoles_in_a_gradient(run_lammps, name):
+    """Locks out a momentum that is counted out though a field that is not the same everywhere
+    pushes neutral bodies: their kinetic energy is 12 kT / 2, not 9."""
+    run = run_lammps(
+        f"{DIPOLES}{GRADIENT}"
+        f"{fix(THERMOSTATS[name], '1 1 5e-1')}"
+        f"{thermo('f_1[1] f_1[2]', 50)}run 200000\n"
+    )
+    rows = run.thermo[200:]
+    assert (rows["f_1[1]"] + rows["f_1[2]"]).mean() == pytest.approx(6.0, abs=0.2)
+
+
+COUNTED = re.compile(r"thermostat of (\d+) degrees of freedom, (.*)")
+ONE = "one atom\n\n1 atoms\n\nCoords\n\n1 0 0 0\n\nTypes\n\n1 1\n\nCharges\n\n1 0\n"
+PUSHES = {
+    "field": ("fix ef all efield 0 0 1", 9, "without"),
+    "field of all times": ("variable et equal step\nfix ef all efield 0 0 v_et", 9, "without"),
+    "field of a part": ("group some id 1 4\nfix ef some efield 0 0 1", 12, "fix ef"),
+    "gradient": (GRADIENT, 12, "fix ef"),
+    "function": ("fix ef all efield/lepton z^2", 12, "fix ef"),
+    "velocities": ("region all block 0 15 0 15 0 15\nfix any all oneway 9 all x", 12, "fix any"),
+    "inserted": (
+        "molecule one m\nfix gas all gcmc 9 1 0 0 7 1 -9 0 mol one", 12, "fix gas"
+    ),
+    "readers": (
+        "fix a all ave/time 1 1 1 c_thermo_temp\n"
+        "fix c all controller 10 1 1 1 1 c_thermo_temp 1 goal", 9, "without",
+    ),
+    "mover of others": ("group none empty\nfix a none addforce 1 0 0", 9, "without"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("place", ["before", "behind"])
+def test_what_changes_the_total_momentum(run_lammps, place):
+    """Locks out a momentum that is counted out though a fix may change it, whatever its name, and
+    one that is counted though all that acts is known to leave it alone."""
+    scripts = []
+    for line, *_ in PUSHES.values():
+        ours = fix(THERMOSTATS["csvr"], "1 1 5e-1")
+        both = (line + "\n", ours) if place == "before" else (ours, line + "\n")
+        scripts.append("clear" + DIPOLES + "variable goal internal 1\n" + "".join(both) + "run 0\n")
+    run = run_lammps("".join(scripts), files={"m": ONE})
+    said = COUNTED.findall(run.log)
+    assert len(said) == len(PUSHES)
+    for (name, (_, degrees, why)), (number, words) in zip(PUSHES.items(), said):
+        assert int(number) == degrees and why in words, (name, number, words)
+
+
+SPHERES = """
+units lj
+atom_style sphere
+region b block 0 9 0 9 0 9
+create_box 1 b
+create_atoms 1 random 8 7 NULL overlap 2 maxtry 1000
+set atom * diameter 1
+comm_modify vel yes
+"""
+PAIRS = {
+    "newton on\npair_style brownian 1 1 1 1.5 2 1 77 1 0\npair_coeff * *": (
+        48,
+        "pair style brownian",
+    ),
+    "newton on\npair_style hybrid/overlay zero 2 brownian 1 1 1 1.5 2 1 77 1 0\n"
+    "pair_coeff * * zero\n"
+    "pair_coeff * * brownian": (48, "pair style brownian"),
+    "newton on\npair_style lubricate 1 1 1 1.5 2\npair_coeff * *": (48, "pair style lubricate"),
+    "newton on\npair_style dpd/tstat 1 1 2 77\npair_coeff * * 3": (45, "without"),
+    "newton off\npair_style dpd/tstat 1 1 2 77\npair_coeff * * 3": (48, "pair style dpd"),
+    "newton off\npair_style lj/cut 2\npair_coeff * * 1 1": (45, "without"),
+}
+
+
+def test_pair_styles_that_change_the_total_momentum(run_lammps):
+    """Locks out a momentum that is counted out though a pair style has friction or noise of each
+    particle by itself, alone or in a hybrid style, or of pairs that are computed twice."""
+    scripts = []
+    for pair in PAIRS:
+        newton, rest = pair.split("\n", 1)
+        ours = fix(THERMOSTATS["csvr"], "1 1 5e-1").replace("molecule", "custom v_own")
+        scripts.append(
+            f"clear\n{newton}{SPHERES}{rest}\nvelocity all create 1 9\n"
+            f"variable own atom id\ntimestep 0.001\n{ours}run 0\n"
+        )
+    said = COUNTED.findall(run_lammps("".join(scripts)).log)
+    assert len(said) == len(PAIRS)
+    for (pair, (degrees, why)), (number, words) in zip(PAIRS.items(), said):
+        assert int(number) == degrees and why in words, (pair, number, words)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_momentum_that_changes_in_a_run(run_lammps, ranks):
+    """Locks out a momentum that is counted out without a word though it changes: that a field is
+    of a region no fix tells."""
+    said = "something has changed the bodies' total momentum in this run"
+    for where, warns in ("region half", True), ("", False):
+        script = (
+            f"{DIPOLES}region half block 0 15 0 15 0 7\nfix ef all efield 0 0 3 {where}\n"
+            f"{fix(THERMOSTATS['csvr'], '1 1 5e-1')}run 0\nrun 2000\n"
+        )
+        log = run_lammps(script, ranks=ranks).log
+        assert log.count(said) == warns, log

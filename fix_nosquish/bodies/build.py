@@ -197,9 +197,9 @@ def _notes(bodies, lammps, members, rebuilt, own, finite):
         own: kinetic energy of the rotation of this rank's atoms themselves.
         finite: how many of these atoms have moments of their own.
     """
-    v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
-    before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum() + own
+    owned = bodies.sharers.owned
     zero = owned & (bodies.id == 0) & (members.membership.command.style == "molecule")
+    before = bodies.kinetic_of_atoms(lammps).sum() + own
     after, stray = bodies.kinetic()[:, owned].sum(), bodies.natoms[zero].sum()
     before, after, rebuilt, stray, own, finite = members.communicator.total(
         np.array([before, after, rebuilt, stray, own, finite])

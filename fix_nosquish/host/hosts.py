@@ -108,6 +108,13 @@ class Host(Protocol):
     def removed_freedom(self, fix_id, group):
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
 
+    def varies(self, fix_id):
+        """Whether another fix has numbers of its own for each atom, as a field of an atom-style
+        variable; not with a LAMMPS's own fix python/move, which knows no other fix."""
+
+    def pair_style(self, first):
+        """Whether a pair style whose name begins with this is in use, perhaps in a hybrid style."""
+
     def gravity(self, fix_id):
         """The acceleration that another fix gives, (3,), as it is at any time; None if none."""
 

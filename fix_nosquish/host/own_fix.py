@@ -59,6 +59,9 @@ class OwnFix:
     def removed_freedom(self, fix_id, group):
         return 0
 
+    def pair_style(self, first):
+        return False  # not known
+
     def gravity(self, fix_id):
         return None
 

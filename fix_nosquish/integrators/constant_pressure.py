@@ -23,7 +23,7 @@ from ..box.cell import (
 from ..errors import RunError
 from ..host.command import PRESSURES, TILTS
 from ..loops.compiled import F1, L1, Cell
-from ..run.other_fixes import READERS
+from ..run.other_fixes import READERS, WITH_SWITCHES
 from .constant_temperature import ConstantTemperature
 
 AXES = "xyz"
@@ -152,9 +152,7 @@ class ConstantPressure(ConstantTemperature):
                 everywhere=True,
             )
         if self.command.force or self.command.torque:
-            raise RunError(
-                "keywords force and torque are for a box that does not change", everywhere=True
-            )
+            raise RunError(WITH_SWITCHES, everywhere=True)
         if self.flips and not lammps.setting("triclinic"):
             raise RunError(
                 "keywords tri, xy, xz, yz are for a triclinic box, and this one is orthogonal: use "

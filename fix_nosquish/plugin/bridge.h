@@ -29,6 +29,7 @@ struct FixFacts {
   int32_t post_force;     // it may change forces
   int32_t has_virial;     // it knows the virial of its forces
   int32_t virial_in_press;    // as fix_modify virial says
+  int32_t moves;    // it may change positions of its group between initial_integrate and the forces, and integrates none
 };
 
 // A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an
@@ -117,6 +118,8 @@ struct Bridge {
   int (*scalar_pressure)(void *fix);    // of the long-range forces only the mean pressure of all axes is known
   const char *(*command)(void *fix);    // the words of the last command
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
+  int (*varies)(void *fix, const char *other);    // another fix has numbers of its own for each atom
+  int (*pair_style)(void *fix, const char *first);    // one that begins with this is in use, perhaps in a hybrid style
   void (*set_array_rows)(void *fix, int n);
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them

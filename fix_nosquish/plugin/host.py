@@ -34,6 +34,7 @@ class OtherFix(NamedTuple):
     post_force: bool  # it may change forces
     has_virial: bool  # it knows the virial of its forces
     virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
+    moves: bool  # it may change positions before the forces of a step, and integrates none
 
     def has(self, groups):
         """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
@@ -135,6 +136,12 @@ class Host:
 
     def removed_freedom(self, fix_id, group):
         return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())
+
+    def varies(self, fix_id):
+        return bool(self._bridge.varies(self._bridge.fix, fix_id.encode()))
+
+    def pair_style(self, first):
+        return bool(self._bridge.pair_style(self._bridge.fix, first.encode()))
 
     def gravity(self, fix_id):
         address = self._bridge.gravity(self._bridge.fix, fix_id.encode())

@@ -381,6 +381,15 @@ void FixPythonMove::fill_bridge()
   bridge.removed_freedom = [](void *fix, const char *other, const char *group) {
     return self(fix)->removed_freedom(other, group);
   };
+  bridge.varies = [](void *fix, const char *other) {
+    Fix *found = self(fix)->modify->get_fix_by_id(other);
+    if (!found) return 0;
+    found->init();    // it looks its variables up there, perhaps behind this fix
+    return (int) (found->memory_usage() > 0.0);
+  };
+  bridge.pair_style = [](void *fix, const char *first) {
+    return (int) (self(fix)->force->pair_match(std::string("^") + first, 0, 1) != nullptr);
+  };
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
@@ -840,6 +849,7 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
   if (n >= modify->nfix) return 0;
   const int between = POST_INTEGRATE | PRE_EXCHANGE | PRE_NEIGHBOR | POST_NEIGHBOR | PRE_FORCE |
       PRE_REVERSE | POST_FORCE | POST_INTEGRATE_RESPA | PRE_FORCE_RESPA | POST_FORCE_RESPA;
+  const int early_hooks = INITIAL_INTEGRATE | POST_INTEGRATE | INITIAL_INTEGRATE_RESPA | POST_INTEGRATE_RESPA;
   const Fix *other = modify->fix[n];
   if (!other || other == this)
     *facts = FixFacts();
@@ -850,7 +860,8 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
               (other->box_change & ~BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
               modify->fmask[n] != 0, other->dof_flag && !other->time_integrate, other->energy_global_flag,
               other->energy_global_flag && other->thermo_energy, (modify->fmask[n] & POST_FORCE) != 0,
-              other->virial_global_flag, other->virial_global_flag && other->thermo_virial};
+              other->virial_global_flag, other->virial_global_flag && other->thermo_virial,
+              (modify->fmask[n] & early_hooks) != 0 && !other->time_integrate};
   return 1;
 }
 

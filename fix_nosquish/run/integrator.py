@@ -482,6 +482,8 @@ class Integrator(Declaration):
             self.reports.write()
         cause, remedy, spacing = log.forces_at_start(self)
         self.bodies.start = self.lammps.step, cause, remedy, spacing
+        movers = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.movers)
+        self.bodies.suspects = movers and f", perhaps {movers}"
         if cause and not self.quenches:
             self.host.log(f"WARNING: {cause}: {remedy}\n")
 
@@ -769,21 +771,31 @@ class Integrator(Declaration):
             return
         if self.streams:
             deform.speed_up.bind_to(self.passes.cells, sign=-1.0)()
-        self._take_velocities()
+        energies = self._take_velocities()
         self.set_velocities()
         self.reports.forget()
-        self.reports.say_taken_over(step, due)
+        self.reports.say_taken_over(
+            step, due, *self.lammps.mvv2e * self.communicator.total(energies)
+        )
 
     def _take_velocities(self):
-        """Have the bodies move as their atoms do, but for those of which more is known;
-        collective."""
+        """Have the bodies move as their atoms do, but for those of which more is known; collective.
+
+        Returns:
+            (2,) the kinetic energy of this rank's atoms before and of its bodies now, but for those
+            of which more is known.
+        """
         bodies, spins, known = self.bodies, None, None
-        if len(self.notes["given"]):
-            given = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
-            known = given, bodies.momenta()[:, given]
+        given = np.isin(bodies.id, self.notes["given"])
+        if given.any():
+            known = np.flatnonzero(given), bodies.momenta()[:, given]
+        before = bodies.kinetic_of_atoms(self.lammps)
         if bodies.spin:
-            spins = particles_of(self.lammps, self.shapes(), bodies.index).momentum
+            particles = particles_of(self.lammps, self.shapes(), bodies.index)
+            spins, before = particles.momentum, before + particles.kinetic()
         bodies.take_velocities(self.lammps, spins, known)
+        after = bodies.kinetic()[:, bodies.sharers.owned & ~given]
+        return np.array([before[~given[bodies.body]].sum(), after.sum()])
 
     @hook
     def post_run(self):
@@ -795,6 +807,7 @@ class Integrator(Declaration):
             if not self.host.velocities_set:
                 self.set_velocities()
             self.take_changed_velocities(self.lammps.step)
+            self.reports.say_lost()
             if self.streams:  # a body has one velocity between runs, wherever its atoms are
                 self.bodies.settle(self.lammps)
                 self._set_plain_velocities()

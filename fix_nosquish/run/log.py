@@ -9,6 +9,7 @@ from ..bodies.build import least_moment
 from .thermo import freedom, removed_freedom
 
 APART = "relax the bodies by fix_nosquish.FIRE and a run, or move them apart"
+ROUNDING = 1e-9  # of the kinetic energy, what projections on rigid motion take of it by rounding
 _FAST = 1.0  # radians in a time step that call for a warning
 # of the distance between atoms: unless these overlap, no force moves a body further in a step
 _PUSHED = 0.1
@@ -112,7 +113,7 @@ def _start(notes, own, lammps):
 
 def projected(notes):
     """Whether start velocities were not rigid motion already. Args: notes: what `build` says."""
-    return notes["removed"] > 1e-9 * notes["kinetic"]
+    return notes["removed"] > ROUNDING * notes["kinetic"]
 
 
 def _passes(integrator, found, virial):
@@ -131,7 +132,7 @@ def _passes(integrator, found, virial):
         (found.single, "", "no single atoms"),
         (bodies.spin, "torque and spin of particles that are no points", ""),
         (bodies.oriented, "orientation of particles", ""),
-        (integrator.thermostat, "thermostat", ""),
+        (integrator.thermostat, f"thermostat{integrator.counted}", ""),
         (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
         (command.shadow, f"shadow energy, in each step that is a multiple of {command.shadow}", ""),
         (integrator.every, f"box, in one of {integrator.every} steps", ""),
