@@ -953,9 +953,7 @@ def test_an_integrator_that_is_held_after_unfix(run_lammps, tmp_path, ranks):
     (tmp_path / "drive.py").write_text(HELD.format(more=more, words=words))
     system = mixture("solid planar pair")
     script = f'{system.setup}\nfix 1 all python/move "{words}"\nrun 5\n'
-    run = run_lammps(
-        script, files=system.files, ranks=ranks, launcher=[sys.executable, "drive.py"]
-    )
+    run = run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "drive.py"])
     said = [line.partition("SAID ")[2] for line in run.screen.splitlines() if "SAID" in line]
     assert len(said) == 5 * ranks
     gone = [line for line in said if line.startswith("RunError fix 1 (HMC) is gone, by unfix")]
