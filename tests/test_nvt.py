@@ -352,6 +352,60 @@ def test_step_of_a_force_that_is_not_finite(refused, every):
 
 # ------------------------------------------------------------------ ranks, restart, several runs
 
+CELLS = {
+    "": "",
+    "crescale": "iso 12e-2 12e-2 2e-1 every 5 compressibility 8 ",
+    "mtk": "iso 12e-2 12e-2 2e-1 every 5 barostat mtk ",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "cell"),
+    [*((name, cell) for name in ("langevin", "nh") for cell in CELLS), ("NPH", "mtk")],
+)
+def test_another_time_step_in_the_next_run(run_lammps, tmp_path, name, cell):
+    """Locks out the half kick that one run leaves to the next one, done with the next one's time
+    step: econserve of one and the same step jumped, and the run went on from another state than
+    with 'pre no' or in one run.  A restart file keeps the step, too."""
+    system = mixture(side=3, spacing=2.9)
+    seed = "seed 771 " if cell == "crescale" and name == "nh" else ""
+    line = fix(f"{THERMOSTATS.get(name, '')} {seed}{CELLS[cell]}", "2 2 2e-1")
+    if cell:
+        line = line.replace("NVT", "NPT")
+    if name == "NPH":
+        cell = CELLS[cell].replace("barostat mtk", "")
+        line = f'fix 1 all python/move "fix_nosquish.NPH all molecule {cell}"\n'
+    begin = f"{system.setup}\n{SMOOTH}"
+    after = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    line += thermo("econserve", 13)
+    first, other, end = "timestep 0.004\nrun 53\n", "timestep 0.002\n", DUMP.format("end")
+    second, restarted = f"{other}run 0\nrun 47\n", f"clear\nread_restart middle\n{SMOOTH}"
+    scripts = [
+        (f"{begin}{line}{first}{other}run 47 pre no\n{end}", 1),
+        (f"{begin}{line}{first}{second}{end}", 1),
+        (f"{begin}{line}{first}write_restart middle\n{second}{end}", 2),
+        (f"{begin}{line}{first}write_restart middle\n{restarted}{after}{line}{second}{end}", 1),
+    ]
+    assert ends_alike(run_lammps, tmp_path, scripts, system.files, system.h) < 1e-10
+    rows = run_lammps(scripts[-1][0], files=system.files).thermo
+    border = rows["Econserve"][rows["Step"] == 53]
+    assert len(border) == 3  # the last one of a run, and the first ones of two
+    np.testing.assert_allclose(border, border[0], rtol=1e-11)
+
+
+def test_levels_before_and_after(run_lammps):
+    """Locks out a half kick that is left out, or done twice, where a run with run_style respa comes
+    before or after one without: econserve is continuous."""
+    system = mixture(side=3, spacing=2.9)
+    line = fix(THERMOSTATS["nh"], "2 2 2e-1") + thermo("econserve", 10)
+    levels, plain = "run_style respa 2 2 pair 2\n", "run_style verlet\n"
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{line}"
+    runs = f"run 50\n{levels}run 50\n{plain}run 50\nrun 50\n"
+    rows = run_lammps(f"{script}{runs}", files=system.files).thermo
+    for step in 50, 100, 150:
+        border = rows["Econserve"][rows["Step"] == step]
+        np.testing.assert_allclose(border, border[0], rtol=1e-11)
+
 
 def ends_alike(run_lammps, tmp_path, scripts, files, h):
     """How far the atoms at the ends of several runs, (script, ranks), are from those of the

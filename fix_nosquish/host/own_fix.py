@@ -23,6 +23,7 @@ class OwnFix:
     """
 
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
+    find_clusters, held, counts = None, 0, 0
     begins = energy_step = stop = turn_atom = rate = None
     stream_group = 0
     calls_setup = follows = velocities_set = scalar_pressure = False

@@ -30,8 +30,8 @@ from ..run.other_fixes import pushing_pair_style
 RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, HEAT, COMMON = range(PARAMETERS, PARAMETERS + 10)
 BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
 # numbers of a restart file: what they are; the energy that the bodies have given; how often the
-# step counter has gone back, and where it was; the thermostat's own
-KIND, ENERGY, TIMES_BACK, WAS_AT, OWN = range(5)
+# step counter has gone back, and where it was; `waiting`, nan for None; the thermostat's own
+KIND, ENERGY, TIMES_BACK, WAS_AT, KICK, OWN = range(6)
 _UNIFORM = "efield", "efield/tip4p"  # fixes of a field that is the same everywhere, or varies
 NEUTRAL = 1e-6  # the charge that a neutral whole has, of rounding
 CHANGED = 0.1  # of what the total momentum has of heat, by which it has changed in a run for sure
@@ -99,7 +99,7 @@ class ConstantTemperature(Integrator):
 
     def __init__(self, ptr, line):
         super().__init__(ptr, line)
-        self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, *self.own_state()])
+        self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, np.nan, *self.own_state()])
         self._energy = 0.0  # given before this run, in all
 
     def own_state(self):
@@ -227,6 +227,7 @@ class ConstantTemperature(Integrator):
                 state[WAS_AT] = self.parameters[STEP]
         elif np.isfinite(state[ENERGY]):
             self._energy, self.own_state()[:] = state[ENERGY], state[OWN:]
+            self.waiting = None if np.isnan(state[KICK]) else state[KICK]
         if self.lammps.step < state[WAS_AT]:
             state[TIMES_BACK] += 1
             state[WAS_AT] = self.lammps.step
@@ -279,4 +280,7 @@ class ConstantTemperature(Integrator):
         """LAMMPS writes a restart file: have the state ready for it; collective."""
         if self.passes:  # else it is what the last restart file had
             self.restart_state[[ENERGY, WAS_AT]] = self.energy(), self.lammps.step
+            self._stepped |= self.steps_made
+            self._note_waiting()
+            self.restart_state[KICK] = np.nan if self.waiting is None else self.waiting
             self.restart_state[OWN:] = self.own_state()

@@ -10,7 +10,7 @@ enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 enum Phase { NEW = 0, SET = 1, HALF = 2, WAITING = 3, OVER = 4 };
 
 // cells for LAMMPS's arrays, in the order of host/lammps.py
-enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU };
+enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU, CLUSTERS, COUNTED };
 
 struct FixFacts {
   const char *id;
@@ -108,6 +108,8 @@ struct Bridge {
   double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
   int32_t stream_group;    // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
   int64_t *arrays;    // cells for LAMMPS's arrays
+  int32_t held;    // the bit of the group whose atoms move with the box, if a fix shake or rattle holds some; else 0
+  int32_t counts;    // in steps that tally the pressure: fill the cell COUNTED, and leave what shake and rattle do out of the virial
   const int64_t *body_of;    // cells of the bodies; null if there are none
   const int64_t *displace;
   const int64_t *state;
@@ -124,6 +126,7 @@ struct Bridge {
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
+  int64_t (*find_clusters)(void *fix);    // fill the cell CLUSTERS
   int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none

@@ -207,6 +207,13 @@ const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
                      " year = 2002\n"
                      "}\n\n";
 
+// Whether a fix holds atoms together by forces.
+
+bool holds(const Fix *fix)
+{
+  return utils::strmatch(fix->style, "^shake") || utils::strmatch(fix->style, "^rattle");
+}
+
 class FixPythonMove : public Fix {
  public:
   FixPythonMove(LAMMPS *, int, char **);
@@ -218,6 +225,8 @@ class FixPythonMove : public Fix {
   void min_setup(int) override;
   void setup_post_neighbor() override { post_neighbor(); }
   void post_neighbor() override;
+  void setup_pre_reverse(int eflag, int vflag) override { pre_reverse(eflag, vflag); }
+  void pre_reverse(int, int) override;
   void pre_exchange() override;
   void post_force(int) override;
   void initial_integrate(int) override;
@@ -242,6 +251,10 @@ class FixPythonMove : public Fix {
   void set_molecule(int, tagint, int, double *, double *, double *) override;
   int pack_exchange(int, double *) override;
   int unpack_exchange(int, double *) override;
+  int pack_reverse_comm(int, int, double *) override;
+  void unpack_reverse_comm(int, int *, double *) override;
+  int pack_forward_comm(int, int *, double *, int, int *) override;
+  void unpack_forward_comm(int, int, double *) override;
   double memory_usage() override;
 
  private:
@@ -258,6 +271,8 @@ class FixPythonMove : public Fix {
   std::vector<double> arrived;
   double forces_virial[6] = {}, told_box[9] = {};
   std::vector<double> of_atoms;    // the virial of each, nine numbers
+  std::vector<double> counted;    // forces on local and ghost atoms
+  std::vector<double> clusters;    // of each atom: from the centre of its cluster, and the velocity of that, six numbers
   double kept_rate[6] = {};    // how fast fix deform's box vectors change, as a run begins
   static constexpr int INSERTED = 10;
   std::vector<double> inserted;    // molecules, so many numbers of each
@@ -282,6 +297,8 @@ class FixPythonMove : public Fix {
   bool run(const Pass *);
   int64_t set_box(const double *);
   int64_t flip_box(const double *);
+  int64_t find_clusters();
+  tagint find_cluster(int, Fix *, double *);
   int64_t stop();
   void shift_lamda(int, double, double);
   void take_virial();
@@ -393,7 +410,10 @@ void FixPythonMove::fill_bridge()
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
-  bridge.set_box = [](void *fix, const double *box) { return self(fix)->set_box(box); };
+  bridge.set_box = [](void *fix, const double *box) {
+    if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
+    return self(fix)->set_box(box);
+  };
   bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
   bridge.particles = [](void *fix, double *numbers) {
     auto &particles = self(fix)->particles;
@@ -417,6 +437,7 @@ void FixPythonMove::fill_bridge()
     const auto first = self(fix)->first_molecule();
     return (int) (first && Templates::read(self(fix)->atom, first[number], numbers));
   };
+  bridge.find_clusters = [](void *fix) { return self(fix)->find_clusters(); };
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.gravity = [](void *fix, const char *other) {
     int dimension;
@@ -472,6 +493,7 @@ void FixPythonMove::set_flags()
   restart_global = bridge.restart_size > 0;
   ecouple_flag = bridge.couples;
   if (bridge.changes_box) {
+    comm_forward = comm_reverse = 3;
     box_change |= BOX_CHANGE_SIZE | (domain->triclinic ? BOX_CHANGE_SHAPE : 0);
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
@@ -536,7 +558,7 @@ Compute *FixPythonMove::own_compute(const std::string &own) const
 int FixPythonMove::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA |
-      (bridge.flips ? PRE_EXCHANGE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
+      (bridge.flips ? PRE_EXCHANGE : 0) | (bridge.changes_box ? PRE_REVERSE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
       (bridge.post_run ? POST_RUN : 0);
 }
 
@@ -620,6 +642,30 @@ void FixPythonMove::post_force(int)
   };
   keep(F, early_force, atom->f);
   keep(TORQUE, early_torque, atom->torque);
+}
+
+// Keep the forces that LAMMPS's virial counts, before fixes add theirs: those of pairs, bonds and mesh.
+
+void FixPythonMove::pre_reverse(int, int)
+{
+  if (!bridge.counts || !pressure_is_due(update->ntimestep)) return;
+  const int local = atom->nlocal, all = local + atom->nghost;
+  counted.assign(3 * (size_t) all, 0.0);
+  for (int i = 0; i < (force->newton ? all : local); i++) std::copy_n(atom->f[i], 3, &counted[3 * (size_t) i]);
+  if (force->newton) comm->reverse_comm(this);
+  set_cell(COUNTED, counted.data(), local, 3);
+}
+
+int FixPythonMove::pack_reverse_comm(int n, int first, double *buffer)
+{
+  std::copy_n(&counted[3 * (size_t) first], 3 * n, buffer);
+  return 3 * n;
+}
+
+void FixPythonMove::unpack_reverse_comm(int n, int *list, double *buffer)
+{
+  for (int k = 0; k < n; k++)
+    for (int c = 0; c < 3; c++) counted[3 * (size_t) list[k] + c] += *buffer++;
 }
 
 // The lists are built anew: the time for other box vectors, if these are better.
@@ -905,6 +951,8 @@ void FixPythonMove::point()
   set_cell(TYPE, atom->type, n, 0);
   vectors(ANGMOM, atom->angmom);
   set_cell(MU, atom->mu && n ? atom->mu[0] : nullptr, atom->mu ? n : 0, 4);
+  set_cell(CLUSTERS, nullptr, 0, 6);
+  set_cell(COUNTED, nullptr, 0, 3);
 }
 
 void FixPythonMove::set_cell(int cell, const void *array, int64_t rows, int64_t columns)
@@ -962,6 +1010,67 @@ int64_t FixPythonMove::flip_box(const double *numbers)
   set_box(numbers);
   domain->lamda2x(atom->nlocal);
   return 0;
+}
+
+// Atoms that fix shake or rattle holds move with the box as one, by the centre of mass of their cluster: so its constraints
+// stay, and their forces do no work. For each local atom: how far it is from that centre, and the centre's velocity. An atom
+// that is not held is its own centre. Ghost atoms may be where they were before this step. Returns the ID of an atom of which
+// others that are held with it stay where they are, or 0.
+
+int64_t FixPythonMove::find_clusters()
+{
+  std::vector<Fix *> holding;
+  for (const auto &other : modify->get_fix_list())
+    if (holds(other)) holding.push_back(other);
+  comm->forward_comm();
+  comm->forward_comm(this);
+  clusters.assign(6 * (size_t) atom->nlocal, 0.0);
+  tagint cut = 0;
+  for (int i = 0; i < atom->nlocal; i++) {
+    double *cluster = &clusters[6 * (size_t) i];
+    std::copy_n(atom->v[i], 3, cluster + 3);
+    if (atom->mask[i] & bridge.held)
+      for (Fix *other : holding) cut = std::max(cut, find_cluster(i, other, cluster));
+  }
+  set_cell(CLUSTERS, clusters.data(), atom->nlocal, 6);
+  return cut;
+}
+
+// What a fix shake holds an atom with is in what it sends along with the atom: how many there are (1: three with an angle),
+// and their IDs.
+
+tagint FixPythonMove::find_cluster(int i, Fix *other, double *cluster)
+{
+  double sent[16], mass = 0.0;
+  bool cut = false;
+  other->pack_exchange(i, sent);
+  const int flag = (int) sent[0], members = flag == 1 ? 3 : flag;
+  if (!members) return 0;
+  std::fill_n(cluster, 6, 0.0);
+  for (int k = 1; k <= members; k++) {
+    const int j = domain->closest_image(i, atom->map((tagint) sent[k]));
+    if (j < 0) continue;    // fix shake ends the run, and says why
+    cut |= !(atom->mask[j] & bridge.held);
+    const double m = atom->rmass ? atom->rmass[j] : atom->mass[atom->type[j]];
+    mass += m;
+    for (int c = 0; c < 3; c++) {
+      cluster[c] += m * (atom->x[i][c] - atom->x[j][c]);
+      cluster[3 + c] += m * atom->v[j][c];
+    }
+  }
+  for (int c = 0; c < 6; c++) cluster[c] /= mass;
+  return cut ? atom->tag[i] : 0;
+}
+
+int FixPythonMove::pack_forward_comm(int n, int *list, double *buffer, int, int *)
+{
+  for (int k = 0; k < n; k++) buffer = std::copy_n(atom->v[list[k]], 3, buffer);
+  return 3 * n;
+}
+
+void FixPythonMove::unpack_forward_comm(int n, int first, double *buffer)
+{
+  for (int i = first; i < first + n; i++, buffer += 3) std::copy_n(buffer, 3, atom->v[i]);
 }
 
 // As fix halt ends a run.
@@ -1025,7 +1134,7 @@ void FixPythonMove::take_virial()
     if (force->improper) parts.push_back(force->improper->virial);
   }
   for (const auto &fix : modify->get_fix_list())
-    if (fix != this && fix->thermo_virial) parts.push_back(fix->virial);
+    if (fix != this && fix->thermo_virial && !(bridge.counts && holds(fix))) parts.push_back(fix->virial);
   double sums[6] = {};
   for (const auto part : parts)
     for (int k = 0; k < 6; k++) sums[k] += part[k];

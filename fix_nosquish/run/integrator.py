@@ -80,6 +80,8 @@ class Integrator(Declaration):
         told_box: the host's, if another fix changes the box in this run and bodies move with it;
             else None.
         streams: whether it is with remap v that this happens.
+        waiting: with `middle`, the time step of the half kick that is left to the next run's first
+            step: 0.0 if none is, None if it is that step's own.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether something may read the atoms' velocities between the halves of
             a step.
@@ -88,7 +90,7 @@ class Integrator(Declaration):
     host = parameters = told_box = gravity = None
     streams = rigid_flag = exact = False
     follows_atoms = True
-    virial = virial_per_atom = None
+    virial = virial_per_atom = waiting = None
     _all, _numbers = weakref.WeakSet(), count_from_zero()
 
     @property
@@ -104,7 +106,7 @@ class Integrator(Declaration):
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
         self.name, self.number = line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
-        self._ran = self._lost = False
+        self._ran = self._lost = self._stepped = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
         # another length
         self._beginning = self._gathers_anew = self._resets = False
@@ -253,6 +255,8 @@ class Integrator(Declaration):
                 everywhere=True,
             )
         self.host.call_always()
+        self._note_waiting()
+        self._first_step = self.lammps.step
         self.middle = type(self).middle and self.lammps.respa_dt is None
         self.phase = Phase.NEW
         self.reports.begin()
@@ -276,7 +280,10 @@ class Integrator(Declaration):
             if self.streams and not self.runs:
                 self._set_plain_velocities()
         refuse_other_integrators(self)
-        self.reset_dt()
+        self._take_time_step()
+        if self.middle and self.waiting not in (None, self.dt):
+            self.passes.level_dt.set(self.waiting)
+            self._take_time_step_later()
         self.reports.open()
         self.host.begin_run(self.reports.virial_of_all)
         if not self.host.calls_setup:
@@ -303,6 +310,11 @@ class Integrator(Declaration):
         """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
         write_restart, also where command run names them."""
         return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
+
+    @property
+    def steps_made(self):
+        """Whether this run has made a step, in which a command rerun makes none."""
+        return self.lammps.step != self._first_step and self.host.command[:1] != ["rerun"]
 
     def acts_on_bodies(self, fix):
         """Whether atoms of the bodies are in another fix's group; collective."""
@@ -459,6 +471,8 @@ class Integrator(Declaration):
         self._refuse_new_masses()
         self.do("gather")
         self.reports.forget()
+        if type(self).middle and not self.middle:
+            self._end_waiting()
         if self.start and not self._started:
             self.start.bind_to(self.passes.cells)()
         self._started = True
@@ -502,11 +516,28 @@ class Integrator(Declaration):
         if self.middle and self.phase in (Phase.WAITING, Phase.OVER):
             # the last step's end has the old one, and is done when the next step begins: until
             # then atoms have the velocities of its middle, which other fixes may change
-            self._resets, self.host.begins = True, self.lammps.step + 1
+            self._take_time_step_later()
             return
         if self.phase != Phase.NEW:
             self.catch_up()
         self._take_time_step()
+
+    def _take_time_step_later(self):
+        self._resets, self.host.begins = True, self.lammps.step + 1
+
+    def _note_waiting(self):
+        """Keep the time step of the last step of a run that has made some."""
+        if self._stepped:
+            self.waiting, self._stepped = self.dt if self.middle else 0.0, False
+
+    def _end_waiting(self):
+        """Do what a run without levels has left: with levels a step ends with its second half."""
+        if self.waiting:
+            self.passes.level_dt.set(self.waiting)
+            self.do("close")
+            self._set_time_step()
+            self.set_velocities()
+            self.waiting = 0.0
 
     def _take_time_step(self):
         self._resets, self.dt, self.respa_dt = False, self.lammps.dt, self.lammps.respa_dt
@@ -649,6 +680,7 @@ class Integrator(Declaration):
 
     def _has_begun(self):
         self.phase, self.host.velocities_set, self._beginning = Phase.HALF, False, False
+        self._stepped = True
 
     def _set_time_step(self):
         """Have the loops use the time step as it is now."""
@@ -802,6 +834,7 @@ class Integrator(Declaration):
         """A run is over; what comes now, from a script's commands to another run, finds the bodies
         as their atoms are."""
         if self.phase != Phase.NEW:
+            self._stepped |= self.steps_made
             self._refuse_new_masses()
             self.come_to_rest()
             if not self.host.velocities_set:
