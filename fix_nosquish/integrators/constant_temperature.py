@@ -135,7 +135,7 @@ class ConstantTemperature(Integrator):
         if self.keeps_momentum:
             momentum = f"with the total momentum ({pushed_by})" if pushed_by else "without momentum"
             self._left = sum(free) - held
-            self.counted = f" of {self._left:.0f} degrees of freedom, {momentum}"
+            self.freedom_said = f" of {self._left:.0f} degrees of freedom, {momentum}"
         if not sum(free) > held and not self.command.mol:
             raise RunError(
                 f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "

@@ -132,7 +132,7 @@ def _passes(integrator, found, virial):
         (found.single, "", "no single atoms"),
         (bodies.spin, "torque and spin of particles that are no points", ""),
         (bodies.oriented, "orientation of particles", ""),
-        (integrator.thermostat, f"thermostat{integrator.counted}", ""),
+        (integrator.thermostat, f"thermostat{integrator.freedom_said}", ""),
         (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
         (command.shadow, f"shadow energy, in each step that is a multiple of {command.shadow}", ""),
         (integrator.every, f"box, in one of {integrator.every} steps", ""),
