@@ -133,9 +133,14 @@ class ConstantTemperature(Integrator):
         held = dimension if self.keeps_momentum and not pushed_by else 0
         self._held = held
         if self.keeps_momentum:
-            momentum = f"with the total momentum ({pushed_by})" if pushed_by else "without momentum"
             self._left = sum(free) - held
+<<<<<<< HEAD
             self.freedom_said = f" of {self._left:.0f} degrees of freedom, {momentum}"
+=======
+            others = f"with the total momentum ({pushed_by})"
+            momentum = others if pushed_by else "without the total momentum"
+            self.counted = f" of {self._left:.0f} degrees of freedom, {momentum}"
+>>>>>>> a
         if not sum(free) > held and not self.command.mol:
             raise RunError(
                 f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "

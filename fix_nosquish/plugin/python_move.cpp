@@ -400,9 +400,7 @@ void FixPythonMove::fill_bridge()
   };
   bridge.varies = [](void *fix, const char *other) {
     Fix *found = self(fix)->modify->get_fix_by_id(other);
-    if (!found) return 0;
-    found->init();    // it looks its variables up there, perhaps behind this fix
-    return (int) (found->memory_usage() > 0.0);
+    return (int) (found && found->memory_usage() > 0.0);
   };
   bridge.pair_style = [](void *fix, const char *first) {
     return (int) (self(fix)->force->pair_match(std::string("^") + first, 0, 1) != nullptr);
@@ -596,6 +594,7 @@ void FixPythonMove::init()
     for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it finds its rates, perhaps behind this fix
     std::copy_n(domain->h_rate, 6, kept_rate);
   }
+  for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
   if (bridge.needs_energy) {

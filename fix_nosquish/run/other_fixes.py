@@ -38,7 +38,7 @@ _MOVING = {
     "drude/transform": "use fix langevin/drude without it",
 }
 # those of which it is known that they leave the atoms where they are; any other may not
-_STAYING = "bond/", "ti/spring", "lb/fluid", "alchemy"
+_STAYING = "bond/", "ti/spring", "lb/fluid", "alchemy", "reaxff/"
 # fixes without an energy that change nothing of the bodies
 _HARMLESS = (*READERS, "property/", "balance", "enforce2d")
 # besides these, the fixes that are known to leave the total momentum as it is; any other may not
