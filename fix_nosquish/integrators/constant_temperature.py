@@ -134,13 +134,9 @@ class ConstantTemperature(Integrator):
         self._held = held
         if self.keeps_momentum:
             self._left = sum(free) - held
-<<<<<<< HEAD
-            self.freedom_said = f" of {self._left:.0f} degrees of freedom, {momentum}"
-=======
             others = f"with the total momentum ({pushed_by})"
             momentum = others if pushed_by else "without the total momentum"
-            self.counted = f" of {self._left:.0f} degrees of freedom, {momentum}"
->>>>>>> a
+            self.freedom_said = f" of {self._left:.0f} degrees of freedom, {momentum}"
         if not sum(free) > held and not self.command.mol:
             raise RunError(
                 f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
