@@ -327,6 +327,25 @@ def test_continued_with_a_mesh(run_lammps, tmp_path):
     assert jumps[True] < 1e-9 < 1e-6 < jumps[False], jumps
 
 
+@pytest.mark.parametrize("pressure, ratio", [("1e-3", 8), ("9e-1", 0.125)])
+def test_volume_out_of_proportion(run_lammps, pressure, ratio):
+    """Locks out a system that boils or flies apart, to a volume of 1e6 times the first one, without
+    a word; and a warning that comes more than once a run, or where volumes only fluctuate."""
+    system = mixture(side=3, spacing=2.9)
+    lines = {}
+    for p, steps in (pressure, 4000), ("12e-2", 500):
+        line = fix("seed 5", f"iso {p} {p} 4e-1 every 1 compressibility 8") + thermo("vol", 10)
+        script = f"{system.setup}\n{FREE}timestep 0.004\n{line}run {steps}\nrun 10\n"
+        done = run_lammps(script, files=system.files, ranks=2)
+        lines[p] = re.findall("WARNING: .* by step (.*) the volume is (.*) times", done.log)
+        if p == pressure:
+            volumes = done.thermo["Volume"]
+    assert [len(found) for found in lines.values()] == [1, 0]
+    ((step, told),) = lines[pressure]
+    assert float(told) == pytest.approx(ratio, rel=0.1)
+    assert volumes[int(step) // 10] / volumes[0] == pytest.approx(ratio, rel=0.2)
+
+
 def test_how_often_the_box_changes(run_lammps):
     """Locks out a default that ignores PDAMP, a time step changed between runs, and a box that
     changes too rarely without a word."""
