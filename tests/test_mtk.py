@@ -244,6 +244,20 @@ def test_box_that_breaks(refused, name, ranks):
     )
 
 
+def test_strained_start(refused, run_lammps):
+    """Locks out advice that does not help: the error named a longer PDAMP first, and by default the
+    box then changes more rarely, by as much.  What it says now brings the run on its way."""
+    system = mixture(side=2, spacing=2.9)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n"
+    for cell, every in ("2", 20), ("4e1", 400):
+        words = fix("NPH", f"iso 300 300 {cell}")
+        says = f"Give keyword every 1: the box changes in one of {every} steps now"
+        refused(f"{script}{words}run 400\n", says, system.files)
+    words = fix("NPH", "iso 300 300 2 every 1")
+    refused(f"{script}{words}run 400\n", "PDAMP is too short. Give a longer PDAMP", system.files)
+    run_lammps(f"{script}{fix('NPH', 'iso 300 300 4e1 every 1')}run 200\n", files=system.files)
+
+
 @pytest.mark.parametrize(
     ("setup", "line", "says"),
     [

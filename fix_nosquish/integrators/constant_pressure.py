@@ -127,12 +127,17 @@ class ConstantPressure(ConstantTemperature):
 
     def complaint(self, found):
         if found == OUT_OF_BOUNDS:
+            rare = (
+                f"Give keyword every 1: the box changes in one of {self.every} steps now. Without "
+                "this keyword a longer PDAMP does not help, because the box then changes more "
+                "rarely. If it is not enough, give a longer PDAMP, too"
+            )
             return (
                 f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
                 f"tilt by more than an edge, by step {self.lammps.step}: the pressure is far from "
-                "the one asked for, or PDAMP is too short. Bring the system near this pressure at "
-                "constant volume or with a longer PDAMP first, or give keyword every a smaller "
-                "number"
+                "the one asked for, or PDAMP is too short. "
+                f"{'Give a longer PDAMP' if self.every == 1 else rare}, or bring the system near "
+                "this pressure at constant volume first"
             )
         return super().complaint(found)
 

@@ -265,6 +265,7 @@ class FixPythonMove : public Fix {
   std::vector<double> early_force, early_torque;
   std::vector<int> extensive;
   std::vector<double> kept_box;
+  double first_volume = 0.0;    // of the run; 0 when its change has been told
   // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has
   // arrived
   int64_t *origin = nullptr;
@@ -293,6 +294,8 @@ class FixPythonMove : public Fix {
   void make_virial_per_atom(), give_virial_per_atom();
   std::vector<double> box() const;
   void tell_box();
+  double volume() const;
+  void look_at_volume();
   void stream_with_box();
   bool run(const Pass *);
   int64_t set_box(const double *);
@@ -410,7 +413,9 @@ void FixPythonMove::fill_bridge()
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.set_box = [](void *fix, const double *box) {
     if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
-    return self(fix)->set_box(box);
+    self(fix)->set_box(box);
+    self(fix)->look_at_volume();
+    return (int64_t) 0;
   };
   bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
   bridge.particles = [](void *fix, double *numbers) {
@@ -596,6 +601,7 @@ void FixPythonMove::init()
   }
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
+  first_volume = volume();
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
   if (bridge.needs_energy) {
     ask_for_energy(update->ntimestep);
@@ -988,6 +994,29 @@ int64_t FixPythonMove::set_box(const double *numbers)
   return 0;
 }
 
+double FixPythonMove::volume() const
+{
+  const double area = domain->xprd * domain->yprd;
+  return domain->dimension == 3 ? area * domain->zprd : area;
+}
+
+// A liquid or a solid changes its volume by much less than this: it boils or flies apart, or the start was far too dilute.
+
+void FixPythonMove::look_at_volume()
+{
+  constexpr double much = 8.0;
+  const double ratio = first_volume > 0.0 ? volume() / first_volume : 1.0;
+  if (ratio < much && ratio > 1.0 / much) return;
+  first_volume = 0.0;
+  std::ostringstream text;
+  text << "WARNING: Fix " << id << " python/move: by step " << update->ntimestep << " the volume is " << ratio
+       << " times that at the start of the run, " << volume() << ". If the system is to be a liquid or a solid, "
+       << (ratio > 1.0 ? "it boils or flies apart: look at its energy, and use a longer PDAMP, a shorter time step or a better start"
+                       : "the start was too dilute: begin another run from here, so that LAMMPS chooses mesh, ranks' parts and lists for this box")
+       << '\n';
+  if (comm->me == 0) utils::logmesg(lmp, text.str());
+}
+
 // The box has other vectors of the same lattice: to b, c that many of a are added, and to c of b. Nothing moves in space, but
 // atoms belong to other ranks, far away. So they are brought there as LAMMPS brings them, in parts of the way.
 
@@ -1140,10 +1169,8 @@ void FixPythonMove::take_virial()
   MPI_Allreduce(sums, forces_virial, 6, MPI_DOUBLE, MPI_SUM, world);
   if (force->kspace)
     for (int k = 0; k < 6; k++) forces_virial[k] += force->kspace->virial[k];
-  const double area = domain->xprd * domain->yprd;
-  const double volume = domain->dimension == 3 ? area * domain->zprd : area;
   if (force->pair && force->pair->tail_flag)
-    for (int k = 0; k < domain->dimension; k++) forces_virial[k] += force->pair->ptail / volume;
+    for (int k = 0; k < domain->dimension; k++) forces_virial[k] += force->pair->ptail / volume();
   ask_for_pressure(update->ntimestep + 1);
 }
 
