@@ -13,6 +13,7 @@ pytest.importorskip("mdtraj", reason="the validation extra is not installed")
 
 from validation.own import files, script, system
 from validation.own.files import Files
+from validation.running import run, starts
 
 RIGID = "fix 1 a rigid/nve single\ntimestep 0.001\n"
 LENNARD = GAS.replace("pair_style zero 2.0", "pair_style lj/cut 2.0").replace(
@@ -328,9 +329,41 @@ def test_fixes_write_nothing_elsewhere(tmp_path):
     for name in f"{tmp_path}/prod", "../prod":
         line = found.brought(f"fix 1 all colvars c.in output {name}")
         (place,) = re.findall(r'"(.*)"', line)
-        assert place.startswith(str(tmp_path / "root")) and os.path.isdir(os.path.dirname(place))
+        assert place.startswith("elsewhere-") and place.endswith("/prod")
+        assert (tmp_path / "root" / place).parent.is_dir()
     for line in "fix 1 all nve", "fix 1 all deform 1 x scale /nowhere/x", "fix 1 all move v_x/../y":
         assert found.brought(line) == line
+
+
+@pytest.mark.parametrize("name", ["Zürich", 'a"b', "it's", "two words", "a$b"])
+def test_folders_with_letters_that_lammps_does_not_take(tmp_path, name):
+    """Locks out a message on bytes that cannot be decoded, or on a quote, where the path of the
+    user's folder has such letters: LAMMPS's commands have no path through it."""
+    folder = tmp_path / name / "run"
+    box(folder)
+    (folder / "start.data").rename(tmp_path / name / "above.data")
+    (tmp_path / name / "note").write_text("kept")
+    text = READ.format(name="../above.data") + f"fix p all print 5 x title ../note\n{RIGID}"
+    own = take(written(folder, text + "run 5\nrun 5\n"), folder / "out", at=2)
+    assert own.bodies == 1
+    dump = (folder / "out" / "first" / "state.dump").resolve()
+    how: dict = {"dt": 0.001, "every": 1}
+    for one in own.integrators.values():
+        job = run.job(own.scene, one, dump.parent, [5], more=starts.to_dump(dump, 5), **how)
+        assert run.run(job).error is None
+        begun = starts.from_dump(own.scene, dump, 5)
+        second = run.run(run.job(begun, one, folder / "out" / "second", [5], **how))
+        assert second.error is None and len(second.thermo["Step"]) == 6
+
+
+def test_a_name_that_lammps_does_not_take_is_told(tmp_path):
+    """Locks out "'utf-8' codec can't decode byte" where LAMMPS itself cannot open a file."""
+    box(tmp_path).rename(tmp_path / "größe.data")
+    message = refused(READ.format(name="größe.data") + RIGID + "run 5\n", tmp_path)
+    assert message == (
+        "in.bad: the script failed at 'read_data größe.data': LAMMPS takes no letters beyond ASCII "
+        "in commands. Give what has them another name"
+    )
 
 
 def test_a_file_that_is_written_over_is_read_as_it_was(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -372,6 +373,28 @@ def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
     assert run.launcher(3) == ["env", "srun", "-n", "3"]
     assert main(words.split()) == 0
     assert run.launcher(3)[1:] == ["-np", "3"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "sweep water", "stability gradient", "compare water", "sampling water", "bench water",
+        "ensembles", "long", "paper", "published", "scaling", "theory", "breaks", "report",
+        "check my.in", "bodies my.in", "advise my.in",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("place", ["file/below", "/proc/none"])
+def test_an_output_folder_that_cannot_be_made_is_told(tmp_path, monkeypatch, capsys, words, place):
+    """Locks out a traceback, and one that comes when all has been measured."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    (tmp_path / "my.in").write_text("")
+    place += "/page.html" * (words == "report")
+    with pytest.raises(SystemExit) as end:
+        main([*words.split(), "--out", place])
+    assert end.value.code == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(r"output folder \S+: .*: give another folder by --out", said), said
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import argparse
 import shlex
 import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
@@ -291,6 +292,20 @@ def out(parser: argparse.ArgumentParser, default: str, short: bool = False) -> N
 
 def folder(arguments: argparse.Namespace, short: bool = False) -> Path:
     """The output folder, which is made."""
-    found = arguments.out or Path(arguments.usual + "-short" * short)
-    found.mkdir(parents=True, exist_ok=True)
+    return made(arguments, arguments.out or Path(arguments.usual + "-short" * short))
+
+
+def made(arguments: argparse.Namespace, found: Path) -> Path:
+    """A folder, which is made.
+
+    Raises:
+        SystemExit: it cannot be made, or written to.
+    """
+    try:
+        found.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=found):
+            pass
+    except OSError as error:
+        told = f"{error.strerror}: give another folder by --out"
+        arguments.parser.exit(2, f"output folder {found}: {told}\n")
     return found

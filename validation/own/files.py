@@ -2,8 +2,9 @@
 
 No file of the user's is written to.  LAMMPS works in one folder, ``root``, whatever ``shell cd``
 says: a file below the script's folder stands there under the same relative name, as a link if the
-command only reads it, else as a copy.  One that is elsewhere is named by its whole path, or by that
-of a copy in a fix.  What a command writes is written below ``root``, too, or not at all.
+command only reads it, else as a copy.  One that is elsewhere stands in a folder of its own there.
+So no command has a path from the root of all files, which may have letters that LAMMPS does not
+take.  What a command writes is written below ``root``, too, or not at all.
 """
 
 import fnmatch
@@ -20,6 +21,7 @@ from validation.own import script
 # commands with names of files, and the first word that may be one
 FIRST = {"fix": 4, "variable": 3}
 NAMING = "_coeff", "_style"
+ASIDE = "elsewhere-"  # begins names of folders below root that stand for others
 STATES = "validation-states"  # below root: a folder of the harness's own files, which no user has
 
 
@@ -71,6 +73,8 @@ class Files:
         if place in self.written:
             return [self.root / self.written[place]]
         every = [folder / place for folder in self.folders]
+        if name.startswith(ASIDE):  # as an earlier command has it, in a variable
+            every = [self.root / name]
         if wild and ("*" in name or "%" in name):
             patterns = [str(one).replace("%", "*") for one in every]
             self.globs |= {one: matching(one) for one in patterns}
@@ -160,7 +164,9 @@ class Files:
             self.used.add(name)
             return own.quoted if name == own.text else f'"{name}"'
         if self.root in found[0].parents:
-            return own.quoted  # a copy, which an earlier command has
+            for path in found if fix else ():
+                self._put(path.resolve(), path, link=False)
+            return own.quoted
         for path in found:
             self._note(path)
         if not is_elsewhere(place):
@@ -169,11 +175,9 @@ class Files:
                 self.used.add(below)
                 self._put(path, self.root / below, reads)
             return f'"{place}"' if named else own.quoted
-        if fix:
-            copy = self._aside(found[0])
-            self._put(found[0], copy, link=False)
-            return f'"{copy}"'
-        return f'"{found[0].parent / os.path.basename(place)}"'
+        for path in found:
+            self._put(path, self.root / self._aside(path), link=not fix)
+        return f'"{self._aside(found[0]).with_name(os.path.basename(place))}"'
 
     def asks(self, text: str, expand: Callable[[str], str]) -> str:
         """A command whose ``is_file(NAME)`` finds what LAMMPS would find in the user's folder."""
@@ -234,11 +238,12 @@ class Files:
             self.read.add(str(path))
 
     def _aside(self, path: Path, make: bool = False) -> Path:
-        """The place of a file that is elsewhere, in a folder of its own where LAMMPS works."""
-        name = hashlib.sha256(str(path.resolve()).encode()).hexdigest()[:8]
-        folder = self.root / f"elsewhere-{name}"
+        """The name of a file that is elsewhere, in a folder where LAMMPS works that stands for
+        its own."""
+        name = hashlib.sha256(str(path.parent.resolve()).encode()).hexdigest()[:8]
+        folder = Path(ASIDE + name)
         if make and self.world.rank == 0:
-            folder.mkdir(exist_ok=True)
+            (self.root / folder).mkdir(exist_ok=True)
         return folder / path.name
 
     def _put(self, path: Path, place: Path, link: bool) -> None:

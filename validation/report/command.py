@@ -46,11 +46,11 @@ def run(arguments: Namespace) -> int:
     from validation.report import report  # heavy: not for --help
 
     screen, out = console.console(), arguments.out or arguments.results / "report.html"
+    command_line.made(arguments, out.parent)
     interrupted = False
     for verb in report.SHORT if arguments.short else ():
         if not interrupted and not report.has(arguments.results, verb):
             interrupted = report.run_short(verb, arguments.results / f"{verb}-short")
-    out.parent.mkdir(parents=True, exist_ok=True)
     sections = report.gather(arguments.results)
     report.write(sections, out)
     for section in sections:

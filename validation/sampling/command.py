@@ -100,5 +100,4 @@ def _folder(arguments: argparse.Namespace, name: str, short: bool, several: bool
         out = arguments.out / name if several else arguments.out
     else:
         out = Path(arguments.usual.replace("SCENE", name) + "-short" * short)
-    out.mkdir(parents=True, exist_ok=True)
-    return out
+    return command_line.made(arguments, out)
