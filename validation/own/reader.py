@@ -146,7 +146,8 @@ class Reader:
         self.where = command
         line = self.files.asks(command, self.lmp.expand)
         line = self.lmp.expand(line) if "$" in line else line
-        found = script.words(line or "")
+        line = finding.in_quotes(line or "")
+        found = script.words(line)
         if not found:
             return None
         word, rest = found[0].text, [one.text for one in found[1:]]
@@ -200,9 +201,7 @@ class Reader:
             self.files.environment.append(rest[2])
         if self.moved and word in script.PLACED:
             self.moved = False
-            self.states.append(
-                dumped(self.lmp, f"{STATES}/{len(self.states) + 1}.dump")
-            )
+            self.states.append(dumped(self.lmp, f"{STATES}/{len(self.states) + 1}.dump"))
             self.commands.append(self.states[-1])
         stores = _stores(plain)
         for command in (*stores[:1], plain, *stores[1:]):
