@@ -62,8 +62,10 @@ def _class_in(text: str, known: Collection[str], module: str = __name__) -> str:
     words = text.split()
     variable = next((word for word in words if "$" in word), None)
     if variable:
+        name = variable.split("{")[-1].split("}")[0].strip("$")
         raise RunError(
-            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. Give a "
+            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. For a "
+            f"number or a file name write v_{name if name.isidentifier() else 'NAME'}. Give a "
             "group one name of its own (group NAME union ...), or have the quotes and all words in "
             "a variable, one text for each value: variable WORDS index '\"fix_nosquish.NVE water "
             "molecule mrot 1\"' '\"fix_nosquish.NVE water molecule mrot 2\"' (or lmp -var WORDS "

@@ -91,9 +91,31 @@ def attach(address):
         bridge.outcome = DONE
 
 
+def _text(target):
+    """The text of the fix line.
+
+    Raises:
+        RunError: for letters of which LAMMPS has kept a part only.
+    """
+    try:
+        return target.decode()
+    except UnicodeDecodeError:
+        raise RunError(
+            f"'{target.decode(errors='replace')}' has letters beyond ASCII, and LAMMPS keeps only "
+            "a part of them when it reads a script: use ASCII letters. A file with such a name "
+            "can be given by a variable of the command line: lmp -var FILE name, and v_FILE",
+            everywhere=True,
+        ) from None
+
+
 def _construct(bridge):
     """Import, look up and call what the fix line names, as LAMMPS's own fix python/move does."""
-    target = bridge.target.decode()
+    target = _text(bridge.target)
+    if not target.strip():
+        raise RunError(
+            'the text behind python/move is empty: expected "fix_nosquish.NVE GROUP BODYSTYLE ..."',
+            everywhere=True,
+        )
     module_name, dot, name = target.rpartition(".")
     if "." not in sys.path:
         sys.path.append(".")
