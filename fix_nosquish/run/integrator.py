@@ -254,6 +254,7 @@ class Integrator(Declaration):
                 "not those of levels: use run_style verlet",
                 everywhere=True,
             )
+        self._refuse_time_step()
         self.host.call_always()
         self._note_waiting()
         self._first_step = self.lammps.step
@@ -349,6 +350,12 @@ class Integrator(Declaration):
             former, **self.particles(),
         )  # fmt: skip
         self._lost = self._started = False
+        if not np.isfinite(self.notes["kinetic"]):
+            raise RunError(
+                "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
+                "energy is not finite. Look at what has set them (velocity, read_data)",
+                everywhere=True,
+            )
         bodies, self.exact = self.bodies, self._choose_rotor()
         kept = self.notes.pop("kept")
         # a rerun is to tell of the atoms as they stand in the file, which has rounded places
@@ -513,6 +520,7 @@ class Integrator(Declaration):
     @hook
     def reset_dt(self):
         """The time step may have changed."""
+        self._refuse_time_step()
         if self.middle and self.phase in (Phase.WAITING, Phase.OVER):
             # the last step's end has the old one, and is done when the next step begins: until
             # then atoms have the velocities of its middle, which other fixes may change
@@ -521,6 +529,16 @@ class Integrator(Declaration):
         if self.phase != Phase.NEW:
             self.catch_up()
         self._take_time_step()
+
+    def _refuse_time_step(self):
+        """End the run if the integrator cannot take the time step that there is."""
+        dt = self.lammps.dt
+        if (dt < 0 and not self.backwards) or (dt == 0 and self.every):
+            raise RunError(
+                f"the time step is {dt:g}, and the integrator {self.name} needs one above zero: "
+                "look at the command timestep",
+                everywhere=True,
+            )
 
     def _take_time_step_later(self):
         self._resets, self.host.begins = True, self.lammps.step + 1
