@@ -353,6 +353,49 @@ def test_molecule_that_is_no_body(refused):
     refused(script, "has 2 atoms, of a molecule of 3 that was inserted", {"mol.bent": parts})
 
 
+AMMONIA = """top
+
+4 atoms
+
+Coords
+
+1 0.3 -0.3 -0.3
+2 -0.3 0.3 -0.3
+3 -0.3 -0.3 0.3
+4 0 0 0
+
+Types
+
+1 2
+2 2
+3 2
+4 1
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("run", ["run 150", "run 70\nrun 80"])
+def test_rotors_stay(run_lammps, tmp_path, run, ranks):
+    """Locks out a rotation of symmetric tops that is exact until asymmetric bodies come, and split
+    from then on, or from the next run on: what does not act on bodies does not change their way."""
+    first = (
+        "molecule top mol.top\npair_style zero 1.0\npair_coeff * *\n"
+        "create_atoms 0 random 8 4928 inner overlap 1.2 maxtry 1000 mol top 777\n"
+        "velocity all create 1.0 4711 loop geom"
+    )
+    ends = []
+    for changes in "", DEPOSIT.replace("12 0 8", "5 0 20"):
+        script = SCRIPT.format(
+            style="molecular", edge=8, masses=MASSES, first=first, changes=changes, run=run,
+            fix=OURS.replace(" order 123", ""),
+        )  # fmt: skip
+        done = run_lammps(script, files={"mol.bent": MOLECULE, "mol.top": AMMONIA}, ranks=ranks)
+        assert done.thermo["Atoms"][-1] == 32 + 15 * bool(changes)
+        lines = (tmp_path / "end").read_text().splitlines()[9:]
+        ends.append(lines[:32])
+    assert ends[0] == ends[1]
+
+
 MOVES = GCMC.format(-2).replace("6 0 0", "0 6 0").replace("rigid 1", "")
 CASES = {
     "no such template": ("NVE mols molecule mol other", DEPOSIT, "no molecule template 'other'"),

@@ -18,8 +18,8 @@ from ..motion.periodic import invert
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
 _MISSING = "this fix does not advance"
 _TURNS = (
-    "whose orientation this LAMMPS does not give: install this package where its plugin serves, "
-    "and use the atom style without a suffix"
+    "whose orientation this LAMMPS does not give, or not as the versions that are known: install "
+    "this package where its plugin serves, and use the atom style without a suffix"
 )
 _EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
 _STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}

@@ -104,8 +104,9 @@ def _text(line):
     try:
         return line.decode()
     except UnicodeDecodeError:
+        said = line.decode(errors="replace").replace("\n", " ")
         raise RunError(
-            f"'{line.decode(errors='replace').split(chr(10), 1)[1]}' has letters beyond ASCII, and LAMMPS keeps only "
+            f"'{said}' has letters beyond ASCII, and LAMMPS keeps only "
             "a part of them when it reads a script: use ASCII letters. A file with such a name "
             "can be given by a variable of the command line: lmp -var FILE name, and v_FILE",
             everywhere=True,

@@ -106,7 +106,11 @@ class Integrator(Declaration):
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
         self.name, self.number = line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
+<<<<<<< HEAD
         self._ran = self._lost = self._stepped = False
+=======
+        self._ran = self._lost = self._has_rotors = False
+>>>>>>> c
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
         # another length
         self._beginning = self._gathers_anew = self._resets = False
@@ -172,7 +176,14 @@ class Integrator(Declaration):
         return any(operation.exact for operation in self.operations.values())
 
     def _choose_rotor(self):
-        """Whether the rotation is exact; collective.
+        """Choose whether the rotation is exact, for the first bodies that turn: these keep it, and
+        others that come take it over; collective."""
+        if not self._has_rotors:
+            self.exact = self._exact_by_default()
+            self._has_rotors = self.communicator.any(self.bodies.rotors > 0)
+
+    def _exact_by_default(self):
+        """Whether the rotation is exact for the bodies as they are; collective.
 
         By default that of symmetric tops is, whose axes may be chosen in more than one way.
         """
@@ -350,6 +361,7 @@ class Integrator(Declaration):
             former, **self.particles(),
         )  # fmt: skip
         self._lost = self._started = False
+<<<<<<< HEAD
         if not np.isfinite(self.notes["kinetic"]):
             raise RunError(
                 "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
@@ -357,6 +369,10 @@ class Integrator(Declaration):
                 everywhere=True,
             )
         bodies, self.exact = self.bodies, self._choose_rotor()
+=======
+        self._choose_rotor()
+        bodies = self.bodies
+>>>>>>> c
         kept = self.notes.pop("kept")
         # a rerun is to tell of the atoms as they stand in the file, which has rounded places
         bodies.loose = self.command.reinit and "rerun" in self.host.command[:1]
@@ -613,7 +629,7 @@ class Integrator(Declaration):
             )
         if lines:
             self.host.log("\n".join([*lines, ""]))
-        self.exact = self._choose_rotor()
+        self._choose_rotor()
         self.parameters[MROT] = self._mrot
         self.mask = self._switches.mask(self.bodies)
         self.turned_over()
