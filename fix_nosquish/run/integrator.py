@@ -106,11 +106,7 @@ class Integrator(Declaration):
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
         self.name, self.number = line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
-<<<<<<< HEAD
-        self._ran = self._lost = self._stepped = False
-=======
-        self._ran = self._lost = self._has_rotors = False
->>>>>>> c
+        self._ran = self._lost = self._stepped = self._has_rotors = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
         # another length
         self._beginning = self._gathers_anew = self._resets = False
@@ -361,18 +357,14 @@ class Integrator(Declaration):
             former, **self.particles(),
         )  # fmt: skip
         self._lost = self._started = False
-<<<<<<< HEAD
         if not np.isfinite(self.notes["kinetic"]):
             raise RunError(
                 "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
                 "energy is not finite. Look at what has set them (velocity, read_data)",
                 everywhere=True,
             )
-        bodies, self.exact = self.bodies, self._choose_rotor()
-=======
         self._choose_rotor()
         bodies = self.bodies
->>>>>>> c
         kept = self.notes.pop("kept")
         # a rerun is to tell of the atoms as they stand in the file, which has rounded places
         bodies.loose = self.command.reinit and "rerun" in self.host.command[:1]
