@@ -364,14 +364,6 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (bridge.outcome != DONE) end_run(bridge.message, 5.0);    // imports may take their time
 
   if (lmp->citeme && (!quoted || std::string(arg[3]).rfind("fix_nosquish.", 0) == 0)) lmp->citeme->add(PAPER);
-  add_computes();
-  set_flags();
-  if (bridge.follows_atoms) {
-    create_attribute = 1;
-    maxexchange = std::max(1, bridge.carries);
-    atom->add_callback(Atom::GROW);
-    grow_arrays(atom->nmax);
-    std::fill_n(origin, atom->nlocal, -1);
   try {
     add_computes();
     set_flags();
