@@ -1,6 +1,7 @@
 """What the fix tells of its bodies: the file of keyword output, body_table, f_ID columns,
 the virial of each atom."""
 
+import re
 import sys
 
 import numpy as np
