@@ -344,6 +344,20 @@ def test_spheres_of_a_template_without_masses(run_lammps, header):
     assert slope == pytest.approx(0.3 / mass, rel=0.3 if header else 1e-6)
 
 
+@pytest.mark.parametrize("place", ["0 0 0", "0.3 -0.2 0.1"])
+def test_atoms_of_a_template(run_lammps, tmp_path, place):
+    """Locks out single atoms that count as bodies of which a template says more than they tell: a
+    next run would take no velocities over, and a restart file would have one beside it."""
+    one = f"atom\n\n1 atoms\n\nCoords\n\n1 {place}\n\nTypes\n\n1 1\n"
+    script = SCRIPT.format(
+        style="molecular", edge=8, masses=MASSES, first="", changes=DEPOSIT, fix=OURS,
+        run="run 100\nvelocity all set 0.5 0 0\nwrite_restart kept\nrun 10",
+    )  # fmt: skip
+    run = run_lammps(script, files={"mol.bent": one})
+    assert run.thermo["Atoms"][-1] == 12 and "without effect" not in run.log
+    assert not (tmp_path / "kept.rigid").exists()
+
+
 def test_molecule_that_is_no_body(refused):
     """Locks out a molecule of a template whose parts are bodies by themselves."""
     parts = OWN + "\nMolecules\n\n1 1\n2 1\n3 2\n"

@@ -619,8 +619,7 @@ class Integrator(Declaration):
                 "keyword shadow, or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
-        if lines:
-            self.host.log("\n".join([*lines, ""]))
+        self.reports.warn(lines)
         self._choose_rotor()
         self.parameters[MROT] = self._mrot
         self.mask = self._switches.mask(self.bodies)
