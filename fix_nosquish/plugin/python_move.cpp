@@ -386,8 +386,9 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
 
 void FixPythonMove::take_over_state()
 {
+  if (!restart_global) return;
   char *state = RestartState::left_by(modify, id, [this](const std::string &other) { return is_ours(other) && other != style; });
-  if (!state || !restart_global) return;
+  if (!state) return;
   restart(state);
   if (comm->me == 0) utils::logmesg(lmp, problem("it goes on from the state of its ID in the restart file\n"));
 }
@@ -1024,12 +1025,12 @@ void FixPythonMove::look_at_volume()
   if (ratio < much && ratio > 1.0 / much) return;
   first_volume = 0.0;
   std::ostringstream text;
-  text << "WARNING: Fix " << id << " python/move: by step " << update->ntimestep << " the volume is " << ratio
+  text << "by step " << update->ntimestep << " the volume is " << ratio
        << " times that at the start of the run, " << volume() << ". If the system is to be a liquid or a solid, "
        << (ratio > 1.0 ? "it boils or flies apart: look at its energy, and use a longer PDAMP, a shorter time step or a better start"
                        : "the start was too dilute: begin another run from here, so that LAMMPS chooses mesh, ranks' parts and lists for this box")
        << '\n';
-  if (comm->me == 0) utils::logmesg(lmp, text.str());
+  if (comm->me == 0) utils::logmesg(lmp, "WARNING: " + problem(text.str()));
 }
 
 // The box has other vectors of the same lattice: to b, c that many of a are added, and to c of b. Nothing moves in space, but
@@ -1477,8 +1478,8 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   stay_loaded();
   name_python_early();
   lammpsplugin_t plugin{};
-  const bool known = Layout(static_cast<LAMMPS *>(lmp)).lammps();
-  plugin.version = known ? static_cast<LAMMPS *>(lmp)->version : "";
+  const Layout layout(static_cast<LAMMPS *>(lmp));
+  plugin.version = layout.lammps() ? static_cast<LAMMPS *>(lmp)->version : "";
   plugin.style = "fix";
   plugin.name = PYTHON_MOVE.c_str();
   plugin.info = "fixes nosquish/* and python/move";
@@ -1487,7 +1488,7 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   plugin.handle = handle;
   const auto enter = reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc);
   enter(&plugin, lmp);
-  const bool alike = !Layout(static_cast<LAMMPS *>(lmp)).differs();
+  const bool alike = layout.styles();
   for (const auto &name : NATIVE) {
     plugin.name = name.c_str();
     // the same without a line of the log for each
