@@ -1,10 +1,11 @@
-/* Fixes nosquish/nve, /nvt, ..., and fix python/move, as a LAMMPS plugin.
+/* Fixes nosquish/nve, /nvt, ..., rigid/nosquish, rigid/nve/nosquish, ..., and fix python/move, as a LAMMPS plugin.
 
    Fix python/move is a superset of LAMMPS's own, which it replaces where LAMMPS was built with its package PYTHON. The fix line names a Python class,
 
        fix ID group python/move "module.class"
 
-   and the fix calls the methods of one instance of it. The class of another style is in fix_nosquish.INTEGRATORS. Everything that is Python's is in bridge.py;
+   and the fix calls the methods of one instance of it. The class of another style is in fix_nosquish.INTEGRATORS; those of rigid/...,
+   by which LAMMPS's suffix nosquish replaces its own rigid fixes, are in host/rigid_fixes.py. Everything that is Python's is in bridge.py;
    the two sides share the plain C struct Bridge. From Python itself a few functions are called, looked
    up by name at run time, so that one compiled plugin serves every Python version. */
 
@@ -192,10 +193,25 @@ void run_python(const std::string &line)
 const std::string PYTHON_MOVE = "python/move";
 const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc", "nosquish/fire"};
 
-bool is_ours(const std::string &style)
+// With the suffix LAMMPS takes these in the place of its own, and their computes: see computes.h.
+
+const std::string SUFFIX = "/nosquish";
+const std::string REPLACED[] = {"rigid",           "rigid/nve",       "rigid/nvt",       "rigid/npt",       "rigid/nph",
+                                "rigid/small",     "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", "rigid/nph/small"};
+
+bool replaces(const std::string &style)
 {
-  return style == PYTHON_MOVE || std::count(std::begin(NATIVE), std::end(NATIVE), style);
+  return style.rfind("rigid", 0) == 0;
 }
+
+// Styles under which a fix of this plugin may have left its state.
+
+bool may_be_ours(const std::string &style)
+{
+  return style == PYTHON_MOVE || replaces(style) || std::count(std::begin(NATIVE), std::end(NATIVE), style);
+}
+
+const std::string COMPUTES[] = {"rigid/local", "ke/rigid", "erotate/rigid"};
 
 const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
                      "@Article{Miller2002,\n"
@@ -206,6 +222,22 @@ const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
                      " pages = {8649--8659},\n"
                      " year = 2002\n"
                      "}\n\n";
+
+// What a fix of this plugin writes to a restart file begins with this. LAMMPS's own rigid fixes may be given it, because a suffix
+// is not part of the style's name there: of two zeros they take nothing.
+
+struct State {
+  double nothing[2] = {0.0, 0.0}, ours = 4.928e-49, size = 0.0;    // of the numbers behind it
+
+  static bool is_in(const char *buffer)
+  {
+    State found;
+    memcpy(found.nothing, buffer, sizeof found.nothing);    // the state of another fix may end here
+    if (found.nothing[0] != 0.0 || found.nothing[1] != 0.0) return false;
+    memcpy(&found, buffer, sizeof found);
+    return found.ours == State().ours;
+  }
+};
 
 // Whether a fix holds atoms together by forces.
 
@@ -253,6 +285,12 @@ class FixPythonMove : public Fix {
   void reset_dt() override;
   void deform(int) override;
   bigint dof(int) override;
+  void zero_momentum() override { call(bridge.zero_momentum); }
+  void zero_rotation() override { call(bridge.zero_rotation); }
+  void reset_target(double temperature) override { call(bridge.reset_target, temperature); }
+  bool has_bodies() const { return bridge.rows_of_rank; }
+  double kinetic_energy(int which);
+  int rows_of_rank(const char *words, int group, double *&values);
   double compute_scalar() override;
   double compute_vector(int) override;
   double compute_array(int, int) override;
@@ -326,8 +364,8 @@ class FixPythonMove : public Fix {
   void ask_for_energy(bigint step) { own_compute(energy_id)->addstep(step); }
   void go_back();
   void renew_forces();
-  std::string problem(const std::string &text) const { return "Fix " + std::string(id) + " " + style + ": " + text; }
-  void take_over_state();
+  std::string problem(const std::string &text) const;
+  void take_over_state(), refuse_casts() const;
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
   void flush_log() const;
   template <typename... Types, typename... Values>
@@ -381,13 +419,24 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   take_over_state();
 }
 
+// LAMMPS sets the name of a style with the suffix behind the constructor.
+
+std::string FixPythonMove::problem(const std::string &text) const
+{
+  std::string name = style;
+  if (replaces(name) && name.find(SUFFIX) == std::string::npos) name += SUFFIX;
+  return "Fix " + std::string(id) + " " + name + ": " + text;
+}
+
 // LAMMPS gives a fix the state in a restart file that one of its own ID and style has left; one of another style of ours may
 // have done so.
 
 void FixPythonMove::take_over_state()
 {
   if (!restart_global) return;
-  char *state = RestartState::left_by(modify, id, [this](const std::string &other) { return is_ours(other) && other != style; });
+  char *state = RestartState::left_by(modify, id, [this](const std::string &other, const char *state) {
+    return may_be_ours(other) && other != style && State::is_in(state);
+  });
   if (!state) return;
   restart(state);
   if (comm->me == 0) utils::logmesg(lmp, problem("it goes on from the state of its ID in the restart file\n"));
@@ -609,6 +658,7 @@ void FixPythonMove::init()
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     error->all(FLERR, problem("its class has no methods for run_style respa"));
   if (respa && early) error->all(FLERR, problem("bodyforces early is not for run_style respa: use run_style verlet"));
+  if (replaces(style)) refuse_casts();
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
   bridge.stream_group = domain->deform_vremap ? domain->deform_groupbit : 0;
   if (bridge.stream_group) {
@@ -623,6 +673,20 @@ void FixPythonMove::init()
     ask_for_energy(update->ntimestep);
     ask_for_energy(bridge.energy_step);
   }
+}
+
+// What begins with rigid LAMMPS takes for its own class in places, without a look.
+
+void FixPythonMove::refuse_casts() const
+{
+  for (const auto &other : modify->get_compute_list())
+    for (const auto &name : COMPUTES)
+      if (name == other->style)
+        error->all(FLERR, problem("compute " + std::string(other->id) + " (style " + name + ") is LAMMPS's own, which takes each fix "
+                                  "rigid for its own: define it with the suffix on, or write " + name + SUFFIX));
+  for (const auto &other : modify->get_fix_by_style("^hmc"))
+    error->all(FLERR, problem("fix " + std::string(other->id) + " (style hmc) cannot take back the steps of this fix: use fix "
+                              "nosquish/hmc in the place of both"));
 }
 
 void FixPythonMove::setup(int vflag)
@@ -789,7 +853,8 @@ void FixPythonMove::set_molecule(int before, tagint tag, int number, double *, d
   inserted.insert(inserted.end(), quat, quat + 4);
 }
 
-// Granular pair styles look up the mass of the body of each atom here. Fixes that insert molecules see whether their template,
+// Granular pair styles look up the mass of the body of each atom here. Between runs commands ask whether what they change is in
+// bodies, to warn that it has no effect: it has one here. Fixes that insert molecules see whether their template,
 // a place in LAMMPS's list of these, is that of the bodies.
 
 void *FixPythonMove::extract(const char *name, int &dim)
@@ -797,7 +862,7 @@ void *FixPythonMove::extract(const char *name, int &dim)
   dim = 0;
   if (strcmp(name, "onemol") == 0) return first_molecule();
   dim = 1;
-  if (strcmp(name, "body") == 0) return bridge.body;
+  if (strcmp(name, "body") == 0) return update->whichflag ? bridge.body : nullptr;
   if (strcmp(name, "masstotal") == 0) return bridge.masstotal;
   return nullptr;
 }
@@ -829,20 +894,32 @@ void FixPythonMove::write_restart(FILE *file)
 {
   call(bridge.write_restart);
   if (comm->me) return;
-  const int bytes = bridge.restart_size * sizeof(double);
+  State begin;
+  begin.size = bridge.restart_size;
+  const int bytes = sizeof begin + bridge.restart_size * sizeof(double);
   fwrite(&bytes, sizeof(int), 1, file);
+  fwrite(&begin, sizeof begin, 1, file);
   fwrite(bridge.restart_state, sizeof(double), bridge.restart_size, file);
 }
 
-// LAMMPS tells no size: the class's first number says what the others are, and so how many.
+// The class's first number says what the others are.
 
 void FixPythonMove::restart(char *buffer)
 {
   const int size = bridge.restart_size;
   if (!size) return;
+  if (!State::is_in(buffer)) {
+    if (comm->me == 0)
+      error->warning(FLERR, problem("the restart file has a state for this ID that this fix did not write, as LAMMPS's own rigid "
+                                    "fixes do: it is not used, and thermostat and barostat begin anew"));
+    return;
+  }
+  State begin;
+  memcpy(&begin, buffer, sizeof begin);
+  const char *numbers = buffer + sizeof begin;
   double kind = 0.0;
-  memcpy(&kind, buffer, sizeof(double));
-  if (kind == bridge.restart_state[0]) memcpy(bridge.restart_state, buffer, size * sizeof(double));
+  memcpy(&kind, numbers, sizeof(double));
+  if (begin.size == size && kind == bridge.restart_state[0]) memcpy(bridge.restart_state, numbers, size * sizeof(double));
   else bridge.restart_state[0] = -1.0;
 }
 
@@ -909,6 +986,25 @@ double FixPythonMove::compute_array(int i, int j)
   double value = 0.0;
   if (i < size_array_rows) call(bridge.compute_array, i, j, &value);    // LAMMPS asks for other rows too
   return value;
+}
+
+// The bodies' kinetic energy of translation (0) or of rotation (1), as a compute has it.
+
+double FixPythonMove::kinetic_energy(int which)
+{
+  double value = 0.0;
+  call(bridge.compute_vector, which, &value);
+  return value;
+}
+
+// These words of the bodies that are counted on this rank: how many rows, and where they are until the next call.
+
+int FixPythonMove::rows_of_rank(const char *words, int group, double *&values)
+{
+  int64_t found[2] = {};
+  call(bridge.rows_of_rank, words, group, static_cast<int64_t *>(found));
+  values = reinterpret_cast<double *>(found[0]);
+  return (int) found[1];
 }
 
 int FixPythonMove::describe(int n, FixFacts *facts) const
@@ -1447,6 +1543,8 @@ void refuse_other_layout(LAMMPS *lmp, const std::string &style)
   lammps_error(lmp, LMP_ERROR_ALL, problem.c_str());
 }
 
+#include "computes.h"
+
 void *make(void *lmp, int narg, char **arg)
 {
   refuse_other_layout(static_cast<LAMMPS *>(lmp), arg[2]);
@@ -1489,10 +1587,15 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   const auto enter = reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc);
   enter(&plugin, lmp);
   const bool alike = layout.styles();
-  for (const auto &name : NATIVE) {
+  std::vector<std::string> styles(std::begin(NATIVE), std::end(NATIVE));
+  for (const auto &name : REPLACED)
+    for (const char *accelerated : {"", "/omp"}) styles.push_back(name + accelerated + SUFFIX);
+  for (const auto &name : styles) {
     plugin.name = name.c_str();
     // the same without a line of the log for each
     if (alike) (*static_cast<LAMMPS *>(lmp)->modify->fix_map)[name] = reinterpret_cast<Modify::FixCreator>(make);
     else enter(&plugin, lmp);
   }
+  if (!alike) return;    // each fix says why
+  for (const auto &name : COMPUTES) (*static_cast<LAMMPS *>(lmp)->modify->compute_map)[name + SUFFIX] = make_compute;
 }

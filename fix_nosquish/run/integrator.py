@@ -27,6 +27,7 @@ from ..bodies.kinds import compare
 from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError
+from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import driven_by_plugin, hook
 from ..host.lammps import Lammps, pointer
@@ -37,7 +38,7 @@ from ..motion.block import ROWS
 from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
-from . import log, passes, reports, threads
+from . import log, output, passes, reports, threads
 from .declaration import Declaration
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .switches import Switches
@@ -234,6 +235,12 @@ class Integrator(Declaration):
         )
 
     @property
+    def story(self):
+        """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
+        replaces = self.command.line.replaces
+        return rigid_fixes.story(self.host.fix_id, self.command) if replaces else None
+
+    @property
     def phase(self):
         return self.host.phase if self.host else Phase.NEW
 
@@ -301,7 +308,12 @@ class Integrator(Declaration):
     @property
     def told(self):
         """What tells of bodies besides their atoms when a run makes them; see `build`."""
-        return partial(infile.read, self.infile) if self.infile else None
+        return partial(infile.read, self.infile, self.counts) if self.infile else None
+
+    @property
+    def counts(self):
+        """Whether files count bodies of style custom from 1, as LAMMPS's rigid fixes do."""
+        return bool(self.command.line.replaces) and self.command.style == "custom"
 
     @property
     def keeps_bodies(self):
@@ -317,7 +329,8 @@ class Integrator(Declaration):
     def runs(self):
         """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
         write_restart, also where command run names them."""
-        return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
+        first, *_ = *self.host.command, "run"
+        return first in ("run", "rerun") or first.startswith("temper")
 
     @property
     def steps_made(self):
@@ -922,9 +935,13 @@ class Integrator(Declaration):
 
     @hook
     def compute_scalar(self):
-        """Temperature of the bodies; as fix rigid's, but of all components, whether force and
-        torque act on them or not; collective."""
-        return self.reports.energies()[4]
+        """Temperature of the bodies; collective.
+
+        It is of all components, whether force and torque act on them or not; in the place of a fix
+        rigid of those that these act on, as there.
+        """
+        active = self.command.line.replaces and self._switches.choices
+        return self.reports.temperature_of_active() if active else self.reports.energies()[4]
 
     @hook
     def compute_vector(self, i):
@@ -935,6 +952,48 @@ class Integrator(Declaration):
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
         return self.reports.array()[i, j]
+
+    @hook
+    def rows_of_rank(self, words, groupbit, found):
+        """What compute rigid/local says of the bodies: see `output.rows_of_rank`; collective.
+
+        Args:
+            words: bytes, the values, with a space between.  groupbit: of the compute's group.
+            found: (2,) gets the address of the rows, which stay until the next call, and how many
+                there are.
+        """
+        bodies = self.reports.made()
+        self._rows = output.rows_of_rank(
+            bodies, self.lammps, self.communicator, words.decode().split(), groupbit
+        )
+        found[0], found[1] = self._rows.ctypes.data, len(self._rows)
+
+    @hook
+    def zero_momentum(self):
+        """Stop the bodies' translation, between runs; collective."""
+        self._zero("v")
+
+    @hook
+    def zero_rotation(self):
+        """Stop the bodies' rotation, between runs; collective."""
+        self._zero("p")
+
+    def _zero(self, name):
+        """Stop a motion of the bodies that the next run will have: those of the last one, or those
+        that it makes of the atoms."""
+        if self._goes_on:
+            bodies = self.bodies
+        else:
+            self.membership = Membership(self.lammps, self.communicator, self.command)
+            bodies = build(
+                self.lammps, self.communicator, self.membership, self.told, former=self.former(),
+                **self.particles(),
+            )[0]  # fmt: skip
+            bodies.know_box(self.lammps.box)
+        getattr(bodies, name)[:] = 0.0
+        self.host.point()
+        step.set_velocities.bind_to(bodies.cells | self.lammps.cells)()
+        self.reports.forget()
 
     @hook
     def write_restart_file(self, name):

@@ -147,7 +147,10 @@ class Reports:
             return
         several = sum(mate.keeps_bodies for mate in integrator.mates) > 1
         own = f".{integrator.host.fix_id}" if several else ""
-        infile.write(f"{name}{own}.rigid", self.made(), integrator.lammps, integrator.communicator)
+        infile.write(
+            f"{name}{own}.rigid", integrator.counts, self.made(), integrator.lammps,
+            integrator.communicator,
+        )  # fmt: skip
 
     def made(self, forces=True):
         """The bodies, with their forces, if wanted, as a step that is looked at leaves them.
@@ -230,6 +233,17 @@ class Reports:
         return self._once(
             "energies",
             lambda bodies: thermo.energies(bodies, integrator.communicator, integrator.lammps),
+            forces=False,
+        )
+
+    def temperature_of_active(self):
+        """The temperature of the components on which force and torque act; collective."""
+        integrator = self._integrator
+        return self._once(
+            "active",
+            lambda bodies: thermo.temperature_of_active(
+                bodies, integrator.communicator, integrator.lammps, integrator.mask
+            ),
             forces=False,
         )
 
