@@ -24,7 +24,6 @@ from ..errors import RunError
 from ..host.command import PRESSURES, TILTS
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, I
-from ..run import thermo
 from ..run.other_fixes import READERS, WITH_SWITCHES
 from .constant_temperature import ConstantTemperature
 
@@ -309,8 +308,7 @@ class ConstantPressure(ConstantTemperature):
 
     @property
     def damping(self):
-        """PDAMP, which is one for all axes; in the place of a fix rigid, that which gives the box
-        the period that it has there."""
+        """PDAMP, which is one for all axes."""
         every = {self.lammps.number(words[2]) for words in self.command.pressure.values()}
         damping, *others = sorted(every)
         self.command.refuse_unless_positive("PDAMP", damping)
@@ -319,18 +317,7 @@ class ConstantPressure(ConstantTemperature):
                 f"PDAMP is {damping:g} for one axis and {others[0]:g} for another: "
                 "give all axes the same"
             )
-        return damping * (self._slower() if self.command.line.replaces else 1.0)
-
-    def _slower(self):
-        """How much longer the period is with LAMMPS's fix rigid, for the same PDAMP; collective.
-
-        Its inertia counts the rotation, each axis has all of it, and it is pushed for half of each
-        step.
-        """
-        bodies, d, free = self.bodies, self.lammps.dimension, self.degrees()[0]
-        of_bodies = thermo.freedom(bodies, d)[bodies.sharers.owned].sum()
-        every = self.communicator.total(np.array([of_bodies]))[0]
-        return np.sqrt(2 * d * (every + d) / (free + d))
+        return damping
 
     def own_numbers(self):
         """The numbers of the barostat, (n,): see `cell`."""

@@ -684,9 +684,6 @@ void FixPythonMove::refuse_casts() const
       if (name == other->style)
         error->all(FLERR, problem("compute " + std::string(other->id) + " (style " + name + ") is LAMMPS's own, which takes each fix "
                                   "rigid for its own: define it with the suffix on, or write " + name + SUFFIX));
-  for (const auto &other : modify->get_fix_by_style("^hmc"))
-    error->all(FLERR, problem("fix " + std::string(other->id) + " (style hmc) cannot take back the steps of this fix: use fix "
-                              "nosquish/hmc in the place of both"));
 }
 
 void FixPythonMove::setup(int vflag)

@@ -940,8 +940,9 @@ class Integrator(Declaration):
         It is of all components, whether force and torque act on them or not; in the place of a fix
         rigid of those that these act on, as there.
         """
-        active = self.command.line.replaces and self._switches.choices
-        return self.reports.temperature_of_active() if active else self.reports.energies()[4]
+        if self.command.line.replaces and self._switches.choices:
+            return self.reports.temperature_of(self._switches.mask)
+        return self.reports.energies()[4]
 
     @hook
     def compute_vector(self, i):
@@ -989,6 +990,7 @@ class Integrator(Declaration):
                 self.lammps, self.communicator, self.membership, self.told, former=self.former(),
                 **self.particles(),
             )[0]  # fmt: skip
+            bodies.bind(self.lammps, self.membership)
             bodies.know_box(self.lammps.box)
         getattr(bodies, name)[:] = 0.0
         self.host.point()
