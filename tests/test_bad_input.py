@@ -254,7 +254,7 @@ CASES = {
     ),
     "box changed by a barostat": Case(
         "one molecule",
-        ("fix 2 (style npt) changes the box", "use fix_nosquish.NPT or NPH in its place"),
+        ("fix 2 (style npt) changes the box", "use fix_nosquish.NPT or fix_nosquish.NPH"),
         before=SPLIT,
         after="fix 2 rest npt temp 1 1 1 iso 1 1 1",
     ),

@@ -336,7 +336,7 @@ def test_two_at_once(run_lammps, tmp_path):
         ("force 1 torque 1 delaystep 0", "'0' was given where a whole number"),
         ("force 1 torque 1 halfstepback maybe", "'maybe' was given where no or yes"),
         ("force 1 torque 1 temp 1 1 1", "this integrator keeps no temperature"),
-        ("force 1 torque 1 moments scale 2", "what fix_nosquish.NVT, NPT and HMC find"),
+        ("force 1 torque 1 moments scale 2", "of fix_nosquish.NVT, fix_nosquish.NPT"),
     ],
 )
 def test_bad_words(refused, words, says):

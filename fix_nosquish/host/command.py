@@ -64,29 +64,30 @@ OWN_KEYWORDS = {
 }
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
 _ELSEWHERE = {
-    "langevin": "fix_nosquish.NVT has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
+    "langevin": "fix nosquish/nvt has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
     "bodyforces": "it is a word of fix_modify, behind this fix",
     **dict.fromkeys(
         ("temp", "tchain", "thermostat", "seed", "separate"),
-        "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
+        "this integrator keeps no temperature, fix nosquish/nvt and fix nosquish/npt do",
     ),
-    **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix_nosquish.HMC does"),
+    **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix nosquish/hmc does"),
     **dict.fromkeys(
         QUENCH[2:],
-        "this integrator seeks no minimum, fix_nosquish.FIRE does",
+        "this integrator seeks no minimum, fix nosquish/fire does",
     ),
-    "moments": "only what fix_nosquish.NVT, NPT and HMC find does not depend on the moments",
-    "shadow": "it is what the steps of fix_nosquish.NVE keep",
-    "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
+    "moments": "only averages over configurations do not depend on the moments, as of fix "
+    "nosquish/nvt, fix nosquish/npt and fix nosquish/hmc",
+    "shadow": "it is what the steps of fix nosquish/nve conserve",
+    "ptemp": "the piston of fix nosquish/nph is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
     **dict.fromkeys(("nreset", "drag"), "no piston of this package has it"),
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
         (*PRESSURES, "couple", "barostat", "every", "compressibility", "dilate"),
-        "this integrator keeps the volume, fix_nosquish.NPT and NPH change it",
+        "this integrator keeps the volume, fix nosquish/npt and fix nosquish/nph change it",
     ),
-    "pchain": "the chain of fix_nosquish.NPT's piston has the length tchain",
-    "fixedpoint": "the box of fix_nosquish.NPT and NPH changes about its centre",
+    "pchain": "the chain of the piston of fix nosquish/npt has the length tchain",
+    "fixedpoint": "the box of fix nosquish/npt and fix nosquish/nph changes about its centre",
 }
 
 
@@ -123,6 +124,13 @@ class Line(NamedTuple):
         before, replaces = f"fix {fix_id} {group} ", rigid_fixes.plain(style)
         return cls(style, text, (group, *words), before, 3, replaces)
 
+    def naming(self, text):
+        """A message, whose integrators are fix nosquish/nve and its kin, as this line names them:
+        LAMMPS's own fix python/move comes without these styles."""
+        if self.before is not None:
+            return text
+        return re.sub(r"fix nosquish/(\w+)", lambda one: f"fix_nosquish.{one[1].upper()}", text)
+
     def wrong(self, what, word=None):
         """An error that shows the line.
 
@@ -133,7 +141,7 @@ class Line(NamedTuple):
         if word is not None and self.before is not None:
             argument = word - 1 + self.before
             said = f"word {argument + 2} of {said}"
-        return RunError(f"{what} (in {said})", everywhere=True, argument=argument)
+        return RunError(f"{self.naming(what)} (in {said})", everywhere=True, argument=argument)
 
 
 @dataclass(frozen=True)

@@ -260,7 +260,7 @@ class ConstantTemperature(Integrator):
             raise RunError(
                 "keyword torque has one component off and another one on, and a thermostat acts on "
                 "the whole rotation of a body, or not at all: switch off all three, or use "
-                "fix_nosquish.NVE",
+                "fix nosquish/nve",
                 everywhere=True,
             )
 

@@ -105,7 +105,7 @@ class Integrator(Declaration):
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
-        self.name, self.number = line.name, next(self._numbers)
+        self.line, self.name, self.number = line, line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = self._stepped = self._has_rotors = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
@@ -164,7 +164,7 @@ class Integrator(Declaration):
                 "rotation, which {} does not"
             )
         elif rotor == "exact" and not self._can_be_exact:
-            problem = "keyword rotor exact is for the rotation of fix_nosquish.NVE, not that of {}"
+            problem = "keyword rotor exact is for the rotation of fix nosquish/nve, not that of {}"
         if problem:
             raise self.command.wrong(problem.format(self.name))
 
@@ -440,7 +440,7 @@ class Integrator(Declaration):
         if not self.crosses or self.needs_energy:
             raise RunError(
                 "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-                f"{self.name} does not do so. Use fix_nosquish.NVE without keyword "
+                f"{self.name} does not do so. Use fix nosquish/nve without keyword "
                 "shadow, and fix langevin with fix_modify temp for a temperature",
                 everywhere=True,
             )
@@ -527,13 +527,13 @@ class Integrator(Declaration):
         movers = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.movers)
         self.bodies.suspects = movers and f", perhaps {movers}"
         if cause and not self.quenches:
-            self.host.log(f"WARNING: {cause}: {remedy}\n")
+            self.host.log(self.line.naming(f"WARNING: {cause}: {remedy}\n"))
 
     @hook
     def min_setup(self, vflag):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
-            "a minimisation would tear the rigid bodies apart: use fix_nosquish.FIRE and a run "
+            "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
             "instead, which keep their shapes",
             everywhere=True,
         )
@@ -628,8 +628,8 @@ class Integrator(Declaration):
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
-                f"{self.name} does not do in a run: use fix_nosquish.NVE or NVT, without "
-                "keyword shadow, or insert and delete between runs, with reinit yes",
+                f"{self.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
+                "without keyword shadow, or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
         self.reports.warn(lines)
@@ -765,8 +765,8 @@ class Integrator(Declaration):
         if ((box.h != self.bodies.cells["h"].array) & held).any():
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
-                "in a run they do so with fix deform alone, with its remap x or v, and "
-                "run_style verlet, and with fix_nosquish.NPT or NPH. The box may change between "
+                "in a run they do so with fix deform alone, with its remap x or v, and run_style "
+                "verlet, and with fix nosquish/npt or fix nosquish/nph. The box may change between "
                 "runs: bodies keep their shape when the next run makes them anew, with reinit yes "
                 "and without infile or 'pre no'",
                 everywhere=True,

@@ -65,7 +65,7 @@ class Reports:
         new = [line for line in lines if line not in self._warned]
         self._warned.update(new)
         if new:
-            self._integrator.host.log("\n".join([*new, ""]))
+            self._integrator.host.log(self._integrator.line.naming("\n".join([*new, ""])))
 
     def say_taken_over(self, at, fixes, before, now):
         """Log, once a run, that bodies took over the velocities that these fixes gave atoms.

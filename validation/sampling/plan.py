@@ -314,7 +314,7 @@ def _skinned(scheme: Scheme) -> Scheme:
 def _with(integrator, words):
     """One of ours with keywords more."""
     *first, last = integrator.lines
-    return replace(integrator, lines=(*first, f"{last[:-1]}{words}{last[-1]}"))
+    return replace(integrator, lines=(*first, f"{last}{words}"))
 
 
 def _after(scheme: Scheme, lines: tuple[str, ...]) -> Scheme:
@@ -428,6 +428,6 @@ def _held(own: Own, one: Integrator) -> int:
     """Degrees of freedom of the total momentum that an integrator keeps at zero: all, unless it has
     random forces, or something else acts on the atoms."""
     words = " ".join(one.lines)
-    random = "langevin" in words or ("fix_nosquish" in words and " thermostat " not in words)
+    random = "langevin" in words or ("nosquish" in words and " thermostat " not in words)
     alone = (own.found.body > 0).all() and all(own.said["periodic"]) and not counted.acting(own)
     return 0 if random or not alone else own.said["dimension"]
