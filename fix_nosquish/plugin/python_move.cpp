@@ -562,6 +562,7 @@ void FixPythonMove::look_at_accelerators() const
 FixPythonMove::~FixPythonMove()
 {
   if (bridge.follows_atoms && modify->get_fix_by_id(id)) atom->delete_callback(id, Atom::GROW);
+  if (stopped) timer->reset_timeout();
   let_go();
 }
 
@@ -618,6 +619,7 @@ int FixPythonMove::modify_param(int narg, char **arg)
 
 void FixPythonMove::init()
 {
+  stopped = false;
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     error->all(FLERR, problem("its class has no methods for run_style respa"));
@@ -821,6 +823,7 @@ void FixPythonMove::end_of_step()
 {
   stream_with_box();
   if (respa) call_with_virial(bridge.end_of_step);
+  if (stopped) timer->force_timeout();    // as fix halt ends a run; not before, as a run that fails leaves it so
 }
 
 void FixPythonMove::post_run()
@@ -1130,12 +1133,11 @@ void FixPythonMove::unpack_forward_comm(int n, int first, double *buffer)
   for (int i = first; i < first + n; i++, buffer += 3) std::copy_n(buffer, 3, atom->v[i]);
 }
 
-// As fix halt ends a run.
+// End the run behind this step.
 
 int64_t FixPythonMove::stop()
 {
   stopped = true;
-  timer->force_timeout();
   return 0;
 }
 
