@@ -24,6 +24,7 @@
 #include "dihedral.h"
 #include "domain.h"
 #include "error.h"
+#include "exceptions.h"
 #include "fix.h"
 #include "force.h"
 #include "group.h"
@@ -47,10 +48,12 @@
 #include <cstdlib>
 #include <cstring>
 #include <dlfcn.h>
+#include <exception>
 #include <sstream>
 #include <string>
 #include <thread>
 #include <unistd.h>
+#include <utility>
 #include <vector>
 #ifdef __linux__
 #include <csignal>
@@ -328,6 +331,7 @@ class FixPythonMove : public Fix {
   static constexpr int INSERTED = 10;
   std::vector<double> inserted;    // molecules, so many numbers of each
   Particles particles;
+  std::exception_ptr kept;    // what LAMMPS has thrown below loops
   std::string command;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
   std::string energy_id;    // of a compute pe, for which they tally their energy
@@ -367,6 +371,9 @@ class FixPythonMove : public Fix {
   std::string problem(const std::string &text) const;
   void take_over_state(), refuse_casts() const;
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
+  [[noreturn]] void abort_all() const;
+  template <typename Function> int64_t kept_from_loops(Function function);
+  void throw_kept();
   void flush_log() const;
   template <typename... Types, typename... Values>
   void call(int (*hook)(Types...), Values... arguments);
@@ -479,12 +486,16 @@ void FixPythonMove::fill_bridge()
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.set_box = [](void *fix, const double *box) {
-    if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
-    self(fix)->set_box(box);
-    self(fix)->look_at_volume();
-    return (int64_t) 0;
+    return self(fix)->kept_from_loops([fix, box] {
+      if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
+      self(fix)->set_box(box);
+      self(fix)->look_at_volume();
+      return (int64_t) 0;
+    });
   };
-  bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
+  bridge.flip_box = [](void *fix, const double *box) {
+    return self(fix)->kept_from_loops([fix, box] { return self(fix)->flip_box(box); });
+  };
   bridge.particles = [](void *fix, double *numbers) {
     auto &particles = self(fix)->particles;
     particles.find(self(fix)->atom);
@@ -507,7 +518,9 @@ void FixPythonMove::fill_bridge()
     const auto first = self(fix)->first_molecule();
     return (int) (first && Templates::read(self(fix)->atom, first[number], numbers));
   };
-  bridge.find_clusters = [](void *fix) { return self(fix)->find_clusters(); };
+  bridge.find_clusters = [](void *fix) {
+    return self(fix)->kept_from_loops([fix] { return self(fix)->find_clusters(); });
+  };
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.gravity = [](void *fix, const char *other) {
     int dimension;
@@ -598,6 +611,7 @@ void FixPythonMove::look_at_accelerators() const
 FixPythonMove::~FixPythonMove()
 {
   if (bridge.follows_atoms && modify->get_fix_by_id(id)) atom->delete_callback(id, Atom::GROW);
+  if (stopped) timer->reset_timeout();
   let_go();
 }
 
@@ -654,6 +668,7 @@ int FixPythonMove::modify_param(int narg, char **arg)
 
 void FixPythonMove::init()
 {
+  stopped = false;
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     error->all(FLERR, problem("its class has no methods for run_style respa"));
@@ -870,6 +885,7 @@ void FixPythonMove::end_of_step()
 {
   stream_with_box();
   if (respa) call_with_virial(bridge.end_of_step);
+  if (stopped) timer->force_timeout();    // as fix halt ends a run; not before, as a run that fails leaves it so
 }
 
 void FixPythonMove::post_run()
@@ -1210,12 +1226,11 @@ void FixPythonMove::unpack_forward_comm(int n, int first, double *buffer)
   for (int i = first; i < first + n; i++, buffer += 3) std::copy_n(buffer, 3, atom->v[i]);
 }
 
-// As fix halt ends a run.
+// End the run behind this step.
 
 int64_t FixPythonMove::stop()
 {
   stopped = true;
-  timer->force_timeout();
   return 0;
 }
 
@@ -1354,8 +1369,11 @@ void FixPythonMove::renew_forces()
 
 bool FixPythonMove::run(const Pass *pass)
 {
-  for (; pass->loop; pass++)
-    if (pass->loop(pass->cells)) return false;
+  for (; pass->loop; pass++) {
+    const bool failed = pass->loop(pass->cells);
+    throw_kept();
+    if (failed) return false;
+  }
   bridge.changes++;
   return true;
 }
@@ -1466,6 +1484,7 @@ void FixPythonMove::call(int (*hook)(Types...), Values... arguments)
   if (!hook) return;
   strcpy(bridge.message, "interrupted");
   const int outcome = hook(arguments...);
+  throw_kept();
   if (outcome == FAILED_ALIKE) error->all(FLERR, problem(bridge.message));
   if (outcome != DONE) end_run(bridge.message);
 }
@@ -1494,8 +1513,37 @@ void FixPythonMove::end_run(const std::string &text, double patience)
   if (logfile) fputs(report.c_str(), logfile);
   fflush(nullptr);
   std::this_thread::sleep_for(milliseconds(500));    // mpirun may drop what it has not yet read
+  abort_all();
+}
+
+void FixPythonMove::abort_all() const
+{
   MPI_Abort(universe->uworld, 1);
   abort();
+}
+
+// What a loop, or Python, calls must not throw into it. What LAMMPS throws on all ranks waits until they are back. An error of
+// one rank alone ends the run at once, as it is said already: the others wait for this rank.
+
+template <typename Function> int64_t FixPythonMove::kept_from_loops(Function function)
+{
+  try {
+    return function();
+  } catch (const LAMMPSAbortException &) {
+    if (universe->nprocs > 1) {
+      fflush(nullptr);
+      abort_all();
+    }
+    kept = std::current_exception();
+  } catch (...) {
+    kept = std::current_exception();
+  }
+  return 0;
+}
+
+void FixPythonMove::throw_kept()
+{
+  if (kept) std::rethrow_exception(std::exchange(kept, nullptr));
 }
 
 // ----------------------------------------------------------------------
