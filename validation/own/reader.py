@@ -200,9 +200,7 @@ class Reader:
             self.files.environment.append(rest[2])
         if self.moved and word in script.PLACED:
             self.moved = False
-            self.states.append(
-                dumped(self.lmp, f"{STATES}/{len(self.states) + 1}.dump")
-            )
+            self.states.append(dumped(self.lmp, f"{STATES}/{len(self.states) + 1}.dump"))
             self.commands.append(self.states[-1])
         stores = _stores(plain)
         for command in (*stores[:1], plain, *stores[1:]):
