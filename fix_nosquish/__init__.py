@@ -2,18 +2,22 @@
 
 In an input script:
 
+    fix 1 water nosquish/nve molecule
+
+or, where LAMMPS has only its own fix python/move,
+
     fix 1 water python/move "fix_nosquish.NVE water molecule"
 
-`INTEGRATORS` has the others.
-
-LAMMPS looks up the attribute `NVE water molecule` of this module; it gets the class
-named by the first word, with the words bound to it.
+`INTEGRATORS` has the others.  With the second form LAMMPS looks up the attribute
+`NVE water molecule` of this module; it gets the class named by the first word, with the line bound
+to it.
 """
 
 import sys
 from collections.abc import Callable, Collection
-from contextlib import suppress
-from functools import partial
+from importlib.abc import Loader
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from .errors import RunError
@@ -34,14 +38,11 @@ INTEGRATORS = {
 }  # class: its module in `integrators`, which is imported when a fix line names the class
 
 
-def __getattr__(name: str) -> partial:
-    name_of_class = _class_in(name, INTEGRATORS)
-    place = f"{__name__}.integrators.{INTEGRATORS[name_of_class]}"
-    module = __import__(place, fromlist=[name_of_class])
-    return partial(getattr(module, name_of_class), words=name)
+def __getattr__(name: str) -> Callable:
+    return _bound(_integrator(_class_in(name, INTEGRATORS)), name)
 
 
-def of_fix_line(*classes: type) -> Callable[[str], partial]:
+def of_fix_line(*classes: type) -> Callable[[str], Any]:
     """What a module with integrators has as ``__getattr__``, so that a fix line finds them.
 
     Args:
@@ -49,12 +50,31 @@ def of_fix_line(*classes: type) -> Callable[[str], partial]:
     """
     named = {one.__name__: one for one in classes}
 
-    def find(name: str) -> partial:
+    def find(name: str) -> Any:
+        if name == "__path__":  # so that what has a point goes on to `_Finder`
+            return []
         if name.startswith("__"):
             raise AttributeError(name)
-        return partial(named[_class_in(name, named, classes[0].__module__)], words=name)
+        return _bound(named[_class_in(name, named, classes[0].__module__)], name)
 
     return find
+
+
+def of_style(style: str) -> Any:
+    """The integrator of a fix style of the plugin, such as nosquish/nve."""
+    return _integrator({name.lower(): name for name in INTEGRATORS}[style.rpartition("/")[2]])
+
+
+def _integrator(name: str) -> Any:
+    module = __import__(f"{__name__}.integrators.{INTEGRATORS[name]}", fromlist=[name])
+    return getattr(module, name)
+
+
+def _bound(kind: type, text: str) -> Callable:
+    """What LAMMPS calls with its pointer, to make the integrator of a line in quotes."""
+    from .host.command import Line
+
+    return lambda ptr: kind(ptr, Line.quoted(text))
 
 
 def _class_in(text: str, known: Collection[str], module: str = __name__) -> str:
@@ -63,11 +83,9 @@ def _class_in(text: str, known: Collection[str], module: str = __name__) -> str:
     variable = next((word for word in words if "$" in word), None)
     if variable:
         raise RunError(
-            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. Give a "
-            "group one name of its own (group NAME union ...), or have the quotes and all words in "
-            "a variable, one text for each value: variable WORDS index '\"fix_nosquish.NVE water "
-            "molecule mrot 1\"' '\"fix_nosquish.NVE water molecule mrot 2\"' (or lmp -var WORDS "
-            "'\"...\"'), and write python/move ${WORDS}",
+            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands: write the "
+            "line without quotes, as fix ID GROUP nosquish/nvt ..., or name an equal-style "
+            "variable, v_NAME, where a number is expected",
             everywhere=True,
         )
     if not words or words[0] not in known:
@@ -96,25 +114,43 @@ def body_table(lmp: Any, fix_id: str) -> "np.ndarray":
     return NVE.of_fix(lmp, fix_id).table()
 
 
-class _PointInWords:
-    """Explains what happened when LAMMPS takes a number's point for the end of the module's name,
-    if nothing before it is wrong."""
+class _UpToPoint(ModuleType):
+    """The words of a fix line up to a decimal point.
+
+    LAMMPS's own fix python/move takes what stands before the last point for a module's name, and
+    what is behind it for an attribute.
+    """
+
+    def __getattr__(self, rest: str) -> Any:
+        if rest.startswith("__"):
+            raise AttributeError(rest)
+        return self._found(f"{self.__name__}.{rest}")
+
+    def __call__(self, ptr: Any) -> Any:
+        """Make the integrator of another line, which ends here."""
+        return self._found(self.__name__)(ptr)
 
     @staticmethod
-    def find_spec(name: str, path: object = None, target: object = None) -> None:
-        if name.startswith(__name__ + ".") and " " in name:
-            from .host.command import Command, Unfinished
-
-            text = name.removeprefix(__name__ + ".")
-            own = getattr(__getattr__(_class_in(text, INTEGRATORS)).func, "keywords", ())
-            with suppress(Unfinished):  # the rest of it is behind the point
-                Command.parse(text.rpartition(" ")[0], own)
-            raise RunError(
-                f"the words of the fix line hold a point (after '{text}'), "
-                "at which LAMMPS cuts them: write real numbers without one (3e2, 25e-1) "
-                "or as a variable (v_NAME), files as a string-style variable (v_NAME)",
-                everywhere=True,
-            )
+    def _found(line: str) -> Any:
+        place, space, words = line.partition(" ")
+        module, _, name = place.rpartition(".")
+        return sys.modules[module].__getattr__(f"{name}{space}{words}")
 
 
-sys.meta_path.insert(0, _PointInWords)
+class _Finder(Loader):
+    """Finds `_UpToPoint` as a module of what the first point of a fix line stands behind."""
+
+    def find_spec(self, name: str, path: object = None, target: object = None) -> ModuleSpec | None:
+        module = name.partition(" ")[0].rpartition(".")[0]
+        if " " in name and hasattr(sys.modules.get(module), "__getattr__"):
+            return ModuleSpec(name, self, is_package=True)
+        return None
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        return _UpToPoint(spec.name)
+
+    def exec_module(self, module: ModuleType) -> None:
+        pass
+
+
+sys.meta_path.insert(0, _Finder())

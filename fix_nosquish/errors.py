@@ -8,8 +8,9 @@ class RunError(Exception):
         message: What is wrong, what was expected and what to do.
         everywhere: True says that every rank raises it, so that LAMMPS can end the run in order;
             False that this rank may be alone, so that the others have to be stopped.
+        argument: Which argument of LAMMPS's command is wrong, from 0 on; None for none.
     """
 
-    def __init__(self, message, *, everywhere=False):
+    def __init__(self, message, *, everywhere=False, argument=None):
         super().__init__(message)
-        self.everywhere = everywhere
+        self.everywhere, self.argument = everywhere, argument

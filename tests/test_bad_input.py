@@ -10,7 +10,7 @@ from endings import SECONDS, assert_ended
 
 import fix_nosquish
 from fix_nosquish.errors import RunError
-from fix_nosquish.host.command import Command
+from fix_nosquish.host.command import Command, Line
 
 # 27 bodies of three atoms; what a case adds goes before the fix, and after it
 SCRIPT = """
@@ -77,7 +77,7 @@ CASES = {
     "no words at all": Case("", ("ends where", "ID of a group", "body style", "fix_nosquish.NVE")),
     "no body style": Case("all", ("body style", "ends where", "fix_nosquish.NVE all")),
     "value missing": Case("all molecule mrot", ("ends where", "number of inner rotor steps")),
-    "value with a point": Case("all molecule mrot 2.5", ("point", "25e-1", "v_NAME")),
+    "value with a point": Case("all molecule mrot 2.5", ("'2.5'", "whole number of at least 1")),
     "keyword of fix rigid before a point": Case(
         "all molecule langevin 0.45 0.45 0.5 1",
         ("unknown keyword 'langevin'", "Langevin's thermostat"),
@@ -93,11 +93,12 @@ CASES = {
     ),
     "variable in the quotes": Case(
         "all molecule mrot ${n}",
-        ("no variable's value inside quotes, where '${n}' stands", "${WORDS}"),
+        ("no variable's value inside quotes, where '${n}' stands", "without quotes", "v_NAME"),
         before="variable n equal 2",
     ),
     "variable before a point": Case(
-        "all molecule infile ${f}.txt", ("no variable's value inside quotes, where '${f}' stands",)
+        "all molecule infile ${f}.txt",
+        ("no variable's value inside quotes, where '${f}.txt' stands",),
     ),
     "value not a number": Case("all molecule mrot two", ("'two'", "whole number of at least 1")),
     "value of zero": Case("all molecule mrot 0", ("'0'", "whole number of at least 1")),
@@ -309,7 +310,7 @@ OF_WORDS = (
 def test_words(name):
     """Locks out words that are taken for something else, for each wrong fix line."""
     with pytest.raises(RunError) as caught:
-        Command.parse(f"NVE {CASES[name].words}")
+        Command.parse(Line.quoted(f"NVE {CASES[name].words}"))
     assert caught.value.everywhere
     assert not [words for words in CASES[name].expected if words not in str(caught.value)]
 

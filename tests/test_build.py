@@ -4,6 +4,7 @@
 """
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -145,6 +146,65 @@ def test_install_prefix(tmp_path, run_lammps):
     assert len(ours) == 5
     for name in ours.dtype.names:
         np.testing.assert_allclose(ours[name], rigid[name], rtol=1e-9, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    "header, before, more",
+    [
+        ("lammps.h", "class KokkosLMP", "double another[4];"),
+        ("update.h", "bigint eflag_global", "double another[4];"),
+        ("domain.h", "double h[6]", "double another[4];"),
+        ("force.h", "Pair *pair;", "double another[4];"),
+        ("comm.h", "double cutghost[3]", "double another[4];"),
+        ("neighbor.h", "int style;", "double another[4];"),
+        ("atom.h", "int q_flag", "double another[4];"),
+        ("modify.h", "int nfix, maxfix", "double another[4];"),
+        ("compute.h", "int tempflag", "double another[4];"),
+        ("fix.h", "double virial[6]", "double another[4];"),
+        ("fix.h", "virtual void setup_pre_force(int)", "virtual void another() {}"),
+    ],
+)
+def test_another_build_of_the_same_version(tmp_path, run_lammps, header, before, more):
+    """Locks out memory that the plugin overwrites, or methods that are taken for others, where
+    LAMMPS was built anew with other members in its classes: its version is the same."""
+    folder = tmp_path / "patched/include/lammps"
+    folder.mkdir(parents=True)
+    for there in (PREFIX / "include/lammps").iterdir():
+        (folder / there.name).symlink_to(there)
+    text = (folder / header).read_text()
+    assert text.count(before) == 1
+    (folder / header).unlink()
+    (folder / header).write_text(text.replace(before, f"{more} {before}"))
+    place = tmp_path / "build_here"
+    place.mkdir()
+    done = build(
+        place, NOSQUISH_LAMMPS=str(tmp_path / "patched"), NOSQUISH_LAMMPS_VERSION=VERSION,
+        NOSQUISH_MPI=str(mpi_folder()), CXXFLAGS="-O0",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    made = next((place / "made").rglob("python_moveplugin.so"))
+    settings = of_shell() | {"LAMMPS_PLUGIN_PATH": str(made.parent)}
+    start = ["env", *(f"{name}={value}" for name, value in settings.items()), NATIVE, "-in"]
+    text = SCRIPT.format(
+        fix='python/move "fix_nosquish.NVE water molecule"',
+        forcefield=ROOT / "inputs/water/forcefield.water",
+    )
+    run = run_lammps(
+        text, files={"data.ice": ice()}, launcher=start, check=False, ranks=1 + (header == "atom.h")
+    )
+    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    assert run.code and len(errors) == 1, run.screen
+    name = {"lammps.h": "LAMMPS"}.get(header, header[:-2].capitalize())
+    assert f"another class {name} than the headers" in errors[0], errors
+    assert "NOSQUISH_LAMMPS" in errors[0]
+
+
+def test_lowest_versions():
+    """Locks out a package that is installed beside an older numba, which cannot compile its loops:
+    "module 'llvmlite.binding' has no attribute 'create_pipeline_tuning_options'"."""
+    needed = [line for line in metadata.requires("fix_nosquish") if "extra" not in line]
+    for name in "numpy", "numba", "llvmlite", "mpi4py":
+        assert any(re.match(f"{name} ?>=", line) for line in needed), (name, needed)
 
 
 def test_a_rank_without_python(tmp_path):

@@ -362,6 +362,58 @@ def test_a_loop_that_needs_python_is_refused(written, loops, name):
         bad(np.ones(3))
 
 
+LOUD = """
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from fix_nosquish.loops.compiled import F1, I, loop
+
+print("loud is imported")
+
+class Pair(NamedTuple):
+    x: F1
+    factor: I
+
+@loop
+def scale(pair: Pair, result: F1) -> I:
+    for i in range(len(result)):
+        result[i] = pair.factor * pair.x[i]
+    return 7
+
+def inner():
+    from fix_nosquish.loops.compiled import L1 as Hidden
+
+    @loop
+    def lost(numbers: Hidden):
+        numbers[0] = 1
+"""
+USE_LOUD = """
+import json
+import numpy as np
+import loud
+result = np.empty(2)
+said = [loud.scale((np.array([1.0, 2.0]), 3), result), result.tolist()]
+try:
+    loud.inner()
+except TypeError as error:
+    said.append(str(error))
+print(json.dumps(said))
+"""
+
+
+def test_a_module_that_prints_and_has_its_annotations_as_texts(tmp_path, monkeypatch):
+    """Locks out machine code that comes by the same way as what a module prints on import, and
+    annotations that `from __future__ import annotations` leaves as texts."""
+    (tmp_path / "loud.py").write_text(LOUD)
+    monkeypatch.setenv("PYTHONUNBUFFERED", "1")
+    output, errors = start(tmp_path, USE_LOUD).communicate(timeout=200)
+    said, *more = reversed(output.splitlines())
+    assert more == ["loud is imported"], output + errors
+    assert json.loads(said)[:2] == [7, [3.0, 6.0]]
+    assert "the annotation Hidden of numbers means nothing in its module" in json.loads(said)[2]
+
+
 # ---------------------------------------------------------------- where the machine code is kept
 
 

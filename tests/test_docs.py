@@ -171,7 +171,7 @@ def test_each_keyword_is_on_its_page(run_lammps):
 def test_examples_of_ensembles(run_lammps, page, least, waters, steps):
     """Locks out an example that the fix refuses."""
     examples = (DOCS / page).read_text().split("## Examples")[1].split("```")[1]
-    lines = [line for line in examples.splitlines() if "python/move" in line]
+    lines = [line for line in examples.splitlines() if " nosquish/" in line]
     inputs = ROOT / "inputs/water"
     setup = f"""units real
         atom_style full
@@ -235,8 +235,12 @@ def test_fixes_that_do_not_push_are_named():
     """Locks out a page by which other fixes push the bodies than those of which the package counts
     this, as where it names a few that do."""
     text = (DOCS / "fix-nvt.md").read_text().split("### Degrees of freedom")[1].split("###")[0]
-    named = re.search(r"Only these do not: (.*)\n", text)[1]
-    assert set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", named)) == set(other_fixes._INTERNAL)
+    named = re.search(r"\| known to conserve the momentum .*\n\|-.*\n((\|.*\n)+)", text)[1]
+    assert set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", named)) == set(other_fixes._CONSERVING)
+    pairs = re.search(r"\*\*Pair styles\*\* (.*)\n", text)[1]
+    styles = other_fixes._NOT_CONSERVING + other_fixes._NOT_WITHOUT_NEWTON
+    named = set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", pairs))
+    assert named == set(styles)
 
 
 # ---- the tutorial
@@ -263,8 +267,8 @@ def test_tutorial(run_lammps, tmp_path):
     assert re.search(r"^step 4 fs: range of the energy \d\.\d+ kcal/mol$", second.log, re.M)
     assert "start velocities: rigid motion" in second.log
 
-    lines = re.findall(r"^    (variable +table .*)\n    (fix .*output.*)$", text, re.M)[0]
-    table = re.sub(r"^fix +bodies .*$", "\n".join(lines).replace(" 100 ", " 10 "), step, flags=re.M)
+    line = re.findall(r"^    (fix .*output.*)$", text, re.M)[0]
+    table = re.sub(r"^fix +bodies .*$", line.replace(" 100 ", " 10 "), step, flags=re.M)
     run_lammps(table, options=["-var", "dt", "2"])
     head, *rows = (tmp_path / "bodies.csv").read_text().splitlines()
     page_of_the_fix = (DOCS / "fix.md").read_text()

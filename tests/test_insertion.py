@@ -261,6 +261,98 @@ def test_between_runs(compared):
         assert_same([*ours, *theirs])
 
 
+# as LAMMPS's example rigid/in.rigid.gravity has it
+OWN = MOLECULE.replace(
+    "3 atoms\n", "3 atoms\n2.1 mass\n0.2 0.1 -0.15 com\n0.9 1.1 1.3 0.1 -0.05 0.2 inertia\n"
+)
+OTHER = OWN.replace("2.1 mass", "4.2 mass").replace("0.9 1.1", "1.4 1.2")
+
+
+SPLIT_AS_THEIRS = OURS.replace(" order 123", "")  # of such bodies their axes are the other way
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_template_with_a_mass_of_its_own(compared, ranks):
+    """Locks out bodies with the mass, centre and inertia of their atoms, where their template has
+    its own."""
+    words = {"files": {"mol.bent": OWN}, "changes": DEPOSIT, "ranks": ranks}
+    ours, theirs = compared(SPLIT_AS_THEIRS, THEIRS, **words)
+    assert ours[0]["Atoms"][-1] == 36
+    assert_same([ours, theirs], ("Atoms", "PotEng"))
+    other = compared(THEIRS, **words | {"files": {}})[0]
+    assert np.abs(theirs[1] - other[1]).max() > 0.01
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_template_beside_bodies_of_the_start(compared, ranks):
+    """Locks out bodies of the start that take from a template what inserted ones take: as with fix
+    rigid/small they are made of their atoms."""
+    words = {"files": {"mol.bent": OWN}, "changes": DEPOSIT, "ranks": ranks}
+    words |= {"first": MOLECULES.format(6), "run": "timestep 0.0002\nrun 100"}
+    left = compared(SPLIT_AS_THEIRS, THEIRS, **words)
+    assert left[0][0]["Atoms"][-1] == 54
+    assert_same(left, ("Atoms", "PotEng"), tolerance=1e-6)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_templates_that_are_several(compared, ranks):
+    """Locks out the first molecule of a template in the place of the one that was inserted."""
+    words = {
+        "masses": f"{MASSES}\nmolecule both mol.bent mol.other", "ranks": ranks,
+        "files": {"mol.bent": OWN, "mol.other": OTHER},
+        "changes": DEPOSIT.replace("mol bent", "mol both molfrac 0.5 0.5"),
+    }  # fmt: skip
+    fixes = [fix.replace("mol bent", "mol both") for fix in (SPLIT_AS_THEIRS, THEIRS)]
+    assert_same(compared(*fixes, **words), ("Atoms", "PotEng"))
+
+
+def test_template_in_a_later_run(compared, run_lammps, tmp_path):
+    """Locks out inserted bodies whose template is forgotten at the next run, as fix rigid/small
+    forgets it, and in a restart file."""
+    words = {"first": MOLECULES.format(6), "files": {"mol.bent": OWN}, "changes": DEPOSIT}
+    one = compared(OURS, run="run 150", **words)[0]
+    two = compared(OURS, run="run 120\nwrite_restart kept\nrun 30", **words)[0]
+    assert np.array_equal(one[1], two[1])
+    again = (
+        "read_restart kept\nneigh_modify delay 0 every 1 check yes exclude molecule/intra all\n"
+        "variable file string kept.rigid\nmolecule bent mol.bent\ntimestep 0.002\n"
+        f"{OURS.replace(' mol bent', ' infile v_file')}\n"
+        "thermo_style custom step atoms\nrun 30\n"
+        "write_dump all custom end id mol type x y z vx vy vz modify sort id format float %.17g"
+    )
+    run_lammps(again)
+    lines = (tmp_path / "end").read_text().splitlines()[9:]
+    atoms = np.array([line.split() for line in lines], float)
+    assert_same([(one[0], atoms), one], (), tolerance=1e-8)
+
+
+@pytest.mark.parametrize("header", ["", "2.1 mass\n0.2 0.1 -0.15 com\n0.9 1.1 1.3 0 0 0 inertia\n"])
+def test_spheres_of_a_template_without_masses(run_lammps, header):
+    """Locks out the crash that LAMMPS's own fix has where neither types nor the template give
+    atoms a mass: spheres have that of density 1, bodies what the template says of them."""
+    spheres = SPHERES[: SPHERES.index("Masses")].replace("3 atoms\n", f"3 atoms\n{header}")
+    script = SCRIPT.format(
+        style="sphere\natom_modify map array", edge=8, first="pair_style zero 1\npair_coeff * *",
+        masses="fix 6 all property/atom mol ghost yes", fix=OURS,
+        changes=f"{DEPOSIT.replace('12 0 8', '1 0 1')}\nfix 4 all addforce 0.1 0 0\n"
+        "variable v equal vcm(all,x)",
+        run="thermo_style custom step v_v\nrun 200",
+    )  # fmt: skip
+    v = run_lammps(script, files={"mol.bent": spheres}).thermo["v_v"]
+    mass = 2.1 if header else 3 * np.pi / 6
+    slope = (v[-1] - v[5]) / (0.002 * 20 * (len(v) - 6))
+    assert slope == pytest.approx(0.3 / mass, rel=0.3 if header else 1e-6)
+
+
+def test_molecule_that_is_no_body(refused):
+    """Locks out a molecule of a template whose parts are bodies by themselves."""
+    parts = OWN + "\nMolecules\n\n1 1\n2 1\n3 2\n"
+    script = SCRIPT.format(
+        style="molecular", edge=8, masses=MASSES, first="", changes=DEPOSIT, fix=OURS, run="run 20"
+    )
+    refused(script, "has 2 atoms, of a molecule of 3 that was inserted", {"mol.bent": parts})
+
+
 MOVES = GCMC.format(-2).replace("6 0 0", "0 6 0").replace("rigid 1", "")
 CASES = {
     "no such template": ("NVE mols molecule mol other", DEPOSIT, "no molecule template 'other'"),

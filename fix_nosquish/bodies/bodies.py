@@ -121,7 +121,7 @@ class Bodies:
         chosen=0,
     ):
         self.planar, self.spin, self.oriented = planar, spin, oriented
-        self.chosen, self.start, self.loose = chosen, None, False
+        self.chosen, self.start, self.loose, self.suspects = chosen, None, False, ""
         self._communicator, self._box = communicator, None
         self._memory = Memory(migration.KINDS)
         for name, values in (
@@ -312,8 +312,8 @@ class Bodies:
             return None
         return (
             f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
-            "something else moved it. Let no other fix integrate atoms of the bodies, "
-            "and change positions between runs only, with 'run N pre yes' after it, "
+            f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
+            "bodies, and change positions between runs only, with 'run N pre yes' after it, "
             "and not with reinit no or infile, which keep the bodies of the last run"
         )
 
@@ -387,6 +387,11 @@ class Bodies:
             return cause, remedy
         cause = f"a body moves by {move:.3g} and turns by {turn:.2g} rad in it"
         return f"the time step is too long: {cause}", "use a shorter one, or a better start"
+
+    def kinetic_of_atoms(self, lammps):
+        """Kinetic energy of the velocity of each atom, mass times velocity squared, (m,)."""
+        v = lammps.per_atom("v", columns=3)[self.index]
+        return 0.5 * lammps.masses[self.index] * (v**2).sum(axis=1)
 
     def kinetic(self):
         """Kinetic energy of translation and of rotation, mass times velocity squared, (2, n)."""

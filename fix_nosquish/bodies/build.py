@@ -5,7 +5,7 @@ import numpy as np
 from ..errors import RunError
 from ..loops import machine_code
 from ..motion.frames import product
-from . import extended, infile, principal
+from . import extended, principal
 from .bodies import (
     HOME,
     ID,
@@ -21,19 +21,18 @@ from .bodies import (
     quaternions,
 )
 from .extended import particles_of
+from .given import Start
 from .members import find_members, sharers_of
 from .membership import POINTS
 from .shapes import keep
 from .unfold import unfold
 
-_OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
-_OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
 TURN = 0.08  # rad in a step, of keyword moments step: TIP3P with 6 amu A^2 at 298 K and 12 fs
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 
 
 def build(
-    lammps, communicator, membership, path=None, own_rows=0, former=None, atoms=None,
+    lammps, communicator, membership, told=None, own_rows=0, former=None, atoms=None,
     shapes=None, oriented=False,
 ):  # fmt: skip
     """Make the bodies from LAMMPS's atoms as they are; collective.
@@ -41,7 +40,8 @@ def build(
     Args:
         lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
         membership: the `Membership`.
-        path: the file of keyword infile, None for none.
+        told: a function of the `Lammps`, the `Members` and the `Start`, collective, that gives what
+            is known of bodies besides their atoms, `Given`; None for none.
         own_rows: rows of zeros in the bodies' state, behind those that `block` names.
         former: the `Former` of LAMMPS's atoms, if bodies are to keep their shape; None for none.
         atoms: indices of this rank's atoms to make bodies of, ascending; None for all that the
@@ -54,39 +54,47 @@ def build(
         bodies `rebuilt` by the nearest image, the number of `stray` atoms, which no molecule-ID
         puts in a body, the kinetic energy `kinetic` of the atoms and the part `removed` of
         it that is not rigid motion, whether atoms that have moments of their own are `still`, the
-        IDs `given` that the file names, `warnings`, a list of lines, and the `Kept` in `kept`, if
-        something has turned or deformed bodies, and whether some of the bodies are `new`.
+        IDs `given` of bodies of which more is known, `warnings`, a list of lines, and the `Kept` in
+        `kept`, if something has turned or deformed bodies, and whether some of the bodies are
+        `new`.
     Raises:
         RunError: on all ranks, naming the body.
     """
     members = find_members(lammps, communicator, membership, shapes, atoms)
     natoms, atoms_mass = members.total(np.ones(len(members.atoms)), members.mass)
-    given = infile.read(path, communicator, members.ids, members.owned) if path else None
-    mass = _masses(members, atoms_mass, given)
     place, image, delta, rebuilt, doubt = unfold(lammps, members)
-    of_atoms = members.total(*(members.mass * delta.T)) / atoms_mass
-    centre = _centres_in_file(lammps, members, given, place, image, of_atoms) if given else of_atoms
-    r, kept, new = delta - centre[:, members.body].T, None, True
+    weight = np.where(atoms_mass > 0, atoms_mass, 1.0)  # those that weigh nothing are refused below
+    centre = members.total(*(members.mass * delta.T)) / weight
     shaped = oriented or lammps.radius is not None
     particles = particles_of(lammps, shapes, members.atoms) if shaped else None
+    given, mass = None, atoms_mass
+    if told:
+        own = _own_inertia(members, particles)
+        start = Start(place, image, delta, natoms, atoms_mass, centre, own)
+        given = told(lammps, members, start)
+    if given:
+        mass, centre = mass.copy(), centre.copy()
+        mass[given.bodies], centre[:, given.bodies] = given.mass, given.centre
+    members.refuse(~(mass > 0), lambda k: f"has mass {mass[k]:g}: give its atoms a mass above zero")
+    r, kept, new = delta - centre[:, members.body].T, None, True
     if former is not None:
         r, particles, kept, new = keep(lammps, members, former, r, particles, oriented)
     own = _own_inertia(members, particles)
-    inertia = _inertia(members, members.mass, r) + own
+    inertia = members.inertia(members.mass, r) + own
     size = np.sqrt(np.trace(inertia) / atoms_mass)
     _refuse_points(lammps, members, natoms, size, given)
     inertia = inertia.transpose(2, 0, 1)
     doubts = [doubt] if doubt else []
     if given:
         inertia[given.bodies] = given.inertia
-        doubts += _off_centre(lammps, members, centre - of_atoms, size)
+        doubts += given.warnings
 
     plane = lammps.dimension == 2
     directed = particles if oriented else None
     moment, axes = principal.moments_and_axes(members, inertia, r, directed, plane)
 
     def alike():
-        shared = _inertia(members, (mass / natoms)[members.body], r) + own
+        shared = members.inertia((mass / natoms)[members.body], r) + own
         return np.einsum("nak,abn,nbk->kn", axes, shared, axes)
 
     chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
@@ -102,7 +110,7 @@ def build(
     if result.spin:  # the bodies have these atoms in another order
         particles = particles_of(lammps, shapes, result.index)
     spins, energy = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
-    result.take_velocities(lammps, spins, given and given.momenta(result.id))
+    result.take_velocities(lammps, spins, given and given.momenta_among(result.id))
     finite = result.spin and np.count_nonzero(particles.moment.any(axis=0))
     notes = _notes(result, lammps, members, rebuilt[members.owned].sum(), energy, finite)
     return result, notes | {
@@ -113,17 +121,8 @@ def build(
     }
 
 
-def _masses(members, mass, given):
-    """The bodies' masses (n,): those of the infile, else the `mass` of their atoms."""
-    mass = mass.copy()
-    if given:
-        mass[given.bodies] = given.mass
-    members.refuse(~(mass > 0), lambda k: f"has mass {mass[k]:g}: give its atoms a mass above zero")
-    return mass
-
-
 def _refuse_points(lammps, members, natoms, size, given):
-    """Raise an error if several atoms are at one point, and no infile says what body they are.
+    """Raise an error if several atoms are at one point, and nothing else says what they are.
 
     Args:
         size: (n,) root of the trace of the atoms' inertia over their mass.
@@ -136,52 +135,6 @@ def _refuse_points(lammps, members, natoms, size, given):
             "or leave them out of the group"
         ),
     )
-
-
-def _centres_in_file(lammps, members, given, place, image, of_atoms):
-    """Centres of mass (3, n) from the bodies' first atoms, `place` and `image`: those of the file,
-    and else those `of_atoms`."""
-    here, centre = given.bodies, of_atoms.copy()
-    centre[:, here] = (
-        given.x
-        - place[:, here]
-        + lammps.box.h @ lammps.image_difference(given.image - image[:, here].astype(np.int64))
-    )
-    far = np.abs(lammps.box.inverse @ (centre - of_atoms)) * lammps.box.periodic[:, None] > 0.5
-    members.refuse(
-        far.any(axis=0),
-        lambda k: (
-            "has its centre in the infile more than half the box from its atoms: "
-            "check the image flags there"
-        ),
-    )
-    return centre
-
-
-def _off_centre(lammps, members, off, size):
-    """A warning of bodies that an infile has far from their atoms, if any; collective.
-
-    Args:
-        off: (3, n) how far each body's centre is off.
-        size: (n,) root of the trace of the atoms' inertia about that centre over their mass.
-    """
-    off = np.linalg.norm(off, axis=0)
-    radius = np.sqrt(np.maximum(0.5 * size**2 - off**2, 0.0))  # of gyration, about their own centre
-    point = radius < 1e-6 * off  # an atom alone, to rounding
-    radius[point] = 0.0
-    far = np.where(point, _OFF_POINT * lammps.box.size, _OFF_CENTRE * radius)
-    odd = members.owned & (off > far)
-    here = np.array([off, radius, members.ids], float).T[odd]
-    rows = members.communicator.gather_to_all(here)
-    if not len(rows):
-        return []
-    off, radius, worst = rows[rows[:, 0].argmax()]
-    name = members.membership.name(int(worst))
-    return [
-        f"WARNING: the infile has the centres of {len(rows)} bodies far from their atoms: that of "
-        f"{name} by {off:.3g}, where its radius of gyration is {radius:.3g}. "
-        "Give each fix the file of its own bodies"
-    ]
 
 
 def least_moment(lammps, command):
@@ -244,9 +197,9 @@ def _notes(bodies, lammps, members, rebuilt, own, finite):
         own: kinetic energy of the rotation of this rank's atoms themselves.
         finite: how many of these atoms have moments of their own.
     """
-    v, mass, owned = lammps.per_atom("v", columns=3), lammps.masses, bodies.sharers.owned
-    before = 0.5 * (mass[bodies.index] * (v[bodies.index] ** 2).T).sum() + own
+    owned = bodies.sharers.owned
     zero = owned & (bodies.id == 0) & (members.membership.command.style == "molecule")
+    before = bodies.kinetic_of_atoms(lammps).sum() + own
     after, stray = bodies.kinetic()[:, owned].sum(), bodies.natoms[zero].sum()
     before, after, rebuilt, stray, own, finite = members.communicator.total(
         np.array([before, after, rebuilt, stray, own, finite])
@@ -265,14 +218,6 @@ def _own_inertia(members, particles):
     if particles is None:
         return 0.0
     return members.total(*particles.inertia().reshape(9, -1)).reshape(3, 3, -1)
-
-
-def _inertia(members, mass, r):
-    """Tensors of inertia (3, 3, n) of atoms with these masses (m,) and places (m, 3)."""
-    x, y, z = r.T
-    products = x * x, y * y, z * z, x * y, x * z, y * z
-    xx, yy, zz, xy, xz, yz = members.total(*(mass * c for c in products))
-    return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
 
 
 def _with_atoms(state, members, r, particles, oriented, plane, chosen):

@@ -15,50 +15,22 @@ from ..errors import RunError
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
 from .bodies import Bodies, matrices
+from .given import Given, Start
+from .members import Members
 
 _COLUMNS = 20
+_OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
+_OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
 
 
-class Given:
-    """What the file says of this rank's bodies.
-
-    Attributes:
-        bodies: (m,) their places in this rank's list of bodies.
-        absent: (n,) bool, the other ones of the list.
-        named: IDs of all bodies in the file.
-        mass: (m,).  x, image: (3, m), centre of mass and its image flags.
-        inertia: (m, 3, 3), space frame.
-    """
-
-    def __init__(
-        self, ids: np.ndarray, bodies: np.ndarray, rows: np.ndarray, named: np.ndarray
-    ) -> None:
-        self.named = named
-        self.bodies, self.absent = bodies, np.ones(len(ids), bool)
-        self.absent[bodies] = False
-        self._ids = ids[bodies]
-        self.mass, self.x, self.image = (
-            rows[:, 1],
-            rows[:, 2:5].T,
-            rows[:, 17:20].T.astype(np.int64),
-        )
-        self.inertia = _tensors(rows)
-        self._momenta = np.concatenate([self.mass * rows[:, 11:14].T, rows[:, 14:17].T])
-
-    def momenta(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The bodies' places in a list of IDs, and their linear and angular momenta, (6, m)."""
-        order = np.argsort(ids)
-        return order[np.searchsorted(ids, self._ids, sorter=order)], self._momenta
-
-
-def read(path: str, communicator: Alone, ids: np.ndarray, owned: np.ndarray) -> Given:
+def read(path: str, lammps: Lammps, members: Members, start: Start) -> Given:
     """Read the file; collective.
 
-    Args:
-        ids: (n,) IDs of this rank's bodies.  owned: (n,) bool, each body on one rank only.
     Raises:
-        RunError: if the file cannot be read, or names a body that is not there, or one twice.
+        RunError: if the file cannot be read, or names a body that is not there, or one twice, or
+            has one far from its atoms.
     """
+    communicator, ids = members.communicator, members.ids
     rows, problem = None, None
     if communicator.rank == 0:
         try:
@@ -75,13 +47,58 @@ def read(path: str, communicator: Alone, ids: np.ndarray, owned: np.ndarray) -> 
     order = np.argsort(ids)
     bodies = order[np.searchsorted(ids, named[here], sorter=order)]
     count = np.zeros(len(rows))
-    count[here] = owned[bodies]
+    count[here] = members.owned[bodies]
     missing = communicator.total(count) == 0
     if missing.any():
         raise RunError(
             f"the infile {path} names body {named[missing][0]}, which is not there", everywhere=True
         )
-    return Given(ids, bodies, rows[here], named)
+    rows, absent = rows[here], np.ones(len(ids), bool)
+    absent[bodies] = False
+    mass, image = rows[:, 1], rows[:, 17:20].T.astype(np.int64)
+    shift = lammps.image_difference(image - start.image[:, bodies].astype(np.int64))
+    centre = start.centre.copy()
+    centre[:, bodies] = rows[:, 2:5].T - start.place[:, bodies] + lammps.box.h @ shift
+    return Given(
+        bodies=bodies, absent=absent, ids=ids[bodies], named=named, mass=mass,
+        centre=centre[:, bodies], inertia=_tensors(rows),
+        momenta=np.concatenate([mass * rows[:, 11:14].T, rows[:, 14:17].T]),
+        warnings=_off_centre(lammps, members, start, centre - start.centre),
+    )  # fmt: skip
+
+
+def _off_centre(lammps, members, start, off):
+    """Warnings of bodies that the file has far from their atoms, (3, n); collective.
+
+    Raises:
+        RunError: where that is more than half the box.
+    """
+    far = np.abs(lammps.box.inverse @ off) * lammps.box.periodic[:, None] > 0.5
+    members.refuse(
+        far.any(axis=0),
+        lambda k: (
+            "has its centre in the infile more than half the box from its atoms: "
+            "check the image flags there"
+        ),
+    )
+    inertia = members.inertia(members.mass, start.delta - start.centre[:, members.body].T)
+    trace = np.trace(inertia + start.particles)
+    off, radius = np.linalg.norm(off, axis=0), np.sqrt(0.5 * trace / start.mass)  # of gyration
+    point = radius < 1e-6 * off  # an atom alone, to rounding
+    radius[point] = 0.0
+    limit = np.where(point, _OFF_POINT * lammps.box.size, _OFF_CENTRE * radius)
+    odd = members.owned & (off > limit)
+    here = np.array([off, radius, members.ids], float).T[odd]
+    rows = members.communicator.gather_to_all(here)
+    if not len(rows):
+        return ()
+    off, radius, worst = rows[rows[:, 0].argmax()]
+    name = members.membership.name(int(worst))
+    return (
+        f"WARNING: the infile has the centres of {len(rows)} bodies far from their atoms: that of "
+        f"{name} by {off:.3g}, where its radius of gyration is {radius:.3g}. "
+        "Give each fix the file of its own bodies",
+    )
 
 
 def _parse(path):
@@ -91,14 +108,14 @@ def _parse(path):
     if not lines or len(lines[0]) != 1 or not lines[0][0].isdigit():
         raise ValueError("its first line must be the number of bodies in it")
     count = int(lines.pop(0)[0])
-    if len(lines) < count:
+    if len(lines) != count:
         raise ValueError(f"it announces {count} bodies and has lines for {len(lines)}")
-    for line in lines[:count]:
+    for line in lines:
         if len(line) != _COLUMNS:
             raise ValueError(
                 f"the line of body {line[0]} has {len(line)} values, where {_COLUMNS} are expected"
             )
-    rows = np.array(lines[:count], float).reshape(count, _COLUMNS)
+    rows = np.array(lines, float).reshape(count, _COLUMNS)
     ids, times = np.unique(rows[:, 0], return_counts=True)
     if (times > 1).any():
         raise ValueError(f"body {ids[times > 1][0]:.0f} stands in it twice")
@@ -109,6 +126,10 @@ def _parse(path):
         )
     if (rows[:, 0] % 1).any():
         raise ValueError(f"{rows[rows[:, 0] % 1 > 0][0, 0]:g} is no ID of a body")
+    light = ~(rows[:, 1] > 0)
+    if light.any():
+        row = rows[light][0]
+        raise ValueError(f"body {row[0]:.0f} has mass {row[1]:g} there: give it one above zero")
     moment = np.linalg.eigvalsh(_tensors(rows))
     negative = moment[:, 0] < -1e-7 * np.abs(moment).max(axis=1)
     if negative.any():

@@ -13,7 +13,8 @@ def compare(bodies, lammps, communicator, membership):
     """Warn of bodies with the same atom types, in the order of IDs, but not one shape; collective.
 
     Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a
-    racemate is of one kind) by least squares weighted with mass.
+    racemate is of one kind) by least squares. All atoms count alike: by their masses, rounding
+    errors would turn bodies about directions in which only massless sites extend.
 
     Returns:
         a list of lines, alike on all ranks.
@@ -26,7 +27,7 @@ def compare(bodies, lammps, communicator, membership):
         return []
     kind = np.searchsorted(keys, key).clip(max=len(keys) - 1)
     kind[~compared | (keys[kind] != key)] = -1
-    far = _deviations(bodies, lammps, communicator, kind, place, natoms, lowest)
+    far = _deviations(bodies, communicator, kind, place, natoms, lowest)
     differ, furthest = _furthest(communicator, len(keys), kind, far, bodies.id, owned)
     mixed = np.count_nonzero(counts, axis=1) > 1
     said = np.flatnonzero((differ > 0) | mixed)
@@ -40,7 +41,7 @@ def compare(bodies, lammps, communicator, membership):
     return lines
 
 
-def _deviations(bodies, lammps, communicator, kind, place, natoms, lowest):
+def _deviations(bodies, communicator, kind, place, natoms, lowest):
     """How far each body is from the first of its kind, as a part of its size, (n,); collective.
 
     Args:
@@ -58,8 +59,8 @@ def _deviations(bodies, lammps, communicator, kind, place, natoms, lowest):
     model[:, told[:, 0].astype(int)] = told[:, 1:].T
     size = np.maximum.reduceat(np.linalg.norm(model, axis=0), start[:-1])
 
-    mass, model = lammps.masses[bodies.index[mine]], model[:, where]
-    products = sharers.total(body, *(mass * a * b for a in d for b in model)).T.reshape(-1, 3, 3)
+    model = model[:, where]
+    products = sharers.total(body, *(a * b for a in d for b in model)).T.reshape(-1, 3, 3)
 
     def deviation(turn):
         """How far each body is from the first of its kind, turned so, of its size, (n,)."""

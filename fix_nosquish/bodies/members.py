@@ -49,6 +49,14 @@ class Members(NamedTuple):
         """The highest number of each body's atoms, (len(columns), n); collective."""
         return self.sharers.highest(self.body, *columns)
 
+    def inertia(self, mass, r):
+        """Tensors of inertia (3, 3, n) of atoms with these masses (m,) and places (m, 3);
+        collective."""
+        x, y, z = r.T
+        products = x * x, y * y, z * z, x * y, x * z, y * z
+        xx, yy, zz, xy, xz, yz = self.total(*(mass * c for c in products))
+        return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
+
     def refuse(self, wrong, text):
         """End the run if `wrong` (n,) marks a body, with what `text` says of its place; collective.
 

@@ -15,7 +15,8 @@ def turn_over(bodies, lammps, communicator, membership, how):
     Args:
         bodies: the `Bodies` of before, which change.  how: further arguments of `build`, by name.
     Returns:
-        list of lines for the log, on what is probably not meant.
+        list of lines for the log, on what is probably not meant, and the IDs of new bodies of which
+        more is known than their atoms.
     Raises:
         RunError: on all ranks, if a body has lost some of its atoms, if atoms were lost and not
             deleted, or came into a body that there is.
@@ -25,7 +26,7 @@ def turn_over(bodies, lammps, communicator, membership, how):
     came = atoms[lammps.cells["origins"].array[atoms] == IN_NO_BODY]
     if not communicator.any(len(came)):
         bodies.change(lammps, dropped)
-        return []
+        return [], ()
     membership.before = None  # for others
     new, notes = build(lammps, communicator, membership, atoms=came, **how)
     if new.spin > bodies.spin or new.oriented > bodies.oriented:
@@ -36,7 +37,7 @@ def turn_over(bodies, lammps, communicator, membership, how):
         )
     _refuse_joining(bodies.id[~dropped], new, lammps, communicator, membership)
     bodies.change(lammps, dropped, new)
-    return notes["warnings"]
+    return notes["warnings"], notes["given"]
 
 
 def _without_atoms(bodies, lammps, communicator, membership):

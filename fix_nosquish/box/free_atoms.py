@@ -1,6 +1,10 @@
-"""Atoms that are in no body, beside bodies whose box changes: some move with it, others stay."""
+"""Atoms that are in no body, beside bodies whose box changes: some move with it, others stay.
 
-from ..loops.compiled import F1, F2, I1, L1, I, inlined, loop
+Atoms that fix shake or rattle holds together are a cluster, which moves by its centre of mass, as a
+body does.  So its bonds keep their length and its constraints do no work.
+"""
+
+from ..loops.compiled import F1, F2, I1, L1, I, call, inlined, loop
 from ..motion.block import at
 from ..motion.periodic import PeriodicBox
 from ..ranks.migration import IN_NO_BODY
@@ -20,14 +24,31 @@ from .cell import (
 
 
 @loop
+def find_clusters(cluster_finder: L1):
+    """Have the array `clusters` for the atoms as they are now."""
+    call(cluster_finder[0], cluster_finder[1])
+
+
+@inlined
+def of_cluster(clusters, atom_v, i):
+    """How far an atom is from the centre of its cluster, and the velocity of that centre."""
+    if clusters.shape[0] == 0:  # none is held, so each atom is its own centre
+        return (0.0, 0.0, 0.0), vector(atom_v, i)
+    return vector(clusters, i), (clusters[i, 3], clusters[i, 4], clusters[i, 5])
+
+
+@loop
 def virial_of_others(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, atom_f: F2, atom_mass: F1,
-    type_mass: F1, type: I1, cell: Barostat, box: PeriodicBox,
+    type_mass: F1, type: I1, clusters: F2, cell: Barostat, box: PeriodicBox,
 ):  # fmt: skip
     """Have the sums of `cell.virial_about_centres` tell of atoms that are in no body, too.
 
-    LAMMPS's virial is one for atoms that all move with the box.  So what the forces on those that
-    stay do is taken from it.  The motion of those that move counts as that of points.
+    LAMMPS's virial is one for atoms that all move with the box.  So what the forces do on those
+    that stay, and about the centres of clusters, is taken from it.  The motion of centres that move
+    with the box counts as that of points.  The forces are those that LAMMPS's virial counts:
+    without those of a fix that adds none to it, such as fix langevin, whose noise would act on the
+    box.
     """
     numbers, h, lo = cell.barostat, box.h, box.lo
     cx = lo[0] + 0.5 * (h[0, 0] + h[0, 1] + h[0, 2])
@@ -37,17 +58,25 @@ def virial_of_others(
         if origins[i] == IN_NO_BODY:
             if groups[i] & dilated:
                 m = atom_mass[i] if atom_mass.size else type_mass[type[i]]
-                fx, fy, fz = vector(atom_v, i)
-                x, y, z = -m * numbers[UNIT] * fx, -m * numbers[UNIT] * fy, -m * numbers[UNIT] * fz
+                place, (vx, vy, vz) = of_cluster(clusters, atom_v, i)
+                x, y, z = -m * numbers[UNIT] * vx, -m * numbers[UNIT] * vy, -m * numbers[UNIT] * vz
+                add_products(numbers, (x, y, z), (vx, vy, vz))
             else:
-                (fx, fy, fz), (x, y, z) = vector(atom_f, i), vector(atom_x, i)
-                x, y, z = x - cx, y - cy, z - cz
-            numbers[SPREAD] += x * fx
-            numbers[SPREAD + 1] += y * fy
-            numbers[SPREAD + 2] += z * fz
-            numbers[TILT_SPREAD] += y * fx
-            numbers[TILT_SPREAD + 1] += z * fx
-            numbers[TILT_SPREAD + 2] += z * fy
+                x, y, z = vector(atom_x, i)
+                place = x - cx, y - cy, z - cz
+            add_products(numbers, place, vector(atom_f, i))
+
+
+@inlined
+def add_products(numbers, place, force):
+    """Add the products of two vectors' components to the virial."""
+    (x, y, z), (fx, fy, fz) = place, force
+    numbers[SPREAD] += x * fx
+    numbers[SPREAD + 1] += y * fy
+    numbers[SPREAD + 2] += z * fz
+    numbers[TILT_SPREAD] += y * fx
+    numbers[TILT_SPREAD + 1] += z * fx
+    numbers[TILT_SPREAD + 2] += z * fy
 
 
 @inlined
@@ -58,24 +87,32 @@ def vector(atoms, i):
 
 @loop
 def move_others(
-    groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, step: L1, cell: Barostat
+    groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, clusters: F2, step: L1,
+    cell: Barostat,
 ):  # fmt: skip
-    """In a step in which the box changes, stretch and shear with it the atoms that move, and their
-    velocities by the inverse."""
+    """In a step in which the box changes, stretch and shear with it the centres that move, and
+    their velocities by the inverse."""
     numbers = cell.barostat
     if is_due(step, cell):
         shear = three_of(numbers, SHEAR)
         for i in range(groups.size):
             if origins[i] == IN_NO_BODY and groups[i] & dilated:
-                for k in range(3):
-                    centre = numbers[CENTRE + k]
-                    atom_x[i, k] = centre + numbers[STRETCH + k] * (atom_x[i, k] - centre)
-                y, z = atom_x[i, 1] - numbers[CENTRE + 1], atom_x[i, 2] - numbers[CENTRE + 2]
-                x, y = sheared(shear, y, z)
-                atom_x[i, 0] += x
-                atom_x[i, 1] += y
-                x, y = sheared(undone(shear), atom_v[i, 1], atom_v[i, 2])
-                atom_v[i, 0] += x
-                atom_v[i, 1] += y
-                for k in range(3):
-                    atom_v[i, k] /= numbers[STRETCH + k]
+                (dx, dy, dz), (ux, uy, uz) = of_cluster(clusters, atom_v, i)
+                x, y, z = vector(atom_x, i)
+                x, y, z = stretched(numbers, x - dx, y - dy, z - dz)
+                sx, sy = sheared(shear, y - numbers[CENTRE + 1], z - numbers[CENTRE + 2])
+                atom_x[i, 0], atom_x[i, 1], atom_x[i, 2] = x + sx + dx, y + sy + dy, z + dz
+                vx, vy, vz = vector(atom_v, i)
+                vx, vy, vz = vx - ux, vy - uy, vz - uz  # about the centre
+                sx, sy = sheared(undone(shear), uy, uz)
+                atom_v[i, 0] = (ux + sx) / numbers[STRETCH] + vx
+                atom_v[i, 1] = (uy + sy) / numbers[STRETCH + 1] + vy
+                atom_v[i, 2] = uz / numbers[STRETCH + 2] + vz
+
+
+@inlined
+def stretched(numbers, x, y, z):
+    """Where a place goes when the axes of the box are stretched."""
+    c1, c2, c3 = three_of(numbers, CENTRE)
+    f1, f2, f3 = three_of(numbers, STRETCH)
+    return c1 + f1 * (x - c1), c2 + f2 * (y - c2), c3 + f3 * (z - c3)

@@ -1,13 +1,14 @@
-"""The quoted words of the fix line, checked: GROUP BODYSTYLE [args] [keyword value ...]."""
+"""The words of the fix line, checked: GROUP BODYSTYLE [args] [keyword value ...]."""
 
 import re
 from dataclasses import dataclass, field
 from math import isfinite
+from typing import NamedTuple
 
 from ..errors import RunError
 
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
-_FILE = "a file: v_NAME of a string-style variable, or a name without a point"
+_FILE = "a file: its name, or v_NAME of a string-style variable"
 KEYWORDS = {
     "mrot": "the number of inner rotor steps, a whole number of at least 1",
     "order": "321 (the axis of the smallest moment turns outermost) or 123 (of the largest)",
@@ -22,7 +23,7 @@ KEYWORDS = {
     "gravity": "the ID of a fix gravity with its word disable, which gives the bodies' weight",
 }
 ROTORS = "exact", "split"
-_NUMBER = "a number without a point, as 3e2, or v_NAME of an equal-style variable"
+_NUMBER = "a number, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
 TILTS = "xy", "xz", "yz"
 PRESSURES = "iso", "aniso", "tri", "x", "y", "z", *TILTS
@@ -83,8 +84,46 @@ _ELSEWHERE = {
 }
 
 
-class Unfinished(RunError):
-    """The words end where more are expected."""
+class Line(NamedTuple):
+    """A fix line as its user wrote it, native or in the quotes of fix python/move.
+
+    Attributes:
+        name: of the integrator: nosquish/nve, or NVE.
+        text: the line from there on.
+        words: the group's ID, the body style and all that follows.
+        prefix: what stands before the text.
+        before: how many of LAMMPS's arguments stand before the body style; None in quotes.
+    """
+
+    name: str
+    text: str
+    words: tuple
+    prefix: str = "fix_nosquish."
+    before: int | None = None
+
+    @classmethod
+    def quoted(cls, text):
+        """The words of fix python/move from the class on: NVE water molecule ..."""
+        name, *words = text.split()
+        return cls(name, text, tuple(words))
+
+    @classmethod
+    def native(cls, fix_id, group, style, words):
+        """LAMMPS's words: fix ID GROUP STYLE WORDS ..."""
+        text = " ".join((style, *words))
+        return cls(style, text, (group, *words), f"fix {fix_id} {group} ", 3)
+
+    def wrong(self, what, word=None):
+        """An error that shows the line.
+
+        Args:
+            what: the message.  word: which one of `words` is wrong, None for none of them.
+        """
+        said, argument = f'"{self.prefix}{self.text}"', None
+        if word is not None and self.before is not None:
+            argument = word - 1 + self.before
+            said = f"word {argument + 2} of {said}"
+        return RunError(f"{what} (in {said})", everywhere=True, argument=argument)
 
 
 @dataclass(frozen=True)
@@ -92,7 +131,7 @@ class Command:
     """What one fix line asks for.
 
     Attributes:
-        text: the words as they stand on the line.
+        line: the `Line`.
         group: ID of the group whose atoms form bodies.
         style: single, molecule, custom or group, as in LAMMPS's fix rigid.
         arguments: those of the style: () or (i_NAME or v_NAME,) or the groups' IDs.
@@ -127,7 +166,7 @@ class Command:
         compressibility: a word for a number, None for the default.
     """
 
-    text: str
+    line: Line
     group: str
     style: str
     arguments: tuple = ()
@@ -159,6 +198,11 @@ class Command:
     dilate: str | None = None
     compressibility: str | None = None
 
+    @property
+    def text(self):
+        """The line from the integrator's name on."""
+        return self.line.text
+
     def pressure_of(self, part):
         """The words (PSTART, PSTOP, PDAMP) for an axis or a tilt, x, y, z, xy, xz or yz; None if it
         does not change."""
@@ -176,20 +220,18 @@ class Command:
 
     def wrong(self, what):
         """The error for words that cannot be for these bodies, or for this integrator."""
-        return _Words(self.text).wrong(what)
+        return self.line.wrong(what)
 
     @classmethod
-    def parse(cls, text, own=()):
-        """Read the words after the class.
+    def parse(cls, line, own=()):
+        """Read a `Line`.
 
         Args:
-            text: the words.  own: which of `OWN_KEYWORDS` the class has.
+            line: the line.  own: which of `OWN_KEYWORDS` the class has.
         Raises:
-            RunError: naming the word, what was expected, and what to do; Unfinished, which is one,
-                where words are missing.
+            RunError: naming the word, what was expected, and what to do.
         """
-        words = _Words(text)
-        words.take("a class")
+        words = _Words(line)
         group = words.take("the ID of a group and a body style (" + STYLES + ")")
         style, arguments = _body_style(words)
         entries = {entry.split()[0]: entry for entry in (*KEYWORDS, *own)}
@@ -199,18 +241,18 @@ class Command:
             _read_keyword(words, values, entries, known)
         split = [keyword for keyword in ("mrot", "order") if keyword in values]
         if split and values.setdefault("rotor", "split") == "exact":
-            raise words.wrong(
+            raise line.wrong(
                 f"keyword {split[0]} says how the rotation is split, and rotor exact splits none: "
                 "leave one of them out"
             )
         if "infile" in values:
             # as in fix rigid: the file is the start, not the state of later runs
             values["reinit"] = False
-        _check_thermostat(words, values, known)
-        _check_trajectories(words, values, known)
-        _check_quench(words, values, known)
-        _check_pressure(words, values, known)
-        return cls(text, group, style, arguments, **values)
+        _check_thermostat(line, values, known)
+        _check_trajectories(line, values, known)
+        _check_quench(line, values, known)
+        _check_pressure(line, values, known)
+        return cls(line, group, style, arguments, **values)
 
 
 def _body_style(words):
@@ -270,73 +312,73 @@ def _read_keyword(words, values, entries, known):
         values[keyword] = _READ[entry](words, expected)
 
 
-def _check_pressure(words, values, known):
+def _check_pressure(line, values, known):
     """Raise an error if the words of a barostat do not go together."""
     if "iso" not in known:
         return
     given = set(values.get("pressure", ()))
     if not given:
-        raise words.wrong(
+        raise line.wrong(
             "the pressure is missing: give iso, aniso, tri, or some of x, y, z, xy, xz, yz "
             + OWN_KEYWORDS["iso"]
         )
     if len(given & {"iso", "aniso", "tri"}) > (not given & set("xyz")) or (
         "tri" in given and given & set(TILTS)
     ):
-        raise words.wrong(
+        raise line.wrong(
             "of the keywords iso, aniso, tri and x, y, z only one kind can stand; "
             "tilts xy, xz, yz beside another kind than tri"
         )
     if {"xy", "yz"} <= given and "xz" not in given:
-        raise words.wrong("where tilts xy and yz change, xz follows them: give xz, too")
+        raise line.wrong("where tilts xy and yz change, xz follows them: give xz, too")
     if "iso" in given and "couple" in values:
-        raise words.wrong("keyword couple is for aniso and x, y, z: iso couples all axes")
+        raise line.wrong("keyword couple is for aniso and x, y, z: iso couples all axes")
     couple = values.get("couple", "none")
     if not (couple == "none" or given & {"aniso", "tri"} or given >= set(couple)):
-        raise words.wrong(f"keyword couple {couple}: give each of these axes")
+        raise line.wrong(f"keyword couple {couple}: give each of these axes")
     if "compressibility" in values and values.get("barostat") == "mtk":
-        raise words.wrong("keyword compressibility is of no use to this barostat: leave it out")
+        raise line.wrong("keyword compressibility is of no use to this barostat: leave it out")
 
 
-def _check_thermostat(words, values, known):
+def _check_thermostat(line, values, known):
     """Raise an error if the words of a thermostat do not go together."""
     if "thermostat" not in known:
         return
     if "temp" not in values:
-        raise words.wrong(f"keyword temp is missing: give it {OWN_KEYWORDS['temp']}")
+        raise line.wrong(f"keyword temp is missing: give it {OWN_KEYWORDS['temp']}")
     thermostat = values.get("thermostat", THERMOSTATS[0])
     chains = thermostat == "nh"
     rescales = "iso" in known and values.get("barostat", BAROSTATS[0]) == "crescale"
     draws = "barostat" if rescales else "" if chains else "thermostat"
     if draws and "seed" not in values:
-        raise words.wrong(
+        raise line.wrong(
             f"keyword seed is missing: this {draws} draws random numbers, so give it "
             + OWN_KEYWORDS["seed"]
         )
     for keyword, serves in ("seed", draws), ("tchain", chains):
         if keyword in values and not serves:
-            raise words.wrong(f"keyword {keyword} is of no use to this thermostat: leave it out")
+            raise line.wrong(f"keyword {keyword} is of no use to this thermostat: leave it out")
     if values.get("separate") and thermostat == "langevin":
-        raise words.wrong(
+        raise line.wrong(
             "keyword separate is for thermostats csvr and nh: "
             "langevin acts on each motion by itself"
         )
 
 
-def _check_trajectories(words, values, known):
+def _check_trajectories(line, values, known):
     """Raise an error if words that trajectories need are missing."""
     if "steps" in known:
         for keyword in "temp", "steps", "seed":
             if keyword not in values:
-                raise words.wrong(f"keyword {keyword} is missing: give it {known[keyword]}")
+                raise line.wrong(f"keyword {keyword} is missing: give it {known[keyword]}")
 
 
-def _check_quench(words, values, known):
+def _check_quench(line, values, known):
     """Raise an error if a tolerance is missing; have moments that serve a quench."""
     if "dmax" in known:
         for keyword in "force", "torque":
             if keyword not in values.get("quench", ()):
-                raise words.wrong(
+                raise line.wrong(
                     f"keyword {keyword} is missing: give it the largest {keyword} on a body that "
                     f"may be left at the end, {_NUMBER}"
                 )
@@ -346,17 +388,17 @@ def _check_quench(words, values, known):
 class _Words:
     """The words of a fix line, taken one after the other."""
 
-    def __init__(self, text):
-        self.text, self.left = text, text.split()
+    def __init__(self, line):
+        self.line, self.left = line, list(line.words)
 
-    def wrong(self, what, kind=RunError):
-        """An error that shows the line."""
-        return kind(f'{what} (in "fix_nosquish.{self.text}")', everywhere=True)
+    def wrong(self, what):
+        """An error about the last word that was taken."""
+        return self.line.wrong(what, len(self.line.words) - len(self.left) - 1)
 
     def take(self, expected):
         """The next word."""
         if not self.left:
-            raise self.wrong(f"the fix line ends where {expected} is expected", Unfinished)
+            raise self.line.wrong(f"the fix line ends where {expected} is expected")
         return self.left.pop(0)
 
     def whole(self, expected, most=2**63):

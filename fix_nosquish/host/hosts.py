@@ -36,6 +36,12 @@ class Host(Protocol):
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
         forces_virial, set_box, flip_box: as `cell.Barostat` has them; None where LAMMPS does not
             give them.
+        held: the bit of the group whose atoms move with the box, if a fix shake or rattle holds
+            some of them; else 0.
+        counts: whether the cell `counted_f` is filled in steps that tally the pressure, with the
+            forces before those of fixes; what shake and rattle do is then left out of the virial.
+        find_clusters: (2,) address of a function that fills the cell `clusters` of these atoms, and
+            its argument; set_box does so before it changes the box.  None where LAMMPS has none.
         turn_atom: (2,) int64, the address of a function that gives an atom an orientation, and its
             first argument; those behind are the atom's index and the address of a quaternion.  None
             where LAMMPS has none.
@@ -68,9 +74,12 @@ class Host(Protocol):
     last_step: int
     span: tuple | None
     changes_box: int
+    held: int
+    counts: int
     forces_virial: np.ndarray | None
     set_box: np.ndarray | None
     flip_box: np.ndarray | None
+    find_clusters: np.ndarray | None
     told_box: np.ndarray | None
     rate: np.ndarray | None
     stream_group: int
@@ -91,8 +100,29 @@ class Host(Protocol):
             0, 0; principal moments of a triangle; 0 for others. None where they cannot be known.
         """
 
+    def inserted(self):
+        """The molecules that other fixes have inserted as rigid bodies since this was last asked.
+
+        Returns:
+            (k, 10) of each the highest ID of an atom before it, how many atoms it got on this rank,
+            which of the template's molecules it is, its velocity, and how it was turned: a
+            quaternion.
+        """
+
+    def molecule(self, number):
+        """A molecule of the template: its geometric centre, mass, centre of mass and tensor of
+        inertia (xx yy zz yz xz xy), (13,), with no number for what is not known; None where nothing
+        is."""
+
     def removed_freedom(self, fix_id, group):
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
+
+    def varies(self, fix_id):
+        """Whether another fix has numbers of its own for each atom, as a field of an atom-style
+        variable; not with a LAMMPS's own fix python/move, which knows no other fix."""
+
+    def pair_style(self, first):
+        """Whether a pair style whose name begins with this is in use, perhaps in a hybrid style."""
 
     def gravity(self, fix_id):
         """The acceleration that another fix gives, (3,), as it is at any time; None if none."""
@@ -102,6 +132,10 @@ class Host(Protocol):
 
     def begin_run(self, virial):
         """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""
+
+    def cut_cluster(self):
+        """The ID of an atom of `held` on this rank with which others are held that are not in that
+        group, 0 if there is none; collective."""
 
     def set_bodies(self, body, mass):
         """Lend LAMMPS the body of each atom and the mass of each body; None, None ends that."""

@@ -24,7 +24,7 @@ _TURNS = (
 _EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
 _STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
 
-# LAMMPS's arrays as loops take them; the plugin has the same order
+# LAMMPS's arrays as loops take them, and two that the plugin makes for `free_atoms`, in its order
 ARRAYS = {
     "atom_x": F2,
     "atom_v": F2,
@@ -41,6 +41,8 @@ ARRAYS = {
     "atom_virial": F2,
     "atom_angmom": F2,
     "atom_mu": F2,
+    "clusters": F2,
+    "counted_f": F2,
 }
 
 

@@ -23,6 +23,7 @@ class OwnFix:
     """
 
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
+    find_clusters, held, counts = None, 0, 0
     begins = energy_step = stop = turn_atom = rate = None
     stream_group = 0
     calls_setup = follows = velocities_set = scalar_pressure = False
@@ -53,8 +54,14 @@ class OwnFix:
     def shapes(self, natoms):
         return None
 
+    def inserted(self):
+        return np.empty((0, 10))
+
     def removed_freedom(self, fix_id, group):
         return 0
+
+    def pair_style(self, first):
+        return False  # not known
 
     def gravity(self, fix_id):
         return None

@@ -22,8 +22,9 @@ from ..box.cell import (
 )  # fmt: skip
 from ..errors import RunError
 from ..host.command import PRESSURES, TILTS
-from ..loops.compiled import F1, L1, Cell
-from ..run.other_fixes import READERS
+from ..host.hosts import hook
+from ..loops.compiled import F1, L1, Cell, I
+from ..run.other_fixes import READERS, WITH_SWITCHES
 from .constant_temperature import ConstantTemperature
 
 AXES = "xyz"
@@ -33,6 +34,10 @@ PARTS, FEWEST_PARTS = 50, 20
 # fixes that change forces, but not the mean of what these do within bodies, or not along an axis
 # that can change
 _HARMLESS = (*READERS, "langevin", "temp/", "viscous", "gravity", "enforce2d", "property/", "wall/")
+# fixes that hold atoms together by forces, and those that place the atoms of their group
+_CLUSTERS = "shake", "rattle"
+_PLACES = "rigid", "poems", "move"
+_NOISE = "langevin", "qtb", "ttm", "gld"  # fixes whose forces are random
 KEYWORDS = (*PRESSURES, "couple", "every", "dilate")  # without a thermostat
 WITH_TEMPERATURE = (*ConstantTemperature.keywords, *KEYWORDS, "barostat", "compressibility")
 COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
@@ -62,6 +67,19 @@ class ConstantPressure(ConstantTemperature):
         self._choose_every()
         return super().own_parameters()
 
+    @hook
+    def setup(self, vflag):
+        """As of `Integrator`; an error for keyword dilate with a part of what shake holds."""
+        if self.host.held:
+            atom = self.host.cut_cluster()
+            self.communicator.agree(
+                f"fix shake or rattle holds atom {atom}, which keyword dilate moves with the box, "
+                "together with an atom that is not in its group: have both in that group, or none"
+                if atom
+                else None
+            )
+        super().setup(vflag)
+
     def _choose_every(self):
         """Say in which steps the box changes."""
         dt, damping = self.lammps.dt, self.damping
@@ -89,13 +107,13 @@ class ConstantPressure(ConstantTemperature):
     def _warnings_of_forces(self):
         """Lines on fixes whose forces LAMMPS's virial lacks; collective.
 
-        The pressure takes from it what all forces do within bodies, and on atoms that stay.
+        The pressure takes from it what all forces do within bodies.
         """
         for fix in self.other_fixes:
             harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
             if not fix.post_force or fix.virial_in_press or harmless:
                 continue
-            if self.acts_on_bodies(fix) or (self.has_others and self._hits_what_stays(fix)):
+            if self.acts_on_bodies(fix):
                 remedy = (
                     f"use 'fix_modify {fix.id} virial yes'"
                     if fix.has_virial
@@ -109,12 +127,17 @@ class ConstantPressure(ConstantTemperature):
 
     def complaint(self, found):
         if found == OUT_OF_BOUNDS:
+            rare = (
+                f"Give keyword every 1: the box changes in one of {self.every} steps now. Without "
+                "this keyword a longer PDAMP does not help, because the box then changes more "
+                "rarely. If it is not enough, give a longer PDAMP, too"
+            )
             return (
                 f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
                 f"tilt by more than an edge, by step {self.lammps.step}: the pressure is far from "
-                "the one asked for, or PDAMP is too short. Bring the system near this pressure at "
-                "constant volume or with a longer PDAMP first, or give keyword every a smaller "
-                "number"
+                "the one asked for, or PDAMP is too short. "
+                f"{'Give a longer PDAMP' if self.every == 1 else rare}, or bring the system near "
+                "this pressure at constant volume first"
             )
         return super().complaint(found)
 
@@ -143,8 +166,8 @@ class ConstantPressure(ConstantTemperature):
                 everywhere=True,
             )
         self.has_others = outside > 0
-        if self.has_others:
-            self._refuse_changed_forces()
+        self._look_at_constraints()
+        self._look_at_forces()
         flat = {"z", "xz", "yz"} & {*self.command.pressure, self.command.couple}
         if lammps.dimension == 2 and flat:
             raise RunError(
@@ -152,9 +175,7 @@ class ConstantPressure(ConstantTemperature):
                 everywhere=True,
             )
         if self.command.force or self.command.torque:
-            raise RunError(
-                "keywords force and torque are for a box that does not change", everywhere=True
-            )
+            raise RunError(WITH_SWITCHES, everywhere=True)
         if self.flips and not lammps.setting("triclinic"):
             raise RunError(
                 "keywords tri, xy, xz, yz are for a triclinic box, and this one is orthogonal: use "
@@ -176,35 +197,87 @@ class ConstantPressure(ConstantTemperature):
                     everywhere=True,
                 )
 
-    def _refuse_changed_forces(self):
-        """Raise an error if forces on atoms that stay are not those of LAMMPS's virial."""
-        for fix in self.other_fixes:
-            changes = fix.style.startswith(("setforce", "aveforce", "freeze"))
-            if changes and self._hits_what_stays(fix):
+    def _look_at_constraints(self):
+        """Find out whether fixes hold atoms together that move with the box; collective.
+
+        Raises:
+            RunError: for a fix that would not let the box move them.
+        """
+        deciding = [fix for fix in self.other_fixes if self._holds_what_moves(fix)]
+        for fix in deciding:
+            if not fix.style.startswith(_CLUSTERS):
                 raise RunError(
-                    f"fix {fix.id} changes forces on atoms that stay where they are when the box "
-                    "changes, and the pressure needs these forces: leave that fix out (atoms that "
-                    "no fix integrates do not move), or have keyword dilate take the atoms along",
+                    f"fix {fix.id} (style {fix.style}) says where atoms are that keyword dilate "
+                    "moves with the box, and does not follow it: have this fix move their bodies, "
+                    "too, or leave them out of the group of keyword dilate",
                     everywhere=True,
                 )
+        self.host.held = int(self._dilated) if deciding else 0
 
-    def _hits_what_stays(self, fix):
-        """Whether a fix acts on atoms that stay where they are when the box changes; collective."""
+    def _holds_what_moves(self, fix):
+        """Whether a fix decides where atoms in no body are that move with the box; collective."""
+        decides = fix.constrains or fix.style.startswith((*_CLUSTERS, *_PLACES))
+        return decides and self._hits(fix, moving=True)
+
+    def _look_at_forces(self):
+        """Find out whether fixes change forces that LAMMPS's virial does not count, on atoms whose
+        own virial is taken from it; collective.
+
+        Raises:
+            RunError: if other fixes change forces on these that it counts.
+        """
+        changing = [
+            fix
+            for fix in self.other_fixes
+            if fix.post_force and not fix.style.startswith((*READERS, *_CLUSTERS))
+        ]
+        noisy = any(f.style.startswith(_NOISE) and self.acts_on_bodies(f) for f in changing)
+        counted, others = [], []
+        for fix in changing:
+            held = self.host.held and self._hits(fix, moving=True)
+            if held or self._hits(fix, moving=False) or (noisy and self.acts_on_bodies(fix)):
+                (counted if fix.virial_in_press else others).append(fix.id)
+        if counted and others:
+            raise RunError(
+                f"fixes {counted[0]} and {others[0]} both change forces on atoms of bodies, or "
+                "that shake holds, or that stay where they are when the box changes, and the "
+                "virial counts those of the first one only. If the second one is a thermostat, "
+                "take another one that changes velocities, such as fix_nosquish.NPT for bodies "
+                "and fix nvt or temp/csvr for other atoms; else leave one of them out",
+                everywhere=True,
+            )
+        self.host.counts = bool(others)
+
+    @property
+    def _dilated(self):
+        """The bit of keyword dilate's group, as LAMMPS has it in an int."""
+        return np.array([self.lammps.group_bit(self.command.dilate)], np.uint32).view(np.int32)[0]
+
+    def _hits(self, fix, moving):
+        """Whether a fix acts on atoms in no body that move with the box, or on those that do not;
+        collective."""
+        if not self.has_others:
+            return False
         groups = self.lammps.groups
-        stays = (groups & self.lammps.group_bit(self.command.dilate)) == 0
-        stays[self.bodies.index] = False
-        return self.communicator.any(fix.has(groups[stays]).any())
+        some = (groups & self.lammps.group_bit(self.command.dilate) != 0) == moving
+        some[self.bodies.index] = False
+        return self.communicator.any(fix.has(groups[some]).any())
 
     def loops_of_others(self, cells):
         """Loops for atoms that are in no body: what they say of the pressure, and what moves them
         with the box; two lists, empty where there are none."""
         if not self.has_others:
             return [], []
-        bit = np.array([self.lammps.group_bit(self.command.dilate)], np.uint32).view(np.int32)[0]
-        return (
-            [free_atoms.virial_of_others.bind_to(cells, dilated=int(bit))],
-            [free_atoms.move_others.bind_to(cells, dilated=int(bit))],
-        )
+        cells = cells | {"dilated": Cell(I, self._dilated)}
+        seen = [free_atoms.virial_of_others.bind_to(self.counted(cells))]
+        if self.host.held:
+            finder = {"cluster_finder": self.host.find_clusters}
+            seen = [free_atoms.find_clusters.bind_to(cells, **finder), *seen]
+        return seen, [free_atoms.move_others.bind_to(cells)]
+
+    def counted(self, cells):
+        """Cells whose forces are those that LAMMPS's virial counts."""
+        return cells | {"atom_f": cells["counted_f" if self.host.counts else "atom_f"]}
 
     @property
     def axes(self):

@@ -21,7 +21,8 @@ from ..loops.compiled import L1, Cell, inlined
 from ..motion.operations import PARAMETERS
 from ..motion.philox import words
 from ..run import thermo
-from ..run.integrator import Integrator
+from ..run.integrator import Integrator, Phase
+from ..run.other_fixes import pushing_pair_style
 
 # the parameters behind those of `operations`: damping rate; temperature at the begin and the end of
 # the run, and now, as energies in mass times velocity squared; the step, and which of its draws the
@@ -29,9 +30,11 @@ from ..run.integrator import Integrator
 RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, HEAT, COMMON = range(PARAMETERS, PARAMETERS + 10)
 BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
 # numbers of a restart file: what they are; the energy that the bodies have given; how often the
-# step counter has gone back, and where it was; the thermostat's own
-KIND, ENERGY, TIMES_BACK, WAS_AT, OWN = range(5)
+# step counter has gone back, and where it was; `waiting`, nan for None; the thermostat's own
+KIND, ENERGY, TIMES_BACK, WAS_AT, KICK, OWN = range(6)
+_UNIFORM = "efield", "efield/tip4p"  # fixes of a field that is the same everywhere, or varies
 NEUTRAL = 1e-6  # the charge that a neutral whole has, of rounding
+CHANGED = 0.1  # of what the total momentum has of heat, by which it has changed in a run for sure
 DRIFT = 1e-3  # of the kinetic energy, what that of the total momentum is without a warning
 # the system's draws: of translation and of rotation, or both; of the barostat
 OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
@@ -92,10 +95,11 @@ class ConstantTemperature(Integrator):
     keywords = "temp", "thermostat", "seed", "tchain", "separate", "moments"
     method = "NO_SQUISH"
     _held = 0  # degrees of freedom of the total momentum, if that is taken as zero
+    _part = 0.0  # of the kinetic energy that is of the total momentum as a run begins
 
-    def __init__(self, ptr, words):
-        super().__init__(ptr, words)
-        self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, *self.own_state()])
+    def __init__(self, ptr, line):
+        super().__init__(ptr, line)
+        self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, np.nan, *self.own_state()])
         self._energy = 0.0  # given before this run, in all
 
     def own_state(self):
@@ -125,8 +129,14 @@ class ConstantTemperature(Integrator):
         free = np.array([mask[:dimension].sum(axis=0), of_rotation * turns])[:, owned].sum(axis=1)
         missing = dimension * owned.sum() - free[0] + len(lammps.groups) - len(bodies.index)
         *free, missing = self.communicator.total(np.array([*free, missing]))
-        held = dimension if self.keeps_momentum and not (missing or self._is_pushed) else 0
+        pushed_by = "atoms in no body, or components that are off" if missing else self._pushed_by()
+        held = dimension if self.keeps_momentum and not pushed_by else 0
         self._held = held
+        if self.keeps_momentum:
+            self._left = sum(free) - held
+            others = f"with the total momentum ({pushed_by})"
+            momentum = others if pushed_by else "without the total momentum"
+            self.freedom_said = f" of {self._left:.0f} degrees of freedom, {momentum}"
         if not sum(free) > held and not self.command.mol:
             raise RunError(
                 f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
@@ -135,14 +145,18 @@ class ConstantTemperature(Integrator):
             )
         return np.array([max(free[0] - held, 0.0), free[1]])
 
-    @property
-    def _is_pushed(self):
-        """Whether something outside pushes the bodies, so that their momentum changes."""
-        return self.gravity is not None or any(map(self._pushes, self.other_fixes.pushing()))
+    def _pushed_by(self):
+        """What may change the bodies' total momentum, None if nothing does; collective."""
+        if self.gravity is not None:
+            return "keyword gravity"
+        if style := pushing_pair_style(self.host, self.lammps.setting("newton_pair")):
+            return f"pair style {style}"
+        found = next(filter(self._pushes, self.other_fixes.pushing()), None)
+        return found and f"fix {found.id}"
 
     def _pushes(self, fix):
-        """Whether another fix changes the bodies' total momentum; collective."""
-        if not fix.style.startswith("efield"):
+        """Whether another fix may change the bodies' total momentum; collective."""
+        if fix.style not in _UNIFORM or self.host.varies(fix.id):
             return self.acts_on_bodies(fix)
         atoms, charge = self.membership.atoms(), self.lammps.per_atom("q")
         inside = atoms[fix.has(self.lammps.groups[atoms])]
@@ -152,20 +166,38 @@ class ConstantTemperature(Integrator):
     @property
     def own_warnings(self):
         """A line on a total momentum that is taken as zero and is not; collective."""
-        if not self._held:
+        self._part = self._part_of_momentum() if self._held else 0.0
+        if not self._part > DRIFT:
             return ()
+        return (
+            f"WARNING: the bodies' total momentum has {self._part:.2g} of their kinetic "
+            "energy, which counts as heat here: what is left is colder. Take it off before the "
+            "run: velocity ... zero linear",
+        )
+
+    def _part_of_momentum(self):
+        """The part of the kinetic energy that is of the total momentum; collective."""
         bodies, owned = self.bodies, self.bodies.sharers.owned
         mass, v = bodies.mass[owned], bodies.v[:, owned]
         whole, *momentum = self.communicator.total(np.array([mass.sum(), *(mass * v).sum(axis=1)]))
         kinetic = thermo.energies(bodies, self.communicator, self.lammps)[:2].sum()
-        part = 0.5 * self.lammps.mvv2e * np.square(momentum).sum() / whole
-        if not part > DRIFT * kinetic:
-            return ()
-        return (
-            f"WARNING: the bodies' total momentum has {part / kinetic:.2g} of their kinetic "
-            "energy, which counts as heat here: what is left is colder. Take it off before the "
-            "run: velocity ... zero linear",
-        )
+        return 0.5 * self.lammps.mvv2e * np.square(momentum).sum() / (whole * kinetic or np.inf)
+
+    @hook
+    def post_run(self):
+        """As of `Integrator`; say if the total momentum was taken as constant and has changed."""
+        ran = self.phase != Phase.NEW
+        super().post_run()
+        if not (ran and self._held and self.thermostat) or self._part > DRIFT:
+            return
+        part, of_heat = self._part_of_momentum(), self._held / (self._held + self._left)
+        if part > 4.0 * self._part + CHANGED * of_heat:
+            self.host.log(
+                "WARNING: something has changed the bodies' total momentum in this run, which has "
+                f"{part:.2g} of their kinetic energy now. The thermostat took it as constant, so "
+                f"the bodies are too cold, by up to {of_heat:.2g} of their temperature: use "
+                "thermostat langevin, which does not count degrees of freedom\n"
+            )
 
     def temperature(self):
         """The temperature at the begin and at the end of the run, and the rate of damping."""
@@ -196,6 +228,7 @@ class ConstantTemperature(Integrator):
                 state[WAS_AT] = self.parameters[STEP]
         elif np.isfinite(state[ENERGY]):
             self._energy, self.own_state()[:] = state[ENERGY], state[OWN:]
+            self.waiting = None if np.isnan(state[KICK]) else state[KICK]
         if self.lammps.step < state[WAS_AT]:
             state[TIMES_BACK] += 1
             state[WAS_AT] = self.lammps.step
@@ -248,4 +281,7 @@ class ConstantTemperature(Integrator):
         """LAMMPS writes a restart file: have the state ready for it; collective."""
         if self.passes:  # else it is what the last restart file had
             self.restart_state[[ENERGY, WAS_AT]] = self.energy(), self.lammps.step
+            self._stepped |= self.steps_made
+            self._note_waiting()
+            self.restart_state[KICK] = np.nan if self.waiting is None else self.waiting
             self.restart_state[OWN:] = self.own_state()

@@ -213,7 +213,7 @@ class StochasticCell(ConstantPressure):
     def cell_loops(self, cells):
         seen, moved = self.loops_of_others(cells)
         behind = [*seen, end_change.bind_to(cells)]
-        pressure = [cell.virial_about_centres.bind_to(cells), *behind]
+        pressure = [cell.virial_about_centres.bind_to(self.counted(cells)), *behind]
         return pressure, [rescale_cell.bind_to(cells), *moved]
 
     def own_numbers(self):

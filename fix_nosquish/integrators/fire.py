@@ -206,9 +206,9 @@ class FIRE(Integrator):
         "Move them apart by a little before the fix line (displace_atoms ... random)"
     )
 
-    def __init__(self, ptr, words):
+    def __init__(self, ptr, line):
         self.of_all = np.zeros(len(QUENCHES))
-        super().__init__(ptr, words)
+        super().__init__(ptr, line)
 
     def own_parameters(self):
         if self.host.stop is None:

@@ -43,6 +43,7 @@ from ..motion.philox import minus_log, words
 from ..motion.step import move_to_images, place
 from ..run import thermo
 from ..run.integrator import Integrator, Phase
+from ..run.other_fixes import pushing_pair_style
 from .constant_temperature import ALL_BODIES, KEY_0, KEY_1, KT, STEP, key_of
 from .langevin import WORK, thermalise
 from .nve import NVE
@@ -120,8 +121,8 @@ class HMC(NVE):
     kind: ClassVar = float(crc32(b"HMC 7"))
     _has_warned = False
 
-    def __init__(self, ptr, words):
-        super().__init__(ptr, words)
+    def __init__(self, ptr, line):
+        super().__init__(ptr, line)
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
 
     def own_parameters(self):
@@ -189,6 +190,12 @@ class HMC(NVE):
             raise RunError(
                 "hybrid Monte Carlo needs forces that do not depend on velocities, and ghost atoms "
                 "have some here: leave out pair styles with friction, and comm_modify vel yes",
+                everywhere=True,
+            )
+        if style := pushing_pair_style(self.host, newton=True):
+            raise RunError(
+                f"pair style {style} has friction or noise, which no energy tests: leave it out, "
+                "or use fix_nosquish.NVT with thermostat langevin",
                 everywhere=True,
             )
         for mate in self.mates:

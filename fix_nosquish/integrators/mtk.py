@@ -345,7 +345,8 @@ class Mtk(ConstantPressure):
 
     def cell_loops(self, cells):
         seen, _ = self.loops_of_others(cells)
-        return [cell.virial_about_centres.bind_to(cells), *seen, see_virial.bind_to(cells)], []
+        of_bodies = cell.virial_about_centres.bind_to(self.counted(cells))
+        return [of_bodies, *seen, see_virial.bind_to(cells)], []
 
     def loops_behind(self, cells):
         return self.loops_of_others(cells)[1]

@@ -16,11 +16,11 @@ class NPT:
     def __init_subclass__(cls):
         raise TypeError("NPT only chooses a class: derive from a class of npt_crescale or npt_mtk")
 
-    def __new__(cls, ptr, words):
-        command = Command.parse(words, cls.keywords)
+    def __new__(cls, ptr, line):
+        command = Command.parse(line, cls.keywords)
         if command.barostat == "mtk":
             from . import npt_mtk as module
         else:
             from . import npt_crescale as module
         langevin = command.thermostat == "langevin"
-        return (module.LangevinNPT if langevin else module.RescalingNPT)(ptr, words)
+        return (module.LangevinNPT if langevin else module.RescalingNPT)(ptr, line)

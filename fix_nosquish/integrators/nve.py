@@ -24,8 +24,8 @@ class NVE(Integrator):
     method, splits, keywords = "NO_SQUISH", True, ("shadow",)
     crosses = True
 
-    def __init__(self, ptr, words):
-        super().__init__(ptr, words)
+    def __init__(self, ptr, line):
+        super().__init__(ptr, line)
         self.shadow = ShadowEnergy(self) if self.command.shadow else None
         if self.shadow:
             if (self.splitting, self.operations) != (NVE.splitting, NVE.operations):

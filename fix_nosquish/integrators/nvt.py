@@ -16,9 +16,9 @@ class NVT:
     def __init_subclass__(cls):
         raise TypeError("NVT only chooses a class: derive from Langevin or Rescaling")
 
-    def __new__(cls, ptr, words):
-        if Command.parse(words, cls.keywords).thermostat == "langevin":
+    def __new__(cls, ptr, line):
+        if Command.parse(line, cls.keywords).thermostat == "langevin":
             from .langevin import Langevin as chosen
         else:
             from .rescaling import Rescaling as chosen
-        return chosen(ptr, words)
+        return chosen(ptr, line)

@@ -24,6 +24,7 @@ raises no exception; it returns nothing or an integer.  Nothing checks its indic
 import ctypes
 import math
 import operator
+import sys
 from functools import partial, update_wrapper
 from typing import NamedTuple
 
@@ -201,13 +202,34 @@ def loop(function):
     return Loop(function)
 
 
+def annotations(of):
+    """The annotations of a function or a class, by names, in whatever form Python keeps them.
+
+    Raises:
+        TypeError: for a text that tells nothing, as `from __future__ import annotations` leaves it.
+    """
+    known = getattr(of, "__globals__", None) or vars(sys.modules[of.__module__])
+    found = {}
+    for name, note in of.__annotations__.items():
+        text = note if isinstance(note, str) else getattr(note, "__forward_arg__", None)
+        try:
+            found[name] = note if text is None else eval(text, known)
+        except NameError as error:
+            raise TypeError(
+                f"{of.__qualname__}: the annotation {text} of {name} means nothing in its module "
+                f"({error}): import or define it there, or leave out 'from __future__ import "
+                "annotations'"
+            ) from None
+    return found
+
+
 class Loop:
     """A compiled loop: call it, or `bind` it to arguments that stay the same."""
 
     def __init__(self, function):
         update_wrapper(self, function)
         self.name = f"{function.__module__}.{function.__qualname__}"
-        notes = function.__annotations__
+        notes = annotations(function)
         self.returns = bool(notes.get("return"))
         self.parameters = {name: what for name, what in notes.items() if name != "return"}
         arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
@@ -217,7 +239,7 @@ class Loop:
             )
         self.kinds = {}  # of the parameters and of the fields of bundles
         for name, what in self.parameters.items():
-            self.kinds |= {name: what} if isinstance(what, Kind) else what.__annotations__
+            self.kinds |= {name: what} if isinstance(what, Kind) else annotations(what)
         self.machine_code = None
         self.module = module_of(function)
         self.module.loops.append(self)

@@ -1,8 +1,8 @@
 """From the loops of `compiled.Loop` to LLVM's bitcode, by numba: for any processor of this kind.
 
-    python -m fix_nosquish.loops.lower MODULE ...
+    python -m fix_nosquish.loops.lower FILE MODULE ...
 
-writes to standard output a pickled dictionary from the modules' names to the bitcode of their
+writes to the open file of this number a pickled dictionary from the modules' names to the bitcode of their
 loops.  It is a process of its own: numba's memory, and the level at which it works, end with it.
 Only the public interfaces of numba and llvmlite are used.
 """
@@ -143,7 +143,7 @@ def _entry(loop):
         if isinstance(what, compiled.Kind):
             arguments.append(f"{what.name}(cells[{next(places)}])")
         else:
-            kinds = what.__annotations__.values()
+            kinds = compiled.annotations(what).values()
             fields = [f"{kind.name}(cells[{next(places)}])" for kind in kinds]
             arguments.append(f"{what.__name__}({', '.join(fields)})")
             known[what.__name__] = what

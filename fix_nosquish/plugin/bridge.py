@@ -20,7 +20,9 @@ from ctypes import (
     pythonapi,
 )
 
+from .. import of_style
 from ..errors import RunError
+from ..host.command import Line
 from .host import LISTS, Host
 from .structs import CHECKSUM, DONE, FAILED_ALIKE, FAILED_HERE, NEW, Bridge
 
@@ -55,6 +57,8 @@ def failed(bridge, problem):
             trace = problem.__traceback__.tb_next  # from the class's own frame on
             sys.stderr.write("".join(traceback.format_exception(kind, problem, trace)))
             sys.stderr.flush()
+    argument = getattr(problem, "argument", None)
+    bridge.argument = -1 if argument is None else argument
     room = Bridge.message.size - 1
     bridge.message = text.encode(errors="replace")[:room].decode(errors="ignore").encode()
     return FAILED_ALIKE if alike else FAILED_HERE
@@ -92,9 +96,20 @@ def attach(address):
 
 
 def _construct(bridge):
-    """Import, look up and call what the fix line names, as LAMMPS's own fix python/move does."""
-    target = bridge.target.decode()
-    module_name, dot, name = target.rpartition(".")
+    """Make the instance that the fix line names."""
+    style, *words = bridge.line.decode().split("\n")
+    capsule = new_capsule(bridge.lammps, None, None)
+    if style == "python/move":
+        return _of_target("\n".join(words), capsule)
+    line = Line.native(bridge.fix_id.decode(), bridge.group.decode(), style, words)
+    return of_style(style)(capsule, line)
+
+
+def _of_target(target, capsule):
+    """Import, look up and call "module.class words", as LAMMPS's own fix python/move does."""
+    place, space, words = target.partition(" ")
+    module_name, dot, name = place.rpartition(".")
+    name += space + words
     if "." not in sys.path:
         sys.path.append(".")
     try:
@@ -117,7 +132,7 @@ def _construct(bridge):
         if isinstance(getattr(module, first, None), type) and not hasattr(module, "__getattr__"):
             text += f". Have in it: __getattr__ = fix_nosquish.of_fix_line({first})"
         raise RunError(text, everywhere=True) from None
-    instance = factory(new_capsule(bridge.lammps, None, None))
+    instance = factory(capsule)
     for method in REQUIRED:
         if not callable(getattr(instance, method, None)):
             raise RunError(f"{target!r} has no method {method}()", everywhere=True)
@@ -215,6 +230,8 @@ def _release(address):
     for name in (*LISTS, "body", "masstotal", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
     bridge.may_wait = False
+    if hasattr(instance, "let_go"):  # what a driver still holds must not reach into freed memory
+        instance.let_go()
 
 
 @atexit.register

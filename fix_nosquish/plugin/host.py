@@ -34,6 +34,7 @@ class OtherFix(NamedTuple):
     post_force: bool  # it may change forces
     has_virial: bool  # it knows the virial of its forces
     virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
+    moves: bool  # it may change positions before the forces of a step, and integrates none
 
     def has(self, groups):
         """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
@@ -64,7 +65,8 @@ class Host:
     has_virial = False  # not known early
     phase, velocities_set = _shared("phase", int), _shared("velocities_set", bool)
     vflag, changes = _shared("vflag", int), _shared("changes", int)
-    changes_box = _shared("changes_box", int)
+    changes_box, held = _shared("changes_box", int), _shared("held", int)
+    counts = _shared("counts", int)
     begins, energy_step = _shared("begins", int), _shared("energy_step", int)
     stream_group = _shared("stream_group", int)
     renews, energy = _shared("renews", int), _shared("energy", float)
@@ -80,9 +82,12 @@ class Host:
         self.forces_virial = as_array(bridge.forces_virial, (6,))
         self.told_box = as_array(bridge.told_box, (9,))
         self.rate = as_array(bridge.rate, (6,))
-        self.set_box, self.flip_box, self.stop, self.turn_atom = (
+        self.set_box, self.flip_box, self.find_clusters, self.stop, self.turn_atom = (
             np.array([cast(function, c_void_p).value, bridge.fix or 0])
-            for function in (bridge.set_box, bridge.flip_box, bridge.stop, bridge.turn)
+            for function in (
+                *(bridge.set_box, bridge.flip_box, bridge.find_clusters),
+                *(bridge.stop, bridge.turn),
+            )
         )
         self.span = tuple(as_array(step, (1,)) for step in (bridge.begin_step, bridge.end_step))
         self._keep, self._point = (
@@ -121,8 +126,26 @@ class Host:
         known = self._bridge.particles(self._bridge.fix, _as("virial", numbers.ctypes.data))
         return numbers if known else None
 
+    def inserted(self):
+        ask, fix = self._bridge.inserted, self._bridge.fix
+        numbers = np.empty((ask(fix, None), 10))
+        if len(numbers):
+            ask(fix, _as("virial", numbers.ctypes.data))
+        return numbers
+
+    def molecule(self, number):
+        numbers = np.empty(13)
+        known = self._bridge.molecule(self._bridge.fix, number, _as("virial", numbers.ctypes.data))
+        return numbers if known else None
+
     def removed_freedom(self, fix_id, group):
         return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())
+
+    def varies(self, fix_id):
+        return bool(self._bridge.varies(self._bridge.fix, fix_id.encode()))
+
+    def pair_style(self, first):
+        return bool(self._bridge.pair_style(self._bridge.fix, first.encode()))
 
     def gravity(self, fix_id):
         address = self._bridge.gravity(self._bridge.fix, fix_id.encode())
@@ -138,6 +161,9 @@ class Host:
 
     def atoms_moved(self):
         return False  # there is a hook for it
+
+    def cut_cluster(self):
+        return self._bridge.find_clusters(self._bridge.fix)
 
     def set_bodies(self, body, mass):
         self._lent = body, mass

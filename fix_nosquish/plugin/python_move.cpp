@@ -1,20 +1,23 @@
-/* fix python/move, as a LAMMPS plugin.
+/* Fixes nosquish/nve, /nvt, ..., and fix python/move, as a LAMMPS plugin.
 
-   It is a superset of LAMMPS's own fix python/move, which it replaces where LAMMPS was built with its package PYTHON. The fix line names a Python class,
+   Fix python/move is a superset of LAMMPS's own, which it replaces where LAMMPS was built with its package PYTHON. The fix line names a Python class,
 
        fix ID group python/move "module.class"
 
-   and the fix calls the methods of one instance of it. Everything that is Python's is in bridge.py;
+   and the fix calls the methods of one instance of it. The class of another style is in fix_nosquish.INTEGRATORS. Everything that is Python's is in bridge.py;
    the two sides share the plain C struct Bridge. From Python itself a few functions are called, looked
    up by name at run time, so that one compiled plugin serves every Python version. */
 
 #include "bridge.h"
 #include "lammps_versions.h"
+#include "layout.h"
 #include "particles.h"
+#include "templates.h"
 
 #include "angle.h"
 #include "atom.h"
 #include "bond.h"
+#include "citeme.h"
 #include "comm.h"
 #include "compute.h"
 #include "dihedral.h"
@@ -186,6 +189,31 @@ void run_python(const std::string &line)
 // the fix
 // ----------------------------------------------------------------------
 
+const std::string PYTHON_MOVE = "python/move";
+const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc", "nosquish/fire"};
+
+bool is_ours(const std::string &style)
+{
+  return style == PYTHON_MOVE || std::count(std::begin(NATIVE), std::end(NATIVE), style);
+}
+
+const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
+                     "@Article{Miller2002,\n"
+                     " author = {Miller, T. F. and Eleftheriou, M. and Pattnaik, P. and Ndirango, A. and Newns, D. and Martyna, G. J.},\n"
+                     " title = {Symplectic quaternion scheme for biophysical molecular dynamics},\n"
+                     " journal = {J. Chem. Phys.},\n"
+                     " volume = 116,\n"
+                     " pages = {8649--8659},\n"
+                     " year = 2002\n"
+                     "}\n\n";
+
+// Whether a fix holds atoms together by forces.
+
+bool holds(const Fix *fix)
+{
+  return utils::strmatch(fix->style, "^shake") || utils::strmatch(fix->style, "^rattle");
+}
+
 class FixPythonMove : public Fix {
  public:
   FixPythonMove(LAMMPS *, int, char **);
@@ -197,6 +225,8 @@ class FixPythonMove : public Fix {
   void min_setup(int) override;
   void setup_post_neighbor() override { post_neighbor(); }
   void post_neighbor() override;
+  void setup_pre_reverse(int eflag, int vflag) override { pre_reverse(eflag, vflag); }
+  void pre_reverse(int, int) override;
   void pre_exchange() override;
   void post_force(int) override;
   void initial_integrate(int) override;
@@ -218,9 +248,13 @@ class FixPythonMove : public Fix {
   void grow_arrays(int) override;
   void copy_arrays(int i, int j, int) override { origin[j] = origin[i]; }
   void set_arrays(int i) override { origin[i] = -1; }
-  void set_molecule(int, tagint, int, double *, double *, double *) override {}    // its atoms tell what is to be known
+  void set_molecule(int, tagint, int, double *, double *, double *) override;
   int pack_exchange(int, double *) override;
   int unpack_exchange(int, double *) override;
+  int pack_reverse_comm(int, int, double *) override;
+  void unpack_reverse_comm(int, int *, double *) override;
+  int pack_forward_comm(int, int *, double *, int, int *) override;
+  void unpack_forward_comm(int, int, double *) override;
   double memory_usage() override;
 
  private:
@@ -231,13 +265,18 @@ class FixPythonMove : public Fix {
   std::vector<double> early_force, early_torque;
   std::vector<int> extensive;
   std::vector<double> kept_box;
+  double first_volume = 0.0;    // of the run; 0 when its change has been told
   // of each atom: rank << 32 | place when it was noted, -1 if it was not, -2 - row if it came with that row of what has
   // arrived
   int64_t *origin = nullptr;
   std::vector<double> arrived;
   double forces_virial[6] = {}, told_box[9] = {};
   std::vector<double> of_atoms;    // the virial of each, nine numbers
+  std::vector<double> counted;    // forces on local and ghost atoms
+  std::vector<double> clusters;    // of each atom: from the centre of its cluster, and the velocity of that, six numbers
   double kept_rate[6] = {};    // how fast fix deform's box vectors change, as a run begins
+  static constexpr int INSERTED = 10;
+  std::vector<double> inserted;    // molecules, so many numbers of each
   Particles particles;
   std::string command;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
@@ -251,13 +290,18 @@ class FixPythonMove : public Fix {
   int64_t removed_freedom(const char *, const char *) const;
   void point();
   void set_cell(int, const void *, int64_t, int64_t);
+  Molecule **first_molecule() const;
   void make_virial_per_atom(), give_virial_per_atom();
   std::vector<double> box() const;
   void tell_box();
+  double volume() const;
+  void look_at_volume();
   void stream_with_box();
   bool run(const Pass *);
   int64_t set_box(const double *);
   int64_t flip_box(const double *);
+  int64_t find_clusters();
+  tagint find_cluster(int, Fix *, double *);
   int64_t stop();
   void shift_lamda(int, double, double);
   void take_virial();
@@ -270,10 +314,8 @@ class FixPythonMove : public Fix {
   void ask_for_energy(bigint step) { own_compute(energy_id)->addstep(step); }
   void go_back();
   void renew_forces();
-  std::string problem(const std::string &text) const
-  {
-    return "Fix " + std::string(id) + " python/move: " + text;
-  }
+  std::string problem(const std::string &text) const { return "Fix " + std::string(id) + " " + style + ": " + text; }
+  void take_over_state();
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
   void flush_log() const;
   template <typename... Types, typename... Values>
@@ -285,8 +327,9 @@ class FixPythonMove : public Fix {
 FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     Fix(lmp, narg, arg), bridge(), failing(MPI_COMM_NULL)
 {
-  if (narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
-  if (narg > 4)
+  const bool quoted = PYTHON_MOVE == arg[2];
+  if (quoted && narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
+  if (quoted && narg > 4)
     error->all(FLERR, problem("put the class and its words in quotes: \"" + std::string(arg[3]) +
                               " " + arg[4] + " ...\""));
 
@@ -300,13 +343,15 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (!obstacle.empty()) end_run(obstacle);    // other ranks may have a Python, and wait in it
 
   fill_bridge();
-  const std::string target = arg[3];
-  bridge.target = target.c_str();
+  std::string line = arg[2];
+  for (int k = 3; k < narg; k++) line += std::string("\n") + arg[k];
+  bridge.line = line.c_str();
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(&bridge));
   run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
-  bridge.target = nullptr;
+  bridge.line = nullptr;
   if (bridge.outcome != DONE) end_run(bridge.message, 5.0);    // imports may take their time
 
+  if (lmp->citeme && (!quoted || std::string(arg[3]).rfind("fix_nosquish.", 0) == 0)) lmp->citeme->add(PAPER);
   add_computes();
   set_flags();
   if (bridge.follows_atoms) {
@@ -316,6 +361,18 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
     grow_arrays(atom->nmax);
     std::fill_n(origin, atom->nlocal, -1);
   }
+  take_over_state();
+}
+
+// LAMMPS gives a fix the state in a restart file that one of its own ID and style has left; one of another style of ours may
+// have done so.
+
+void FixPythonMove::take_over_state()
+{
+  char *state = RestartState::left_by(modify, id, [this](const std::string &other) { return is_ours(other) && other != style; });
+  if (!state || !restart_global) return;
+  restart(state);
+  if (comm->me == 0) utils::logmesg(lmp, problem("it goes on from the state of its ID in the restart file\n"));
 }
 
 // What Python may ask of this fix, and where LAMMPS keeps what Python reads.
@@ -344,10 +401,22 @@ void FixPythonMove::fill_bridge()
   bridge.removed_freedom = [](void *fix, const char *other, const char *group) {
     return self(fix)->removed_freedom(other, group);
   };
+  bridge.varies = [](void *fix, const char *other) {
+    Fix *found = self(fix)->modify->get_fix_by_id(other);
+    return (int) (found && found->memory_usage() > 0.0);
+  };
+  bridge.pair_style = [](void *fix, const char *first) {
+    return (int) (self(fix)->force->pair_match(std::string("^") + first, 0, 1) != nullptr);
+  };
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
-  bridge.set_box = [](void *fix, const double *box) { return self(fix)->set_box(box); };
+  bridge.set_box = [](void *fix, const double *box) {
+    if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
+    self(fix)->set_box(box);
+    self(fix)->look_at_volume();
+    return (int64_t) 0;
+  };
   bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
   bridge.particles = [](void *fix, double *numbers) {
     auto &particles = self(fix)->particles;
@@ -358,6 +427,20 @@ void FixPythonMove::fill_bridge()
     self(fix)->particles.turn(self(fix)->atom, (int) i, quat);
     return (int64_t) 0;
   };
+  bridge.inserted = [](void *fix, double *numbers) {
+    auto &inserted = self(fix)->inserted;
+    const int count = inserted.size() / INSERTED;
+    if (numbers) {
+      std::copy(inserted.begin(), inserted.end(), numbers);
+      inserted.clear();
+    }
+    return count;
+  };
+  bridge.molecule = [](void *fix, int number, double *numbers) {
+    const auto first = self(fix)->first_molecule();
+    return (int) (first && Templates::read(self(fix)->atom, first[number], numbers));
+  };
+  bridge.find_clusters = [](void *fix) { return self(fix)->find_clusters(); };
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.gravity = [](void *fix, const char *other) {
     int dimension;
@@ -375,6 +458,7 @@ void FixPythonMove::fill_bridge()
   bridge.end_step = &update->endstep;
   bridge.last_step = &update->laststep;
   bridge.begins = bridge.energy_step = -1;
+  bridge.argument = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 }
 
@@ -412,6 +496,7 @@ void FixPythonMove::set_flags()
   restart_global = bridge.restart_size > 0;
   ecouple_flag = bridge.couples;
   if (bridge.changes_box) {
+    comm_forward = comm_reverse = 3;
     box_change |= BOX_CHANGE_SIZE | (domain->triclinic ? BOX_CHANGE_SHAPE : 0);
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
@@ -476,7 +561,7 @@ Compute *FixPythonMove::own_compute(const std::string &own) const
 int FixPythonMove::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA |
-      (bridge.flips ? PRE_EXCHANGE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
+      (bridge.flips ? PRE_EXCHANGE : 0) | (bridge.changes_box ? PRE_REVERSE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
       (bridge.post_run ? POST_RUN : 0);
 }
 
@@ -514,7 +599,9 @@ void FixPythonMove::init()
     for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it finds its rates, perhaps behind this fix
     std::copy_n(domain->h_rate, 6, kept_rate);
   }
+  for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
+  first_volume = volume();
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
   if (bridge.needs_energy) {
     ask_for_energy(update->ntimestep);
@@ -560,6 +647,30 @@ void FixPythonMove::post_force(int)
   };
   keep(F, early_force, atom->f);
   keep(TORQUE, early_torque, atom->torque);
+}
+
+// Keep the forces that LAMMPS's virial counts, before fixes add theirs: those of pairs, bonds and mesh.
+
+void FixPythonMove::pre_reverse(int, int)
+{
+  if (!bridge.counts || !pressure_is_due(update->ntimestep)) return;
+  const int local = atom->nlocal, all = local + atom->nghost;
+  counted.assign(3 * (size_t) all, 0.0);
+  for (int i = 0; i < (force->newton ? all : local); i++) std::copy_n(atom->f[i], 3, &counted[3 * (size_t) i]);
+  if (force->newton) comm->reverse_comm(this);
+  set_cell(COUNTED, counted.data(), local, 3);
+}
+
+int FixPythonMove::pack_reverse_comm(int n, int first, double *buffer)
+{
+  std::copy_n(&counted[3 * (size_t) first], 3 * n, buffer);
+  return 3 * n;
+}
+
+void FixPythonMove::unpack_reverse_comm(int n, int *list, double *buffer)
+{
+  for (int k = 0; k < n; k++)
+    for (int c = 0; c < 3; c++) counted[3 * (size_t) list[k] + c] += *buffer++;
 }
 
 // The lists are built anew: the time for other box vectors, if these are better.
@@ -644,16 +755,31 @@ void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
   call(bridge.final_integrate_respa, ilevel, iloop);
 }
 
+// The molecules of the template are side by side.
+
+Molecule **FixPythonMove::first_molecule() const
+{
+  const int number = bridge.template_id ? atom->find_molecule(bridge.template_id) : -1;
+  return number < 0 ? nullptr : atom->molecules + number;
+}
+
+// Another fix has inserted a molecule of the template, with atoms of its own on each rank: all ranks are told. What its atoms do
+// not say of it is kept until LAMMPS has brought them to their ranks.
+
+void FixPythonMove::set_molecule(int before, tagint tag, int number, double *, double *velocity, double *quat)
+{
+  inserted.insert(inserted.end(), {(double) tag, (double) (atom->nlocal - before), (double) number});
+  inserted.insert(inserted.end(), velocity, velocity + 3);
+  inserted.insert(inserted.end(), quat, quat + 4);
+}
+
 // Granular pair styles look up the mass of the body of each atom here. Fixes that insert molecules see whether their template,
 // a place in LAMMPS's list of these, is that of the bodies.
 
 void *FixPythonMove::extract(const char *name, int &dim)
 {
   dim = 0;
-  if (strcmp(name, "onemol") == 0) {
-    const int number = bridge.template_id ? atom->find_molecule(bridge.template_id) : -1;
-    return number < 0 ? nullptr : atom->molecules + number;
-  }
+  if (strcmp(name, "onemol") == 0) return first_molecule();
   dim = 1;
   if (strcmp(name, "body") == 0) return bridge.body;
   if (strcmp(name, "masstotal") == 0) return bridge.masstotal;
@@ -774,6 +900,7 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
   if (n >= modify->nfix) return 0;
   const int between = POST_INTEGRATE | PRE_EXCHANGE | PRE_NEIGHBOR | POST_NEIGHBOR | PRE_FORCE |
       PRE_REVERSE | POST_FORCE | POST_INTEGRATE_RESPA | PRE_FORCE_RESPA | POST_FORCE_RESPA;
+  const int early_hooks = INITIAL_INTEGRATE | POST_INTEGRATE | INITIAL_INTEGRATE_RESPA | POST_INTEGRATE_RESPA;
   const Fix *other = modify->fix[n];
   if (!other || other == this)
     *facts = FixFacts();
@@ -784,7 +911,8 @@ int FixPythonMove::describe(int n, FixFacts *facts) const
               (other->box_change & ~BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
               modify->fmask[n] != 0, other->dof_flag && !other->time_integrate, other->energy_global_flag,
               other->energy_global_flag && other->thermo_energy, (modify->fmask[n] & POST_FORCE) != 0,
-              other->virial_global_flag, other->virial_global_flag && other->thermo_virial};
+              other->virial_global_flag, other->virial_global_flag && other->thermo_virial,
+              (modify->fmask[n] & early_hooks) != 0 && !other->time_integrate};
   return 1;
 }
 
@@ -828,6 +956,8 @@ void FixPythonMove::point()
   set_cell(TYPE, atom->type, n, 0);
   vectors(ANGMOM, atom->angmom);
   set_cell(MU, atom->mu && n ? atom->mu[0] : nullptr, atom->mu ? n : 0, 4);
+  set_cell(CLUSTERS, nullptr, 0, 6);
+  set_cell(COUNTED, nullptr, 0, 3);
 }
 
 void FixPythonMove::set_cell(int cell, const void *array, int64_t rows, int64_t columns)
@@ -864,6 +994,29 @@ int64_t FixPythonMove::set_box(const double *numbers)
   return 0;
 }
 
+double FixPythonMove::volume() const
+{
+  const double area = domain->xprd * domain->yprd;
+  return domain->dimension == 3 ? area * domain->zprd : area;
+}
+
+// A liquid or a solid changes its volume by much less than this: it boils or flies apart, or the start was far too dilute.
+
+void FixPythonMove::look_at_volume()
+{
+  constexpr double much = 8.0;
+  const double ratio = first_volume > 0.0 ? volume() / first_volume : 1.0;
+  if (ratio < much && ratio > 1.0 / much) return;
+  first_volume = 0.0;
+  std::ostringstream text;
+  text << "WARNING: Fix " << id << " python/move: by step " << update->ntimestep << " the volume is " << ratio
+       << " times that at the start of the run, " << volume() << ". If the system is to be a liquid or a solid, "
+       << (ratio > 1.0 ? "it boils or flies apart: look at its energy, and use a longer PDAMP, a shorter time step or a better start"
+                       : "the start was too dilute: begin another run from here, so that LAMMPS chooses mesh, ranks' parts and lists for this box")
+       << '\n';
+  if (comm->me == 0) utils::logmesg(lmp, text.str());
+}
+
 // The box has other vectors of the same lattice: to b, c that many of a are added, and to c of b. Nothing moves in space, but
 // atoms belong to other ranks, far away. So they are brought there as LAMMPS brings them, in parts of the way.
 
@@ -885,6 +1038,67 @@ int64_t FixPythonMove::flip_box(const double *numbers)
   set_box(numbers);
   domain->lamda2x(atom->nlocal);
   return 0;
+}
+
+// Atoms that fix shake or rattle holds move with the box as one, by the centre of mass of their cluster: so its constraints
+// stay, and their forces do no work. For each local atom: how far it is from that centre, and the centre's velocity. An atom
+// that is not held is its own centre. Ghost atoms may be where they were before this step. Returns the ID of an atom of which
+// others that are held with it stay where they are, or 0.
+
+int64_t FixPythonMove::find_clusters()
+{
+  std::vector<Fix *> holding;
+  for (const auto &other : modify->get_fix_list())
+    if (holds(other)) holding.push_back(other);
+  comm->forward_comm();
+  comm->forward_comm(this);
+  clusters.assign(6 * (size_t) atom->nlocal, 0.0);
+  tagint cut = 0;
+  for (int i = 0; i < atom->nlocal; i++) {
+    double *cluster = &clusters[6 * (size_t) i];
+    std::copy_n(atom->v[i], 3, cluster + 3);
+    if (atom->mask[i] & bridge.held)
+      for (Fix *other : holding) cut = std::max(cut, find_cluster(i, other, cluster));
+  }
+  set_cell(CLUSTERS, clusters.data(), atom->nlocal, 6);
+  return cut;
+}
+
+// What a fix shake holds an atom with is in what it sends along with the atom: how many there are (1: three with an angle),
+// and their IDs.
+
+tagint FixPythonMove::find_cluster(int i, Fix *other, double *cluster)
+{
+  double sent[16], mass = 0.0;
+  bool cut = false;
+  other->pack_exchange(i, sent);
+  const int flag = (int) sent[0], members = flag == 1 ? 3 : flag;
+  if (!members) return 0;
+  std::fill_n(cluster, 6, 0.0);
+  for (int k = 1; k <= members; k++) {
+    const int j = domain->closest_image(i, atom->map((tagint) sent[k]));
+    if (j < 0) continue;    // fix shake ends the run, and says why
+    cut |= !(atom->mask[j] & bridge.held);
+    const double m = atom->rmass ? atom->rmass[j] : atom->mass[atom->type[j]];
+    mass += m;
+    for (int c = 0; c < 3; c++) {
+      cluster[c] += m * (atom->x[i][c] - atom->x[j][c]);
+      cluster[3 + c] += m * atom->v[j][c];
+    }
+  }
+  for (int c = 0; c < 6; c++) cluster[c] /= mass;
+  return cut ? atom->tag[i] : 0;
+}
+
+int FixPythonMove::pack_forward_comm(int n, int *list, double *buffer, int, int *)
+{
+  for (int k = 0; k < n; k++) buffer = std::copy_n(atom->v[list[k]], 3, buffer);
+  return 3 * n;
+}
+
+void FixPythonMove::unpack_forward_comm(int n, int first, double *buffer)
+{
+  for (int i = first; i < first + n; i++, buffer += 3) std::copy_n(buffer, 3, atom->v[i]);
 }
 
 // As fix halt ends a run.
@@ -948,17 +1162,15 @@ void FixPythonMove::take_virial()
     if (force->improper) parts.push_back(force->improper->virial);
   }
   for (const auto &fix : modify->get_fix_list())
-    if (fix != this && fix->thermo_virial) parts.push_back(fix->virial);
+    if (fix != this && fix->thermo_virial && !(bridge.counts && holds(fix))) parts.push_back(fix->virial);
   double sums[6] = {};
   for (const auto part : parts)
     for (int k = 0; k < 6; k++) sums[k] += part[k];
   MPI_Allreduce(sums, forces_virial, 6, MPI_DOUBLE, MPI_SUM, world);
   if (force->kspace)
     for (int k = 0; k < 6; k++) forces_virial[k] += force->kspace->virial[k];
-  const double area = domain->xprd * domain->yprd;
-  const double volume = domain->dimension == 3 ? area * domain->zprd : area;
   if (force->pair && force->pair->tail_flag)
-    for (int k = 0; k < domain->dimension; k++) forces_virial[k] += force->pair->ptail / volume;
+    for (int k = 0; k < domain->dimension; k++) forces_virial[k] += force->pair->ptail / volume();
   ask_for_pressure(update->ntimestep + 1);
 }
 
@@ -1158,7 +1370,7 @@ void FixPythonMove::call(int (*hook)(Types...), Values... arguments)
 void FixPythonMove::end_run(const std::string &text, double patience)
 {
   using namespace std::chrono;
-  if (universe->nprocs == 1) error->one(FLERR, problem(text));
+  if (universe->nprocs == 1) all_at_argument(error, bridge.argument, problem(text));
 
   int all_failed = 0;
   MPI_Request gathering;
@@ -1168,7 +1380,7 @@ void FixPythonMove::end_run(const std::string &text, double patience)
     std::this_thread::sleep_for(milliseconds(5));
     MPI_Test(&gathering, &all_failed, MPI_STATUS_IGNORE);
   } while (!all_failed && steady_clock::now() - start < duration<double>(patience));
-  if (all_failed) error->all(FLERR, problem(text));
+  if (all_failed) all_at_argument(error, bridge.argument, problem(text));
 
   const auto report = "ERROR on proc " + std::to_string(comm->me) + ": " + problem(text) + "\n";
   fputs(report.c_str(), screen ? screen : stderr);
@@ -1192,7 +1404,8 @@ struct lammpsplugin_t {
   void *handle;
 };
 
-// This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw.
+// This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw. What it can use of that version
+// without these, the library interface, it uses to see whether that LAMMPS was built of the same headers: see layout.h.
 
 bool compiled_for(void *lmp)
 {
@@ -1201,6 +1414,29 @@ bool compiled_for(void *lmp)
       lammps_extract_setting(nullptr, "bigint") == sizeof(bigint) &&
       lammps_extract_setting(nullptr, "tagint") == sizeof(tagint) &&
       lammps_extract_setting(nullptr, "imageint") == sizeof(imageint);
+}
+
+// Before anything relies on the layout of LAMMPS's classes.
+
+void refuse_other_layout(LAMMPS *lmp, const std::string &style)
+{
+  std::string problem;
+  if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE")) problem = obstacle;
+  else if (const char *differs = Layout(lmp).differs())
+    problem = "this LAMMPS has another class " + std::string(differs) +
+        " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
+        "options or patches. Compile the plugin again, in a checkout of fix_nosquish: pip install --force-reinstall --no-deps . "
+        "with NOSQUISH_LAMMPS set to the source tree or the install folder of this LAMMPS (see docs/own-lammps.md)";
+  if (problem.empty()) return;
+  problem = "Fix " + style + ": " + problem;
+  if (Layout(lmp).lammps()) lmp->error->all(FLERR, problem);
+  lammps_error(lmp, LMP_ERROR_ALL, problem.c_str());
+}
+
+void *make(void *lmp, int narg, char **arg)
+{
+  refuse_other_layout(static_cast<LAMMPS *>(lmp), arg[2]);
+  return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
 }
 
 // Python's callbacks and the end of the process come back to this code: it must not go. On Linux, the linker's flag sees to it.
@@ -1228,16 +1464,21 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   stay_loaded();
   name_python_early();
   lammpsplugin_t plugin{};
-  plugin.version = static_cast<LAMMPS *>(lmp)->version;
+  const bool known = Layout(static_cast<LAMMPS *>(lmp)).lammps();
+  plugin.version = known ? static_cast<LAMMPS *>(lmp)->version : "";
   plugin.style = "fix";
-  plugin.name = "python/move";
-  plugin.info = "fix python/move";
+  plugin.name = PYTHON_MOVE.c_str();
+  plugin.info = "fixes nosquish/* and python/move";
   plugin.author = "fix_nosquish";
-  plugin.creator.v2 = [](void *lmp, int narg, char **arg) -> void * {
-    if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"))    // before anything relies on the layout of a Fix
-      static_cast<LAMMPS *>(lmp)->error->all(FLERR, "Fix python/move: " + std::string(obstacle));
-    return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
-  };
+  plugin.creator.v2 = make;
   plugin.handle = handle;
-  reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc)(&plugin, lmp);
+  const auto enter = reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc);
+  enter(&plugin, lmp);
+  const bool alike = !Layout(static_cast<LAMMPS *>(lmp)).differs();
+  for (const auto &name : NATIVE) {
+    plugin.name = name.c_str();
+    // the same without a line of the log for each
+    if (alike) (*static_cast<LAMMPS *>(lmp)->modify->fix_map)[name] = reinterpret_cast<Modify::FixCreator>(make);
+    else enter(&plugin, lmp);
+  }
 }

@@ -43,6 +43,7 @@ class Declaration:
         restart_state: (n,) what a restart file keeps, or None: made in __init__, and never replaced
             by another array. The first number, above 0, says what the others are. It is -1 if the
             file has another one there, and the others stay as they were made.
+        freedom_said: what the log says of the degrees of freedom that its thermostat acts on.
         own_warnings: lines for the log on what is probably not meant.
         modules: names of modules whose loops it needs, besides those of its classes.
 
@@ -71,7 +72,7 @@ class Declaration:
 
     method, splits, keywords, respa, thermostat = "", False, (), True, False
     quenches = crosses = needs_energy = couples = False
-    restart_state = None
+    restart_state, freedom_said = None, ""
     own_warnings, modules = (), ()
     every, flips = 0, False
 

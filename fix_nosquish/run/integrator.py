@@ -14,19 +14,20 @@ moves the bodies.
 
 import weakref
 from enum import IntEnum
+from functools import partial
 from itertools import count as count_from_zero
 from math import gcd
 
 import numpy as np
 
-from ..bodies import extended, turnover
+from ..bodies import extended, infile, templates, turnover
 from ..bodies.build import build, count
 from ..bodies.extended import particles_of
 from ..bodies.kinds import compare
 from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError
-from ..host.command import Command
+from ..host.command import Command, Line
 from ..host.hosts import driven_by_plugin, hook
 from ..host.lammps import Lammps, pointer
 from ..host.own_fix import OwnFix
@@ -59,7 +60,7 @@ class Integrator(Declaration):
 
     Args:
         ptr: the pointer to LAMMPS that fix python/move hands over.
-        words: the text of the fix line from the class on.
+        line: the `command.Line`, or the text of one in quotes.
     Raises:
         RunError: with a message for the user, from any method.
 
@@ -79,6 +80,8 @@ class Integrator(Declaration):
         told_box: the host's, if another fix changes the box in this run and bodies move with it;
             else None.
         streams: whether it is with remap v that this happens.
+        waiting: with `middle`, the time step of the half kick that is left to the next run's first
+            step: 0.0 if none is, None if it is that step's own.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether something may read the atoms' velocities between the halves of
             a step.
@@ -87,7 +90,7 @@ class Integrator(Declaration):
     host = parameters = told_box = gravity = None
     streams = rigid_flag = exact = False
     follows_atoms = True
-    virial = virial_per_atom = None
+    virial = virial_per_atom = waiting = None
     _all, _numbers = weakref.WeakSet(), count_from_zero()
 
     @property
@@ -96,23 +99,24 @@ class Integrator(Declaration):
         of_body = ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
         return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
 
-    def __init__(self, ptr, words):
+    def __init__(self, ptr, line):
+        line = Line.quoted(line) if isinstance(line, str) else line
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
-        self.name, self.number = words.partition(" ")[0], next(self._numbers)
+        self.name, self.number = line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
-        self._ran = self._lost = False
+        self._ran = self._lost = self._stepped = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
         # another length
         self._beginning = self._gathers_anew = self._resets = False
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
-        self._begin(words)
+        self._begin(line)
 
     @hook
-    def _begin(self, words):
+    def _begin(self, line):
         modules = [step, migration, sharing, virial, passes]
         if self.communicator.size > 1 or self.host:
             modules.append(lookup)
@@ -125,15 +129,15 @@ class Integrator(Declaration):
             *(kind.__module__ for kind in type(self).__mro__),
             *self.modules,
         )
-        self.command = Command.parse(words, self.keywords)
+        self.command = Command.parse(line, self.keywords)
         self._refuse_other_rotor(self.command.rotor)
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
-        self.restart_file = self.infile is not None
         self.reports = reports.Reports(self)
         self.oriented = self.communicator.any(self.lammps.orients)
         self._all.add(self)
         self.template = self.command.mol
+        self.restart_file = bool(self.infile or self.template)
         if self.template and not self.lammps.has("molecule", self.template):
             raise self.command.wrong(
                 f"there is no molecule template '{self.template}' (keyword mol): "
@@ -183,8 +187,7 @@ class Integrator(Declaration):
     @classmethod
     def of_fix(cls, lmp, fix_id):
         """The integrator of a LAMMPS that the fix of this ID drives."""
-        handle = pointer(getattr(lmp, "lmp", lmp))
-        every = [other for other in cls._all if other.lammps.handle == handle]
+        every = cls._of_lammps(pointer(getattr(lmp, "lmp", lmp)))
         for other in every:
             # LAMMPS's own fix tells no ID
             if other.host.fix_id == fix_id or (other.host.fix_id is None and len(every) == 1):
@@ -199,9 +202,29 @@ class Integrator(Declaration):
 
     @property
     def mates(self):
-        """All integrators of this LAMMPS, this one among them."""
-        mates = [other for other in self._all if other.lammps.handle == self.lammps.handle]
-        return sorted(mates, key=lambda mate: mate.number)  # alike on all ranks
+        """All integrators of this LAMMPS, this one among them, in an order alike on all ranks."""
+        return sorted(self._of_lammps(self.lammps.handle), key=lambda mate: mate.number)
+
+    @classmethod
+    def _of_lammps(cls, handle):
+        """Those that a fix of this LAMMPS drives: not one whose making failed, nor one whose fix is
+        gone, that somebody still holds."""
+        return [one for one in cls._all if one.host and one.lammps.handle == handle]
+
+    def let_go(self):
+        """The fix is gone, and what this object knew of LAMMPS's memory with it."""
+        name = f"fix {self.host.fix_id} ({self.name})"
+        self.__dict__ = {"_gone": name}
+
+    def __getattr__(self, name):
+        gone = self.__dict__.get("_gone")
+        if gone is None or name[:2] == "__":
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        raise RunError(
+            f"{gone} is gone, by unfix or with its LAMMPS: ask for what you need before, or take "
+            "the integrator of a fix that there is",
+            everywhere=True,
+        )
 
     @property
     def phase(self):
@@ -232,6 +255,8 @@ class Integrator(Declaration):
                 everywhere=True,
             )
         self.host.call_always()
+        self._note_waiting()
+        self._first_step = self.lammps.step
         self.middle = type(self).middle and self.lammps.respa_dt is None
         self.phase = Phase.NEW
         self.reports.begin()
@@ -240,7 +265,7 @@ class Integrator(Declaration):
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self._look_at_fixes()
         self._refuse_streams()
-        anew = self.command.reinit or not self._ran
+        anew = not self._goes_on
         if anew:
             self._build()
         else:
@@ -255,7 +280,10 @@ class Integrator(Declaration):
             if self.streams and not self.runs:
                 self._set_plain_velocities()
         refuse_other_integrators(self)
-        self.reset_dt()
+        self._take_time_step()
+        if self.middle and self.waiting not in (None, self.dt):
+            self.passes.level_dt.set(self.waiting)
+            self._take_time_step_later()
         self.reports.open()
         self.host.begin_run(self.reports.virial_of_all)
         if not self.host.calls_setup:
@@ -263,10 +291,30 @@ class Integrator(Declaration):
         self._tell_count()
 
     @property
+    def told(self):
+        """What tells of bodies besides their atoms when a run makes them; see `build`."""
+        return partial(infile.read, self.infile) if self.infile else None
+
+    @property
+    def keeps_bodies(self):
+        """Whether of some bodies more is known than their atoms tell."""
+        return bool(self.infile or (self.notes and len(self.notes["given"])))
+
+    @property
+    def _goes_on(self):
+        """Whether the bodies are those of the last run."""
+        return self._ran and (not self.command.reinit or self.keeps_bodies)
+
+    @property
     def runs(self):
         """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
         write_restart, also where command run names them."""
         return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
+
+    @property
+    def steps_made(self):
+        """Whether this run has made a step, in which a command rerun makes none."""
+        return self.lammps.step != self._first_step and self.host.command[:1] != ["rerun"]
 
     def acts_on_bodies(self, fix):
         """Whether atoms of the bodies are in another fix's group; collective."""
@@ -297,7 +345,7 @@ class Integrator(Declaration):
         self.bodies = self.passes = None  # there may be no room for both
         self._lost = former is not None
         self.bodies, self.notes = build(
-            self.lammps, self.communicator, self.membership, self.infile, self.rows + self.kept,
+            self.lammps, self.communicator, self.membership, self.told, self.rows + self.kept,
             former, **self.particles(),
         )  # fmt: skip
         self._lost = self._started = False
@@ -423,12 +471,15 @@ class Integrator(Declaration):
         self._refuse_new_masses()
         self.do("gather")
         self.reports.forget()
+        if type(self).middle and not self.middle:
+            self._end_waiting()
         if self.start and not self._started:
             self.start.bind_to(self.passes.cells)()
         self._started = True
-        if self._ran and not self.command.reinit:
+        if self._goes_on:
             if not self.streams:  # where LAMMPS has just taken an atom into the box, it is faster
-                self._say_ignored("reinit no")
+                own = "some have what their molecule template says"
+                self._say_ignored(own if self.command.reinit else "reinit no")
             self.set_velocities()
         self.phase, self._ran = self.ended, True
         if vflag:
@@ -445,6 +496,8 @@ class Integrator(Declaration):
             self.reports.write()
         cause, remedy, spacing = log.forces_at_start(self)
         self.bodies.start = self.lammps.step, cause, remedy, spacing
+        movers = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.movers)
+        self.bodies.suspects = movers and f", perhaps {movers}"
         if cause and not self.quenches:
             self.host.log(f"WARNING: {cause}: {remedy}\n")
 
@@ -463,11 +516,28 @@ class Integrator(Declaration):
         if self.middle and self.phase in (Phase.WAITING, Phase.OVER):
             # the last step's end has the old one, and is done when the next step begins: until
             # then atoms have the velocities of its middle, which other fixes may change
-            self._resets, self.host.begins = True, self.lammps.step + 1
+            self._take_time_step_later()
             return
         if self.phase != Phase.NEW:
             self.catch_up()
         self._take_time_step()
+
+    def _take_time_step_later(self):
+        self._resets, self.host.begins = True, self.lammps.step + 1
+
+    def _note_waiting(self):
+        """Keep the time step of the last step of a run that has made some."""
+        if self._stepped:
+            self.waiting, self._stepped = self.dt if self.middle else 0.0, False
+
+    def _end_waiting(self):
+        """Do what a run without levels has left: with levels a step ends with its second half."""
+        if self.waiting:
+            self.passes.level_dt.set(self.waiting)
+            self.do("close")
+            self._set_time_step()
+            self.set_velocities()
+            self.waiting = 0.0
 
     def _take_time_step(self):
         self._resets, self.dt, self.respa_dt = False, self.lammps.dt, self.lammps.respa_dt
@@ -509,10 +579,13 @@ class Integrator(Declaration):
 
     def _turn_over(self):
         """Atoms of bodies came or are gone, and their bodies with them; collective."""
-        how = {"own_rows": self.rows + self.kept, **self.particles()}
-        lines = turnover.turn_over(
+        molecules = templates.inserted(self.host, self.communicator)
+        told = partial(templates.read, molecules) if molecules else None
+        how = {"told": told, "own_rows": self.rows + self.kept, **self.particles()}
+        lines, given = turnover.turn_over(
             self.bodies, self.lammps, self.communicator, self.membership, how
         )
+        self.notes["given"] = np.union1d(self.notes["given"], given)
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
@@ -607,6 +680,7 @@ class Integrator(Declaration):
 
     def _has_begun(self):
         self.phase, self.host.velocities_set, self._beginning = Phase.HALF, False, False
+        self._stepped = True
 
     def _set_time_step(self):
         """Have the loops use the time step as it is now."""
@@ -729,31 +803,44 @@ class Integrator(Declaration):
             return
         if self.streams:
             deform.speed_up.bind_to(self.passes.cells, sign=-1.0)()
-        self._take_velocities()
+        energies = self._take_velocities()
         self.set_velocities()
         self.reports.forget()
-        self.reports.say_taken_over(step, due)
+        self.reports.say_taken_over(
+            step, due, *self.lammps.mvv2e * self.communicator.total(energies)
+        )
 
     def _take_velocities(self):
-        """Have the bodies move as their atoms do, but for those of an infile; collective."""
+        """Have the bodies move as their atoms do, but for those of which more is known; collective.
+
+        Returns:
+            (2,) the kinetic energy of this rank's atoms before and of its bodies now, but for those
+            of which more is known.
+        """
         bodies, spins, known = self.bodies, None, None
-        if len(self.notes["given"]):
-            given = np.flatnonzero(np.isin(bodies.id, self.notes["given"]))
-            known = given, bodies.momenta()[:, given]
+        given = np.isin(bodies.id, self.notes["given"])
+        if given.any():
+            known = np.flatnonzero(given), bodies.momenta()[:, given]
+        before = bodies.kinetic_of_atoms(self.lammps)
         if bodies.spin:
-            spins = particles_of(self.lammps, self.shapes(), bodies.index).momentum
+            particles = particles_of(self.lammps, self.shapes(), bodies.index)
+            spins, before = particles.momentum, before + particles.kinetic()
         bodies.take_velocities(self.lammps, spins, known)
+        after = bodies.kinetic()[:, bodies.sharers.owned & ~given]
+        return np.array([before[~given[bodies.body]].sum(), after.sum()])
 
     @hook
     def post_run(self):
         """A run is over; what comes now, from a script's commands to another run, finds the bodies
         as their atoms are."""
         if self.phase != Phase.NEW:
+            self._stepped |= self.steps_made
             self._refuse_new_masses()
             self.come_to_rest()
             if not self.host.velocities_set:
                 self.set_velocities()
             self.take_changed_velocities(self.lammps.step)
+            self.reports.say_lost()
             if self.streams:  # a body has one velocity between runs, wherever its atoms are
                 self.bodies.settle(self.lammps)
                 self._set_plain_velocities()
@@ -826,7 +913,8 @@ class Integrator(Declaration):
 
     @hook
     def write_restart_file(self, name):
-        """LAMMPS writes a restart file: keep the bodies of an infile beside it; collective."""
+        """LAMMPS writes a restart file: keep bodies of which more is known than their atoms beside
+        it; collective."""
         self.reports.write_restart_file(name)
 
     def table(self):

@@ -9,6 +9,7 @@ from ..bodies.build import least_moment
 from .thermo import freedom, removed_freedom
 
 APART = "relax the bodies by fix_nosquish.FIRE and a run, or move them apart"
+ROUNDING = 1e-9  # of the kinetic energy, what projections on rigid motion take of it by rounding
 _FAST = 1.0  # radians in a time step that call for a warning
 # of the distance between atoms: unless these overlap, no force moves a body further in a step
 _PUSHED = 0.1
@@ -50,7 +51,7 @@ def summary(integrator, virial):
             else ""
         ),
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
-        f"  start velocities: {_start(notes, removed, own, lammps)}",
+        f"  start velocities: {_start(notes, own, lammps)}",
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
@@ -93,24 +94,26 @@ def _kinds(bodies, found):
     return ", ".join(f"{number} {kind}" for kind, number in kinds.items() if number) or "none yet"
 
 
-def _start(notes, removed, own, lammps):
-    """What was taken from the atoms' velocities, so that they are rigid motion."""
-    kinetic = np.array([notes["kinetic"], notes["kinetic"] - notes["removed"]])
-    # as compute temp of these atoms counts them
-    degrees = np.array([removed + own, own]) - lammps.dimension
-    before, now = np.divide(2 * kinetic, degrees * lammps.boltz, out=np.zeros(2), where=degrees > 0)
+def _start(notes, own, lammps):
+    """What was taken from the atoms' velocities, so that they are rigid motion.
+
+    There is no temperature of the atoms before: another fix may have held them, with as many
+    degrees of freedom as nobody knows.
+    """
+    degrees = own - lammps.dimension  # as compute temp of these atoms counts them
+    left = 2 * (notes["kinetic"] - notes["removed"])
+    now = left / (degrees * lammps.boltz) if degrees > 0 else 0.0
     if not projected(notes):
         return f"rigid motion, temperature {now:.8g} of the bodies"
     return (
         f"{notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion "
-        f"and was removed; temperature {before:.8g} of the atoms before, {now:.8g} of the bodies "
-        "now"
+        f"and was removed; temperature {now:.8g} of the bodies"
     )
 
 
 def projected(notes):
     """Whether start velocities were not rigid motion already. Args: notes: what `build` says."""
-    return notes["removed"] > 1e-9 * notes["kinetic"]
+    return notes["removed"] > ROUNDING * notes["kinetic"]
 
 
 def _passes(integrator, found, virial):
@@ -129,7 +132,7 @@ def _passes(integrator, found, virial):
         (found.single, "", "no single atoms"),
         (bodies.spin, "torque and spin of particles that are no points", ""),
         (bodies.oriented, "orientation of particles", ""),
-        (integrator.thermostat, "thermostat", ""),
+        (integrator.thermostat, f"thermostat{integrator.freedom_said}", ""),
         (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
         (command.shadow, f"shadow energy, in each step that is a multiple of {command.shadow}", ""),
         (integrator.every, f"box, in one of {integrator.every} steps", ""),

@@ -18,13 +18,39 @@ _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "
 # fixes that act at the end of a step and change no velocity; and those that do not even read one
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 _IDLE = "deform", "colvars"
-# fixes whose forces leave the total momentum as it is
-_INTERNAL = (
-    *("addtorque", "bond/", "cmap", "drude", "momentum", "qeq/"),
-    *("rattle", "restrain", "rigid", "shake", "spring/rg", "tmd"),
+# what to do with bodies that have keyword force or torque, beside a box that changes
+WITH_SWITCHES = (
+    "keywords force and torque are for a box that does not change. Leave bodies that do not move "
+    "at all out of the fix: atoms that no fix integrates stay where they are, also where another "
+    "group is dilated. For bodies that press on a fluid keep the box (fix nvt), and add the "
+    "pressure's force to them (fix addforce)"
 )
+# fixes that exchange velocities of two atoms, and others that move atoms besides their integrator;
+# and what serves in the place of each
+_SWAPPING = {
+    "thermal/conductivity": "use two fixes heat or ehex, with a region for each",
+    "viscosity": "use fix accelerate/cos, or fix deform with remap v and fix_nosquish.NVE",
+}
+_MOVING = {
+    "recenter": "use fix momentum with linear 1 1 1, which keeps them from drifting away, or take "
+    "the centre of mass off what you write",
+    "wall/": "use a wall with a force, such as fix wall/harmonic",
+    "drude/transform": "use fix langevin/drude without it",
+}
+# those of which it is known that they leave the atoms where they are; any other may not
+_STAYING = "bond/", "ti/spring", "lb/fluid", "alchemy", "reaxff/"
 # fixes without an energy that change nothing of the bodies
 _HARMLESS = (*READERS, "property/", "balance", "enforce2d")
+# besides these, the fixes that are known to leave the total momentum as it is; any other may not
+_CONSERVING = (
+    *("acks2/", "adapt", "addtorque", "amoeba/", "bond/", "box/relax", "cmap", "controller"),
+    *("deform", "drude", "dt/reset", "ehex", "heat", "momentum", "nonaffine/", "numdiff", "pair"),
+    *("phonon", "qeq/", "qtpie/", "rattle", "reaxff/", "restrain", "rigid", "saed/", "shake"),
+    *("spring/rg", "tmd", "tune/", "widom"),
+)
+# pair styles that do not: friction and noise of each atom by itself; those whose noise is of pairs,
+# without newton's third law between two that are computed twice
+_NOT_CONSERVING, _NOT_WITHOUT_NEWTON = ("brownian", "lubricate"), ("dpd", "edpd", "mdpd", "tdpd")
 
 
 class Swaps(NamedTuple):
@@ -58,6 +84,7 @@ class OtherFixes:
         velocities_every: every how many steps something may read them at its end.
         change_box: whether the box may change.
         deform: whether all that change it are fix deform, which tells rigid fixes.
+        movers: those that may move atoms besides their integrator, before the forces of a step.
     """
 
     def __init__(self, fixes, ours=(), command=(), step=0):
@@ -73,17 +100,18 @@ class OtherFixes:
         self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
         changes = [fix for fix in fixes if fix.box_change]
         self.change_box = unknown or bool(changes)
+        self.movers = [fix for fix in fixes if fix.moves and not _stays(fix)]
         self.deform = bool(changes) and all(fix.style.startswith("deform") for fix in changes)
 
     def __iter__(self):
         return iter(self._fixes)
 
     def pushing(self):
-        """Those whose forces may change the total momentum of what they act on."""
+        """Those that may change the total momentum of what they act on."""
         return [
             fix
             for fix in self
-            if fix.post_force and not fix.style.startswith(_INTERNAL) and not _is_harmless(fix)
+            if fix.called and not fix.style.startswith(_CONSERVING) and not _is_harmless(fix)
         ]
 
     def without_energy(self):
@@ -98,8 +126,27 @@ class OtherFixes:
         return None
 
 
+def pushing_pair_style(host, newton):
+    """The first words of a pair style in use that changes the total momentum, or None.
+
+    Args:
+        newton: whether LAMMPS computes each pair of atoms once (newton on, for pairs).
+    """
+    styles = _NOT_CONSERVING if newton else (*_NOT_CONSERVING, *_NOT_WITHOUT_NEWTON)
+    return next(filter(host.pair_style, styles), None)
+
+
 def _is_harmless(fix):
     return fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
+
+
+def _stays(fix):
+    return fix.constrains or fix.style.startswith(_STAYING) or _is_harmless(fix)
+
+
+def _first(table, style):
+    """What a dictionary has for the beginning of a style's name, None for nothing."""
+    return next((value for begin, value in table.items() if style.startswith(begin)), None)
 
 
 def refuse_other_integrators(integrator):
@@ -135,9 +182,26 @@ def _problem_beside(fix, both, integrator):
     command, host = integrator.command, integrator.host
     ours, moves = f'fix {host.fix_id} ("{command.text}")', fix.time_integrate
     if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.every:
+        ours_instead = "use fix_nosquish.NPT or NPH in its place"
         return (
             f"fix {fix.id} (style {fix.style}) changes the box, and bodies do not move with it: "
-            "use fix_nosquish.NPT or NPH in its place"
+            f"{WITH_SWITCHES if command.force or command.torque else ours_instead}"
+        )
+    swaps = _first(_SWAPPING, fix.style)
+    if swaps or fix in integrator.other_fixes.movers:
+        if not len(both):
+            return None
+        atom = f"atom {integrator.lammps.tags[both[0]]} of the rigid bodies"
+        if swaps:
+            return (
+                f"fix {fix.id} (style {fix.style}) exchanges the velocity of {atom} with "
+                "that of another one: this is no rigid motion, so energy would be lost, and f_"
+                f"{fix.id} would count more than was carried: {swaps}"
+            )
+        other = "give that fix a group without the bodies' atoms"
+        return (
+            f"fix {fix.id} (style {fix.style}) moves {atom} besides {ours}, which keeps its own "
+            f"places: {_first(_MOVING, fix.style) or other}"
         )
     if moves or (integrator.thermostat and fix.style.startswith(_THERMOSTATS)):
         if not len(both):

@@ -35,11 +35,11 @@ class Reports:
         self._integrator = weakref.proxy(integrator)  # no circle: it goes when LAMMPS lets go
         self.file = None
         self._said, self._warned, self._heard, self._known = None, set(), False, {}
-        self._gained_at_end = 0.0
+        self._gained_at_end = self._lost = self._least = 0.0
 
     def begin(self):
         """A run begins."""
-        self._heard = False
+        self._heard, self._lost, self._least = False, 0.0, 0.0
         self.forget()
 
     def forget(self):
@@ -62,16 +62,36 @@ class Reports:
         if warnings:
             integrator.host.log("\n".join([*warnings, ""]))
 
-    def say_taken_over(self, at, fixes):
-        """Log, once a run, that bodies took over the velocities that these fixes gave atoms."""
+    def say_taken_over(self, at, fixes, before, now):
+        """Log, once a run, that bodies took over the velocities that these fixes gave atoms.
+
+        Args:
+            before, now: kinetic energy of these velocities, and of the bodies' motion.
+        """
+        change = {"removed": before - now, "kinetic": before}
+        self._lost += before - now
+        self._least = log.ROUNDING * before
         if not self._heard:
             self._heard = True
             names = " or ".join(fixes)
             names = names if fixes[0] == TEMPER else f"fix {names}"
             kept = " (not those of the infile)" if self._integrator.infile else ""
+            if self._integrator.keeps_bodies and not kept:
+                kept = " (not those with a mass, com or inertia of their molecule template)"
+            lost = f"; {before - now:.4g} of the kinetic energy {before:.8g} was none, and is lost"
+            lost = lost if log.projected(change) else ""
             self._integrator.host.log(
                 f"The velocities of the bodies' atoms were changed at the end of step {at} (by "
-                f"{names}): the bodies take them over, as rigid motion{kept}\n"
+                f"{names}): the bodies take them over, as rigid motion{kept}{lost}\n"
+            )
+
+    def say_lost(self):
+        """Log, at the end of a run, how much kinetic energy was lost as velocities were taken
+        over."""
+        if self._lost > self._least:
+            self._integrator.host.log(
+                f"In this run {self._lost:.6g} of the kinetic energy that other fixes gave was no "
+                "rigid motion, and is lost\n"
             )
 
     # ------------------------------------------------------------- the table of bodies
@@ -115,9 +135,12 @@ class Reports:
         return output.table(self.made(), self._integrator.lammps)
 
     def write_restart_file(self, name):
-        """Keep the bodies beside a restart file, to be read as infile; collective."""
+        """Keep the bodies beside a restart file, to be read as infile, if their atoms do not tell
+        all of them; collective."""
         integrator = self._integrator
-        several = sum(mate.restart_file for mate in integrator.mates) > 1
+        if not integrator.keeps_bodies:
+            return
+        several = sum(mate.keeps_bodies for mate in integrator.mates) > 1
         own = f".{integrator.host.fix_id}" if several else ""
         infile.write(f"{name}{own}.rigid", self.made(), integrator.lammps, integrator.communicator)
 
@@ -183,7 +206,7 @@ class Reports:
                 integrator.lammps,
                 integrator.communicator,
                 integrator.membership,
-                integrator.infile,
+                integrator.told,
                 former=integrator.former(),
                 **integrator.particles(),
             )[0]

@@ -119,9 +119,37 @@ def _script(own):
         "script", "forces within bodies", "pairs of atoms that have them", pairs, high=0, note=note
     )
     heats = finding.thermostats(own.said, own.atoms, own.found)
+    yield from _mesh(own)
     number = len(heats) + bool(own.found.state.temp)
     note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
     yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
+
+
+def _mesh(own):
+    """Whether a run that is continued has another mesh: LAMMPS chooses it for the box as it is when
+    a run begins."""
+    free = chosen_mesh(own.said["commands"]) if own.found.state.press else ()
+    note = (
+        "at constant pressure LAMMPS chooses them anew for the box of each run, so the energy "
+        "jumps between runs, and a run in parts parts from one run. Give those that the log of the "
+        "first run names (G vector, grid): kspace_modify mesh NX NY NZ gewald G"
+    )
+    if free:
+        what = f"{' and '.join(free)} that each run chooses anew"
+        yield Check("script", "the mesh", what, len(free), high=0, note=note)
+
+
+def chosen_mesh(commands: Iterable[str]) -> list[str]:
+    """What of a kspace_style with a mesh LAMMPS chooses by itself: none where both are given."""
+    style, given = "none", {"mesh": "", "gewald": ""}
+    for words in map(texts, commands):
+        if words[0] == "kspace_style":
+            style = words[1]
+        for at, word in enumerate(words if words[0] == "kspace_modify" else ()):
+            if word in given:
+                value = words[at + 1 : at + (4 if word == "mesh" else 2)]
+                given[word] = "".join(value) if any(map(float, value)) else ""
+    return [name for name, value in given.items() if not value] if "pppm" in style else []
 
 
 def _exclusion(own) -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import fix_nosquish
-from fix_nosquish.host.command import Command
+from fix_nosquish.host.command import Command, Line
 from validation.own import finding
 from validation.own.finding import Found, State, style_of
 from validation.own.script import DONE, done_between, texts, undotted, words
@@ -70,8 +70,8 @@ def _meant(line):
     if style_of(line) != "python/move":
         return [style_of(line), group, *map(_value, words)]
     text = words[0].removeprefix("fix_nosquish.")
-    known = getattr(fix_nosquish, text).func
-    return known, replace(Command.parse(text, known.keywords), text="", seed=None)
+    known = fix_nosquish.of_style(text.split()[0].lower())
+    return known, replace(Command.parse(Line.quoted(text), known.keywords), line=None, seed=None)
 
 
 def _value(word):

@@ -1,0 +1,107 @@
+/* What a molecule template of LAMMPS says of the whole molecule: its mass, centre of mass and inertia.
+
+   LAMMPS installs no header of the class. Four of its methods are declared here, which work out what the template's file does not
+   say. Where the class has the numbers differs between versions; how they follow one another does not, and their principal axes
+   tell where they are: they stand three times there, as vectors, as a quaternion, and by the tensor of inertia. */
+
+#ifndef FIX_NOSQUISH_TEMPLATES_H
+#define FIX_NOSQUISH_TEMPLATES_H
+
+#include "atom.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+namespace LAMMPS_NS {
+
+class Molecule {
+ public:
+  void compute_center();
+  void compute_mass();
+  void compute_com();
+  void compute_inertia();
+};
+
+}    // namespace LAMMPS_NS
+
+class Templates {
+ public:
+  // as LAMMPS's class has them, one behind the other
+  enum { CENTER = 0, MASS = 3, COM = 4, TENSOR = 7, KNOWN = 13, MOMENT = 13, AXES = 16, QUAT = 25, ALL = 29 };
+
+  // Write the geometric centre, mass, centre of mass and tensor of inertia (xx yy zz yz xz xy) of a template, KNOWN numbers;
+  // no number for what it does not say and LAMMPS cannot work out. Returns whether they were found.
+
+  static bool read(LAMMPS_NS::Atom *atom, LAMMPS_NS::Molecule *molecule, double *numbers)
+  {
+    // where types have no masses LAMMPS would read them nevertheless, for atoms to which the template gives none
+    std::vector<double> masses(atom->ntypes + 1, FAINT);
+    const bool lacking = !atom->mass;
+    if (lacking) atom->mass = masses.data();
+    molecule->compute_center();
+    molecule->compute_mass();
+    molecule->compute_com();
+    molecule->compute_inertia();
+    if (lacking) atom->mass = nullptr;
+
+    double found[ALL];
+    const char *object = reinterpret_cast<const char *>(molecule);
+    for (int at = 0; at + (int) sizeof(found) <= BYTES; at += sizeof(double)) {
+      memcpy(found, object + at, sizeof(found));
+      if (!fit(found)) continue;
+      std::copy_n(found, (int) KNOWN, numbers);
+      if (lacking) drop_faint(numbers);
+      return true;
+    }
+    return false;
+  }
+
+ private:
+  static constexpr double FAINT = 1e-150;    // a mass that no template has
+  static constexpr int BYTES = 2048;         // they begin before half of this
+
+  // Whether the principal axes are those of the quaternion and of the tensor.
+
+  static bool fit(const double *d)
+  {
+    for (int k = 0; k < ALL; k++)
+      if (!std::isfinite(d[k])) return false;
+    const double *t = d + TENSOR, *q = d + QUAT;
+    const double w = q[0], x = q[1], y = q[2], z = q[3];
+    const double of_quat[3][3] = {
+        {w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)},
+        {2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)},
+        {2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z}};
+    const double tensor[3][3] = {{t[0], t[5], t[4]}, {t[5], t[1], t[3]}, {t[4], t[3], t[2]}};
+    const double most = std::max({std::fabs(t[0]), std::fabs(t[1]), std::fabs(t[2])});
+    if (std::fabs(w * w + x * x + y * y + z * z - 1.0) > 1e-6) return false;
+    for (int k = 0; k < 3; k++) {
+      const double *axis = d + AXES + 3 * k;
+      for (int i = 0; i < 3; i++) {
+        if (std::fabs(axis[i] - of_quat[k][i]) > 1e-6) return false;
+        double turned = -d[MOMENT + k] * axis[i];
+        for (int j = 0; j < 3; j++) turned += tensor[i][j] * axis[j];
+        if (std::fabs(turned) > 1e-6 * most) return false;
+      }
+    }
+    return true;
+  }
+
+  // No number for what was worked out with masses that are none. With such a mass the centre is that of equal weights.
+
+  static void drop_faint(double *numbers)
+  {
+    const double none = std::nan("");
+    for (const auto &[from, to] : {std::pair{COM, TENSOR}, {TENSOR, KNOWN}, {MASS, COM}}) {
+      double most = 0.0;
+      for (int k = from; k < to; k++) most = std::max(most, std::fabs(numbers[k]));
+      if (most > 0.0 && most < 1e50 * FAINT) std::fill(numbers + from, numbers + to, none);
+    }
+    if (std::isnan(numbers[MASS])) std::fill(numbers + COM, numbers + TENSOR, none);
+  }
+};
+
+#endif

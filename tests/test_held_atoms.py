@@ -1,0 +1,151 @@
+"""Rigid bodies beside atoms that fix shake holds, in a box that changes: bonds, energy, volumes."""
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.spatial.transform import Rotation
+from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, thermo
+
+SHAPES = (  # of a body, of two kinds that shake holds, and of an atom by itself
+    [[0, 0, 0], [0.6, 0.5, 0], [-0.6, 0.5, 0]],
+    [[0, 0, 0], [0.8, 0, 0]],
+    [[0, 0, 0], [0.7, 0.4, 0], [-0.7, 0.4, 0]],
+    [[0, 0, 0]],
+)
+LENGTHS = {2: 0.8, 3: np.sqrt(0.65)}
+CELL = "iso 12e-2 12e-2 2e-1 every 2"
+BAROSTATS = {
+    "crescale": f"{CELL} compressibility 8 dilate all",
+    "mtk": f"{CELL} barostat mtk dilate all",
+}
+
+
+def words(thermostat, barostat):
+    """The words of a fix line: crescale needs a seed, too, mtk with chains has no use for one."""
+    given = THERMOSTATS[thermostat]
+    seed = "seed 771 " if barostat == "crescale" and "seed" not in given else ""
+    return f"{seed}{given} {BAROSTATS.get(barostat, '')}"
+
+
+def system(side, spacing=2.6, tilt=0.0):
+    """Molecules of the four kinds in turn on a lattice, across faces, and the begin of a script."""
+    random, atoms, bonds, angles, n = np.random.default_rng(3), [], [], [], 0
+    for k, place in enumerate(np.ndindex(side, side, side)):
+        shape = Rotation.random(random_state=random).apply(SHAPES[k % 4])
+        for x, y, z in shape + spacing * np.array(place):
+            atoms.append(f"{len(atoms) + 1} {k + 1} {k % 4 + 1} {x + tilt * y} {y} {z}")
+        size, kind = len(shape), k % 4
+        bonds += [f"{max(kind, 1)} {n + 1} {n + j}" for j in range(2, size + 1)]
+        angles += [f"1 {n + 2} {n + 1} {n + 3}"] * (kind == 2)
+        n += size
+    edge = spacing * side
+    data = ["of a test", "", f"{n} atoms", "4 atom types", f"{len(bonds)} bonds", "2 bond types"]
+    data += [f"{len(angles)} angles", "1 angle types"]
+    data += [f"0 {edge} {a}lo {a}hi" for a in "xyz"] + [f"{tilt * edge} 0 0 xy xz yz"] * bool(tilt)
+    data += ["", "Atoms", "", *atoms]
+    for name, rows in ("Bonds", bonds), ("Angles", angles):
+        data += ["", name, "", *(f"{k} {row}" for k, row in enumerate(rows, 1))]
+    between = 2 * np.degrees(np.arctan2(0.7, 0.4))
+    setup = (
+        "units lj\natom_style molecular\nread_data data.test\n"
+        "mass 1 1.0\nmass 2 1.5\nmass 3 0.7\nmass 4 1.0\n"
+        f"bond_style harmonic\nbond_coeff 1 0 {LENGTHS[2]}\nbond_coeff 2 0 {LENGTHS[3]}\n"
+        f"angle_style harmonic\nangle_coeff 1 0 {between:.15g}\nspecial_bonds lj 0 0 0\n"
+        "group ours type 1\ngroup others subtract all ours\ngroup held type 2 3\n"
+        "velocity all create 2.0 4928 loop geom\n"
+    )
+    return setup, {"data.test": "\n".join(data) + "\n"}
+
+
+SHAKE = "fix hold held shake 1e-10 200 0 b 1 2 a 1\n"
+NVE = "fix move others nve\n"
+
+
+def ours(words, name="NPT"):
+    return f'fix 1 ours python/move "fix_nosquish.{name} ours molecule temp 2 2 2e-1 {words}"\n'
+
+
+@pytest.mark.parametrize("barostat", BAROSTATS)
+@pytest.mark.parametrize("thermostat", ["langevin", "separate"])
+def test_volumes_of_a_gas(run_lammps, thermostat, barostat):
+    """Locks out a box that stretches bonds that shake holds, which then pull with forces of no
+    potential, and a pressure that counts what atoms do within their molecule: a gas of free
+    molecules has the gamma distribution of volumes, whatever holds them together."""
+    setup, files = system(3)
+    heat = "fix heat others langevin 2 2 0.2 9182\n"
+    line = ours(words(thermostat, barostat))
+    script = f"{setup}{FREE}{heat}{SHAKE}{NVE}timestep 0.004\n{line}{thermo('vol', 200)}run 80000\n"
+    rows = run_lammps(script, files=files).thermo[20:]
+    shape = (27 + 1, 0, 2.0 / 0.12)
+    assert stats.kstest(rows["Volume"], "gamma", shape).pvalue > 1e-3, rows["Volume"].mean()
+
+
+@pytest.mark.parametrize("barostat", ["none", *BAROSTATS])
+@pytest.mark.parametrize("thermostat", ["langevin", "csvr", "nh"])
+def test_energy(run_lammps, thermostat, barostat):
+    """Locks out constraints that do work when the box changes: energy fell by 40 times what there
+    was in 8 ps, with crescale."""
+    setup, files = system(3)
+    name = "NVT" if barostat == "none" else "NPT"
+    line = ours(words(thermostat, barostat), name).replace("every 2", "every 1")
+    line = line.replace("y 8", "y 4").replace("12e-2 2e-1", "12e-2 4e-1")
+    line += thermo("etotal econserve vol", 20)
+    script = f"{setup}{SMOOTH}{SHAKE}{NVE}timestep 0.001\n{line}run 4000\n"
+    for ranks in 1, 2:
+        rows = run_lammps(script, files=files, ranks=ranks).thermo[1:]  # behind shake's start
+        assert barostat == "none" or np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
+        assert rows["Econserve"].std() < 0.02 * rows["TotEng"].std()
+
+
+@pytest.mark.parametrize("barostat", BAROSTATS)
+def test_ranks_and_bonds(run_lammps, tmp_path, barostat):
+    """Locks out molecules of which each rank moves its own atoms by another centre, molecules
+    across a face that are pulled apart, and bonds of another length; wherever the fix that moves
+    them stands."""
+    setup, files = system(3, tilt=0.3)
+    line = ours(
+        words("langevin", barostat).replace("iso", "tri").replace("2e-1 every 2", "8e-1 every 2")
+    )
+    begin, end = f"{setup}{SMOOTH}timestep 0.002\n{SHAKE}", f"run 200\n{DUMP.format('end')}"
+    before, behind = f"{begin}{NVE}{line}{end}", f"{begin}{line}{NVE}{end}"
+    h = np.diag([7.8] * 3)
+    h[0, 1] = 0.3 * 7.8
+    assert ends_alike(run_lammps, tmp_path, [(before, n) for n in (1, 2, 4)], files, h) < 1e-9
+    assert_bonds(tmp_path / "end")
+    run_lammps(behind, files=files)
+    assert_bonds(tmp_path / "end")
+
+
+def assert_bonds(path):
+    """Atoms that shake holds in a dump are as far from the first of their molecule as they were."""
+    atoms = np.loadtxt(path, skiprows=9)
+    x, molecule = atoms[:, 3:6], atoms[:, 1]
+    for number in np.unique(molecule):
+        kind, one = (int(number) - 1) % 4, x[molecule == number]
+        lengths = np.linalg.norm(one[1:] - one[0], axis=1)
+        if kind in (1, 2):
+            np.testing.assert_allclose(lengths, LENGTHS[kind + 1], rtol=1e-8)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("before", "cell", "says"),
+    [
+        (
+            f"group some id 4\n{SHAKE}",
+            "dilate some",
+            "together with an atom that is not in its group",
+        ),
+        (
+            f"{SHAKE}unfix hold\nfix hold held rigid/small molecule\n",
+            "dilate all",
+            "fix hold (style rigid/small) says where atoms are",
+        ),
+    ],
+)
+def test_what_cannot_move_with_the_box(refused, before, cell, says, ranks):
+    """Locks out a molecule of which half moves with the box, and bodies of fix rigid that stay
+    where they are while the pressure counts them as moving."""
+    setup, files = system(3)
+    line = ours(f"seed 5 {CELL} compressibility 8 {cell}")
+    refused(f"{setup}{FREE}{before}{line}timestep 0.002\nrun 20\n", says, files, ranks=ranks)

@@ -1,0 +1,132 @@
+"""The plugin's own fix styles, nosquish/nve and its kin, which take LAMMPS's words."""
+
+import re
+
+import numpy as np
+import pytest
+from conftest import LAUNCHERS
+from endings import assert_ended
+from systems import mixture, script
+
+from fix_nosquish import INTEGRATORS, of_style
+
+BOX = "iso 1.5 1.5 2.5 every 5"
+STYLES = {
+    "nve": "",
+    "nvt": "temp 1.25 1.5 0.75 seed 4928",
+    "npt": f"temp 1.25 1.5 0.75 seed 4928 {BOX} compressibility 0.01",
+    "nph": BOX,
+    "hmc": "temp 1.25 steps 5 seed 4928",
+    "fire": "force 1.0e-3 torque 1.0e-3",
+}
+AFTER = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all"
+QUOTED = 'fix 1 {{group}} python/move "fix_nosquish.{} {{group}} {{words}}"'
+NATIVE = "fix 1 {{group}} nosquish/{} {{words}}"
+
+
+def run_of(system, name, form, steps=20, before="", after="", words=None):
+    """The script of a system with an integrator, as a native style or in quotes."""
+    fix = NATIVE.format(name) if form == "native" else QUOTED.format(name.upper())
+    words = STYLES[name] if words is None else words
+    how = dict(group="bodies", dt=0.5, every=5, before=before, after=after)
+    return script(system, fix, steps, words=f"molecule {words}", **how)
+
+
+def table(run):
+    return [run.thermo[name] for name in run.thermo.dtype.names]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("name", STYLES)
+def test_same_as_in_quotes(run_lammps, name, ranks):
+    """Locks out words that mean something else in LAMMPS's own form, a decimal point that cuts a
+    number in either form, and another group than the fix's."""
+    system = mixture("solid planar")
+    native, quoted = (
+        table(run_lammps(run_of(system, name, form), files=system.files, ranks=ranks))
+        for form in ("native", "quoted")
+    )
+    assert np.ptp(native[3]) > 0  # pe
+    np.testing.assert_array_equal(native, quoted)
+
+
+def test_variables_and_continued_lines(run_lammps):
+    """Locks out a line in which LAMMPS does not put variables' values in place, or cannot be
+    continued."""
+    system = mixture("solid planar")
+    plain = table(run_lammps(run_of(system, "nvt", "native"), files=system.files))
+    words = "temp ${T} v_stop $(v_T*0.6) &\n  seed ${seed}"
+    before = "variable T index 1.25\nvariable stop equal 1.5\nvariable seed index 4928\n"
+    text = run_of(system, "nvt", "native", before=before, words=words)
+    np.testing.assert_array_equal(table(run_lammps(text, files=system.files)), plain)
+
+
+BAD = {  # the line behind its style, what the message says, and the word under which LAMMPS points
+    "no body style": ("nve", "", ["the fix line ends where a body style"], None),
+    "number": ("nvt", "molecule temp 1.0 1,5 2.0 seed 4", ["'1,5'", "word 8 of"], "1,5"),
+    "keyword": ("nvt", "molecule temp 1 1 2 sead 4", ["keyword 'sead'", "word 10 of"], "sead"),
+    "body style": ("nve", "molecules", ["body style 'molecules'", "word 5 of"], "molecules"),
+    "missing keyword": ("nvt", "molecule temp 1 1 2", ["keyword seed is missing"], None),
+}
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("what", BAD)
+def test_errors_name_style_and_word(run_lammps, tmp_path, what, ranks):
+    """Locks out messages that leave the user to look for the word."""
+    name, words, says, pointed = BAD[what]
+    system = mixture("solid planar")
+    text = script(system, NATIVE.format(name), 0, words=words, group="bodies")
+    run = run_lammps(text, files=system.files, ranks=ranks, check=False)
+    line = f"fix 1 bodies nosquish/{name} {words}".strip()
+    assert_ended(run, [f"Fix 1 nosquish/{name}: ", *says, f'"{line}"'], tmp_path)
+    if pointed:
+        said, marks = re.search(r"\n(?:Last input line: )?(fix 1 .*)\n( *\^+)", run.screen).groups()
+        at = run.screen[run.screen.index(marks) :].split("\n")[0]
+        whole = next(one for one in run.screen.splitlines() if one.endswith(said))
+        assert whole[at.index("^") : len(at)] == pointed
+
+
+def test_log(run_lammps, tmp_path):
+    """Locks out styles that LAMMPS does not list, a line of the log for each of them, and a run
+    that leaves the paper out of LAMMPS's citations."""
+    system = mixture("solid planar")
+    text = "info styles fix\n" + run_of(system, "nve", "native")
+    run = run_lammps(text, files=system.files, launcher="lmp", options=["-cite", "cited"])
+    assert run.screen.count("plugin") <= 2
+    listed = run.screen.split("Fix styles")[1].split("Reading")[0].split()
+    assert {f"nosquish/{name}" for name in STYLES} <= set(listed)
+    assert "10.1063/1.1473654" in (tmp_path / "cited").read_text()
+    assert "Rigid bodies by NO_SQUISH" in run.log and ": nosquish/nve molecule" in run.log
+
+
+def test_each_style_has_its_class():
+    """Locks out a style of the plugin without a class, or with another one."""
+    for name in STYLES:
+        assert of_style(f"nosquish/{name}").__name__ == name.upper() in INTEGRATORS
+
+
+@pytest.mark.parametrize("first, second", [("native", "quoted"), ("quoted", "native")])
+def test_state_of_the_other_form(run_lammps, tmp_path, first, second):
+    """Locks out a continued run whose thermostat begins anew because the line before the restart
+    had the other form: with chains, it would take another way."""
+    system = mixture("solid planar")
+    words = "temp 1.25 1.25 0.75 thermostat nh"
+    whole = run_lammps(run_of(system, "nvt", first, 40, words=words), files=system.files)
+    half = run_of(system, "nvt", first, 20, words=words, after="write_restart half")
+    run_lammps(half, files=system.files)
+    rest = run_of(system, "nvt", second, 20, words=words)
+    rest = f"read_restart half\n{AFTER}\n" + rest.split("group bodies", 1)[1].split("\n", 1)[1]
+    run = run_lammps(rest, files=system.files, check=False)
+    assert "goes on from the state" in run.log, run.screen
+    np.testing.assert_allclose(run.thermo["PotEng"][-1], whole.thermo["PotEng"][-1], rtol=1e-10)
+
+
+@pytest.mark.parametrize("launcher", LAUNCHERS)
+def test_survives_clear(run_lammps, launcher):
+    """Locks out styles that are gone when LAMMPS begins anew."""
+    system = mixture("solid planar")
+    text = run_of(system, "nve", "native")
+    run = run_lammps(f"{text}clear\n{text}", files=system.files, launcher=launcher)
+    pe = run.thermo["PotEng"]
+    np.testing.assert_array_equal(pe[: len(pe) // 2], pe[len(pe) // 2 :])
