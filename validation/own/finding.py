@@ -338,14 +338,19 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
     return State(temp, tuple(press), couple), kept, dropped
 
 
-def kept_by(line: str) -> State:
-    """The temperature and pressure that a fix keeps which has a kind, see `kind_of`."""
+def keywords_of(line: str) -> list[tuple[str, ...]]:
+    """The keywords of a fix that has a kind, see `kind_of`, each with the words that follow it."""
     words, kind = texts(line)[4:], kind_of(line)
     if kind == "ours":
         words = _words_of_ours(line)[2]
     elif kind == "rigid":
         words = words[body_words(words) :]
-    return State() if kind == "constraints" else state_of(words)[0]
+    return [] if kind == "constraints" else [*_split(words)]
+
+
+def kept_by(line: str) -> State:
+    """The temperature and pressure that a fix keeps which has a kind, see `kind_of`."""
+    return state_of([*itertools.chain(*keywords_of(line))])[0]
 
 
 def body_words(words: Sequence[str]) -> int:
@@ -506,7 +511,8 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
         held, why = _held_by_shake(atoms, body)
-    free = holder and _held(atoms, in_group(said, atoms, texts(holder)[2]), holder)[body == 0].any()
+    mask = in_group(said, atoms, texts(holder)[2]) if holder else body < 0
+    free = holder and held_atoms(atoms, mask, holder)[body == 0].any()
     return Found(
         tuple(ids),
         tuple(fixes[own] for own in ids),
@@ -543,7 +549,7 @@ def shake_words(line: str) -> str:
     return " ".join(words[:until])
 
 
-def _held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
+def held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
     """Which bonds, and which angles, a fix shake holds."""
     lists: dict[str, set[float]] = {"b": set(), "a": set(), "t": set(), "m": set()}
     kind = ""
@@ -566,9 +572,9 @@ def _held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
     return held, np.isin(angles[:, 0], list(lists["a"]))
 
 
-def _held(atoms, mask, line) -> np.ndarray:
+def held_atoms(atoms, mask, line) -> np.ndarray:
     """Which atoms are in a bond that a fix shake holds."""
-    held, _ = _held_bonds(atoms, mask, line)
+    held, _ = held_bonds(atoms, mask, line)
     found = np.zeros(len(atoms["type"]), bool)
     if len(held):
         found[np.asarray(atoms["bonds"])[held, 1:].ravel() - 1] = True
@@ -579,7 +585,7 @@ def rigid_clusters(said, atoms, line: str) -> np.ndarray:
     """The bodies that a fix shake makes: whole molecules of two atoms, or of three whose angle is
     held; numbers from 1, 0 for other atoms."""
     mask = in_group(said, atoms, texts(line)[2])
-    held, bent = _held_bonds(atoms, mask, line)
+    held, bent = held_bonds(atoms, mask, line)
     bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
     number = len(atoms["type"])
     part = clusters(bonds, number)

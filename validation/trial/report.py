@@ -13,7 +13,7 @@ from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import CONFIDENCE, SURE, Estimate, margin
-from validation.trial import confirm, lists, trial
+from validation.trial import confirm, errors, lists, trial
 from validation.trial.figures import draw
 from validation.trial.targets import ENERGIES, judged
 
@@ -30,7 +30,7 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     wanted, time = summary["targets"], UNITS[summary["units"]].time
     points, rest = _asked(summary)
     choice = _chosen(summary, points, wanted)
-    told = list(_late(summary))
+    told = [*_late(summary), *_untold(summary)]
     if points or not rest:
         told += _told(summary, points, choice, wanted, time)
     told += _uncounted(summary, rest, wanted, time, alone=not points)
@@ -57,6 +57,31 @@ def _late(summary) -> Iterator[str]:
         yield (
             "The budget was over before all steps were tried: it is small, or the machine is "
             "busier than when it began. The same command goes on."
+        )
+
+
+def _untold(summary) -> Iterator[str]:
+    """Why nothing is said of g(r), where it is a target."""
+    if "rdf" not in summary["targets"]:
+        return
+    time, asked = UNITS[summary["units"]].time, [one for one in summary["points"] if one["asked"]]
+    known = {one["untold"] for one in asked}
+    if errors.SETTLING in known:
+        yield (
+            "The start is not in equilibrium: the mean potential energy changes within the run "
+            "that means are held against. So nothing is said of g(r). Equilibrate first, and take the "
+            "later run by --run N."
+        )
+    if errors.SHORT in known:
+        yield (
+            f"Runs of {summary['time']:.3g} {time} are shorter than {2 * errors.LEAST} correlation "
+            "times of g(r), so they say nothing of it: a larger --budget does."
+        )
+    if errors.ERRATIC in known:
+        steps = ", ".join(f"{one['dt']:g}" for one in asked if one["untold"] == errors.ERRATIC)
+        yield (
+            f"With {steps} {time} g(r) is further off than with a longer step: this is no error of "
+            "the step, so nothing is said of it. Longer runs tell: a larger --budget."
         )
 
 
@@ -203,9 +228,9 @@ def _none(summary, points, choice, wanted, time):
 def _longer(summary, points, perhaps, wanted) -> str:
     minutes = _telling(summary, points, perhaps, wanted)
     other = "a target that short runs can tell: --target NAME=VALUE"
-    if minutes is None:
+    if minutes is None and not any(one["untold"] for one in perhaps):
         return f"Give {other}."
-    if minutes > FAR * summary["minutes"]:
+    if minutes is None or minutes > FAR * summary["minutes"]:
         return (
             "Runs so short do not tell how long it takes: try about "
             f"--budget {MORE * summary['minutes']:g} first, in so many minutes. Or give {other}."
@@ -275,6 +300,8 @@ def _resolved(summary, points, perhaps, wanted, time) -> Iterator[str]:
         told = f"Runs so short cannot tell {name} below {least:.2g}."
         if not math.isfinite(least):
             told = f"It takes another step of the same integrator to tell {name}."
+        if any(one["untold"] for one in perhaps if name == "rdf"):
+            told = "Nothing is known of g(r)."
         yield (
             f"{told} But for that, {best['label']} with {best['dt']:g} {time} is the fastest "
             f"within the targets, by {SURE}: {_within(best, rest)}."
