@@ -82,10 +82,11 @@ def _class_in(text: str, known: Collection[str], module: str = __name__) -> str:
     words = text.split()
     variable = next((word for word in words if "$" in word), None)
     if variable:
+        name = variable.split("{")[-1].split("}")[0].strip("$")
         raise RunError(
-            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands: write the "
-            "line without quotes, as fix ID GROUP nosquish/nvt ..., or name an equal-style "
-            "variable, v_NAME, where a number is expected",
+            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. Write the "
+            "line without quotes, as fix ID GROUP nosquish/nvt ..., or, for a number or a file "
+            f"name, v_{name if name.isidentifier() else 'NAME'}",
             everywhere=True,
         )
     if not words or words[0] not in known:

@@ -220,7 +220,7 @@ def run_lammps(tmp_path, sessions, pytestconfig):
             code, screen = sessions(ranks).run(tmp_path, options, timeout)
         if check:
             assert code == 0, f"exit code {code}:\n{screen}"
-        return Run(code, screen, log.read_text() if log.exists() else "")
+        return Run(code, screen, log.read_text(errors="replace") if log.exists() else "")
 
     return run
 

@@ -6,7 +6,7 @@ from importlib import metadata
 from typing import NamedTuple
 
 import pytest
-from endings import SECONDS, assert_ended
+from endings import BENT, SECONDS, assert_ended
 
 import fix_nosquish
 from fix_nosquish.errors import RunError
@@ -91,9 +91,65 @@ CASES = {
     "integrator before a point": Case(
         "all molecule mrot 2.5", ("integrator 'NVTT'",), module="fix_nosquish.NVTT"
     ),
+    "no text at all": Case("", ("behind python/move is empty", "GROUP BODYSTYLE"), module=""),
+    "letters beyond ASCII": Case(
+        "all molecule infile caf\u00e9", ("has letters beyond ASCII", "-var FILE name, and v_FILE")
+    ),
+    "letters beyond ASCII in a group": Case(
+        "\u00e9t\u00e9 molecule",
+        ("has letters beyond ASCII",),
+        before="group \u00e9t\u00e9 union all",
+    ),
+    "letters beyond ASCII in a variable": Case(
+        "all molecule infile v_f",
+        ("of variable f has letters beyond ASCII", "lmp -var f VALUE"),
+        before="variable f string caf\u00e9",
+    ),
+    "inner steps without end": Case(
+        "all molecule mrot 1000000000000", ("at most 1000", "rotor exact is what many")
+    ),
+    "chain without end": Case(
+        "all molecule temp 1 1 1 thermostat nh tchain 100000000",
+        ("at most 1000", "change nothing"),
+        module="fix_nosquish.NVT",
+    ),
+    "chains that are too fast": Case(
+        "all molecule temp 1 1 1e-5 thermostat nh",
+        ("chains are unstable at step 1", "TDAMP 1e-05 is 0.01 time steps", "at least 0.02"),
+        module="fix_nosquish.NVT",
+    ),
+    "time step below zero": Case(
+        "all molecule temp 1 1 1 seed 5",
+        ("the time step is -0.001", "NVT needs one above zero"),
+        before="timestep -0.001",
+        module="fix_nosquish.NVT",
+    ),
+    "time step below zero between": Case(
+        "all molecule iso 1 1 1",
+        ("the time step is -0.001", "NPH needs one above zero"),
+        after="timestep -0.001",
+        module="fix_nosquish.NPH",
+    ),
+    "time step of zero": Case(
+        "all molecule iso 1 1 1",
+        ("the time step is 0,",),
+        after="timestep 0",
+        module="fix_nosquish.NPH",
+    ),
+    "moments of nearly nothing": Case(
+        "all molecule temp 1 1 1 seed 5 moments equal 1e-300",
+        ("moments equal 1e-300", "more than half a turn in a step", "moments step"),
+        module="fix_nosquish.NVT",
+    ),
+    "velocities that are too large": Case(
+        "all molecule temp 1 1 1 thermostat csvr seed 5",
+        ("velocities of the bodies' atoms are too large", "not finite"),
+        before="velocity all set 1e200 0 0",
+        module="fix_nosquish.NVT",
+    ),
     "variable in the quotes": Case(
         "all molecule mrot ${n}",
-        ("no variable's value inside quotes, where '${n}' stands", "without quotes", "v_NAME"),
+        ("inside quotes, where '${n}' stands", "without quotes", "v_n"),
         before="variable n equal 2",
     ),
     "variable before a point": Case(
@@ -504,3 +560,12 @@ def test_variables_in_the_fix_line(run_case, before, target):
     script = case.script.replace(f'"{case.module} {case.words}"', target)
     run = run_case(type("", (), {"script": script}), check=True)
     assert re.search(r"Rigid bodies by .*: NVE (rigid|a) molecule mrot 2$", run.log, re.M), run.log
+
+
+def test_file_with_letters_beyond_ascii(run_lammps, tmp_path):
+    """Locks out the advice for a file's name with letters beyond ASCII: a variable of the command
+    line brings it, which LAMMPS does not do for a script's words."""
+    case = Case("all molecule output 5 v_f", steps=10)
+    given = {"options": ("-var", "f", "caf\u00e9.csv"), "files": {"mol.bent": BENT}}
+    run_lammps(case.script, launcher="lmp", **given)
+    assert (tmp_path / "caf\u00e9.csv").exists()

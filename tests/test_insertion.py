@@ -344,6 +344,20 @@ def test_spheres_of_a_template_without_masses(run_lammps, header):
     assert slope == pytest.approx(0.3 / mass, rel=0.3 if header else 1e-6)
 
 
+@pytest.mark.parametrize("place", ["0 0 0", "0.3 -0.2 0.1"])
+def test_atoms_of_a_template(run_lammps, tmp_path, place):
+    """Locks out single atoms that count as bodies of which a template says more than they tell: a
+    next run would take no velocities over, and a restart file would have one beside it."""
+    one = f"atom\n\n1 atoms\n\nCoords\n\n1 {place}\n\nTypes\n\n1 1\n"
+    script = SCRIPT.format(
+        style="molecular", edge=8, masses=MASSES, first="", changes=DEPOSIT, fix=OURS,
+        run="run 100\nvelocity all set 0.5 0 0\nwrite_restart kept\nrun 10",
+    )  # fmt: skip
+    run = run_lammps(script, files={"mol.bent": one})
+    assert run.thermo["Atoms"][-1] == 12 and "without effect" not in run.log
+    assert not (tmp_path / "kept.rigid").exists()
+
+
 def test_molecule_that_is_no_body(refused):
     """Locks out a molecule of a template whose parts are bodies by themselves."""
     parts = OWN + "\nMolecules\n\n1 1\n2 1\n3 2\n"
@@ -351,6 +365,49 @@ def test_molecule_that_is_no_body(refused):
         style="molecular", edge=8, masses=MASSES, first="", changes=DEPOSIT, fix=OURS, run="run 20"
     )
     refused(script, "has 2 atoms, of a molecule of 3 that was inserted", {"mol.bent": parts})
+
+
+AMMONIA = """top
+
+4 atoms
+
+Coords
+
+1 0.3 -0.3 -0.3
+2 -0.3 0.3 -0.3
+3 -0.3 -0.3 0.3
+4 0 0 0
+
+Types
+
+1 2
+2 2
+3 2
+4 1
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("run", ["run 150", "run 70\nrun 80"])
+def test_rotors_stay(run_lammps, tmp_path, run, ranks):
+    """Locks out a rotation of symmetric tops that is exact until asymmetric bodies come, and split
+    from then on, or from the next run on: what does not act on bodies does not change their way."""
+    first = (
+        "molecule top mol.top\npair_style zero 1.0\npair_coeff * *\n"
+        "create_atoms 0 random 8 4928 inner overlap 1.2 maxtry 1000 mol top 777\n"
+        "velocity all create 1.0 4711 loop geom"
+    )
+    ends = []
+    for changes in "", DEPOSIT.replace("12 0 8", "5 0 20"):
+        script = SCRIPT.format(
+            style="molecular", edge=8, masses=MASSES, first=first, changes=changes, run=run,
+            fix=OURS.replace(" order 123", ""),
+        )  # fmt: skip
+        done = run_lammps(script, files={"mol.bent": MOLECULE, "mol.top": AMMONIA}, ranks=ranks)
+        assert done.thermo["Atoms"][-1] == 32 + 15 * bool(changes)
+        lines = (tmp_path / "end").read_text().splitlines()[9:]
+        ends.append(lines[:32])
+    assert ends[0] == ends[1]
 
 
 MOVES = GCMC.format(-2).replace("6 0 0", "0 6 0").replace("rigid 1", "")

@@ -327,17 +327,24 @@ def test_continued_with_a_mesh(run_lammps, tmp_path):
     assert jumps[True] < 1e-9 < 1e-6 < jumps[False], jumps
 
 
-@pytest.mark.parametrize("pressure, ratio", [("1e-3", 8), ("9e-1", 0.125)])
-def test_volume_out_of_proportion(run_lammps, pressure, ratio):
+@pytest.mark.parametrize(
+    "pressure, ratio, style", [("1e-3", 8, "python/move"), ("9e-1", 0.125, "nosquish/npt")]
+)
+def test_volume_out_of_proportion(run_lammps, pressure, ratio, style):
     """Locks out a system that boils or flies apart, to a volume of 1e6 times the first one, without
-    a word; and a warning that comes more than once a run, or where volumes only fluctuate."""
+    a word; a warning that comes more than once a run, or where volumes only fluctuate; and one that
+    names another style than the script has."""
     system = mixture(side=3, spacing=2.9)
     lines = {}
     for p, steps in (pressure, 4000), ("12e-2", 500):
         line = fix("seed 5", f"iso {p} {p} 4e-1 every 1 compressibility 8") + thermo("vol", 10)
+        if style != "python/move":
+            line = re.sub(r'python/move "fix_nosquish\.NPT \S+ (.*)"', rf"{style} \1", line)
         script = f"{system.setup}\n{FREE}timestep 0.004\n{line}run {steps}\nrun 10\n"
         done = run_lammps(script, files=system.files, ranks=2)
-        lines[p] = re.findall("WARNING: .* by step (.*) the volume is (.*) times", done.log)
+        lines[p] = re.findall(
+            f"WARNING: Fix 1 {style}: by step (.*) the volume is (.*) times", done.log
+        )
         if p == pressure:
             volumes = done.thermo["Volume"]
     assert [len(found) for found in lines.values()] == [1, 0]

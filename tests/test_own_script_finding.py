@@ -609,3 +609,14 @@ def test_kinds_of_fixes():
     }
     assert {line: finding.kind_of(line) for line in known} == known
     assert isinstance(Integrator("a", "a", ()), Integrator)
+
+
+def test_native_styles_are_ours():
+    """Locks out a script with a native style whose fix the harness takes for another's, or whose
+    group and words it reads at other places than those in quotes."""
+    words = "molecule temp 1.5 1.5 2.0 seed 5 mrot 2"
+    quoted = f'fix 1 water python/move "fix_nosquish.NVT water {words}"'
+    assert finding.in_quotes(f"fix 1 water nosquish/nvt {words}") == quoted
+    assert finding.kind_of(quoted) == "ours"
+    for other in "", "run 5", "fix 1 water", "fix 1 water nve", quoted:
+        assert finding.in_quotes(other) == other

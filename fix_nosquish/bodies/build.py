@@ -112,6 +112,7 @@ def build(
     spins, energy = (particles.momentum, particles.kinetic().sum()) if result.spin else (None, 0.0)
     result.take_velocities(lammps, spins, given and given.momenta_among(result.id))
     finite = result.spin and np.count_nonzero(particles.moment.any(axis=0))
+    _refuse_small_moments(lammps, communicator, membership.command, chosen[2 * plane :])
     notes = _notes(result, lammps, members, rebuilt[members.owned].sum(), energy, finite)
     return result, notes | {
         "given": given.named if given else (),
@@ -144,6 +145,22 @@ def least_moment(lammps, command):
     """
     temperature = max(lammps.number(word) for word in command.temp[:2])
     return lammps.boltz / lammps.mvv2e * temperature * (lammps.innermost_dt / TURN) ** 2
+
+
+def _refuse_small_moments(lammps, communicator, command, moment):
+    """End the run if keyword moments gives bodies so small ones, (k, n), that heat turns them by
+    more than half a turn in a step; collective."""
+    if not command.moments or command.moments[0] not in ("equal", "scale"):
+        return
+    good = least_moment(lammps, command)
+    least = good * (TURN / np.pi) ** 2
+    if communicator.any(((moment > 0) & (moment < least)).any()):
+        how, word = command.moments
+        raise command.wrong(
+            f"keyword moments {how} {word} makes moments of less than {least:.3g}, with which heat "
+            f"turns a body by more than half a turn in a step: {good:.3g} and more is good, and "
+            "'moments step' chooses it"
+        )
 
 
 def _chosen(lammps, command, moment, plane, alike):

@@ -17,9 +17,8 @@ from ..motion.frames import angular_velocity, product, rotation_matrix, to_body,
 from ..motion.step import show_atoms_moments
 from .bodies import matrices
 
-# moments of inertia of unit mass and size: a solid sphere's radius, an ellipsoid's half axes, the
-# length of a line
-SPHERE, ELLIPSOID, LINE = 0.4, 0.2, 1.0 / 12.0
+# moments of inertia of unit mass and size: a solid sphere's radius, the length of a line
+SPHERE, LINE = 0.4, 1.0 / 12.0
 # rows of `displace`, if atoms can have an orientation: a quaternion, moments about its axes for
 # particles that keep an angular momentum, a dipole; zero for what an atom has not
 ORIENT, OWN_MOMENT, DIPOLE, ROWS = 4, 8, 11, 14
@@ -91,21 +90,15 @@ def particles_of(lammps, shapes, atoms):
         dipole[:] = mu[atoms, :3].T * (mu[atoms, 3] > 0)
     if shapes is not None:
         sizes, quat = shapes[atoms, :3].T, shapes[atoms, 3:].T
-        for name, of_shape in (
-            (
-                "ellipsoid",
-                lambda a: ELLIPSOID * np.roll(a**2, 1, 0) + ELLIPSOID * np.roll(a**2, 2, 0),
-            ),
-            ("line", lambda a: LINE * a[0] ** 2 * np.array([[0.0], [1.0], [1.0]])),
-            ("tri", None),
-        ):
+        for name in "ellipsoid", "line", "tri":
             index = lammps.per_atom(name, np.int32)
             if index is None:
                 continue
             which = index[atoms] >= 0
-            size = sizes[:, which]
-            moment[:, which] = size if of_shape is None else mass[which] * of_shape(size)
+            moment[:, which] = sizes[:, which]
             if name == "line":  # LAMMPS's lines are in two dimensions
+                about = mass[which] * (LINE * sizes[0, which] ** 2)
+                moment[:, which] = about * [[0.0], [1.0], [1.0]]
                 momentum[:, which] = moment[:, which] * omega[atoms[which]].T * [[0], [0], [1]]
             else:
                 momentum[:, which], keeps[which] = angmom[atoms[which]].T, True

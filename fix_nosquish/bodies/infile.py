@@ -9,6 +9,9 @@ value), the tensor of inertia and the angular momentum l in the space frame, and
 the centre of mass.
 """
 
+import contextlib
+import os
+
 import numpy as np
 
 from ..errors import RunError
@@ -147,7 +150,8 @@ def _tensors(rows):
 
 
 def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> None:
-    """Write the bodies of the fix line, not its points, as they are; collective.
+    """Write the bodies of the fix line, not its points, as they are, to a file that is whole, or is
+    what it was; collective.
 
     Raises:
         RunError: if the file cannot be written.
@@ -167,8 +171,9 @@ def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> Non
     )[:, bodies.listed].T
     rows, problem = communicator.gather(rows), None
     if communicator.rank == 0:
+        part = f"{path}.part"
         try:
-            with open(path, "w") as file:
+            with open(part, "w") as file:
                 file.write(
                     "# fix_nosquish: mass, centre of mass, inertia, velocities of the bodies on "
                     f"timestep {lammps.step}\n\n{len(rows)}\n"
@@ -176,6 +181,9 @@ def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> Non
                 np.savetxt(
                     file, rows[np.argsort(rows[:, 0])], fmt=["%d"] + ["%.17g"] * 16 + ["%d"] * 3
                 )
+            os.replace(part, path)
         except OSError as error:
+            with contextlib.suppress(OSError):
+                os.remove(part)
             problem = f"cannot write the bodies to {path}: {error.strerror}"
     communicator.agree(problem)

@@ -13,7 +13,8 @@ import numpy as np
 from .bodies import matrices
 from .given import Given
 
-_SAME = 1e-9  # part of itself by which a number that follows from the atoms is off, at most
+# parts of a body, and of the box, by which places that follow from the atoms are off, at most
+_SAME, _ROUNDED = 1e-9, 1e-12
 _UNKNOWN = (
     "WARNING: this LAMMPS does not tell a molecule template's mass, com and inertia: inserted "
     "bodies have those of their atoms"
@@ -90,16 +91,17 @@ def read(molecules, lammps, members, start):
     own_inertia = np.einsum("abn,bcn,dcn->adn", turn, tensor, turn)
     of_atoms = members.inertia(members.mass, start.delta - start.centre[:, members.body].T)
     of_atoms = of_atoms + start.particles
-    trace = np.einsum("aan->n", of_atoms)
-    size = np.sqrt(trace / np.where(start.mass > 0, start.mass, 1.0))
+    size = np.sqrt(np.trace(of_atoms) / np.where(start.mass > 0, start.mass, 1.0))
+    near = _SAME * size + _ROUNDED * lammps.box.size + 8 * np.spacing(lammps.box.farthest)
 
-    def differs(own, other, scale):
+    def differs(own, other, bound):
         """Whether what the template says is another number; where it says nothing it is not."""
-        off = np.abs(own - other) > _SAME * scale
+        off = np.abs(own - other) > bound
         return off.any(axis=tuple(range(off.ndim - 1)))
 
-    own = differs(mass[0], start.mass, start.mass) | differs(own_centre, start.centre, size)
-    own |= differs(own_inertia, of_atoms, trace)
+    own = differs(mass[0], start.mass, _SAME * start.mass)
+    own |= differs(own_centre, start.centre, near)
+    own |= differs(own_inertia, of_atoms, start.mass * near * (2 * size + near))
     _refuse_negative(members, own, own_inertia)
     ids = members.communicator.gather_to_all(members.ids[own])
     warnings = () if len(known) == len(molecules.templates) else (_UNKNOWN,)

@@ -9,6 +9,11 @@ from ..errors import RunError
 
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
 _FILE = "a file: its name, or v_NAME of a string-style variable"
+# the most that a keyword may be, and why: each costs time in every step
+_MOST = {
+    "mrot": (1000, "rotor exact is what many inner steps come to, at the cost of one"),
+    "tchain": (1000, "more than some ten thermostats in a chain change nothing"),
+}
 KEYWORDS = {
     "mrot": "the number of inner rotor steps, a whole number of at least 1",
     "order": "321 (the axis of the smallest moment turns outermost) or 123 (of the largest)",
@@ -401,12 +406,14 @@ class _Words:
             raise self.line.wrong(f"the fix line ends where {expected} is expected")
         return self.left.pop(0)
 
-    def whole(self, expected, most=2**63):
+    def whole(self, expected, most=2**63, why=""):
         """The next word as a whole number of at least 1."""
         word = self.take(expected)
         if not word.isdigit() or not 1 <= int(word) < most:
             high = f", and at most {most - 1}" if word.isdigit() and int(word) >= most else ""
-            raise self.wrong(f"'{word}' was given where {expected} is expected{high}")
+            raise self.wrong(
+                f"'{word}' was given where {expected} is expected{high}{why * bool(high)}"
+            )
         return int(word)
 
     def choice(self, allowed, expected):
@@ -451,7 +458,12 @@ class _Words:
 
 
 _READ = {  # what the words behind a keyword give
-    "mrot": _Words.whole,
+    **{
+        keyword: lambda words, expected, most=most, why=why: words.whole(
+            expected, most + 1, f": {why}"
+        )
+        for keyword, (most, why) in _MOST.items()
+    },
     "order": lambda words, expected: (321, 123)[words.choice(("321", "123"), expected)],
     "rotor": lambda words, expected: words.one_of(ROTORS, expected),
     "reinit": lambda words, expected: words.choice(("no", "yes"), expected),
@@ -462,7 +474,7 @@ _READ = {  # what the words behind a keyword give
     "temp T": lambda words, expected: words.numbers(1, expected),
     "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),
     **dict.fromkeys(
-        ("seed", "tchain", "every", "steps", "shadow"),
+        ("seed", "every", "steps", "shadow"),
         lambda words, expected: words.whole(expected, 2**31),
     ),
     "separate": lambda words, expected: words.choice(("no", "yes"), expected),

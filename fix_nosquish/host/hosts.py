@@ -96,8 +96,8 @@ class Host(Protocol):
         """Shape and orientation of each of LAMMPS's atoms on this rank.
 
         Returns:
-            (natoms, 7) three numbers and a quaternion: half axes of an ellipsoid; length of a line,
-            0, 0; principal moments of a triangle; 0 for others. None where they cannot be known.
+            (natoms, 7) three numbers and a quaternion: principal moments of an ellipsoid or a
+            triangle; length of a line, 0, 0; 0 for others. None where they cannot be known.
         """
 
     def inserted(self):

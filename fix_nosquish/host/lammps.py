@@ -18,8 +18,8 @@ from ..motion.periodic import invert
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
 _MISSING = "this fix does not advance"
 _TURNS = (
-    "whose orientation this LAMMPS does not give: install this package where its plugin serves, "
-    "and use the atom style without a suffix"
+    "whose orientation this LAMMPS does not give, or not as the versions that are known: install "
+    "this package where its plugin serves, and use the atom style without a suffix"
 )
 _EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
 _STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
@@ -367,7 +367,7 @@ class Lammps:
         buffer = ctypes.create_string_buffer(256)
         for bit in range(32):
             known = self.lib.lammps_id_name(self.handle, b"group", bit, buffer, 256)
-            if known and buffer.value.decode() == name:
+            if known and buffer.value == name.encode():
                 return 1 << bit
         raise RunError(f"there is no group {name}", everywhere=True)
 
@@ -386,7 +386,17 @@ class Lammps:
         """
         if word[:2] != "v_":
             return word
-        return ctypes.string_at(self._evaluate(self._named(word), None, _STRING)).decode()
+        value = ctypes.string_at(self._evaluate(self._named(word), None, _STRING))
+        try:
+            return value.decode()
+        except UnicodeDecodeError:
+            name, shown = word[2:], value.decode(errors="replace")
+            raise RunError(
+                f"the value '{shown}' of variable {name} has letters beyond ASCII, and LAMMPS "
+                "keeps only a part of them when it reads a script: use ASCII letters, or give the "
+                f"value on the command line: lmp -var {name} VALUE",
+                everywhere=True,
+            ) from None
 
     def number(self, word):
         """A word of the fix line as a number: what stands there, or the value now of the variable

@@ -232,6 +232,7 @@ class ConstantPressure(ConstantTemperature):
             if fix.post_force and not fix.style.startswith((*READERS, *_CLUSTERS))
         ]
         noisy = any(f.style.startswith(_NOISE) and self.acts_on_bodies(f) for f in changing)
+        self._noise_on_bodies = noisy
         counted, others = [], []
         for fix in changing:
             held = self.host.held and self._hits(fix, moving=True)
@@ -269,15 +270,19 @@ class ConstantPressure(ConstantTemperature):
         if not self.has_others:
             return [], []
         cells = cells | {"dilated": Cell(I, self._dilated)}
-        seen = [free_atoms.virial_of_others.bind_to(self.counted(cells))]
+        seen = [free_atoms.virial_of_others.bind_to(self._counted(cells, self.host.counts))]
         if self.host.held:
             finder = {"cluster_finder": self.host.find_clusters}
             seen = [free_atoms.find_clusters.bind_to(cells, **finder), *seen]
         return seen, [free_atoms.move_others.bind_to(cells)]
 
-    def counted(self, cells):
-        """Cells whose forces are those that LAMMPS's virial counts."""
-        return cells | {"atom_f": cells["counted_f" if self.host.counts else "atom_f"]}
+    def virial_of_bodies(self, cells):
+        """The loop for what the forces do about the bodies' centres."""
+        return cell.virial_about_centres.bind_to(self._counted(cells, self._noise_on_bodies))
+
+    def _counted(self, cells, counts):
+        """Cells whose forces are those that LAMMPS's virial counts, or all of them."""
+        return cells | {"atom_f": cells["counted_f" if counts else "atom_f"]}
 
     @property
     def axes(self):

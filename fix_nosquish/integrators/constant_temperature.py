@@ -92,6 +92,7 @@ class ConstantTemperature(Integrator):
     """
 
     splits = middle = thermostat = couples = keeps_momentum = True
+    backwards = False
     keywords = "temp", "thermostat", "seed", "tchain", "separate", "moments"
     method = "NO_SQUISH"
     _held = 0  # degrees of freedom of the total momentum, if that is taken as zero

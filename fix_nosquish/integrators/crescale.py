@@ -18,7 +18,6 @@ which is right to the second order in the change.
 
 from math import log, sqrt
 
-from ..box import cell
 from ..box.cell import (
     CENTRE,
     EVERY,
@@ -213,7 +212,7 @@ class StochasticCell(ConstantPressure):
     def cell_loops(self, cells):
         seen, moved = self.loops_of_others(cells)
         behind = [*seen, end_change.bind_to(cells)]
-        pressure = [cell.virial_about_centres.bind_to(self.counted(cells)), *behind]
+        pressure = [self.virial_of_bodies(cells), *behind]
         return pressure, [rescale_cell.bind_to(cells), *moved]
 
     def own_numbers(self):

@@ -198,6 +198,7 @@ class FIRE(Integrator):
     """
 
     splitting, rows, respa, quenches = "A", OF_BODY, False, True
+    backwards = False
     operations = {"A": Operation(relax, moves=True, prepared=True, measures=measure)}  # noqa: RUF012
     keywords = "force FTOL", "torque TTOL", *DEFAULTS
     method, prepares = "FIRE", quench

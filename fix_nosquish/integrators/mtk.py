@@ -29,7 +29,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..box import cell
 from ..box.cell import (
     CENTRE,
     COMPONENTS,
@@ -345,8 +344,7 @@ class Mtk(ConstantPressure):
 
     def cell_loops(self, cells):
         seen, _ = self.loops_of_others(cells)
-        of_bodies = cell.virial_about_centres.bind_to(self.counted(cells))
-        return [of_bodies, *seen, see_virial.bind_to(cells)], []
+        return [self.virial_of_bodies(cells), *seen, see_virial.bind_to(cells)], []
 
     def loops_behind(self, cells):
         return self.loops_of_others(cells)[1]

@@ -47,6 +47,9 @@ MOVES, TURNS, WORK = BLOCK_ROWS, BLOCK_ROWS + 1, 2  # rows of a block: twice a b
 _W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
 SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # parts of a step of the chain
 LEAST = 1e-100  # in place of a mean that is zero
+# what a loop returns for a factor of a chain, or its inverse, that is larger than this
+UNSTABLE, MOST = -4, 1000.0
+STEPS = 20  # in TDAMP, with which chains are stable
 move = NVE.operations["A"].does
 
 
@@ -233,7 +236,7 @@ def move_chains(mpi, parameters, dt, sums, separate, chains):
     """Martyna, Tuckerman, Tobias and Klein, Mol. Phys. 87, 1117 (1996), eqs. 26-29.
 
     Returns:
-        as `rescale`.
+        as `rescale`, and UNSTABLE.
     """
     length = chains.size // 2
     for k in range(2):
@@ -245,6 +248,8 @@ def move_chains(mpi, parameters, dt, sums, separate, chains):
                 chains[k * length : (k + 1) * length], length // 2, sums[k], degrees,
                 parameters[KT], parameters[RATE], dt,
             )  # fmt: skip
+            if not 1.0 / MOST < parameters[FACTOR + k] < MOST:
+                return UNSTABLE
     use_factors(mpi, parameters, sums, separate)
     return 0
 
@@ -277,6 +282,20 @@ class Rescaling(ConstantTemperature):
     def chained(self):
         """Whether the thermostats are chains."""
         return self.command.thermostat == "nh"
+
+    def complaint(self, found):
+        if found == UNSTABLE:
+            dt, damping = self.lammps.dt, self.lammps.number(self.command.temp[2])
+            return (
+                f"the Nose-Hoover chains are unstable at step {self.lammps.step}: TDAMP "
+                f"{damping:g} is {damping / dt:.3g} time steps. Give a TDAMP of at least "
+                f"{STEPS * dt:g}, or start from velocities of nearly this temperature"
+            )
+        return super().complaint(found)
+
+    @property
+    def backwards(self):
+        return self.chained and not self.every
 
     @property
     def method(self):

@@ -2,10 +2,10 @@
 
     python -m fix_nosquish.loops.compile FILE MODULE ...
 
-writes to the open file of this number a pickled dictionary from the modules' names to the machine code of their
-loops.  It is a process of its own: LLVM's memory ends with it.  Of the package's own loops it takes
-the bitcode that came with the package, else `lower` makes it, for which numba takes most of a
-minute.
+writes to the open file of this number a pickled dictionary from the modules' names to the machine
+code of their loops. It is a process of its own: LLVM's memory ends with it. Of the package's own
+loops it takes the bitcode that came with the package, else `lower` makes it, for which numba takes
+most of a minute.
 """
 
 from llvmlite import binding as llvm

@@ -2,9 +2,9 @@
 
     python -m fix_nosquish.loops.lower FILE MODULE ...
 
-writes to the open file of this number a pickled dictionary from the modules' names to the bitcode of their
-loops.  It is a process of its own: numba's memory, and the level at which it works, end with it.
-Only the public interfaces of numba and llvmlite are used.
+writes to the open file of this number a pickled dictionary from the modules' names to the bitcode
+of their loops. It is a process of its own: numba's memory, and the level at which it works, end
+with it. Only the public interfaces of numba and llvmlite are used.
 """
 
 import gc

@@ -83,10 +83,11 @@ class Module:
 
     Attributes:
         code: the machine code, or None while it is not known.
+        left: why files that were found are not used.
     """
 
     def __init__(self, name):
-        self.name, self.loops, self.ready, self.code = name, [], False, None
+        self.name, self.loops, self.ready, self.code, self.left = name, [], False, None, []
 
     def load(self):
         """Make the loops ready."""
@@ -111,19 +112,34 @@ class Module:
         for place in self.places() if self.code is None else ():
             try:
                 content = place.read_bytes()
+                danger = self._danger(place) or self._danger(place.parent)
             except OSError:
                 continue
-            if content[:_HASH] == importlib.util.source_hash(content[_HASH:]):
+            if danger:
+                self.left.append(f"{danger}, so {place} is not used")
+            elif content[:_HASH] == importlib.util.source_hash(content[_HASH:]):
                 self.code = content[_HASH:]
                 break
         return self.code is not None
+
+    def _danger(self, path):
+        """Why others than who runs this, or whose source is run anyway, may have put machine code
+        there; nothing if they cannot."""
+        owners = {os.geteuid(), 0, os.stat(sys.modules[self.name].__file__).st_uid}
+        there = path.stat()
+        if there.st_uid not in owners:
+            return f"{path} belongs to another user ({there.st_uid})"
+        return f"{path} can be written by others (chmod go-w)" if there.st_mode & 0o022 else None
 
     def _compile(self):
         """Compile these loops, and all that the package has imported: a later run may need more."""
         package = self.name.partition(".")[0]
         missing = [one for one in of_package(package) if one is self or not one.read()]
-        long = "3 to 10 s" if {one.name for one in missing} <= set(bitcode.kept()) else "20 to 60 s"
-        _tell(f"{package} compiles its loops, once for this machine and version: {long}")
+        for reason in sorted({reason for one in missing for reason in one.left}):
+            _tell_once(f"{package}: {reason}")
+        short = {one.name for one in missing} <= set(bitcode.kept())
+        long = "usually 5 to 30 s" if short else "usually 20 to 60 s"
+        _tell(f"{package} compiles its loops, once for each integrator on this machine: {long}")
         begin = time.perf_counter()
         codes = in_processes("compile", missing)
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
@@ -139,11 +155,11 @@ class Module:
         """Keep the machine code in a file."""
         places = self.places()
         content = importlib.util.source_hash(self.code) + self.code
-        if not any(_save(place, content) for place in places):
+        if not any(_save(place, content, self._danger) for place in places):
             folders = " nor ".join(str(place.parent) for place in places)
             warnings.warn(
                 f"the loops of {self.name} are compiled at each start, because neither "
-                f"{folders} can be written",
+                f"{folders} can be written, and by you alone",
                 RuntimeWarning,
                 stacklevel=2,
             )
@@ -244,12 +260,16 @@ def _hash(text):
     return importlib.util.source_hash(text.encode()).hex()
 
 
-def _save(place, content):
-    """Write a file, whole or not at all, and remove the module's older ones. Returns: whether."""
+def _save(place, content, danger):
+    """Write a file, whole or not at all, where there is no danger that others change it, and remove
+    the module's older ones. Returns: whether."""
     part = place.with_name(f"{place.name}.{os.urandom(4).hex()}")
     try:
-        place.parent.mkdir(parents=True, exist_ok=True)
+        place.parent.mkdir(0o755, parents=True, exist_ok=True)
+        if danger(place.parent):
+            return False
         with open(part, "xb") as file:
+            os.fchmod(file.fileno(), os.fstat(file.fileno()).st_mode & 0o755)
             file.write(content)
         part.replace(place)
     except OSError:
@@ -266,7 +286,7 @@ def _locked(places):
     with ExitStack() as stack:
         for place in places:
             try:
-                place.parent.mkdir(parents=True, exist_ok=True)
+                place.parent.mkdir(0o755, parents=True, exist_ok=True)
                 folder = os.open(place.parent, os.O_RDONLY)
                 stack.callback(os.close, folder)
                 fcntl.flock(folder, fcntl.LOCK_EX)

@@ -9,9 +9,15 @@ from .compiled import L2, Cell, array, call, inlined
 
 # columns of a memory's table: where an array is (its shape follows), and its room in bytes
 PLACE, SIZE = 0, 3
-REALLOC = 0  # the row that holds the address of C's realloc
+# the first row holds addresses of C's functions, and of what the second says
+C = 0
+REALLOC, PERROR, EXIT, MESSAGE = range(4)
 
 _libc = ctypes.CDLL(None)
+_NO_ROOM = ctypes.create_string_buffer(
+    b"ERROR: fix_nosquish: there is no memory left on this node for the bodies of this rank. Use "
+    b"more nodes, or fewer ranks on each"
+)
 _libc.realloc.restype, _libc.realloc.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
 _libc.free.argtypes = [ctypes.c_void_p]
 
@@ -30,7 +36,8 @@ class Memory:
 
     def __init__(self, kinds):
         self.table = table = np.zeros((1 + len(kinds), 4), np.int64)
-        table[REALLOC, PLACE] = ctypes.cast(_libc.realloc, ctypes.c_void_p).value
+        functions = _libc.realloc, _libc.perror, _libc._exit, _NO_ROOM
+        table[C] = [ctypes.cast(one, ctypes.c_void_p).value for one in functions]
         rows = zip(kinds.items(), table[1:, :3], strict=True)
         self.cells = {name: Cell(kind, numbers=numbers) for (name, kind), numbers in rows}
         self.cells["memory"] = Cell(L2, table)
@@ -42,8 +49,10 @@ class Memory:
         values = np.ascontiguousarray(values, cell.kind.dtype)
         row = 1 + list(self.cells).index(name)
         if values.nbytes > self.table[row, SIZE]:
-            self.table[row, PLACE] = _libc.realloc(self.table[row, PLACE].item(), values.nbytes)
-            self.table[row, SIZE] = values.nbytes
+            place = _libc.realloc(self.table[row, PLACE].item(), values.nbytes)
+            if not place:
+                raise MemoryError(f"there is no memory for the {values.nbytes} bytes of {name}")
+            self.table[row, PLACE], self.table[row, SIZE] = place, values.nbytes
         cell.numbers[1:] = values.shape
         array(cell.numbers[0].item(), values.shape, values.dtype)[...] = values
 
@@ -55,8 +64,16 @@ def _free(table):
 
 @inlined
 def room(memory, row, size):
-    """The place of this row's array, with room for so many bytes; what is there stays."""
+    """The place of this row's array, with room for so many bytes; what is there stays.
+
+    Without memory this rank ends with a message, for no loop can raise an error, and MPI ends the
+    others.
+    """
     if size > memory[row, SIZE]:
-        memory[row, SIZE] = size + size // 4 + 64
-        memory[row, PLACE] = call(memory[REALLOC, PLACE], memory[row, PLACE], memory[row, SIZE])
+        more = size + size // 4 + 64
+        place = call(memory[C, REALLOC], memory[row, PLACE], more)
+        if place == 0:
+            call(memory[C, PERROR], memory[C, MESSAGE])
+            call(memory[C, EXIT], 1)
+        memory[row, SIZE], memory[row, PLACE] = more, place
     return memory[row, PLACE]

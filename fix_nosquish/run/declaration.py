@@ -32,6 +32,7 @@ class Declaration:
         respa: whether it can have the forces of the levels of run_style respa.
         thermostat: whether it keeps a temperature, so that no other fix may.
         quenches: whether it ends a run by itself.
+        backwards: whether the time step may be below zero, so that a run goes back in time.
         crosses: whether bodies may get another velocity where they cross a face, as with remap v of
             fix deform. A class with operations of its own says so anew.
         needs_energy: whether it needs the potential energy at the end of steps that it names, as
@@ -72,6 +73,7 @@ class Declaration:
 
     method, splits, keywords, respa, thermostat = "", False, (), True, False
     quenches = crosses = needs_energy = couples = False
+    backwards = True
     restart_state, freedom_said = None, ""
     own_warnings, modules = (), ()
     every, flips = 0, False

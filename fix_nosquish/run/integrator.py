@@ -106,7 +106,7 @@ class Integrator(Declaration):
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
         self.name, self.number = line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
-        self._ran = self._lost = self._stepped = False
+        self._ran = self._lost = self._stepped = self._has_rotors = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
         # another length
         self._beginning = self._gathers_anew = self._resets = False
@@ -172,7 +172,14 @@ class Integrator(Declaration):
         return any(operation.exact for operation in self.operations.values())
 
     def _choose_rotor(self):
-        """Whether the rotation is exact; collective.
+        """Choose whether the rotation is exact, for the first bodies that turn: these keep it, and
+        others that come take it over; collective."""
+        if not self._has_rotors:
+            self.exact = self._exact_by_default()
+            self._has_rotors = self.communicator.any(self.bodies.rotors > 0)
+
+    def _exact_by_default(self):
+        """Whether the rotation is exact for the bodies as they are; collective.
 
         By default that of symmetric tops is, whose axes may be chosen in more than one way.
         """
@@ -254,6 +261,7 @@ class Integrator(Declaration):
                 "not those of levels: use run_style verlet",
                 everywhere=True,
             )
+        self._refuse_time_step()
         self.host.call_always()
         self._note_waiting()
         self._first_step = self.lammps.step
@@ -349,7 +357,14 @@ class Integrator(Declaration):
             former, **self.particles(),
         )  # fmt: skip
         self._lost = self._started = False
-        bodies, self.exact = self.bodies, self._choose_rotor()
+        if not np.isfinite(self.notes["kinetic"]):
+            raise RunError(
+                "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
+                "energy is not finite. Look at what has set them (velocity, read_data)",
+                everywhere=True,
+            )
+        self._choose_rotor()
+        bodies = self.bodies
         kept = self.notes.pop("kept")
         # a rerun is to tell of the atoms as they stand in the file, which has rounded places
         bodies.loose = self.command.reinit and "rerun" in self.host.command[:1]
@@ -513,6 +528,7 @@ class Integrator(Declaration):
     @hook
     def reset_dt(self):
         """The time step may have changed."""
+        self._refuse_time_step()
         if self.middle and self.phase in (Phase.WAITING, Phase.OVER):
             # the last step's end has the old one, and is done when the next step begins: until
             # then atoms have the velocities of its middle, which other fixes may change
@@ -521,6 +537,16 @@ class Integrator(Declaration):
         if self.phase != Phase.NEW:
             self.catch_up()
         self._take_time_step()
+
+    def _refuse_time_step(self):
+        """End the run if the integrator cannot take the time step that there is."""
+        dt = self.lammps.dt
+        if (dt < 0 and not self.backwards) or (dt == 0 and self.every):
+            raise RunError(
+                f"the time step is {dt:g}, and the integrator {self.name} needs one above zero: "
+                "look at the command timestep",
+                everywhere=True,
+            )
 
     def _take_time_step_later(self):
         self._resets, self.host.begins = True, self.lammps.step + 1
@@ -593,9 +619,8 @@ class Integrator(Declaration):
                 "keyword shadow, or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
-        if lines:
-            self.host.log("\n".join([*lines, ""]))
-        self.exact = self._choose_rotor()
+        self.reports.warn(lines)
+        self._choose_rotor()
         self.parameters[MROT] = self._mrot
         self.mask = self._switches.mask(self.bodies)
         self.turned_over()

@@ -52,15 +52,20 @@ class Reports:
         """Log what the bodies are, if that has changed, and what was taken from velocities."""
         integrator = self._integrator
         lines, removed = log.summary(integrator, virial)
-        warnings = [line for line in log.warnings(integrator) if line not in self._warned]
-        self._warned.update(warnings)
+        warnings = log.warnings(integrator)
         said, self._said = self._said, lines[:4]
         if not said or said[:3] != lines[:3]:
             integrator.host.log("\n".join([*lines, *integrator.host.advice(removed), ""]))
         elif said[3] != lines[3] and log.projected(integrator.notes):
             integrator.host.log(lines[3] + "\n")
-        if warnings:
-            integrator.host.log("\n".join([*warnings, ""]))
+        self.warn(warnings)
+
+    def warn(self, lines):
+        """Log these lines, each of them once."""
+        new = [line for line in lines if line not in self._warned]
+        self._warned.update(new)
+        if new:
+            self._integrator.host.log("\n".join([*new, ""]))
 
     def say_taken_over(self, at, fixes, before, now):
         """Log, once a run, that bodies took over the velocities that these fixes gave atoms.

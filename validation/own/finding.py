@@ -114,6 +114,16 @@ def style_of(line: str) -> str:
     return re.sub(r"/(omp|intel|kk|gpu|opt)$", "", texts(line)[3])
 
 
+def in_quotes(line: str) -> str:
+    """A fix nosquish/nve or one of its kin as a fix python/move; other commands as they are."""
+    word, *rest = texts(line) or [""]
+    if word != "fix" or len(rest) < 4 or not rest[2].startswith("nosquish/"):
+        return line
+    one, group, style, *words = rest
+    name = style.partition("/")[2].upper()
+    return f'fix {one} {group} python/move "fix_nosquish.{" ".join((name, group, *words)).strip()}"'
+
+
 def kind_of(line: str) -> str | None:
     """What a fix is to the atoms; None if it is none that ours can take the place of."""
     style, words = style_of(line), texts(line)

@@ -146,7 +146,8 @@ class Reader:
         self.where = command
         line = self.files.asks(command, self.lmp.expand)
         line = self.lmp.expand(line) if "$" in line else line
-        found = script.words(line or "")
+        line = finding.in_quotes(line or "")
+        found = script.words(line)
         if not found:
             return None
         word, rest = found[0].text, [one.text for one in found[1:]]
