@@ -62,14 +62,6 @@ def test_another_fix_that_keeps_the_temperature_is_named(taken):
     assert any(one.startswith("Ensemble: NVT (temp ") for one in taken("spce").notes)
 
 
-def test_numbers_of_a_fix_python_move_have_no_point():
-    """Locks out a temperature that our fix reads otherwise."""
-    for word in "298.15", "0.5", "1.0", "300", "1e-3", "2.50", "-1.25", "0.001":
-        plain = schemes.undotted(word)
-        assert "." not in plain and float(plain) == float(word)
-    assert schemes.undotted("v_T") == "v_T"
-
-
 def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
     """Locks out a rigid part that is none: shake holds a bond of a flexible molecule beside rigid
     water, as scripts of proteins do. Only the water becomes bodies; all begins with each line."""
@@ -228,7 +220,7 @@ def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
     lines = bodies.reads("property", "spce.data", bodies.Names())
     assert "group bodies variable is_in" in lines
     text = text.replace("read_data parts/spce.data", "\n".join(lines))
-    moving = 'fix move bodies python/move "fix_nosquish.NVE bodies custom i_body"'
+    moving = "fix move bodies nosquish/nve custom i_body"
     text = text.replace("fix move all nve", moving)
     again = tmp_path / "in.again"
     again.write_text(text)
@@ -349,13 +341,13 @@ def test_lines_for_bodies_run_whatever_makes_the_atoms(kind, tmp_path, run_lammp
 MOVES = {  # of scripts with water and a solute of four atoms, fixes; and what has to be printed
     "nve": ("fix 1 all nve", [
         "group points subtract all bodies",
-        'fix 1 bodies python/move "fix_nosquish.NVE bodies custom i_body"',
+        'fix 1 bodies nosquish/nve custom i_body',
         "fix 1_points points nve",
     ]),
     "langevin": ("fix 1 all nve\nfix 2 all langevin 300 300 100 5", ["fix 1_points points nve"]),
     "chains": ("fix 1 all nvt temp 300.5 300.5 100 tchain 5", [
-        'fix 1 bodies python/move "fix_nosquish.NVT bodies custom i_body temp 3005e-1 3005e-1 100'
-        ' thermostat nh tchain 5"',
+        'fix 1 bodies nosquish/nvt custom i_body temp 300.5 300.5 100'
+        ' thermostat nh tchain 5',
         "fix 1_points points nvt temp 300.5 300.5 100 tchain 5",
     ]),
     "shake": ("fix 4 all shake 1e-6 200 0 b 1 3 a 1\nfix 1 all nvt temp 300 300 100", [
@@ -375,21 +367,21 @@ MOVES = {  # of scripts with water and a solute of four atoms, fixes; and what h
         "fix 4 points_4 rattle 1e-6 200 0 b 1 3 a 1",
     ]),
     "pressure": ("fix 1 all npt temp 300 300 100 iso 1 1 1000 drag 0.2", [
-        'fix 1 bodies python/move "fix_nosquish.NPT bodies custom i_body temp 300 300 100 '
-        'iso 1 1 1000 thermostat nh barostat mtk points points"',
+        'fix 1 bodies nosquish/npt custom i_body temp 300 300 100 '
+        'iso 1 1 1000 thermostat nh barostat mtk points points',
     ]),
     "pressure and shake": (
         "fix 4 all shake 1e-6 200 0 b 1 3 a 1\nfix 1 all npt temp 300 300 100 iso 1 1 1000\n"
         "compute_modify 1_temp extra/dof 3", [
             "fix 4 points_4 shake 1e-6 200 0 b 1 3 a 1",
             "fix 1_points points nvt temp 300 300 100",
-            'fix 1 bodies python/move "fix_nosquish.NPT bodies custom i_body temp 300 300 100 '
-            'iso 1 1 1000 thermostat nh barostat mtk dilate others"',
+            'fix 1 bodies nosquish/npt custom i_body temp 300 300 100 '
+            'iso 1 1 1000 thermostat nh barostat mtk dilate others',
         ],
     ),
     "enthalpy": ("fix 1 all nph iso 1 1 1000", [
-        'fix 1 bodies python/move "fix_nosquish.NPH bodies custom i_body iso 1 1 1000 '
-        'points points"',
+        'fix 1 bodies nosquish/nph custom i_body iso 1 1 1000 '
+        'points points',
     ]),
     "a part stands still": ("group frozen id 82\ngroup mobile subtract all frozen\n"
         "fix 1 mobile nve", ["group points subtract mobile bodies", "fix 1_points points nve"],
@@ -401,30 +393,37 @@ MOVES = {  # of scripts with water and a solute of four atoms, fixes; and what h
     ),
     "two fixes": ("group water molecule 1:27\ngroup solute subtract all water\n"
         "fix 1 water nvt temp 300 300 100\nfix 2 solute nvt temp 280 280 50", [
-            'fix 1 bodies python/move "fix_nosquish.NVT bodies custom i_body temp 300 300 100 '
-            'thermostat nh"',
+            'fix 1 bodies nosquish/nvt custom i_body temp 300 300 100 '
+            'thermostat nh',
     ]),
     "names that are taken": ("group bodies type 3\ngroup points id 1\nfix 1 all nve", [
         "group own_points subtract all own_bodies",
-        'fix 1 own_bodies python/move "fix_nosquish.NVE own_bodies custom i_body"',
+        'fix 1 own_bodies nosquish/nve custom i_body',
     ]),
     "rigid": ("group water molecule 1:27\ngroup solute subtract all water\nfix 2 solute nve\n"
         "fix 1 water rigid/nvt/small molecule temp 300 300 100 tparam 4 1 3", [
-            'fix 1 bodies python/move "fix_nosquish.NVT bodies custom i_body temp 300 300 100 '
-            'thermostat nh tchain 4"',
+            'fix 1 bodies nosquish/nvt custom i_body temp 300 300 100 '
+            'thermostat nh tchain 4',
     ]),
     "rigid and noise": ("group water molecule 1:27\ngroup solute subtract all water\n"
         "fix 2 solute nve\nfix 1 water rigid/small molecule langevin 300 300 100 77", [
-            'fix 1 bodies python/move "fix_nosquish.NVT bodies custom i_body temp 300 300 100 '
-            'seed 4928"',
+            'fix 1 bodies nosquish/nvt custom i_body temp 300 300 100 '
+            'seed 4928',
     ]),
     "ours": (
         "group water molecule 1:27\ngroup solute subtract all water\n"
-        'fix 1 all python/move "fix_nosquish.NPT water molecule temp 300 300 100 seed 8 iso 1 1 '
-        '1000 every 5 points solute"', [
+        "fix 1 water nosquish/npt molecule temp 300 300 100 seed 8 iso 1.5 1.5 1000 every 5 "
+        "points solute", [
             "group points subtract solute bodies",
-            'fix 1 bodies python/move "fix_nosquish.NPT bodies custom i_body temp 300 300 100 '
-            'seed 8 iso 1 1 1000 every 5 points points"',
+            "fix 1 bodies nosquish/npt custom i_body temp 300 300 100 seed 8 iso 1.5 1.5 1000 "
+            "every 5 points points",
+    ]),
+    "ours in quotes": (
+        "group water molecule 1:27\ngroup solute subtract all water\n"
+        'fix 1 all python/move "fix_nosquish.NVT water molecule temp 300 300 100 seed 8 mrot 2 '
+        'points solute"', [
+            "group points subtract solute bodies",
+            "fix 1 bodies nosquish/nvt custom i_body temp 300 300 100 seed 8 mrot 2 points points",
     ]),
 }  # fmt: skip
 
@@ -525,6 +524,7 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
             0,
         ],
         'python/move "fix_nosquish.NVE bodies molecule moments step points points"': [1, 1, 1, 0],
+        "nosquish/npt molecule temp 1 1 1 seed 5 iso 1 1 9 points points": [True] * 4,
         'python/move "other.Class bodies"': [True] * 4,
     }
     for text, wanted in words.items():
@@ -548,6 +548,8 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
         (['python/move "fix_nosquish.NVT all molecule temp 1 1 2 seed 5 mrot 2"'], "yours"),
         (['python/move "fix_nosquish.NVT all molecule moments step temp 1 1 2 seed 5"'], "yours"),
         (['python/move "fix_nosquish.NVE all molecule"'], "nosquish"),
+        (["nosquish/nvt molecule temp 1.0 1.0 2.0 seed 17"], "nosquish"),
+        (["nosquish/nvt molecule temp 1 1 2 seed 17 mrot 2"], "yours"),
         (['python/move "fix_nosquish.Gear all molecule"'], "yours"),
         (["rigid/nvt/small molecule temp 1 1 2"], "rigid/nvt/small"),
         (["shake 1e-4 100 0 b 1", "nvt temp 1 1 2"], "shake"),
@@ -590,8 +592,10 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     assert {one.kind for one in those} == {"ours", "constraints"}
     assert all(tilts in " ".join(one.lines) for one in those)
     assert sum("angles of a box" in one for one in notes) == 1
-    (own,) = bodies.moves("molecule", "2", found.state, points=False)
-    assert "fix_nosquish.NPT bodies molecule temp 1 1 2" in own and tilts in own
+    made = bodies.moves("molecule", said, atoms, np.array([1, 1, 2, 2]), bodies.Names())
+    (own,) = made.lines
+    assert own.startswith("fix 2 bodies nosquish/npt molecule temp 1 1 2") and tilts in own
+    assert [*made.gone] == ["1", "2"]
     plain = finding.state_of(["temp", "1", "1", "2", "aniso", "1", "1", "9"])[0]
     assert not plain.tilts
 
@@ -613,10 +617,19 @@ def test_kinds_of_fixes():
 
 def test_native_styles_are_ours():
     """Locks out a script with a native style whose fix the harness takes for another's, or whose
-    group and words it reads at other places than those in quotes."""
-    words = "molecule temp 1.5 1.5 2.0 seed 5 mrot 2"
-    quoted = f'fix 1 water python/move "fix_nosquish.NVT water {words}"'
-    assert finding.in_quotes(f"fix 1 water nosquish/nvt {words}") == quoted
-    assert finding.kind_of(quoted) == "ours"
-    for other in "", "run 5", "fix 1 water", "fix 1 water nve", quoted:
-        assert finding.in_quotes(other) == other
+    group and words it reads at other places than those in quotes; and quotes in what is printed."""
+    words = "custom i_a temp 1.5 1.5 2.0 seed 5 mrot 2"
+    native = f"fix 1 water nosquish/nvt {words}"
+    quoted = f'fix 1 all python/move "fix_nosquish.NVT water {words}"'
+    wanted = "NVT", "water", ("custom", "i_a"), tuple(words.split()[2:])
+    assert finding.words_of(native) == finding.words_of(quoted) == wanted
+    assert finding.native(quoted) == finding.native(native) == native
+    for one in quoted, native:
+        assert finding.kind_of(one) == "ours" and finding.kept_by(one).temp == ("1.5", "1.5", "2.0")
+    spaced = 'fix 1 water nosquish/nve group 1 a infile "a b"'
+    assert finding.native(spaced) == spaced
+    old = 'fix 1 a python/move "fix_nosquish.Gear a molecule"'  # which has no fix style
+    others = "", "run 5", "fix 1 water", "fix 1 water nve", 'fix 1 a python/move "mine.NVE a b"'
+    for one in (old, *others, "fix 1 a python/move", "fix 1 a nosquish/nve"):
+        assert finding.native(one) == one
+    assert not any(map(finding.words_of, others))

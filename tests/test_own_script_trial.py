@@ -557,7 +557,7 @@ def row(dt, name="nosquish", cost=(1.0,), **errors):
         **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
         **{"cost": spent, "rough": spent, "signed": {}},
         **{"errors": told, "by_itself": told, "time": 100.0, "alone": False},
-        "untold": None,
+        **{"untold": None, "place": "In the place of fix 1 (nve)", "lost": []},
     }
 
 

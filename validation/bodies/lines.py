@@ -12,7 +12,7 @@ import numpy as np
 from validation.bodies import making
 from validation.bodies.making import NOTHING, Beside
 from validation.own import finding, schemes
-from validation.own.finding import State
+from validation.own.finding import State, Words
 from validation.own.script import texts, words
 
 
@@ -78,9 +78,7 @@ def told(
     found += (f"    {line}" for line in reads(kind, data, names, more))
     found += more.sentences
     made = moves(kind, said, atoms, body, names)
-    fixes = [f"fix {one} ({finding.style_of(line)})" for one, line in made.gone.items()]
-    last = "the last of " * (len(fixes) > 1) + (" and ".join(fixes) or "what moves its atoms")
-    found.append(f"In the place of {last}{', which all go' * (len(fixes) > 1)}:")
+    found.append(f"{schemes.place(made.gone)}:")
     found += (f"    {line}" for line in made.lines)
     found += made.sentences
     if _torn(said, atoms, body):
@@ -147,7 +145,7 @@ def moves(
         if states[one] != state
     ]
     points = acting[own] & ~inside if line else ~inside & (not set(known) - set(held))
-    made, more = [], ""
+    made, more = [], []
     if points.any():
         made.append(f"group {names.points} subtract {_group_of(line)} {names.bodies}")
     for one in (one for one in movers if one != own and (acting[one] & ~inside).any()):
@@ -162,24 +160,25 @@ def moves(
             "their own."
         )
     elif points.any() and not (points & bound).any() and (state.press or of == "ours"):
-        more = f" points {names.points}"  # one thermostat and one barostat for all atoms
+        more = ["points", names.points]  # one thermostat and one barostat for all atoms
     elif points.any():
         made.append(_of_points(line, own, names.points, state))
     if state.press and (~inside & ~(points if more else inside)).any():
         taken = f"{names.bodies} {names.points}" if more else names.bodies
         made.append(f"group {names.others} subtract all {taken}")
-        more += f" dilate {names.others}"
-    text, dropped = _words(line, state)
+        more += ["dilate", names.others]
+    told, dropped = _words(line, state)
     if dropped:
         sentences.append(f"Fix {own} has keywords that ours does not have: {', '.join(dropped)}.")
-    style = "molecule" if kind == "molecule" else "custom i_body"
-    name = texts(line)[4].split()[0] if of == "ours" else f"fix_nosquish.{state.ensemble.upper()}"
-    moving = f'fix {own} {names.bodies} python/move "{name} {names.bodies} {style}{text}{more}"'
+    ours = finding.words_of(line)
+    name = ours.name if ours else state.ensemble.upper()
+    style = ("molecule",) if kind == "molecule" else ("custom", "i_body")
+    moving = Words(name, names.bodies, style, (*told, *more)).fix(own)
     # rattle stands behind what sets velocities, shake in front of what changes the box
     last = [one for one in held_again if finding.style_of(one[-1]) == "rattle"]
     first = [one for one in held_again if one not in last]
     made = [*made, *itertools.chain(*first), moving, *itertools.chain(*last)]
-    return Moves(gone, made, [*sentences, *_naming(said, gone, made)])
+    return Moves(gone, made, [*sentences, *schemes.naming(gone, said["commands"], made)])
 
 
 def _group_of(line: str) -> str:
@@ -212,7 +211,7 @@ def _of_points(line: str, own: str, group: str, state: State) -> str:
     """What moves points that the bodies' fix does not."""
     if line and not state.press and finding.kind_of(line) == "plain":
         return _with_group(line, f"{own}_points", group)  # in its own words
-    heat = schemes.state_words(State(state.temp), plain=True)
+    heat = schemes.state_words(State(state.temp))
     return f"fix {own}_points {group} {'nvt' if state.temp else 'nve'}{heat}"
 
 
@@ -229,38 +228,25 @@ def _cut(said, atoms, one, line, inside) -> Iterator[str]:
         )
 
 
-def _words(line: str, state: State) -> tuple[str, list[str]]:
+def _words(line: str, state: State) -> tuple[list[str], list[str]]:
     """The words of ours that do what a fix does, and keywords of it that have no such words."""
     if not line:
-        return "", []
-    kind = finding.kind_of(line)
+        return [], []
     keywords = finding.keywords_of(line)
-    if kind == "ours":
+    if finding.kind_of(line) == "ours":
         parts = [one for one in keywords if one[0] not in ("points", "output", "dilate")]
-        return "".join(f" {' '.join(one)}" for one in parts), []
-    text = schemes.state_words(state)
+        return [*itertools.chain(*parts)], []
+    found = schemes.state_words(state).split()
     noise = any(one[0] == "langevin" for one in keywords)
-    chain = next((one[1] for one in keywords if one[0] in ("tchain", "tparam")), "")
-    if state.temp:
-        chains = " thermostat nh" + f" tchain {chain}" * bool(chain)
-        text += f" seed {schemes.SEED}" if noise else chains
-        text += " barostat mtk" * bool(state.press)
-    _, _, dropped = finding.state_of([word for one in keywords for word in one])
-    return text, [one for one in dropped if not one.startswith(("tchain", "tparam"))]
-
-
-def _naming(said: Mapping, gone: Mapping[str, str], lines: Sequence[str]) -> list[str]:
-    """What is to be said of commands that name fixes which go, or what these make."""
-    lost = gone.keys() - {texts(line)[1] for line in lines}
-    naming = [
-        line
-        for line in said["commands"]
-        if texts(line)[0] == "fix_modify" and texts(line)[1] in lost
-    ]
-    naming += schemes.reading(gone, said["commands"])
-    some = "; ".join(map(schemes.plain, naming))
-    told = f"These name a fix that goes, or what it makes, and have to go, too: {some}."
-    return [told] * bool(naming)
+    chain = next((one[1] for one in keywords if one[0] in ("tchain", "tparam")), None)
+    if state.temp and noise:
+        found += ["seed", str(schemes.SEED)]
+    elif state.temp:
+        found += ["thermostat", "nh", *(["tchain", chain] if chain else [])]
+    if state.temp and state.press:
+        found += ["barostat", "mtk"]
+    _, _, dropped = finding.state_of([*itertools.chain(*keywords)])
+    return found, [one for one in dropped if not one.startswith(("tchain", "tparam"))]
 
 
 def _torn(said: Mapping, atoms: Mapping[str, np.ndarray], body: np.ndarray) -> bool:

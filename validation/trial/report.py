@@ -1,7 +1,7 @@
 """From a trial of a script's integrators and steps to an answer, files and the terminal."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -69,8 +69,8 @@ def _untold(summary) -> Iterator[str]:
     if errors.SETTLING in known:
         yield (
             "The start is not in equilibrium: the mean potential energy changes within the run "
-            "that means are held against. So nothing is said of g(r). Equilibrate first, and take the "
-            "later run by --run N."
+            "that means are held against. So nothing is said of g(r). Equilibrate first, and take "
+            "the later run by --run N."
         )
     if errors.SHORT in known:
         yield (
@@ -341,6 +341,18 @@ def _lines(summary, choice) -> list[str]:
     return [*best["lines"], f"timestep {best['dt']:g}", *more] if best else []
 
 
+def _place(best) -> str:
+    """Where the lines stand in the script."""
+    return f"{best['place']}, and of the script's timestep:"
+
+
+def instead(choice: Choice, lines: Sequence[str]) -> list[str]:
+    """The lines for the script, with what goes for them."""
+    if not choice.best:
+        return []
+    return [_place(choice.best), *(f"    {line}" for line in lines), *choice.best["lost"]]
+
+
 def tables(summary: dict) -> list[Table]:
     """Each integrator's longest good step, and all points."""
     wanted, units = summary["targets"], UNITS[summary["units"]]
@@ -411,7 +423,9 @@ def write(summary: dict, out: Path) -> None:
     """Write all files into a folder."""
     choice, told, lines = answer(summary)
     wanted = summary["targets"]
-    values: dict = {"told": told, "lines": lines, "shown": tables(summary)}
+    place, lost = (_place(choice.best), choice.best["lost"]) if choice.best else ("", [])
+    values: dict = {"told": told, "lines": lines, "place": place, "lost": lost}
+    values["shown"] = tables(summary)
     figures = draw(summary, out)
     files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
     if longer := confirm.points(summary):
@@ -433,9 +447,7 @@ def show(console: Console, summary: dict, out: Path) -> bool:
     choice, told, lines = answer(summary)
     for line in told:
         console.print(line, markup=False, soft_wrap=True)
-    if lines:
-        console.print("In your script, in the place of your own lines:")
-        for line in lines:
-            console.print(f"    {line}", markup=False, soft_wrap=True)
+    for line in instead(choice, lines):
+        console.print(line, markup=False, soft_wrap=True)
     report.end(console, summary, out)
     return choice.best is not None and confirm.holds(summary) is not False
