@@ -77,6 +77,8 @@ class External:
         Raises:
             RunError: naming the word, and what is expected.
         """
+        if self._integrator.lammps.running:
+            raise _wrong("a run is under way: give it between runs")
         left, said = text.split(), set()
         self._forget_words()
         while left:
