@@ -157,6 +157,8 @@ class ConstantTemperature(Integrator):
         """What may change the bodies' total momentum, None if nothing does; collective."""
         if self.gravity is not None:
             return "keyword gravity"
+        if self.external.moves_centres:
+            return "external forces"
         if style := pushing_pair_style(self.host, self.lammps.setting("newton_pair")):
             return f"pair style {style}"
         found = next(filter(self._pushes, self.other_fixes.pushing()), None)

@@ -10,6 +10,7 @@
    up by name at run time, so that one compiled plugin serves every Python version. */
 
 #include "bridge.h"
+#include "external.h"
 #include "lammps_versions.h"
 #include "layout.h"
 #include "particles.h"
@@ -42,6 +43,7 @@
 #include "update.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
@@ -330,6 +332,10 @@ class FixPythonMove : public Fix {
   double kept_rate[6] = {};    // how fast fix deform's box vectors change, as a run begins
   static constexpr int INSERTED = 10;
   std::vector<double> inserted;    // molecules, so many numbers of each
+  std::vector<double> external;    // values of the words of fix_modify external
+  std::vector<int> sizes;
+  double told[7] = {};
+  std::array<int64_t, 3> array_when;    // bridge.array is of then
   Particles particles;
   std::exception_ptr kept;    // what LAMMPS has thrown below loops
   std::string command;
@@ -368,6 +374,8 @@ class FixPythonMove : public Fix {
   void ask_for_energy(bigint step) { own_compute(energy_id)->addstep(step); }
   void go_back();
   void renew_forces();
+  int modify_external(int, char **);
+  void push();
   std::string problem(const std::string &text) const;
   void take_over_state(), refuse_casts() const;
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
@@ -532,6 +540,7 @@ void FixPythonMove::fill_bridge()
   bridge.rate = domain->h_rate;
   bridge.forces_virial = forces_virial;
   bridge.told_box = told_box;
+  bridge.told = told;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
@@ -620,6 +629,7 @@ FixPythonMove::~FixPythonMove()
 void FixPythonMove::let_go()
 {
   memory->destroy(origin);
+  if (bridge.words && modify->nfix) ExternalForces::replace(modify, std::string(id) + "_external", false, false);
   for (const auto &own : {virial_id, energy_id})
     if (!own.empty() && modify->get_compute_by_id(own)) modify->delete_compute(own);
   if (bridge.release) bridge.release(&bridge);
@@ -651,6 +661,7 @@ int FixPythonMove::modify_param(int narg, char **arg)
 {
   if (!bridge.follows_atoms || narg < 2) return 0;
   const std::string word = arg[0], value = arg[1];
+  if (word == "external" && bridge.modify_external) return modify_external(narg, arg);
   if (word == "temp" || word == "press") {
     if (!bridge.changes_box) return 0;
     if (comm->me == 0)
@@ -664,6 +675,46 @@ int FixPythonMove::modify_param(int narg, char **arg)
   int &mask = modify->fmask[modify->find_fix(id)];
   mask = early ? mask | POST_FORCE : mask & ~POST_FORCE;
   return 2;
+}
+
+// external: forces and torques on the bodies, as Python reads the words; they go to the end of the command.
+
+int FixPythonMove::modify_external(int narg, char **arg)
+{
+  char **all = arg;
+  const int n = utils::expand_args(FLERR, narg, arg, 1, all, lmp);    // f_ID[*]
+  std::string words;
+  for (int k = 1; k < n; k++) words += std::string(all[k]) + " ";
+  if (all != arg) {
+    for (int k = 0; k < n; k++) delete[] all[k];
+    memory->sfree(all);
+  }
+  call(bridge.modify_external, words.c_str());
+  ExternalForces::replace(modify, std::string(id) + "_external", bridge.tells_energy, bridge.tells_virial);
+  return narg;
+}
+
+// The forces of this step are known: what acts on the bodies besides?
+
+void FixPythonMove::push()
+{
+  if (!bridge.pushes) return;
+  std::istringstream words(bridge.words ? bridge.words : "");
+  external.clear();
+  sizes.clear();
+  modify->clearstep_compute();
+  forget_vectors(*input->variable);
+  for (std::string word; words >> word;) sizes.push_back(values_of(word, std::string(id) + "_external", *input->variable, error, external));
+  forget_vectors(*input->variable);    // they may have velocities between the halves of a step
+  modify->addstep_compute(update->ntimestep + 1);
+  bridge.values = external.data();
+  bridge.sizes = sizes.data();
+  call(bridge.push);
+  if (bridge.tells_energy || bridge.tells_virial) {
+    const auto telling = dynamic_cast<ExternalForces *>(modify->get_fix_by_id(std::string(id) + "_external"));
+    if (!telling) error->all(FLERR, problem("fix " + std::string(id) + "_external is gone, which tells of external forces: leave out the unfix"));
+    telling->take(told);
+  }
 }
 
 void FixPythonMove::init()
@@ -704,6 +755,7 @@ void FixPythonMove::refuse_casts() const
 void FixPythonMove::setup(int vflag)
 {
   v_init(vflag);
+  push();
   take_virial();
   if (early) post_force(vflag);
   call_with_virial(bridge.setup, vflag);
@@ -799,6 +851,7 @@ void FixPythonMove::final_integrate()
 {
   const bigint step = update->ntimestep;
   auto falls_on = [step](int every) { return every && step % every == 0; };
+  push();
   const bool for_energy = step == bridge.energy_step, for_python = for_energy || falls_on(bridge.python_every);
   take_virial();
   if (!bridge.vflag) update->vflag_global = -1;    // whoever reads a virial nevertheless hears that there is none
@@ -826,6 +879,7 @@ void FixPythonMove::final_integrate()
         bridge.renews = 0;
         go_back();
         renew_forces();
+        push();
         call_with_virial(bridge.renewed);
       }
       ask_for_energy(bridge.energy_step);
@@ -997,7 +1051,11 @@ double FixPythonMove::compute_vector(int i)
 double FixPythonMove::compute_array(int i, int j)
 {
   double value = 0.0;
-  if (i < size_array_rows) call(bridge.compute_array, i, j, &value);    // LAMMPS asks for other rows too
+  if (i >= size_array_rows) return value;    // LAMMPS asks for other rows too
+  const std::array<int64_t, 3> now{update->ntimestep, bridge.phase, bridge.changes};
+  if (bridge.array && now == array_when && !bridge.late) return bridge.array[i * size_array_cols + j];
+  call(bridge.compute_array, i, j, &value);
+  array_when = {update->ntimestep, bridge.phase, bridge.changes};
   return value;
 }
 
@@ -1482,6 +1540,7 @@ template <typename... Types, typename... Values>
 void FixPythonMove::call(int (*hook)(Types...), Values... arguments)
 {
   if (!hook) return;
+  bridge.array = nullptr;    // it may change
   strcpy(bridge.message, "interrupted");
   const int outcome = hook(arguments...);
   throw_kept();

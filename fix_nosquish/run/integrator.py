@@ -40,6 +40,7 @@ from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
 from . import log, output, passes, reports, threads
 from .declaration import Declaration
+from .external import External
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .switches import Switches
 
@@ -83,6 +84,7 @@ class Integrator(Declaration):
         streams: whether it is with remap v that this happens.
         waiting: with `middle`, the time step of the half kick that is left to the next run's first
             step: 0.0 if none is, None if it is that step's own.
+        external: the `External` forces.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether something may read the atoms' velocities between the halves of
             a step.
@@ -112,6 +114,7 @@ class Integrator(Declaration):
         # another length
         self._beginning = self._gathers_anew = self._resets = False
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
+        self.external = External(self)
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
         self._begin(line)
@@ -392,6 +395,7 @@ class Integrator(Declaration):
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
+        bodies.external = self.external
         bodies.bind(self.lammps, self.membership)
         self._mass = self._mass_of_atoms()
         bodies.know_box(self.lammps.box)
@@ -454,6 +458,7 @@ class Integrator(Declaration):
 
     def _bind(self):
         self.gravity = self._weight()
+        self.external.begin()
         self.bodies.cells["rate"].set(self.host.rate if self.streams else np.zeros(6))
         own = [0.0] * PARAMETERS
         own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
@@ -497,6 +502,8 @@ class Integrator(Declaration):
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
         self._refuse_new_masses()
+        if not self.host.calls_setup:
+            self.push()
         self.do("gather")
         self.reports.forget()
         if type(self).middle and not self.middle:
@@ -636,15 +643,28 @@ class Integrator(Declaration):
         self._choose_rotor()
         self.parameters[MROT] = self._mrot
         self.mask = self._switches.mask(self.bodies)
+        self.external.learn()
         self.turned_over()
         self._mass = self._mass_of_atoms()
         self._tell_count()
         self.reports.forget()
 
     @hook
+    def modify_external(self, words):
+        """The words of fix_modify behind external."""
+        self.external.read(words)
+
+    @hook
+    def push(self):
+        """The forces of this step are known: find what else acts on the bodies; collective."""
+        self.external.find()
+
+    @hook
     def final_integrate(self):
         """The second half of a step, when it is not left to the plugin."""
         self._follow()
+        if not self.host.calls_setup:
+            self.push()
         self.do("end")
         self.phase = self.ended
         self.reports.forget()
@@ -705,6 +725,7 @@ class Integrator(Declaration):
             self._refuse_new_box(self.lammps.box.periodic)
             self.host.point()
             self.bodies.refuse_moved_atoms(self.lammps)
+            self.external.refuse_change()
             self.resumed()
             self._say_ignored("pre no")
             self.phase = self.ended
@@ -952,7 +973,9 @@ class Integrator(Declaration):
     @hook
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
-        return self.reports.array()[i, j]
+        rows = self.reports.array()
+        self.host.lend_array(rows)
+        return rows[i, j]
 
     @hook
     def rows_of_rank(self, words, groupbit, found):
