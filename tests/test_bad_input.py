@@ -233,7 +233,7 @@ CASES = {
     ),
     "atoms at one point": Case(
         "all molecule",
-        ("body of molecule 2 ", "3 atoms at one point", "move them apart"),
+        ("body of molecule 2 ", "mass of its 3 atoms at one point", "move them apart"),
         before="set atom 4*6 x 1.0 y 1.0 z 1.0",
     ),
     # other fixes

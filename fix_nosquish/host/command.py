@@ -6,6 +6,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from ..errors import RunError
+from . import rigid_fixes
 
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
 _FILE = "a file: its name, or v_NAME of a string-style variable"
@@ -99,6 +100,8 @@ class Line(NamedTuple):
         words: the group's ID, the body style and all that follows.
         prefix: what stands before the text.
         before: how many of LAMMPS's arguments stand before the body style; None in quotes.
+        replaces: the name of LAMMPS's rigid fix whose words these are, without /small and the like;
+            None if they are ours.
     """
 
     name: str
@@ -106,6 +109,7 @@ class Line(NamedTuple):
     words: tuple
     prefix: str = "fix_nosquish."
     before: int | None = None
+    replaces: str | None = None
 
     @classmethod
     def quoted(cls, text):
@@ -117,7 +121,8 @@ class Line(NamedTuple):
     def native(cls, fix_id, group, style, words):
         """LAMMPS's words: fix ID GROUP STYLE WORDS ..."""
         text = " ".join((style, *words))
-        return cls(style, text, (group, *words), f"fix {fix_id} {group} ", 3)
+        before, replaces = f"fix {fix_id} {group} ", rigid_fixes.plain(style)
+        return cls(style, text, (group, *words), before, 3, replaces)
 
     def naming(self, text):
         """A message, whose integrators are fix nosquish/nve and its kin, as this line names them:
@@ -249,6 +254,10 @@ class Command:
         style, arguments = _body_style(words)
         entries = {entry.split()[0]: entry for entry in (*KEYWORDS, *own)}
         known = {keyword: (KEYWORDS | OWN_KEYWORDS)[entry] for keyword, entry in entries.items()}
+        if line.replaces:
+            of_rigid = rigid_fixes.keywords(line.replaces)
+            entries |= {keyword: keyword for keyword in of_rigid}
+            known |= of_rigid
         values = {}
         while words.left:
             _read_keyword(words, values, entries, known)
@@ -258,6 +267,8 @@ class Command:
                 f"keyword {split[0]} says how the rotation is split, and rotor exact splits none: "
                 "leave one of them out"
             )
+        if line.replaces:
+            rigid_fixes.give_meaning(values, known)
         if "infile" in values:
             # as in fix rigid: the file is the start, not the state of later runs
             values["reinit"] = False
@@ -490,6 +501,14 @@ _READ = {  # what the words behind a keyword give
         how := words.one_of(("equal", "scale", "step"), expected),
         None if how == "step" else words.number(expected),
     ),
+    "langevin": lambda words, expected: (
+        *words.numbers(3, expected),
+        words.whole(expected, 2**31),
+    ),
+    "tparam": lambda words, expected: tuple(
+        words.whole(expected, most + 1) for most in (_MOST["tchain"][0], 2**31, 2**31)
+    ),
+    "pchain": lambda words, expected: words.whole(expected),
     "couple": lambda words, expected: words.one_of(COUPLES, expected),
     "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
     **dict.fromkeys(("compressibility", "mix", *QUENCH), _Words.number),

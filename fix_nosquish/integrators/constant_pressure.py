@@ -109,6 +109,11 @@ class ConstantPressure(ConstantTemperature):
 
         The pressure takes from it what all forces do within bodies.
         """
+        if self.external.moves_centres and not self.external.has_virial:
+            yield (
+                "WARNING: the virial lacks the external forces on the bodies: the box follows a "
+                "pressure without them. Give fix_modify external the words virial yes"
+            )
         for fix in self.other_fixes:
             harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
             if not fix.post_force or fix.virial_in_press or harmless:

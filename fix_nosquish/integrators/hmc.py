@@ -198,6 +198,8 @@ class HMC(NVE):
                 "or use fix nosquish/nvt with thermostat langevin",
                 everywhere=True,
             )
+        if problem := self.external.without_energy():
+            raise RunError(f"hybrid Monte Carlo tests an energy, and {problem}", everywhere=True)
         for mate in self.mates:
             if mate is not self:
                 raise RunError(

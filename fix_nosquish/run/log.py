@@ -138,6 +138,7 @@ def _passes(integrator, found, virial):
         (integrator.every, f"box, in one of {integrator.every} steps", ""),
         (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
+        (integrator.external.acts, "external forces and torques", ""),
         (late, f"velocities that {late} may change, at the end of a step", ""),
         (output, f"table of the bodies every {output} steps", ""),
         (
