@@ -769,9 +769,7 @@ def readme_table():
     lines = {
         "water at 2 fs: standard deviation of the energy, kcal/mol": energy,
         "1,000 waters: time per step of ours, relative to this fix": whole("water", 1000, 1),
-        "bodies of 2 to 200 atoms: the same": whole(
-            "mixed", 1296, 1
-        ),
+        "bodies of 2 to 200 atoms: the same": whole("mixed", 1296, 1),
         f"{cases} cases of the stability atlas: passed, failed": judged,
         "free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
