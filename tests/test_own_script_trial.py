@@ -432,7 +432,7 @@ SLOW = {  # noise of g(r) in a 20th of a run: fast, slow, and how many of these 
     "the run, hidden by fast noise": (0.05, 0.03, 20.0),
     "longer, hidden by fast noise": (0.05, 0.03, 1000.0),
 }
-STEPS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0), (1.0, 2.0, 3.0)
+STEPS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0), (1.0, 2.0, 3.0), (1.0, 2.0)
 
 
 def of_runs(random, noise, steps=STEPS[0], bias=0.0, trend=0.0, parts=errors.BLOCKS, bins=40):
@@ -483,7 +483,7 @@ def test_noise_is_no_error_of_g(noise, steps):
     assert np.mean(wrong) < 0.03 and not np.all(wrong, axis=1).any()
     if noise == "fast":  # these runs are long enough
         assert np.mean(told) > (0.9 if len(steps) > 3 else 0.3)
-    if "run" in noise:
+    if "run" in noise and len(steps) > 2:
         assert np.mean(told) < 0.06
 
 

@@ -68,7 +68,8 @@ def rms_by_law(
     """The rms error of a function in bins, as g(r): `by_law` in each, with the same weights in all.
 
     Where no such series is within the noise, this is larger than the parts of the runs say, and
-    there is no error to tell; unless it is only the longest steps that are out of it.
+    there is no error to tell; unless it is only the longest steps that are out of it.  Of so few
+    steps that nothing tells whether the error follows them, it may be noise as a whole.
 
     Args:
         found: of each step the function, (parts, bins), of independent parts of the run; those with
@@ -95,17 +96,19 @@ def rms_by_law(
     if alone is None:
         return None
     each = {other: measures.without_noise(one) for other, one in off.items()}
-    error, every, excess = each[alone], [*off], 0.0
-    if len(every) > _free(finer):  # else nothing tells whether it follows the step
-        fit, excess = _series(every[0], every, off, found, held, finer)
-        if not fit:
-            return None
-        last = every[fit.number - 1]
-        if alone > last and not _surely_less(each[last], error):
-            return None
+    error, every = each[alone], [*off]
+    factor = abs(_of_square(dt, alone, finer))
+    if len(every) <= _free(finer):  # nothing tells whether it follows the step: it may be noise
+        unsure = error.value / margin(1.0, error.freedom)
+        return _with(error.times(factor), factor * unsure)
+    fit, excess = _series(every[0], every, off, found, held, finer)
+    if not fit:
+        return None
+    last = every[fit.number - 1]
+    if alone > last and not _surely_less(each[last], error):
+        return None
     if any(other > alone and _surely_less(one, error) for other, one in each.items()):
         return None
-    factor = abs(_of_square(dt, alone, finer))
     noise = excess * np.hypot(_noise(found[alone]), _noise(held))
     return _with(error.times(factor), factor * noise)
 
