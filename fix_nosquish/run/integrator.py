@@ -27,6 +27,7 @@ from ..bodies.kinds import compare
 from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError
+from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import driven_by_plugin, hook
 from ..host.lammps import Lammps, pointer
@@ -37,8 +38,9 @@ from ..motion.block import ROWS
 from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
-from . import log, passes, reports, threads
+from . import log, output, passes, reports, threads
 from .declaration import Declaration
+from .external import External
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .switches import Switches
 
@@ -82,6 +84,7 @@ class Integrator(Declaration):
         streams: whether it is with remap v that this happens.
         waiting: with `middle`, the time step of the half kick that is left to the next run's first
             step: 0.0 if none is, None if it is that step's own.
+        external: the `External` forces.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether something may read the atoms' velocities between the halves of
             a step.
@@ -104,13 +107,14 @@ class Integrator(Declaration):
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
-        self.name, self.number = line.name, next(self._numbers)
+        self.line, self.name, self.number = line, line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = self._stepped = self._has_rotors = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
         # another length
         self._beginning = self._gathers_anew = self._resets = False
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
+        self.external = External(self)
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
         self._begin(line)
@@ -163,7 +167,7 @@ class Integrator(Declaration):
                 "rotation, which {} does not"
             )
         elif rotor == "exact" and not self._can_be_exact:
-            problem = "keyword rotor exact is for the rotation of fix_nosquish.NVE, not that of {}"
+            problem = "keyword rotor exact is for the rotation of fix nosquish/nve, not that of {}"
         if problem:
             raise self.command.wrong(problem.format(self.name))
 
@@ -234,6 +238,12 @@ class Integrator(Declaration):
         )
 
     @property
+    def story(self):
+        """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
+        replaces = self.command.line.replaces
+        return rigid_fixes.story(self.host.fix_id, self.command) if replaces else None
+
+    @property
     def phase(self):
         return self.host.phase if self.host else Phase.NEW
 
@@ -301,7 +311,12 @@ class Integrator(Declaration):
     @property
     def told(self):
         """What tells of bodies besides their atoms when a run makes them; see `build`."""
-        return partial(infile.read, self.infile) if self.infile else None
+        return partial(infile.read, self.infile, self.counts) if self.infile else None
+
+    @property
+    def counts(self):
+        """Whether files count bodies of style custom from 1, as LAMMPS's rigid fixes do."""
+        return bool(self.command.line.replaces) and self.command.style == "custom"
 
     @property
     def keeps_bodies(self):
@@ -317,7 +332,8 @@ class Integrator(Declaration):
     def runs(self):
         """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
         write_restart, also where command run names them."""
-        return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
+        first, *_ = *self.host.command, "run"
+        return first in ("run", "rerun") or first.startswith("temper")
 
     @property
     def steps_made(self):
@@ -379,6 +395,7 @@ class Integrator(Declaration):
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
+        bodies.external = self.external
         bodies.bind(self.lammps, self.membership)
         self._mass = self._mass_of_atoms()
         bodies.know_box(self.lammps.box)
@@ -427,7 +444,7 @@ class Integrator(Declaration):
         if not self.crosses or self.needs_energy:
             raise RunError(
                 "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-                f"{self.name} does not do so. Use fix_nosquish.NVE without keyword "
+                f"{self.name} does not do so. Use fix nosquish/nve without keyword "
                 "shadow, and fix langevin with fix_modify temp for a temperature",
                 everywhere=True,
             )
@@ -441,6 +458,7 @@ class Integrator(Declaration):
 
     def _bind(self):
         self.gravity = self._weight()
+        self.external.begin()
         self.bodies.cells["rate"].set(self.host.rate if self.streams else np.zeros(6))
         own = [0.0] * PARAMETERS
         own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
@@ -484,6 +502,8 @@ class Integrator(Declaration):
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
         self._refuse_new_masses()
+        if not self.host.calls_setup:
+            self.push()
         self.do("gather")
         self.reports.forget()
         if type(self).middle and not self.middle:
@@ -514,13 +534,13 @@ class Integrator(Declaration):
         movers = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.movers)
         self.bodies.suspects = movers and f", perhaps {movers}"
         if cause and not self.quenches:
-            self.host.log(f"WARNING: {cause}: {remedy}\n")
+            self.host.log(self.line.naming(f"WARNING: {cause}: {remedy}\n"))
 
     @hook
     def min_setup(self, vflag):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
-            "a minimisation would tear the rigid bodies apart: use fix_nosquish.FIRE and a run "
+            "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
             "instead, which keep their shapes",
             everywhere=True,
         )
@@ -615,23 +635,36 @@ class Integrator(Declaration):
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
-                f"{self.name} does not do in a run: use fix_nosquish.NVE or NVT, without "
-                "keyword shadow, or insert and delete between runs, with reinit yes",
+                f"{self.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
+                "without keyword shadow, or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
         self.reports.warn(lines)
         self._choose_rotor()
         self.parameters[MROT] = self._mrot
         self.mask = self._switches.mask(self.bodies)
+        self.external.learn()
         self.turned_over()
         self._mass = self._mass_of_atoms()
         self._tell_count()
         self.reports.forget()
 
     @hook
+    def modify_external(self, words):
+        """The words of fix_modify behind external."""
+        self.external.read(words)
+
+    @hook
+    def push(self):
+        """The forces of this step are known: find what else acts on the bodies; collective."""
+        self.external.find()
+
+    @hook
     def final_integrate(self):
         """The second half of a step, when it is not left to the plugin."""
         self._follow()
+        if not self.host.calls_setup:
+            self.push()
         self.do("end")
         self.phase = self.ended
         self.reports.forget()
@@ -692,6 +725,7 @@ class Integrator(Declaration):
             self._refuse_new_box(self.lammps.box.periodic)
             self.host.point()
             self.bodies.refuse_moved_atoms(self.lammps)
+            self.external.refuse_change()
             self.resumed()
             self._say_ignored("pre no")
             self.phase = self.ended
@@ -752,8 +786,8 @@ class Integrator(Declaration):
         if ((box.h != self.bodies.cells["h"].array) & held).any():
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
-                "in a run they do so with fix deform alone, with its remap x or v, and "
-                "run_style verlet, and with fix_nosquish.NPT or NPH. The box may change between "
+                "in a run they do so with fix deform alone, with its remap x or v, and run_style "
+                "verlet, and with fix nosquish/npt or fix nosquish/nph. The box may change between "
                 "runs: bodies keep their shape when the next run makes them anew, with reinit yes "
                 "and without infile or 'pre no'",
                 everywhere=True,
@@ -922,8 +956,13 @@ class Integrator(Declaration):
 
     @hook
     def compute_scalar(self):
-        """Temperature of the bodies; as fix rigid's, but of all components, whether force and
-        torque act on them or not; collective."""
+        """Temperature of the bodies; collective.
+
+        It is of all components, whether force and torque act on them or not; in the place of a fix
+        rigid of those that these act on, as there.
+        """
+        if self.command.line.replaces and self._switches.choices:
+            return self.reports.temperature_of(self._switches.mask)
         return self.reports.energies()[4]
 
     @hook
@@ -934,7 +973,52 @@ class Integrator(Declaration):
     @hook
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
-        return self.reports.array()[i, j]
+        rows = self.reports.array()
+        self.host.lend_array(rows)
+        return rows[i, j]
+
+    @hook
+    def rows_of_rank(self, words, groupbit, found):
+        """What compute rigid/local says of the bodies: see `output.rows_of_rank`; collective.
+
+        Args:
+            words: bytes, the values, with a space between.  groupbit: of the compute's group.
+            found: (2,) gets the address of the rows, which stay until the next call, and how many
+                there are.
+        """
+        bodies = self.reports.made()
+        self._rows = output.rows_of_rank(
+            bodies, self.lammps, self.communicator, words.decode().split(), groupbit
+        )
+        found[0], found[1] = self._rows.ctypes.data, len(self._rows)
+
+    @hook
+    def zero_momentum(self):
+        """Stop the bodies' translation, between runs; collective."""
+        self._zero("v")
+
+    @hook
+    def zero_rotation(self):
+        """Stop the bodies' rotation, between runs; collective."""
+        self._zero("p")
+
+    def _zero(self, name):
+        """Stop a motion of the bodies that the next run will have: those of the last one, or those
+        that it makes of the atoms."""
+        if self._goes_on:
+            bodies = self.bodies
+        else:
+            self.membership = Membership(self.lammps, self.communicator, self.command)
+            bodies = build(
+                self.lammps, self.communicator, self.membership, self.told, former=self.former(),
+                **self.particles(),
+            )[0]  # fmt: skip
+            bodies.bind(self.lammps, self.membership)
+            bodies.know_box(self.lammps.box)
+        getattr(bodies, name)[:] = 0.0
+        self.host.point()
+        step.set_velocities.bind_to(bodies.cells | self.lammps.cells)()
+        self.reports.forget()
 
     @hook
     def write_restart_file(self, name):

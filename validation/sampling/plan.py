@@ -314,7 +314,7 @@ def _skinned(scheme: Scheme) -> Scheme:
 def _with(integrator, words):
     """One of ours with keywords more."""
     *first, last = integrator.lines
-    return replace(integrator, lines=(*first, f"{last[:-1]}{words}{last[-1]}"))
+    return replace(integrator, lines=(*first, f"{last}{words}"))
 
 
 def _after(scheme: Scheme, lines: tuple[str, ...]) -> Scheme:
