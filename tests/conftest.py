@@ -3,7 +3,6 @@
 import contextlib
 import functools
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -29,7 +28,7 @@ from endings import BENT, SECONDS, SPOIL, assert_ended
 from installed import compile_loops, tested
 from own_scripts import take
 from sessions import Session
-from systems import Result, result, script
+from systems import result, script
 
 import validation  # noqa: F401  it puts the checkout behind what is installed
 
@@ -281,30 +280,6 @@ def simulate(run_lammps, tmp_path, known):
                 return done
             known[key] = result(tmp_path / "end", done.thermo, done.log)
         return known[key]
-
-    return run
-
-
-@pytest.fixture
-def run_all(run_lammps, tmp_path):
-    """A function that runs the same atoms with different input, all in one process,
-    and gives a Result of each."""
-
-    def run(system, scripts, **how):
-        """Args: scripts is a dictionary from a name to what follows the system's setup."""
-        parts = [
-            f'clear\nprint "PART {k}"\n{system.setup}\n{text}\n'
-            f"write_dump all custom end.{k} id x y z vx vy vz modify sort id format float %.16g\n"
-            for k, (name, text) in enumerate(scripts.items())
-        ]
-        run = run_lammps("\n".join(parts), files=system.files, **how)
-        logs = re.split(r"^PART .*\n", run.log, flags=re.M)[1:]
-        assert len(logs) == len(scripts)
-        results = {}
-        for k, (name, log) in enumerate(zip(scripts, logs)):
-            atoms = np.loadtxt(tmp_path / f"end.{k}", skiprows=9)
-            results[name] = Result(atoms[:, 1:4], atoms[:, 4:], read_thermo(log), log)
-        return results
 
     return run
 

@@ -10,13 +10,37 @@ import numpy as np
 import pytest
 from conftest import read_thermo
 from scripts import spce
-from systems import LIKE_LAMMPS, OURS, RIGID, apart, mixture, water
+from systems import LIKE_LAMMPS, OURS, RIGID, Result, apart, mixture, water
 
 TOOK = "The velocities of the bodies' atoms were changed at the end of step"
 COLUMNS = (
     "thermo_style custom step temp press pe etotal {}\nthermo_modify format float %.16g norm no\n"
     "thermo {}\ntimestep {}"
 )
+
+
+@pytest.fixture
+def run_all(run_lammps, tmp_path):
+    """A function that runs the same atoms with different input, all in one process,
+    and gives a Result of each."""
+
+    def run(system, scripts, **how):
+        """Args: scripts is a dictionary from a name to what follows the system's setup."""
+        parts = [
+            f'clear\nprint "PART {k}"\n{system.setup}\n{text}\n'
+            f"write_dump all custom end.{k} id x y z vx vy vz modify sort id format float %.16g\n"
+            for k, (name, text) in enumerate(scripts.items())
+        ]
+        run = run_lammps("\n".join(parts), files=system.files, **how)
+        logs = re.split(r"^PART .*\n", run.log, flags=re.M)[1:]
+        assert len(logs) == len(scripts)
+        results = {}
+        for k, (name, log) in enumerate(zip(scripts, logs)):
+            atoms = np.loadtxt(tmp_path / f"end.{k}", skiprows=9)
+            results[name] = Result(atoms[:, 1:4], atoms[:, 4:], read_thermo(log), log)
+        return results
+
+    return run
 
 
 def lines(system, fix, *more, columns="", every=20, group="bodies", words="molecule"):

@@ -292,13 +292,12 @@ class Command:
             )
         if line.replaces:
             rigid_fixes.give_meaning(values, known)
-        if "infile" in values:
-            # as in fix rigid: the file is the start, not the state of later runs
-            if values.setdefault("reinit", False):
-                raise line.wrong(
-                    "keyword infile says how bodies begin, and they go on from run to run as they "
-                    "are: leave out reinit yes"
-                )
+        # as in fix rigid: the file is the start, not the state of later runs
+        if "infile" in values and values.setdefault("reinit", False):
+            raise line.wrong(
+                "keyword infile says how bodies begin, and they go on from run to run as they "
+                "are: leave out reinit yes"
+            )
         _check_thermostat(line, values, known)
         _check_trajectories(line, values, known)
         _check_quench(line, values, known)
