@@ -486,6 +486,9 @@ void FixPythonMove::fill_bridge()
     Fix *found = self(fix)->modify->get_fix_by_id(other);
     return (int) (found && found->memory_usage() > 0.0);
   };
+  bridge.begin_step_of = [](void *fix, const char *other) {
+    if (Fix *found = self(fix)->modify->get_fix_by_id(other)) found->initial_integrate(0);
+  };
   bridge.pair_style = [](void *fix, const char *first) {
     return (int) (self(fix)->force->pair_match(std::string("^") + first, 0, 1) != nullptr);
   };
