@@ -640,7 +640,6 @@ void FixPythonMove::push()
   external.clear();
   sizes.clear();
   modify->clearstep_compute();
-  forget_vectors(*input->variable);
   for (std::string word; words >> word;) sizes.push_back(values_of(word, std::string(id) + "_external", *input->variable, error, external));
   forget_vectors(*input->variable);    // they may have velocities between the halves of a step
   modify->addstep_compute(update->ntimestep + 1);

@@ -239,10 +239,15 @@ class External:
         host.pushes = bool(self._words or self.has_virial)  # else nothing changes
 
     def _virial(self, ids, external):
-        """Of the forces on the bodies that are counted here, (6,), about the origin: as of fix
-        addforce on their atoms, with places that periodic faces do not cut."""
-        bodies = self._integrator.bodies
-        which = bodies.listed
+        """Of the forces on the bodies that are counted here, (6,); faces do not cut their places.
+
+        It is about the origin, as that of fix addforce, which matters if the forces have a sum.  A
+        barostat stretches the box about its centre, so there this is the point.
+        """
+        integrator, bodies = self._integrator, self._integrator.bodies
+        box, which = integrator.lammps.box, bodies.listed
+        x = (bodies.x + box.h @ bodies.image)[:, which]
+        if integrator.every:
+            x -= (box.lo + 0.5 * box.h.sum(axis=1))[:, None]
         force = external[np.searchsorted(ids, bodies.id[which]), :3].T
-        x = (bodies.x + self._integrator.lammps.box.h @ bodies.image)[:, which]
         return [(force[a] * x[b]).sum() for a, b in _COMPONENTS]
