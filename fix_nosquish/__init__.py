@@ -60,8 +60,13 @@ def of_fix_line(*classes: type) -> Callable[[str], Any]:
     return find
 
 
-def of_style(style: str) -> Any:
-    """The integrator of a fix style of the plugin, such as nosquish/nve."""
+def of_style(style: str, words: Collection[str] = ()) -> Any:
+    """The integrator of a fix style of the plugin, such as nosquish/nve, or of one of LAMMPS's that
+    it replaces, such as rigid/nve, with these words."""
+    from .host import rigid_fixes
+
+    if rigid_fixes.plain(style):
+        return _integrator(rigid_fixes.integrator(style, words))
     return _integrator({name.lower(): name for name in INTEGRATORS}[style.rpartition("/")[2]])
 
 

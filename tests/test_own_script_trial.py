@@ -17,6 +17,7 @@ from own_scripts import GAS, take
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
+from validation.choice import meets
 from validation.own import counted, shapes, shifted
 from validation.pages import console
 from validation.running import rounds, run
@@ -421,6 +422,95 @@ def test_parts_of_a_run_that_are_not_independent_make_no_error_of_g_smaller():
     assert np.mean(held) > 0.97
 
 
+def of_runs(random, correlation, bias=0.0, trend=0.0, parts=errors.BLOCKS, bins=40):
+    """Of runs with several steps what `errors.of_g` takes: g(r) of successive parts, whose noise is
+    correlated from each to the next.
+
+    Args:
+        bias: rms error of g(r) at a step of 1, which grows as the square.
+        trend: of the potential energy, in its error bars.
+    """
+    shape = np.sqrt(2) * np.sin(np.linspace(0, 6 * np.pi, bins, endpoint=False))
+
+    def one(dt):
+        noise = random.normal(size=(parts, bins))
+        for k in range(1, parts):
+            noise[k] = correlation * noise[k - 1] + np.sqrt(1 - correlation**2) * noise[k]
+        g = 1 + bias * dt**2 * shape + 0.05 * noise
+        settling = Estimate(trend + random.normal(), 1.0)
+        return {"rdf": g, "parts": measures.independent_parts(g), "settling": settling}
+
+    return {dt: one(dt) for dt in (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)}
+
+
+def verdicts(runs, target=0.02):
+    """Of each step whether its g(r) is within a target, and the estimates."""
+    found = {dt: errors.of_g(dt, runs, runs[0.5], 0.5)[0] for dt in (1.0, 2.0, 4.0)}
+    rows = {
+        dt: {"failed": None, "errors": {"rdf": one.plain()} if one else {}}
+        for dt, one in found.items()
+    }
+    return {dt: meets(row, {"rdf": target}) for dt, row in rows.items()}, found
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.4, 0.7, 0.9, 0.97, 1.0])
+def test_correlated_noise_is_no_error_of_g(correlation):
+    """Locks out "no step is within the targets" from the noise of runs that are as short as a few
+    correlation times of g(r), or shorter: its parts look independent, and differ from the
+    reference's by chance."""
+    random, wrong, told = np.random.default_rng(12), [], []
+    for _ in range(100):
+        found, _ = verdicts(of_runs(random, correlation))
+        wrong += [one is False for one in found.values()]
+        told += [one is not None for one in found.values()]
+    assert np.mean(wrong) < 0.03
+    if correlation == 0:  # this noise is small enough for verdicts
+        assert np.mean(told) > 0.7
+    if correlation > 0.9:
+        assert np.mean(told) < 0.1
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.3])
+def test_an_error_of_g_that_grows_with_the_step_is_found(correlation):
+    """Locks out a real error that is taken for noise: it is 0.005 at a step of 1, and within 0.02
+    up to a step of 2."""
+    random, covered, long = np.random.default_rng(13), [], []
+    for _ in range(100):
+        found, each = verdicts(of_runs(random, correlation, bias=0.005))
+        assert each[4.0] is None or each[4.0].value > 0.04
+        long.append(found[4.0] is False)
+        covered += [abs(one.value - 0.005 * dt**2) < one.margin for dt, one in each.items() if one]
+    assert np.mean(long) > 0.9 and np.mean(covered) > 0.88
+
+
+def test_no_verdict_on_a_structure_that_is_settling_or_does_not_follow_the_step():
+    """Locks out a verdict on g(r) where the start was not in equilibrium, and where a short step is
+    further off than a longer one."""
+    random = np.random.default_rng(14)
+    for trend, told in (0.0, 0), (10.0, 50):
+        runs = [of_runs(random, 0.0, bias=0.005, trend=trend) for _ in range(50)]
+        why = [errors.of_g(2.0, one, one[0.5], 0.5)[1] for one in runs]
+        assert abs(why.count(errors.SETTLING) - told) < 5
+    runs = of_runs(random, 0.0)
+    runs[1.0]["rdf"] += 0.3 * np.sin(np.arange(40))
+    assert errors.of_g(1.0, runs, runs[0.5], 0.5) == (None, errors.ERRATIC)
+
+
+def test_what_is_said_of_a_structure_that_is_not_told():
+    """Locks out an answer that does not say why there is none of g(r), and what to do."""
+    rows = [row(dt, energy=Estimate(0.1, 0.01)) for dt in (2.0, 3.0)]
+    for untold, said in (
+        (errors.SHORT, "shorter than 10 correlation times of g(r)"),
+        (errors.SETTLING, "The start is not in equilibrium"),
+        (errors.ERRATIC, "With 2, 3 fs g(r) is further off than with a longer step"),
+    ):
+        for one in rows:
+            one["untold"] = untold
+        _, told, lines = report.answer(summary_of({"energy": 0.2, "rdf": 0.03}, *rows))
+        assert said in told[0] and not lines
+        assert any("But for that" in one for one in told)
+
+
 def test_integrators_whose_energy_says_nothing(taken):
     """Locks out a drift of rigid/nvt that is LAMMPS's bookkeeping, and such an integrator that is
     "not met" by it, or advised without a word."""
@@ -467,6 +557,7 @@ def row(dt, name="nosquish", cost=(1.0,), **errors):
         **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
         **{"cost": spent, "rough": spent, "signed": {}},
         **{"errors": told, "by_itself": told, "time": 100.0, "alone": False},
+        **{"untold": None, "place": "In the place of fix 1 (nve)", "lost": []},
     }
 
 

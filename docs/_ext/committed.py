@@ -88,12 +88,16 @@ def code(text):
 
 
 def cell(text):
-    return str(text).replace("|", "\\|").replace("\n", " ")
+    """As a table shows it. Results name our styles as the classes that they are in quotes."""
+    styled = re.sub(
+        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda one: f"nosquish/{one[1].lower()}", str(text)
+    )
+    return styled.replace("|", "\\|").replace("\n", " ")
 
 
 def markdown(head, body):
     """A Markdown table."""
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines = ["| " + " | ".join(map(cell, head)) + " |", "|" + "---|" * len(head)]
     return "\n".join([*lines, *("| " + " | ".join(map(cell, line)) + " |" for line in body)])
 
 

@@ -20,15 +20,18 @@ from ..ranks.communicator import Alone
 from .bodies import Bodies, matrices
 from .given import Given, Start
 from .members import Members
+from .membership import POINTS
 
 _COLUMNS = 20
 _OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
 _OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
 
 
-def read(path: str, lammps: Lammps, members: Members, start: Start) -> Given:
+def read(path: str, counts: bool, lammps: Lammps, members: Members, start: Start) -> Given:
     """Read the file; collective.
 
+    Args:
+        counts: whether its IDs count from 1 for the smallest of the bodies.
     Raises:
         RunError: if the file cannot be read, or names a body that is not there, or one twice, or
             has one far from its atoms.
@@ -45,7 +48,7 @@ def read(path: str, lammps: Lammps, members: Members, start: Start) -> Given:
             )
     communicator.agree(problem)
     rows = communicator.share(rows)
-    named = rows[:, 0].astype(np.int64)
+    named = rows[:, 0].astype(np.int64) + counts * (_smallest(ids, communicator) - 1)
     here = np.isin(named, ids)
     order = np.argsort(ids)
     bodies = order[np.searchsorted(ids, named[here], sorter=order)]
@@ -68,6 +71,11 @@ def read(path: str, lammps: Lammps, members: Members, start: Start) -> Given:
         momenta=np.concatenate([mass * rows[:, 11:14].T, rows[:, 14:17].T]),
         warnings=_off_centre(lammps, members, start, centre - start.centre),
     )  # fmt: skip
+
+
+def _smallest(ids, communicator):
+    """The smallest of the bodies' IDs on all ranks; collective."""
+    return int(communicator.gather_to_all(ids[ids < POINTS]).min(initial=POINTS))
 
 
 def _off_centre(lammps, members, start, off):
@@ -149,10 +157,12 @@ def _tensors(rows):
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
 
 
-def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> None:
+def write(path: str, counts: bool, bodies: Bodies, lammps: Lammps, communicator: Alone) -> None:
     """Write the bodies of the fix line, not its points, as they are, to a file that is whole, or is
     what it was; collective.
 
+    Args:
+        counts: as of `read`.
     Raises:
         RunError: if the file cannot be written.
     """
@@ -160,7 +170,7 @@ def write(path: str, bodies: Bodies, lammps: Lammps, communicator: Alone) -> Non
     inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moments_of_atoms, turn)
     rows = np.concatenate(
         [
-            bodies.id[None, :],
+            bodies.id[None, :] - counts * (_smallest(bodies.id, communicator) - 1),
             bodies.mass[None, :],
             bodies.x,
             inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],

@@ -6,6 +6,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from ..errors import RunError
+from . import rigid_fixes
 
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
 _FILE = "a file: its name, or v_NAME of a string-style variable"
@@ -63,29 +64,30 @@ OWN_KEYWORDS = {
 }
 # keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
 _ELSEWHERE = {
-    "langevin": "fix_nosquish.NVT has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
+    "langevin": "fix nosquish/nvt has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
     "bodyforces": "it is a word of fix_modify, behind this fix",
     **dict.fromkeys(
         ("temp", "tchain", "thermostat", "seed", "separate"),
-        "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
+        "this integrator keeps no temperature, fix nosquish/nvt and fix nosquish/npt do",
     ),
-    **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix_nosquish.HMC does"),
+    **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix nosquish/hmc does"),
     **dict.fromkeys(
         QUENCH[2:],
-        "this integrator seeks no minimum, fix_nosquish.FIRE does",
+        "this integrator seeks no minimum, fix nosquish/fire does",
     ),
-    "moments": "only what fix_nosquish.NVT, NPT and HMC find does not depend on the moments",
-    "shadow": "it is what the steps of fix_nosquish.NVE keep",
-    "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
+    "moments": "only averages over configurations do not depend on the moments, as of fix "
+    "nosquish/nvt, fix nosquish/npt and fix nosquish/hmc",
+    "shadow": "it is what the steps of fix nosquish/nve conserve",
+    "ptemp": "the piston of fix nosquish/nph is made for the temperature of the bodies",
     "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
     **dict.fromkeys(("nreset", "drag"), "no piston of this package has it"),
     "tparam": "the chains are integrated in one way; tchain gives their length",
     **dict.fromkeys(
         (*PRESSURES, "couple", "barostat", "every", "compressibility", "dilate"),
-        "this integrator keeps the volume, fix_nosquish.NPT and NPH change it",
+        "this integrator keeps the volume, fix nosquish/npt and fix nosquish/nph change it",
     ),
-    "pchain": "the chain of fix_nosquish.NPT's piston has the length tchain",
-    "fixedpoint": "the box of fix_nosquish.NPT and NPH changes about its centre",
+    "pchain": "the chain of the piston of fix nosquish/npt has the length tchain",
+    "fixedpoint": "the box of fix nosquish/npt and fix nosquish/nph changes about its centre",
 }
 
 
@@ -98,6 +100,8 @@ class Line(NamedTuple):
         words: the group's ID, the body style and all that follows.
         prefix: what stands before the text.
         before: how many of LAMMPS's arguments stand before the body style; None in quotes.
+        replaces: the name of LAMMPS's rigid fix whose words these are, without /small and the like;
+            None if they are ours.
     """
 
     name: str
@@ -105,6 +109,7 @@ class Line(NamedTuple):
     words: tuple
     prefix: str = "fix_nosquish."
     before: int | None = None
+    replaces: str | None = None
 
     @classmethod
     def quoted(cls, text):
@@ -116,7 +121,15 @@ class Line(NamedTuple):
     def native(cls, fix_id, group, style, words):
         """LAMMPS's words: fix ID GROUP STYLE WORDS ..."""
         text = " ".join((style, *words))
-        return cls(style, text, (group, *words), f"fix {fix_id} {group} ", 3)
+        before, replaces = f"fix {fix_id} {group} ", rigid_fixes.plain(style)
+        return cls(style, text, (group, *words), before, 3, replaces)
+
+    def naming(self, text):
+        """A message, whose integrators are fix nosquish/nve and its kin, as this line names them:
+        LAMMPS's own fix python/move comes without these styles."""
+        if self.before is not None:
+            return text
+        return re.sub(r"fix nosquish/(\w+)", lambda one: f"fix_nosquish.{one[1].upper()}", text)
 
     def wrong(self, what, word=None):
         """An error that shows the line.
@@ -128,7 +141,7 @@ class Line(NamedTuple):
         if word is not None and self.before is not None:
             argument = word - 1 + self.before
             said = f"word {argument + 2} of {said}"
-        return RunError(f"{what} (in {said})", everywhere=True, argument=argument)
+        return RunError(f"{self.naming(what)} (in {said})", everywhere=True, argument=argument)
 
 
 @dataclass(frozen=True)
@@ -241,6 +254,10 @@ class Command:
         style, arguments = _body_style(words)
         entries = {entry.split()[0]: entry for entry in (*KEYWORDS, *own)}
         known = {keyword: (KEYWORDS | OWN_KEYWORDS)[entry] for keyword, entry in entries.items()}
+        if line.replaces:
+            of_rigid = rigid_fixes.keywords(line.replaces)
+            entries |= {keyword: keyword for keyword in of_rigid}
+            known |= of_rigid
         values = {}
         while words.left:
             _read_keyword(words, values, entries, known)
@@ -250,6 +267,8 @@ class Command:
                 f"keyword {split[0]} says how the rotation is split, and rotor exact splits none: "
                 "leave one of them out"
             )
+        if line.replaces:
+            rigid_fixes.give_meaning(values, known)
         if "infile" in values:
             # as in fix rigid: the file is the start, not the state of later runs
             values["reinit"] = False
@@ -482,6 +501,14 @@ _READ = {  # what the words behind a keyword give
         how := words.one_of(("equal", "scale", "step"), expected),
         None if how == "step" else words.number(expected),
     ),
+    "langevin": lambda words, expected: (
+        *words.numbers(3, expected),
+        words.whole(expected, 2**31),
+    ),
+    "tparam": lambda words, expected: tuple(
+        words.whole(expected, most + 1) for most in (_MOST["tchain"][0], 2**31, 2**31)
+    ),
+    "pchain": lambda words, expected: words.whole(expected),
     "couple": lambda words, expected: words.one_of(COUPLES, expected),
     "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
     **dict.fromkeys(("compressibility", "mix", *QUENCH), _Words.number),

@@ -7,6 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from ..errors import RunError
+
 
 class Host(Protocol):
     """The fix as its integrator sees it.
@@ -206,6 +208,8 @@ def hook(method):
         try:
             return method(self, *arguments)
         except BaseException as error:
+            if isinstance(error, RunError):
+                error.args = (self.line.naming(str(error)),)
             if self.host:
                 self.host.end(error)
             raise

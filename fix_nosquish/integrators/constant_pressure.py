@@ -152,7 +152,7 @@ class ConstantPressure(ConstantTemperature):
         if self.host.set_box is None:
             raise RunError(
                 "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
-                "package where its plugin serves, or use fix_nosquish.NVT or NVE",
+                "package where its plugin serves, or use fix nosquish/nvt or fix nosquish/nve",
                 everywhere=True,
             )
         for mate in self.mates:
@@ -248,7 +248,7 @@ class ConstantPressure(ConstantTemperature):
                 f"fixes {counted[0]} and {others[0]} both change forces on atoms of bodies, or "
                 "that shake holds, or that stay where they are when the box changes, and the "
                 "virial counts those of the first one only. If the second one is a thermostat, "
-                "take another one that changes velocities, such as fix_nosquish.NPT for bodies "
+                "take another one that changes velocities, such as fix nosquish/npt for bodies "
                 "and fix nvt or temp/csvr for other atoms; else leave one of them out",
                 everywhere=True,
             )

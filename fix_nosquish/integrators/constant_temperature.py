@@ -11,11 +11,13 @@ middle then, which are right, and temperature and pressure follow from these.  W
 does is said by `langevin` and `rescaling`.
 """
 
+from dataclasses import replace
 from zlib import crc32
 
 import numpy as np
 
 from ..errors import RunError
+from ..host import rigid_fixes
 from ..host.hosts import hook
 from ..loops.compiled import L1, Cell, inlined
 from ..motion.operations import PARAMETERS
@@ -91,7 +93,7 @@ class ConstantTemperature(Integrator):
             left to keep at a temperature.
     """
 
-    splits = middle = thermostat = couples = keeps_momentum = True
+    splits = middle = thermostat = keeps_momentum = True
     backwards = False
     keywords = "temp", "thermostat", "seed", "tchain", "separate", "moments"
     method = "NO_SQUISH"
@@ -102,6 +104,11 @@ class ConstantTemperature(Integrator):
         super().__init__(ptr, line)
         self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, np.nan, *self.own_state()])
         self._energy = 0.0  # given before this run, in all
+
+    @property
+    def couples(self):
+        """Not in the place of a fix rigid with keyword langevin, whose scalar is a temperature."""
+        return self.command.line.replaces not in rigid_fixes.BODIES
 
     def own_state(self):
         """What of the thermostat must be known to go on, besides the energy that it has given."""
@@ -209,6 +216,14 @@ class ConstantTemperature(Integrator):
             self.command.refuse_unless_positive(f"keyword temp: {name}", value)
         return start, stop, 1.0 / damping
 
+    @hook
+    def reset_target(self, temperature):
+        """Keep this temperature from now on."""
+        self.command = replace(self.command, temp=(*(repr(temperature),) * 2, self.command.temp[2]))
+        if self.parameters is not None:
+            unit = self.lammps.boltz / self.lammps.mvv2e
+            self.parameters[[START, STOP]] = unit * temperature
+
     def own_parameters(self):
         command, (start, stop, rate) = self.command, self.temperature()
         if start != stop and self.host.span is None:
@@ -247,7 +262,7 @@ class ConstantTemperature(Integrator):
             raise RunError(
                 "keyword torque has one component off and another one on, and a thermostat acts on "
                 "the whole rotation of a body, or not at all: switch off all three, or use "
-                "fix_nosquish.NVE",
+                "fix nosquish/nve",
                 everywhere=True,
             )
 
@@ -275,7 +290,10 @@ class ConstantTemperature(Integrator):
     def compute_scalar(self):
         """What the potential energy and that of the atoms' velocities have to be added to make the
         energy that a right step keeps: what went to the thermostat, and what the bodies' kinetic
-        energy is more at the end of the step than in its middle; collective."""
+        energy is more at the end of the step than in its middle; or, where it does not `couple`,
+        the temperature of the bodies; collective."""
+        if not self.couples:
+            return super().compute_scalar()
         end, middle = self.reports.kinetic_at_end()
         return self.lammps.mvv2e * self.energy() + end - middle
 

@@ -160,6 +160,10 @@ struct Bridge {
   int (*post_run)();
   int (*write_restart_file)(const char *name);
   int (*write_restart)();    // have restart_state ready
+  int (*zero_momentum)();
+  int (*zero_rotation)();
+  int (*reset_target)(double temperature);
+  int (*rows_of_rank)(const char *words, int groupbit, int64_t *found);    // address and number of rows
   int (*dof)(int igroup, int64_t *count);
   int (*compute_scalar)(double *value);
   int (*compute_vector)(int i, double *value);

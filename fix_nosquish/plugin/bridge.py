@@ -36,6 +36,7 @@ HOOKS = {
         *("init", "setup", "min_setup", "post_neighbor", "reset_dt", "end_of_step", "post_run"),
         *("initial_integrate_respa", "final_integrate_respa", "dof"),
         *("write_restart_file", "write_restart", "renewed", "modify_external", "push"),
+        *("zero_momentum", "zero_rotation", "reset_target", "rows_of_rank"),
         *("compute_scalar", "compute_vector", "compute_array"),
     )
 }
@@ -77,6 +78,8 @@ def attach(address):
         instance, host = _construct(bridge), None
         if hasattr(instance, "host"):
             instance.host = host = Host(bridge)
+            if getattr(instance, "story", None):
+                host.log(instance.story)
         if hasattr(instance, "virial"):
             import numpy
 
@@ -120,7 +123,7 @@ def _construct(bridge):
     if style == "python/move":
         return _of_target("\n".join(words), capsule)
     line = Line.native(bridge.fix_id.decode(), bridge.group.decode(), style, words)
-    return of_style(style)(capsule, line)
+    return of_style(style, words)(capsule, line)
 
 
 def _of_target(target, capsule):

@@ -20,12 +20,12 @@ struct CurrentCommand : LAMMPS_NS::Input {
 // What fixes have left in the restart file that was read.
 
 struct RestartState : LAMMPS_NS::Modify {
-  // the state of a fix with this ID and a style that is wanted, which is then used; null if there is none
+  // a wanted state of a fix with this ID, which is then used; null if there is none: wanted(style, state)
   template <typename Wanted> static char *left_by(LAMMPS_NS::Modify *modify, const char *id, Wanted wanted)
   {
     for (int k = 0; k < modify->nfix_restart_global; k++) {
       if (strcmp((modify->*(&RestartState::id_restart_global))[k], id) != 0) continue;
-      if (!wanted((modify->*(&RestartState::style_restart_global))[k])) continue;
+      if (!wanted((modify->*(&RestartState::style_restart_global))[k], (modify->*(&RestartState::state_restart_global))[k])) continue;
       (modify->*(&RestartState::used_restart_global))[k] = 1;
       return (modify->*(&RestartState::state_restart_global))[k];
     }

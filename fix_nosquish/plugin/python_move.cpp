@@ -1,10 +1,11 @@
-/* Fixes nosquish/nve, /nvt, ..., and fix python/move, as a LAMMPS plugin.
+/* Fixes nosquish/nve, /nvt, ..., rigid/nosquish, rigid/nve/nosquish, ..., and fix python/move, as a LAMMPS plugin.
 
    Fix python/move is a superset of LAMMPS's own, which it replaces where LAMMPS was built with its package PYTHON. The fix line names a Python class,
 
        fix ID group python/move "module.class"
 
-   and the fix calls the methods of one instance of it. The class of another style is in fix_nosquish.INTEGRATORS. Everything that is Python's is in bridge.py;
+   and the fix calls the methods of one instance of it. The class of another style is in fix_nosquish.INTEGRATORS; those of rigid/...,
+   by which LAMMPS's suffix nosquish replaces its own rigid fixes, are in host/rigid_fixes.py. Everything that is Python's is in bridge.py;
    the two sides share the plain C struct Bridge. From Python itself a few functions are called, looked
    up by name at run time, so that one compiled plugin serves every Python version. */
 
@@ -24,6 +25,7 @@
 #include "dihedral.h"
 #include "domain.h"
 #include "error.h"
+#include "exceptions.h"
 #include "fix.h"
 #include "force.h"
 #include "group.h"
@@ -48,10 +50,12 @@
 #include <cstdlib>
 #include <cstring>
 #include <dlfcn.h>
+#include <exception>
 #include <sstream>
 #include <string>
 #include <thread>
 #include <unistd.h>
+#include <utility>
 #include <vector>
 #ifdef __linux__
 #include <csignal>
@@ -194,10 +198,25 @@ void run_python(const std::string &line)
 const std::string PYTHON_MOVE = "python/move";
 const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc", "nosquish/fire"};
 
-bool is_ours(const std::string &style)
+// With the suffix LAMMPS takes these in the place of its own, and their computes: see computes.h.
+
+const std::string SUFFIX = "/nosquish";
+const std::string REPLACED[] = {"rigid",           "rigid/nve",       "rigid/nvt",       "rigid/npt",       "rigid/nph",
+                                "rigid/small",     "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", "rigid/nph/small"};
+
+bool replaces(const std::string &style)
 {
-  return style == PYTHON_MOVE || std::count(std::begin(NATIVE), std::end(NATIVE), style);
+  return style.rfind("rigid", 0) == 0;
 }
+
+// Styles under which a fix of this plugin may have left its state.
+
+bool may_be_ours(const std::string &style)
+{
+  return style == PYTHON_MOVE || replaces(style) || std::count(std::begin(NATIVE), std::end(NATIVE), style);
+}
+
+const std::string COMPUTES[] = {"rigid/local", "ke/rigid", "erotate/rigid"};
 
 const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
                      "@Article{Miller2002,\n"
@@ -208,6 +227,22 @@ const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
                      " pages = {8649--8659},\n"
                      " year = 2002\n"
                      "}\n\n";
+
+// What a fix of this plugin writes to a restart file begins with this. LAMMPS's own rigid fixes may be given it, because a suffix
+// is not part of the style's name there: of two zeros they take nothing.
+
+struct State {
+  double nothing[2] = {0.0, 0.0}, ours = 4.928e-49, size = 0.0;    // of the numbers behind it
+
+  static bool is_in(const char *buffer)
+  {
+    State found;
+    memcpy(found.nothing, buffer, sizeof found.nothing);    // the state of another fix may end here
+    if (found.nothing[0] != 0.0 || found.nothing[1] != 0.0) return false;
+    memcpy(&found, buffer, sizeof found);
+    return found.ours == State().ours;
+  }
+};
 
 // Whether a fix holds atoms together by forces.
 
@@ -255,6 +290,12 @@ class FixPythonMove : public Fix {
   void reset_dt() override;
   void deform(int) override;
   bigint dof(int) override;
+  void zero_momentum() override { call(bridge.zero_momentum); }
+  void zero_rotation() override { call(bridge.zero_rotation); }
+  void reset_target(double temperature) override { call(bridge.reset_target, temperature); }
+  bool has_bodies() const { return bridge.rows_of_rank; }
+  double kinetic_energy(int which);
+  int rows_of_rank(const char *words, int group, double *&values);
   double compute_scalar() override;
   double compute_vector(int) override;
   double compute_array(int, int) override;
@@ -296,6 +337,7 @@ class FixPythonMove : public Fix {
   double told[7] = {};
   std::array<int64_t, 3> array_when;    // bridge.array is of then
   Particles particles;
+  std::exception_ptr kept;    // what LAMMPS has thrown below loops
   std::string command;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
   std::string energy_id;    // of a compute pe, for which they tally their energy
@@ -334,9 +376,12 @@ class FixPythonMove : public Fix {
   void renew_forces();
   int modify_external(int, char **);
   void push();
-  std::string problem(const std::string &text) const { return "Fix " + std::string(id) + " " + style + ": " + text; }
-  void take_over_state();
+  std::string problem(const std::string &text) const;
+  void take_over_state(), refuse_casts() const;
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
+  [[noreturn]] void abort_all() const;
+  template <typename Function> int64_t kept_from_loops(Function function);
+  void throw_kept();
   void flush_log() const;
   template <typename... Types, typename... Values>
   void call(int (*hook)(Types...), Values... arguments);
@@ -389,13 +434,24 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   take_over_state();
 }
 
+// LAMMPS sets the name of a style with the suffix behind the constructor.
+
+std::string FixPythonMove::problem(const std::string &text) const
+{
+  std::string name = style;
+  if (replaces(name) && name.find(SUFFIX) == std::string::npos) name += SUFFIX;
+  return "Fix " + std::string(id) + " " + name + ": " + text;
+}
+
 // LAMMPS gives a fix the state in a restart file that one of its own ID and style has left; one of another style of ours may
 // have done so.
 
 void FixPythonMove::take_over_state()
 {
   if (!restart_global) return;
-  char *state = RestartState::left_by(modify, id, [this](const std::string &other) { return is_ours(other) && other != style; });
+  char *state = RestartState::left_by(modify, id, [this](const std::string &other, const char *state) {
+    return may_be_ours(other) && other != style && State::is_in(state);
+  });
   if (!state) return;
   restart(state);
   if (comm->me == 0) utils::logmesg(lmp, problem("it goes on from the state of its ID in the restart file\n"));
@@ -438,12 +494,16 @@ void FixPythonMove::fill_bridge()
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.set_box = [](void *fix, const double *box) {
-    if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
-    self(fix)->set_box(box);
-    self(fix)->look_at_volume();
-    return (int64_t) 0;
+    return self(fix)->kept_from_loops([fix, box] {
+      if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
+      self(fix)->set_box(box);
+      self(fix)->look_at_volume();
+      return (int64_t) 0;
+    });
   };
-  bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
+  bridge.flip_box = [](void *fix, const double *box) {
+    return self(fix)->kept_from_loops([fix, box] { return self(fix)->flip_box(box); });
+  };
   bridge.particles = [](void *fix, double *numbers) {
     auto &particles = self(fix)->particles;
     particles.find(self(fix)->atom);
@@ -466,7 +526,9 @@ void FixPythonMove::fill_bridge()
     const auto first = self(fix)->first_molecule();
     return (int) (first && Templates::read(self(fix)->atom, first[number], numbers));
   };
-  bridge.find_clusters = [](void *fix) { return self(fix)->find_clusters(); };
+  bridge.find_clusters = [](void *fix) {
+    return self(fix)->kept_from_loops([fix] { return self(fix)->find_clusters(); });
+  };
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.gravity = [](void *fix, const char *other) {
     int dimension;
@@ -558,6 +620,7 @@ void FixPythonMove::look_at_accelerators() const
 FixPythonMove::~FixPythonMove()
 {
   if (bridge.follows_atoms && modify->get_fix_by_id(id)) atom->delete_callback(id, Atom::GROW);
+  if (stopped) timer->reset_timeout();
   let_go();
 }
 
@@ -655,10 +718,12 @@ void FixPythonMove::push()
 
 void FixPythonMove::init()
 {
+  stopped = false;
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     error->all(FLERR, problem("its class has no methods for run_style respa"));
   if (respa && early) error->all(FLERR, problem("bodyforces early is not for run_style respa: use run_style verlet"));
+  if (replaces(style)) refuse_casts();
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
   bridge.stream_group = domain->deform_vremap ? domain->deform_groupbit : 0;
   if (bridge.stream_group) {
@@ -673,6 +738,17 @@ void FixPythonMove::init()
     ask_for_energy(update->ntimestep);
     ask_for_energy(bridge.energy_step);
   }
+}
+
+// What begins with rigid LAMMPS takes for its own class in places, without a look.
+
+void FixPythonMove::refuse_casts() const
+{
+  for (const auto &other : modify->get_compute_list())
+    for (const auto &name : COMPUTES)
+      if (name == other->style)
+        error->all(FLERR, problem("compute " + std::string(other->id) + " (style " + name + ") is LAMMPS's own, which takes each fix "
+                                  "rigid for its own: define it with the suffix on, or write " + name + SUFFIX));
 }
 
 void FixPythonMove::setup(int vflag)
@@ -842,7 +918,8 @@ void FixPythonMove::set_molecule(int before, tagint tag, int number, double *, d
   inserted.insert(inserted.end(), quat, quat + 4);
 }
 
-// Granular pair styles look up the mass of the body of each atom here. Fixes that insert molecules see whether their template,
+// Granular pair styles look up the mass of the body of each atom here. Between runs commands ask whether what they change is in
+// bodies, to warn that it has no effect: it has one here. Fixes that insert molecules see whether their template,
 // a place in LAMMPS's list of these, is that of the bodies.
 
 void *FixPythonMove::extract(const char *name, int &dim)
@@ -850,7 +927,7 @@ void *FixPythonMove::extract(const char *name, int &dim)
   dim = 0;
   if (strcmp(name, "onemol") == 0) return first_molecule();
   dim = 1;
-  if (strcmp(name, "body") == 0) return bridge.body;
+  if (strcmp(name, "body") == 0) return update->whichflag ? bridge.body : nullptr;
   if (strcmp(name, "masstotal") == 0) return bridge.masstotal;
   return nullptr;
 }
@@ -861,6 +938,7 @@ void FixPythonMove::end_of_step()
 {
   stream_with_box();
   if (respa) call_with_virial(bridge.end_of_step);
+  if (stopped) timer->force_timeout();    // as fix halt ends a run; not before, as a run that fails leaves it so
 }
 
 void FixPythonMove::post_run()
@@ -882,20 +960,32 @@ void FixPythonMove::write_restart(FILE *file)
 {
   call(bridge.write_restart);
   if (comm->me) return;
-  const int bytes = bridge.restart_size * sizeof(double);
+  State begin;
+  begin.size = bridge.restart_size;
+  const int bytes = sizeof begin + bridge.restart_size * sizeof(double);
   fwrite(&bytes, sizeof(int), 1, file);
+  fwrite(&begin, sizeof begin, 1, file);
   fwrite(bridge.restart_state, sizeof(double), bridge.restart_size, file);
 }
 
-// LAMMPS tells no size: the class's first number says what the others are, and so how many.
+// The class's first number says what the others are.
 
 void FixPythonMove::restart(char *buffer)
 {
   const int size = bridge.restart_size;
   if (!size) return;
+  if (!State::is_in(buffer)) {
+    if (comm->me == 0)
+      error->warning(FLERR, problem("the restart file has a state for this ID that this fix did not write, as LAMMPS's own rigid "
+                                    "fixes do: it is not used, and thermostat and barostat begin anew"));
+    return;
+  }
+  State begin;
+  memcpy(&begin, buffer, sizeof begin);
+  const char *numbers = buffer + sizeof begin;
   double kind = 0.0;
-  memcpy(&kind, buffer, sizeof(double));
-  if (kind == bridge.restart_state[0]) memcpy(bridge.restart_state, buffer, size * sizeof(double));
+  memcpy(&kind, numbers, sizeof(double));
+  if (begin.size == size && kind == bridge.restart_state[0]) memcpy(bridge.restart_state, numbers, size * sizeof(double));
   else bridge.restart_state[0] = -1.0;
 }
 
@@ -966,6 +1056,25 @@ double FixPythonMove::compute_array(int i, int j)
   call(bridge.compute_array, i, j, &value);
   array_when = {update->ntimestep, bridge.phase, bridge.changes};
   return value;
+}
+
+// The bodies' kinetic energy of translation (0) or of rotation (1), as a compute has it.
+
+double FixPythonMove::kinetic_energy(int which)
+{
+  double value = 0.0;
+  call(bridge.compute_vector, which, &value);
+  return value;
+}
+
+// These words of the bodies that are counted on this rank: how many rows, and where they are until the next call.
+
+int FixPythonMove::rows_of_rank(const char *words, int group, double *&values)
+{
+  int64_t found[2] = {};
+  call(bridge.rows_of_rank, words, group, static_cast<int64_t *>(found));
+  values = reinterpret_cast<double *>(found[0]);
+  return (int) found[1];
 }
 
 int FixPythonMove::describe(int n, FixFacts *facts) const
@@ -1174,12 +1283,11 @@ void FixPythonMove::unpack_forward_comm(int n, int first, double *buffer)
   for (int i = first; i < first + n; i++, buffer += 3) std::copy_n(buffer, 3, atom->v[i]);
 }
 
-// As fix halt ends a run.
+// End the run behind this step.
 
 int64_t FixPythonMove::stop()
 {
   stopped = true;
-  timer->force_timeout();
   return 0;
 }
 
@@ -1318,8 +1426,11 @@ void FixPythonMove::renew_forces()
 
 bool FixPythonMove::run(const Pass *pass)
 {
-  for (; pass->loop; pass++)
-    if (pass->loop(pass->cells)) return false;
+  for (; pass->loop; pass++) {
+    const bool failed = pass->loop(pass->cells);
+    throw_kept();
+    if (failed) return false;
+  }
   bridge.changes++;
   return true;
 }
@@ -1431,6 +1542,7 @@ void FixPythonMove::call(int (*hook)(Types...), Values... arguments)
   bridge.array = nullptr;    // it may change
   strcpy(bridge.message, "interrupted");
   const int outcome = hook(arguments...);
+  throw_kept();
   if (outcome == FAILED_ALIKE) error->all(FLERR, problem(bridge.message));
   if (outcome != DONE) end_run(bridge.message);
 }
@@ -1459,8 +1571,37 @@ void FixPythonMove::end_run(const std::string &text, double patience)
   if (logfile) fputs(report.c_str(), logfile);
   fflush(nullptr);
   std::this_thread::sleep_for(milliseconds(500));    // mpirun may drop what it has not yet read
+  abort_all();
+}
+
+void FixPythonMove::abort_all() const
+{
   MPI_Abort(universe->uworld, 1);
   abort();
+}
+
+// What a loop, or Python, calls must not throw into it. What LAMMPS throws on all ranks waits until they are back. An error of
+// one rank alone ends the run at once, as it is said already: the others wait for this rank.
+
+template <typename Function> int64_t FixPythonMove::kept_from_loops(Function function)
+{
+  try {
+    return function();
+  } catch (const LAMMPSAbortException &) {
+    if (universe->nprocs > 1) {
+      fflush(nullptr);
+      abort_all();
+    }
+    kept = std::current_exception();
+  } catch (...) {
+    kept = std::current_exception();
+  }
+  return 0;
+}
+
+void FixPythonMove::throw_kept()
+{
+  if (kept) std::rethrow_exception(std::exchange(kept, nullptr));
 }
 
 // ----------------------------------------------------------------------
@@ -1505,6 +1646,8 @@ void refuse_other_layout(LAMMPS *lmp, const std::string &style)
   lammps_error(lmp, LMP_ERROR_ALL, problem.c_str());
 }
 
+#include "computes.h"
+
 void *make(void *lmp, int narg, char **arg)
 {
   refuse_other_layout(static_cast<LAMMPS *>(lmp), arg[2]);
@@ -1547,10 +1690,15 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *regfunc)
   const auto enter = reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc);
   enter(&plugin, lmp);
   const bool alike = layout.styles();
-  for (const auto &name : NATIVE) {
+  std::vector<std::string> styles(std::begin(NATIVE), std::end(NATIVE));
+  for (const auto &name : REPLACED)
+    for (const char *accelerated : {"", "/omp"}) styles.push_back(name + accelerated + SUFFIX);
+  for (const auto &name : styles) {
     plugin.name = name.c_str();
     // the same without a line of the log for each
     if (alike) (*static_cast<LAMMPS *>(lmp)->modify->fix_map)[name] = reinterpret_cast<Modify::FixCreator>(make);
     else enter(&plugin, lmp);
   }
+  if (!alike) return;    // each fix says why
+  for (const auto &name : COMPUTES) (*static_cast<LAMMPS *>(lmp)->modify->compute_map)[name + SUFFIX] = make_compute;
 }

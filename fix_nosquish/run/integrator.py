@@ -27,6 +27,7 @@ from ..bodies.kinds import compare
 from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError
+from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import driven_by_plugin, hook
 from ..host.lammps import Lammps, pointer
@@ -37,7 +38,7 @@ from ..motion.block import ROWS
 from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
-from . import log, passes, reports, threads
+from . import log, output, passes, reports, threads
 from .declaration import Declaration
 from .external import External
 from .other_fixes import OtherFixes, refuse_other_integrators
@@ -106,7 +107,7 @@ class Integrator(Declaration):
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
-        self.name, self.number = line.name, next(self._numbers)
+        self.line, self.name, self.number = line, line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = self._stepped = self._has_rotors = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
@@ -166,7 +167,7 @@ class Integrator(Declaration):
                 "rotation, which {} does not"
             )
         elif rotor == "exact" and not self._can_be_exact:
-            problem = "keyword rotor exact is for the rotation of fix_nosquish.NVE, not that of {}"
+            problem = "keyword rotor exact is for the rotation of fix nosquish/nve, not that of {}"
         if problem:
             raise self.command.wrong(problem.format(self.name))
 
@@ -237,6 +238,12 @@ class Integrator(Declaration):
         )
 
     @property
+    def story(self):
+        """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
+        replaces = self.command.line.replaces
+        return rigid_fixes.story(self.host.fix_id, self.command) if replaces else None
+
+    @property
     def phase(self):
         return self.host.phase if self.host else Phase.NEW
 
@@ -304,7 +311,12 @@ class Integrator(Declaration):
     @property
     def told(self):
         """What tells of bodies besides their atoms when a run makes them; see `build`."""
-        return partial(infile.read, self.infile) if self.infile else None
+        return partial(infile.read, self.infile, self.counts) if self.infile else None
+
+    @property
+    def counts(self):
+        """Whether files count bodies of style custom from 1, as LAMMPS's rigid fixes do."""
+        return bool(self.command.line.replaces) and self.command.style == "custom"
 
     @property
     def keeps_bodies(self):
@@ -320,7 +332,8 @@ class Integrator(Declaration):
     def runs(self):
         """Whether it is a run that LAMMPS sets up: commands between runs do so, too, such as
         write_restart, also where command run names them."""
-        return self.host.command[:1] in ([], ["run"], ["rerun"], ["temper"])
+        first, *_ = *self.host.command, "run"
+        return first in ("run", "rerun") or first.startswith("temper")
 
     @property
     def steps_made(self):
@@ -431,7 +444,7 @@ class Integrator(Declaration):
         if not self.crosses or self.needs_energy:
             raise RunError(
                 "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-                f"{self.name} does not do so. Use fix_nosquish.NVE without keyword "
+                f"{self.name} does not do so. Use fix nosquish/nve without keyword "
                 "shadow, and fix langevin with fix_modify temp for a temperature",
                 everywhere=True,
             )
@@ -521,13 +534,13 @@ class Integrator(Declaration):
         movers = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.movers)
         self.bodies.suspects = movers and f", perhaps {movers}"
         if cause and not self.quenches:
-            self.host.log(f"WARNING: {cause}: {remedy}\n")
+            self.host.log(self.line.naming(f"WARNING: {cause}: {remedy}\n"))
 
     @hook
     def min_setup(self, vflag):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
-            "a minimisation would tear the rigid bodies apart: use fix_nosquish.FIRE and a run "
+            "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
             "instead, which keep their shapes",
             everywhere=True,
         )
@@ -622,8 +635,8 @@ class Integrator(Declaration):
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
-                f"{self.name} does not do in a run: use fix_nosquish.NVE or NVT, without "
-                "keyword shadow, or insert and delete between runs, with reinit yes",
+                f"{self.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
+                "without keyword shadow, or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
         self.reports.warn(lines)
@@ -773,8 +786,8 @@ class Integrator(Declaration):
         if ((box.h != self.bodies.cells["h"].array) & held).any():
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
-                "in a run they do so with fix deform alone, with its remap x or v, and "
-                "run_style verlet, and with fix_nosquish.NPT or NPH. The box may change between "
+                "in a run they do so with fix deform alone, with its remap x or v, and run_style "
+                "verlet, and with fix nosquish/npt or fix nosquish/nph. The box may change between "
                 "runs: bodies keep their shape when the next run makes them anew, with reinit yes "
                 "and without infile or 'pre no'",
                 everywhere=True,
@@ -943,8 +956,13 @@ class Integrator(Declaration):
 
     @hook
     def compute_scalar(self):
-        """Temperature of the bodies; as fix rigid's, but of all components, whether force and
-        torque act on them or not; collective."""
+        """Temperature of the bodies; collective.
+
+        It is of all components, whether force and torque act on them or not; in the place of a fix
+        rigid of those that these act on, as there.
+        """
+        if self.command.line.replaces and self._switches.choices:
+            return self.reports.temperature_of(self._switches.mask)
         return self.reports.energies()[4]
 
     @hook
@@ -958,6 +976,49 @@ class Integrator(Declaration):
         rows = self.reports.array()
         self.host.lend_array(rows)
         return rows[i, j]
+
+    @hook
+    def rows_of_rank(self, words, groupbit, found):
+        """What compute rigid/local says of the bodies: see `output.rows_of_rank`; collective.
+
+        Args:
+            words: bytes, the values, with a space between.  groupbit: of the compute's group.
+            found: (2,) gets the address of the rows, which stay until the next call, and how many
+                there are.
+        """
+        bodies = self.reports.made()
+        self._rows = output.rows_of_rank(
+            bodies, self.lammps, self.communicator, words.decode().split(), groupbit
+        )
+        found[0], found[1] = self._rows.ctypes.data, len(self._rows)
+
+    @hook
+    def zero_momentum(self):
+        """Stop the bodies' translation, between runs; collective."""
+        self._zero("v")
+
+    @hook
+    def zero_rotation(self):
+        """Stop the bodies' rotation, between runs; collective."""
+        self._zero("p")
+
+    def _zero(self, name):
+        """Stop a motion of the bodies that the next run will have: those of the last one, or those
+        that it makes of the atoms."""
+        if self._goes_on:
+            bodies = self.bodies
+        else:
+            self.membership = Membership(self.lammps, self.communicator, self.command)
+            bodies = build(
+                self.lammps, self.communicator, self.membership, self.told, former=self.former(),
+                **self.particles(),
+            )[0]  # fmt: skip
+            bodies.bind(self.lammps, self.membership)
+            bodies.know_box(self.lammps.box)
+        getattr(bodies, name)[:] = 0.0
+        self.host.point()
+        step.set_velocities.bind_to(bodies.cells | self.lammps.cells)()
+        self.reports.forget()
 
     @hook
     def write_restart_file(self, name):

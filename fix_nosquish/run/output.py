@@ -72,6 +72,64 @@ def table(bodies, lammps):
     return rows[bodies.listed]
 
 
+def rows_of_rank(bodies, lammps, communicator, words, groupbit):
+    """What LAMMPS's compute rigid/local says of the bodies that are counted on this rank, (n,
+    words); collective.
+
+    Args:
+        words: values, as the compute names them.  groupbit: of a group in which the atom of a body
+            is that has the smallest ID; "id" and "mol" are those of this atom.
+    """
+    rows, listed, first = table(bodies, lammps), bodies.listed, _first_atoms(bodies, lammps)
+    first = _of_all_ranks(first, bodies, communicator)[listed]
+    unwrapped = rows["x"] + rows["image"] @ lammps.box.h.T
+    columns = {"id": first["tag"], "mol": first["molecule"], "mass": rows["mass"]}
+    for names, values in (
+        (("x", "y", "z"), rows["x"]),
+        (("xu", "yu", "zu"), unwrapped),
+        (("ix", "iy", "iz"), rows["image"]),
+        (("vx", "vy", "vz"), rows["v"]),
+        (("fx", "fy", "fz"), rows["force"]),
+        (("tqx", "tqy", "tqz"), rows["torque"]),
+        (("omegax", "omegay", "omegaz"), rows["omega"]),
+        (("angmomx", "angmomy", "angmomz"), rows["angmom"]),
+        (("quatw", "quati", "quatj", "quatk"), rows["q"]),
+        (("inertiax", "inertiay", "inertiaz"), bodies.moments_of_atoms[:, listed].T),
+    ):
+        columns |= dict(zip(names, values.T, strict=True))
+    wanted = np.array([columns[word] for word in words], float).reshape(len(words), -1).T
+    return np.ascontiguousarray(wanted[first["groups"] & groupbit != 0])
+
+
+_ATOM = np.dtype(
+    [("body", np.int64), ("tag", np.int64), ("molecule", np.int64), ("groups", np.int64)]
+)
+
+
+def _first_atoms(bodies, lammps):
+    """The atom with the smallest ID that each body has on this rank, (n,) of `_ATOM`."""
+    order = np.lexsort((bodies.tag, bodies.body))
+    found, places = np.unique(bodies.body[order], return_index=True)
+    atoms = bodies.index[order[places]]
+    molecule = lammps.per_atom("molecule", lammps.tagint)
+    first = np.zeros(len(bodies), _ATOM)
+    first["body"], first["tag"] = bodies.id, np.iinfo(np.int64).max
+    first["tag"][found] = lammps.tags[atoms]
+    first["groups"][found] = lammps.groups[atoms]
+    if molecule is not None:
+        first["molecule"][found] = molecule[atoms]
+    return first
+
+
+def _of_all_ranks(first, bodies, communicator):
+    """The same, of the atoms that shared bodies have on all ranks; collective."""
+    shared = bodies.sharers.bodies
+    rows = np.sort(communicator.gather_to_all(first[shared]), order=("body", "tag"))
+    ids, places = np.unique(rows["body"], return_index=True)
+    first[shared] = rows[places[np.searchsorted(ids, first["body"][shared])]]
+    return first
+
+
 def global_array(rows):
     """Fix rigid's global array, (bodies, 15): centre, its velocity, force, torque, image flags."""
     columns = np.concatenate(

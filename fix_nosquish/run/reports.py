@@ -65,7 +65,7 @@ class Reports:
         new = [line for line in lines if line not in self._warned]
         self._warned.update(new)
         if new:
-            self._integrator.host.log("\n".join([*new, ""]))
+            self._integrator.host.log(self._integrator.line.naming("\n".join([*new, ""])))
 
     def say_taken_over(self, at, fixes, before, now):
         """Log, once a run, that bodies took over the velocities that these fixes gave atoms.
@@ -147,7 +147,10 @@ class Reports:
             return
         several = sum(mate.keeps_bodies for mate in integrator.mates) > 1
         own = f".{integrator.host.fix_id}" if several else ""
-        infile.write(f"{name}{own}.rigid", self.made(), integrator.lammps, integrator.communicator)
+        infile.write(
+            f"{name}{own}.rigid", integrator.counts, self.made(), integrator.lammps,
+            integrator.communicator,
+        )  # fmt: skip
 
     def made(self, forces=True):
         """The bodies, with their forces, if wanted, as a step that is looked at leaves them.
@@ -230,6 +233,16 @@ class Reports:
         return self._once(
             "energies",
             lambda bodies: thermo.energies(bodies, integrator.communicator, integrator.lammps),
+            forces=False,
+        )
+
+    def temperature_of(self, mask):
+        """The temperature of some components; collective. Args: mask: of `thermo.temperature_of`,
+        a function of the bodies."""
+        ranks, lammps = self._integrator.communicator, self._integrator.lammps
+        return self._once(
+            "active",
+            lambda bodies: thermo.temperature_of(mask(bodies), bodies, ranks, lammps),
             forces=False,
         )
 

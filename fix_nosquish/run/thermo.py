@@ -95,3 +95,20 @@ def energies(bodies, communicator, lammps):
         energy[:2],
         np.divide(2 * energy, degrees * lammps.boltz, out=np.zeros(3), where=degrees > 0),
     )
+
+
+def temperature_of(mask, bodies, communicator, lammps):
+    """The temperature of some components of translation and of rotation; collective.
+
+    Args:
+        mask: (6, n), 1.0 for each of those, as LAMMPS's fix rigid takes them: velocities in the
+            space frame, and angular velocities in the principal frame.
+    """
+    owned, turns = bodies.sharers.owned, bodies.moment > 0
+    mask = mask * np.ones((6, len(bodies)))
+    mask[3:] *= turns
+    momentum = np.concatenate([bodies.mass * bodies.v, bodies.angular_momentum()])
+    twice = mask * momentum * np.concatenate([bodies.v, bodies.angular_velocity()])
+    sums = np.array([twice[:, owned].sum(), mask[:, owned].sum()])
+    twice, degrees = communicator.total(sums)
+    return lammps.mvv2e * twice / (degrees * lammps.boltz) if degrees else 0.0

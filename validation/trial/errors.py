@@ -10,7 +10,7 @@ from validation.own.system import Own
 from validation.running import run
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import Estimate, margin
 from validation.statistics.structure import Motion
 from validation.trial import law
 from validation.trial.targets import SPAN, has_rdf, steps_of_cost
@@ -19,6 +19,11 @@ BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
 # of a run's kept frames, at most, for the noise of g(r).  Few of them make margins wide, the more
 # so for a choice among several; if so many are not independent, their noise counts as error
 BLOCKS = 20
+# independent parts of a run, of two correlation times each, without which nothing is said of g(r)
+LEAST = 5
+SETTLED = 0.99  # the confidence by which a run is told to be still settling
+# why g(r) has no error
+SHORT, SETTLING, ERRATIC = "short", "settling", "erratic"
 
 
 def numbers(own: Own, dt: float, result: run.Result, settles: float, rest: int) -> dict:
@@ -55,6 +60,9 @@ def numbers(own: Own, dt: float, result: run.Result, settles: float, rest: int) 
             BIN * own.room,
             min(BLOCKS, frames - first),
         )
+        found["parts"] = measures.independent_parts(found["rdf"])
+        halves = np.array_split(thermo["PotEng"] / (own.bodies * shapes.thermal(own)), 2)
+        found["settling"] = measures.difference(*(measures.mean(half) for half in halves[::-1]))
     return found
 
 
@@ -136,12 +144,33 @@ def of_means(
             if error:
                 found[name] = error.times(1 / scale)
     if "rdf" in mine:
-        parts = min(len(said["rdf"]) for said in (held, *alike.values()))
-        g = {other: _joined(said["rdf"], parts) for other, said in alike.items()}
-        error = law.rms_by_law(dt, g, _joined(held["rdf"], parts), finer)
+        error, _ = of_g(dt, alike, held, finer)
         if error:
             found["rdf"] = error
     return found
+
+
+def of_g(
+    dt: float, alike: Mapping[float, Mapping], held: Mapping, finer: float
+) -> tuple[Estimate | None, str | None]:
+    """The error of g(r), or why there is none: runs are too short, the start was not in
+    equilibrium, or the error does not grow with the step.  For the arguments see `of_means`.
+
+    Parts of a run that are not independent would make noise an error.  How many are follows from
+    all these runs, which have the same motion and length.
+    """
+    runs = [held, *alike.values()]
+    number = float(np.median([said["parts"] for said in runs]))
+    if number < LEAST:
+        return None, SHORT
+    settling = held["settling"]
+    if abs(settling.value) > margin(settling.error, settling.freedom, SETTLED):
+        return None, SETTLING
+    parts = int(min(number, *(len(said["rdf"]) for said in runs)))
+    g = {other: _joined(said["rdf"], parts) for other, said in alike.items()}
+    against = _joined(held["rdf"], parts)
+    error = law.rms_by_law(dt, g, against, finer)
+    return error, ERRATIC if error is None and g[dt].shape == against.shape else None
 
 
 def _joined(g, number) -> np.ndarray:

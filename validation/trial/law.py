@@ -67,6 +67,8 @@ def rms_by_law(
 ) -> Estimate | None:
     """The rms error of a function in bins, as g(r): `by_law` in each, with the same weights in all.
 
+    An error that is smaller for sure at a longer step is none of the step, and is not told.
+
     Args:
         found: of each step the function, (parts, bins), of independent parts of the run; those with
             other bins than ``held`` are left out.
@@ -91,6 +93,9 @@ def rms_by_law(
     if alone is None:
         return None
     error = measures.without_noise(off[steps.index(alone)])
+    longer = (measures.without_noise(own) for other, own in zip(steps, off) if other > alone)
+    if any(one.value + one.margin < error.value - error.margin for one in longer):
+        return None
     return _with(error.times(abs(_of_square(dt, alone, finer))))
 
 

@@ -1,7 +1,7 @@
 """From a trial of a script's integrators and steps to an answer, files and the terminal."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -13,7 +13,7 @@ from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import CONFIDENCE, SURE, Estimate, margin
-from validation.trial import confirm, lists, trial
+from validation.trial import confirm, errors, lists, trial
 from validation.trial.figures import draw
 from validation.trial.targets import ENERGIES, judged
 
@@ -30,7 +30,7 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     wanted, time = summary["targets"], UNITS[summary["units"]].time
     points, rest = _asked(summary)
     choice = _chosen(summary, points, wanted)
-    told = list(_late(summary))
+    told = [*_late(summary), *_untold(summary)]
     if points or not rest:
         told += _told(summary, points, choice, wanted, time)
     told += _uncounted(summary, rest, wanted, time, alone=not points)
@@ -57,6 +57,31 @@ def _late(summary) -> Iterator[str]:
         yield (
             "The budget was over before all steps were tried: it is small, or the machine is "
             "busier than when it began. The same command goes on."
+        )
+
+
+def _untold(summary) -> Iterator[str]:
+    """Why nothing is said of g(r), where it is a target."""
+    if "rdf" not in summary["targets"]:
+        return
+    time, asked = UNITS[summary["units"]].time, [one for one in summary["points"] if one["asked"]]
+    known = {one["untold"] for one in asked}
+    if errors.SETTLING in known:
+        yield (
+            "The start is not in equilibrium: the mean potential energy changes within the run "
+            "that means are held against. So nothing is said of g(r). Equilibrate first, and take "
+            "the later run by --run N."
+        )
+    if errors.SHORT in known:
+        yield (
+            f"Runs of {summary['time']:.3g} {time} are shorter than {2 * errors.LEAST} correlation "
+            "times of g(r), so they say nothing of it: a larger --budget does."
+        )
+    if errors.ERRATIC in known:
+        steps = ", ".join(f"{one['dt']:g}" for one in asked if one["untold"] == errors.ERRATIC)
+        yield (
+            f"With {steps} {time} g(r) is further off than with a longer step: this is no error of "
+            "the step, so nothing is said of it. Longer runs tell: a larger --budget."
         )
 
 
@@ -203,9 +228,9 @@ def _none(summary, points, choice, wanted, time):
 def _longer(summary, points, perhaps, wanted) -> str:
     minutes = _telling(summary, points, perhaps, wanted)
     other = "a target that short runs can tell: --target NAME=VALUE"
-    if minutes is None:
+    if minutes is None and not any(one["untold"] for one in perhaps):
         return f"Give {other}."
-    if minutes > FAR * summary["minutes"]:
+    if minutes is None or minutes > FAR * summary["minutes"]:
         return (
             "Runs so short do not tell how long it takes: try about "
             f"--budget {MORE * summary['minutes']:g} first, in so many minutes. Or give {other}."
@@ -275,6 +300,8 @@ def _resolved(summary, points, perhaps, wanted, time) -> Iterator[str]:
         told = f"Runs so short cannot tell {name} below {least:.2g}."
         if not math.isfinite(least):
             told = f"It takes another step of the same integrator to tell {name}."
+        if any(one["untold"] for one in perhaps if name == "rdf"):
+            told = "Nothing is known of g(r)."
         yield (
             f"{told} But for that, {best['label']} with {best['dt']:g} {time} is the fastest "
             f"within the targets, by {SURE}: {_within(best, rest)}."
@@ -312,6 +339,18 @@ def _lines(summary, choice) -> list[str]:
     best, skin = choice.best, lists.fastest(summary.get("lists", ()))
     more = [skin["command"]] if skin else []
     return [*best["lines"], f"timestep {best['dt']:g}", *more] if best else []
+
+
+def _place(best) -> str:
+    """Where the lines stand in the script."""
+    return f"{best['place']}, and of the script's timestep:"
+
+
+def instead(choice: Choice, lines: Sequence[str]) -> list[str]:
+    """The lines for the script, with what goes for them."""
+    if not choice.best:
+        return []
+    return [_place(choice.best), *(f"    {line}" for line in lines), *choice.best["lost"]]
 
 
 def tables(summary: dict) -> list[Table]:
@@ -384,7 +423,9 @@ def write(summary: dict, out: Path) -> None:
     """Write all files into a folder."""
     choice, told, lines = answer(summary)
     wanted = summary["targets"]
-    values: dict = {"told": told, "lines": lines, "shown": tables(summary)}
+    place, lost = (_place(choice.best), choice.best["lost"]) if choice.best else ("", [])
+    values: dict = {"told": told, "lines": lines, "place": place, "lost": lost}
+    values["shown"] = tables(summary)
     figures = draw(summary, out)
     files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
     if longer := confirm.points(summary):
@@ -406,9 +447,7 @@ def show(console: Console, summary: dict, out: Path) -> bool:
     choice, told, lines = answer(summary)
     for line in told:
         console.print(line, markup=False, soft_wrap=True)
-    if lines:
-        console.print("In your script, in the place of your own lines:")
-        for line in lines:
-            console.print(f"    {line}", markup=False, soft_wrap=True)
+    for line in instead(choice, lines):
+        console.print(line, markup=False, soft_wrap=True)
     report.end(console, summary, out)
     return choice.best is not None and confirm.holds(summary) is not False

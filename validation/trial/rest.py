@@ -73,6 +73,9 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
         wanted = judged(asked[0], wanted) if asked else {}
     known = least_known(told or asked, wanted, summary["level"])
     rows = trial.able(told or asked, wanted)
+    # short runs may not tell g(r): then the others decide, and a long one tells it
+    lost = {"rdf"} & wanted.keys() if 2 * sum(map(_tells_g, rows)) < len(rows) else set()
+    wanted = {name: most for name, most in wanted.items() if name not in lost}
     rows = [row for row in rows if wanted and wanted.keys() <= row["by_itself"].keys()]
     plans = []
     for row in rows:
@@ -80,10 +83,14 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
             alike = [one for one in told or asked if one["integrator"] == row["integrator"]]
             noise = _noise(row, alike, wanted)
             frames = statistics.median(one["independent"] for one in alike if one["independent"])
-            for again in _choices(wanted):
+            for again in (True,) if lost else _choices(wanted):
                 plans.append(_plan(own, summary, seconds, row, wanted, noise, frames, again))
     plans = [one for one in plans if one.times >= WORTH]
     return max(plans, key=lambda one: pays(one, known), default=None)
+
+
+def _tells_g(row) -> bool:
+    return "rdf" in row["by_itself"]
 
 
 def least_known(rows: Sequence[Any], wanted: Mapping[str, float], level: float) -> float:

@@ -1,0 +1,118 @@
+"""The words of LAMMPS's rigid fixes, as ``lmp -sf nosquish`` takes them: with the meaning that they
+have in the fix whose place is taken.
+
+The styles are rigid, rigid/nve, rigid/nvt, rigid/npt and rigid/nph, with /small, /omp and /nosquish
+behind.  The words of our own integrators may stand behind those of the fix, too.
+"""
+
+# they keep no temperature but by keyword langevin, and f_ID is a temperature
+BODIES = "rigid", "rigid/nve"
+KEYWORDS = {
+    "langevin": "TSTART, TSTOP, TDAMP and a seed: three numbers and a whole number of at least 1",
+    "tparam": "the length of the chains, iterations and order, three whole numbers of at least 1",
+    "pchain": "the length of the barostat's chain, a whole number of at least 1",
+}
+# which of these each has, as there
+_HAVE = {
+    **dict.fromkeys((*BODIES, "rigid/nph"), ("langevin",)),
+    "rigid/nvt": ("tparam",),
+    "rigid/npt": ("tparam", "pchain"),
+}
+_HAVE["rigid/nph"] += ("pchain",)
+CHAIN, ITERATIONS, ORDER = 10, 1, 3  # of keyword tparam, in LAMMPS
+
+
+def plain(style):
+    """The style without /small, /omp and /nosquish; None if it is none of LAMMPS's rigid fixes."""
+    name = style
+    for part in "/nosquish", "/omp", "/small":
+        name = name.removesuffix(part)
+    return name if name in _HAVE else None
+
+
+def integrator(style, words):
+    """The name of the class that takes the place of a fix: NVE, NVT, NPT or NPH."""
+    name, warmed = plain(style), "langevin" in words
+    if name in BODIES:
+        return "NVT" if warmed else "NVE"
+    return "NPT" if name == "rigid/nph" and warmed else name[-3:].upper()
+
+
+def keywords(name):
+    """Those of `KEYWORDS` that the fix of this `plain` name has, with what is expected behind."""
+    return {keyword: KEYWORDS[keyword] for keyword in _HAVE[name]}
+
+
+def give_meaning(values, known):
+    """Put the meaning that keywords have in LAMMPS's fix, and those that are left out, in the place
+    of what was read.
+
+    Args:
+        values: dictionary from keywords to what was read.  known: the keywords that the class has.
+    """
+    *temp, seed = values.pop("langevin", (None,))
+    length, *_ = values.pop("tparam", (CHAIN,))
+    values.pop("pchain", None)
+    values.setdefault("order", 123)
+    if temp:
+        values |= {"temp": tuple(temp), "seed": seed, "thermostat": "langevin"}
+    elif "thermostat" in known and values.setdefault("thermostat", "nh") == "nh":
+        values.setdefault("tchain", length)
+        values.setdefault("separate", True)
+    if "barostat" in known:
+        values.setdefault("barostat", "mtk")
+    if "dilate" in known:
+        values.setdefault("dilate", "all")
+
+
+def story(fix_id, command):
+    """Lines for the log: what takes whose place, what stays, and what differs.
+
+    Args:
+        command: the `Command`, which has `give_meaning`.
+    """
+    name, words = command.line.replaces, command.line.words
+    kind = integrator(name, words)
+    how = []
+    if command.temp:
+        how.append(f"thermostat {command.thermostat}")
+        if command.thermostat == "nh":
+            separate = "yes" if command.separate else "no"
+            how.append(f"tchain {command.tchain} separate {separate}")
+    if kind == "NPT":
+        how.append(f"barostat {command.barostat}")
+    with_words = f" with {' '.join(how)}" if how else ""
+    steps = "; ".join(
+        said
+        for said, so in (
+            ("the rotation is that of rigid/nve, whose energy does not drift", name == "rigid"),
+            ("linear bodies and symmetric tops rotate exactly", kind == "NVE"),
+            (
+                f"{'piston' if kind == 'NPH' else 'thermostat'} and velocities of atoms belong to "
+                "the middle of a step",
+                kind != "NVE",
+            ),
+            ("iterations and order of tparam are 1 and 3", _other_order(words)),
+            (
+                "the piston has the thermostat's chain, not that of pchain",
+                kind == "NPT" and "pchain" in words,
+            ),
+            ("the piston has no chain, as of pchain", kind == "NPH"),
+            ("minimize is refused", True),
+        )
+        if so
+    )
+    period = ". PDAMP gives the period that it gives there" * bool(command.pressure)
+    return (
+        f"Fix {fix_id}: nosquish/{kind.lower()}{with_words} takes the place of "
+        f"{command.line.name}\n"
+        f"  the same as there: words, f_{fix_id} and its columns, computes rigid/local, ke/rigid, "
+        f"erotate/rigid{period}\n"
+        f"  different: {steps}\n"
+    )
+
+
+def _other_order(words):
+    """Whether keyword tparam gives iterations or an order that ours does not have."""
+    place = words.index("tparam") if "tparam" in words else len(words)
+    return words[place + 2 : place + 4] not in ((), (str(ITERATIONS), str(ORDER)))

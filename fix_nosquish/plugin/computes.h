@@ -1,0 +1,76 @@
+/* Computes rigid/local/nosquish, ke/rigid/nosquish, erotate/rigid/nosquish: what LAMMPS's own say of its rigid fixes, of the fixes of
+   this plugin. Part of python_move.cpp. */
+
+class ComputeOfBodies : public Compute {
+ public:
+  ComputeOfBodies(LAMMPS *lmp, int narg, char **arg) : Compute(lmp, narg, arg)
+  {
+    local_flag = std::string(style).rfind("rigid/local", 0) == 0;
+    which = std::string(style).rfind("erotate", 0) == 0;
+    if (local_flag ? narg < 5 : narg != 4)
+      error->all(FLERR, problem(local_flag ? "expected the ID of a fix and values" : "expected the ID of a fix, and nothing else"));
+    bodies = arg[3];
+    for (int k = 4; k < narg; k++) {
+      if (!std::count(std::begin(VALUES), std::end(VALUES), std::string(arg[k])))
+        error->all(FLERR, problem("'" + std::string(arg[k]) + "' is no value of a body: expected some of " + all_values()));
+      words += std::string(arg[k]) + " ";
+    }
+    size_local_cols = narg == 5 ? 0 : narg - 4;
+    scalar_flag = extscalar = !local_flag;
+  }
+
+  void init() override
+  {
+    find();
+    size_local_rows = 0;    // there may be no bodies yet
+  }
+
+  double compute_scalar() override
+  {
+    invoked_scalar = update->ntimestep;
+    return scalar = find()->kinetic_energy(which);
+  }
+
+  void compute_local() override
+  {
+    invoked_local = update->ntimestep;
+    const int columns = std::max(1, size_local_cols);
+    size_local_rows = find()->rows_of_rank(words.c_str(), groupbit, vector_local);
+    rows.resize(size_local_rows);
+    for (int k = 0; k < size_local_rows; k++) rows[k] = vector_local + k * columns;
+    array_local = rows.data();
+  }
+
+ private:
+  static constexpr const char *VALUES[] = {"id", "mol", "mass", "x", "y", "z", "xu", "yu", "zu", "vx", "vy", "vz", "fx", "fy", "fz",
+      "ix", "iy", "iz", "tqx", "tqy", "tqz", "omegax", "omegay", "omegaz", "angmomx", "angmomy", "angmomz",
+      "quatw", "quati", "quatj", "quatk", "inertiax", "inertiay", "inertiaz"};
+  std::string bodies, words;
+  int which;
+  std::vector<double *> rows;
+
+  static std::string all_values()
+  {
+    std::string text;
+    for (const char *value : VALUES) text += std::string(text.empty() ? "" : ", ") + value;
+    return text;
+  }
+
+  std::string problem(const std::string &text) const { return "Compute " + std::string(id) + " " + style + ": " + text; }
+
+  FixPythonMove *find() const
+  {
+    Fix *found = modify->get_fix_by_id(bodies);
+    if (!found) error->all(FLERR, problem("there is no fix " + bodies));
+    auto ours = dynamic_cast<FixPythonMove *>(found);
+    if (!ours || !ours->has_bodies())
+      error->all(FLERR, problem("fix " + bodies + " (style " + found->style + ") is no fix of fix_nosquish with rigid bodies. For one of "
+                                "LAMMPS's own define the compute with the suffix off"));
+    return ours;
+  }
+};
+
+Compute *make_compute(LAMMPS *lmp, int narg, char **arg)
+{
+  return new ComputeOfBodies(lmp, narg, arg);
+}
