@@ -1,6 +1,8 @@
 """External forces: fix_modify external, and add_force from Python."""
 
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -258,7 +260,7 @@ def test_hybrid_monte_carlo(run_bodies, ranks):
     system = mixture("single")
     k, steps, edge = 1.0, 100, system.h[0, 0]
     lines = (
-        GAS + "fix 1 all nosquish/hmc molecule temp 2.0 steps 4 seed 5\ntimestep 1.4\n"
+        GAS + "fix 1 all nosquish/hmc molecule temp 2.0 steps 4 seed 5\ntimestep 1.2\n"
         + trap(system, k) + "variable last equal v_u[9]\nvariable all equal sum(v_u)\n"
         + "variable off equal f_1[9][7]-v_fx[9]\n"
         + THERMO.format("v_all v_off f_1[5] f_1[9][7]") + f"thermo 4\nrun {steps}\n"
@@ -541,3 +543,29 @@ def test_no_fix_stays_behind(run_lammps):
     done = run_lammps(script, files=system.files)
     assert "style = nosquish/nve" in done.screen
     assert "_external," not in done.screen.replace(" ", "")
+
+
+# ---- the page
+
+
+def test_examples_of_the_page(run_bodies, run_lammps, tmp_path):
+    """Locks out examples of the page that do not run, or not as it says."""
+    page = (Path(__file__).parents[1] / "docs" / "fix.md").read_text()
+    section = page.split("### External forces\n")[1].split("### Several ranks")[0]
+    (trap_along_x,) = re.findall("```lammps\n(.*?)```", section, re.DOTALL)
+    give, prepare = re.findall("```python\n(.*?)```", section, re.DOTALL)
+    system = alone(*["single"] * 9, spacing=1.5)
+    run = f"{GAS}{trap_along_x}{THERMO.format('f_1[2][1] f_1[2][7]')}run 100"
+    thermo, *_ = run_bodies(system, run)
+    assert thermo["f_1[2][7]"] == pytest.approx(-0.5 * (thermo["f_1[2][1]"] - 10), abs=1e-12)
+    assert thermo["TotEng"] == pytest.approx(thermo["TotEng"][0], rel=1e-5)
+    assert np.ptp(thermo["KinEng"]) > 1
+    lines = f'lmp.command("run 0")\n{give}lmp.command("run 1")\n{prepare}lmp.command("run 1")'
+    (tmp_path / "drive.py").write_text(DRIVE.format(ranks=1, lines=lines))
+    done = run_lammps(
+        f"{system.setup}\n{GAS}{NVE}thermo_style custom step f_1[8][9] f_1[3][7]\n",
+        files=system.files,
+        launcher=[sys.executable, "drive.py"],
+    )
+    assert list(done.thermo["f_1[8][9]"]) == [0.0, 2.0, 2.0, 2.0, 2.0]
+    assert list(done.thermo["f_1[3][7]"]) == [0.0, 1.0, 1.0, 1.0, 1.0]
