@@ -659,9 +659,9 @@ int FixPythonMove::setmask()
 
 int FixPythonMove::modify_param(int narg, char **arg)
 {
+  if (strcmp(arg[0], "external") == 0 && bridge.modify_external) return modify_external(narg, arg);
   if (!bridge.follows_atoms || narg < 2) return 0;
   const std::string word = arg[0], value = arg[1];
-  if (word == "external" && bridge.modify_external) return modify_external(narg, arg);
   if (word == "temp" || word == "press") {
     if (!bridge.changes_box) return 0;
     if (comm->me == 0)
