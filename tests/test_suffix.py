@@ -2,12 +2,15 @@
 
 import re
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import read_thermo
 from systems import mixture, script
 from test_native import AFTER
+
+from validation.check import suffix
 
 ON = ["-sf", "nosquish"]
 STYLES = {  # what stands behind molecule
@@ -313,19 +316,31 @@ def test_no_false_warning(on, command):
     assert warned == [True, False]
 
 
-BYPASSED = {  # options: whether ours takes the place
-    "-sf nosquish": True,
-    "-sf hybrid nosquish omp": True,
-    "-sf hybrid omp nosquish": False,  # LAMMPS looks for rigid/nve/omp first
-    "-sf omp": False,
+SUFFIXES = {  # lines before the fix: whether ours takes its place
+    "": True,
+    "suffix off": False,
+    "suffix off\nsuffix on": True,
+    "suffix omp": False,
+    "suffix hybrid nosquish omp": True,
+    "suffix hybrid omp nosquish": False,
+    "suffix opt": False,
+    "suffix opt\nsuffix nosquish": True,
 }
 
 
-@pytest.mark.parametrize("options", BYPASSED)
-def test_other_suffixes(on, options):
-    """Locks out a page that says wrongly with which options LAMMPS takes ours."""
-    run = on(run_of("rigid/nve"), options.split())
-    assert ("takes the place of" in run.log) == BYPASSED[options]
+@pytest.mark.parametrize("lines", SUFFIXES)
+def test_other_suffixes(on, lines):
+    """Locks out a word of verb check, or of the page, that LAMMPS takes ours where it does not."""
+    text = run_of("rigid/nve", before=lines)
+    taken = "takes the place of" in on(text).log
+    (said,) = suffix.note(
+        SimpleNamespace(kind="rigid", ids=["1"], style="rigid/nve", lines=[text]),
+        lines.splitlines(),
+    )
+    assert taken == SUFFIXES[lines] == said.endswith("without an edit.")
+    if not taken:
+        for advised in re.findall("'(suffix [^']*)'", said)[1:]:
+            assert "takes the place of" in on(run_of("rigid/nve", before=advised)).log
 
 
 def test_minimize(on):
