@@ -661,9 +661,9 @@ int FixPythonMove::setmask()
 
 int FixPythonMove::modify_param(int narg, char **arg)
 {
+  if (strcmp(arg[0], "external") == 0 && bridge.modify_external) return modify_external(narg, arg);
   if (!bridge.follows_atoms || narg < 2) return 0;
   const std::string word = arg[0], value = arg[1];
-  if (word == "external" && bridge.modify_external) return modify_external(narg, arg);
   if (word == "temp" || word == "press") {
     if (!bridge.changes_box) return 0;
     if (comm->me == 0)
@@ -705,7 +705,6 @@ void FixPythonMove::push()
   external.clear();
   sizes.clear();
   modify->clearstep_compute();
-  forget_vectors(*input->variable);
   for (std::string word; words >> word;) sizes.push_back(values_of(word, std::string(id) + "_external", *input->variable, error, external));
   forget_vectors(*input->variable);    // they may have velocities between the halves of a step
   modify->addstep_compute(update->ntimestep + 1);
