@@ -402,7 +402,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   look_at_accelerators();
   time_integrate = 1;
   dynamic_group_allow = 1;
-  dynamic = 1;    // degrees of freedom are those of the bodies there are; fix_modify dynamic/dof may say otherwise
+  dynamic = 1;    // see init()
 
   if (universe->nprocs > 1) MPI_Comm_dup(world, &failing);
 
@@ -735,7 +735,7 @@ void FixPythonMove::init()
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
   refuse_stale_forces();
-  if (!dynamic && comm->me == 0)
+  if (!dynamic && bridge.follows_atoms && comm->me == 0)
     error->warning(FLERR, problem("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are"));
   dynamic = 1;
   first_volume = volume();
