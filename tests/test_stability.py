@@ -790,7 +790,9 @@ def standing(summary):
     for name in filter(found.get, stability.COMPARED):
         others = (found[name][key] for key in ("fail", "cannot tell", "cannot run"))
         cells = (f"{len(some)}: {', '.join(some)}" if some else "0" for some in others)
-        lines.append(f"| `{labels[name]}` | {len(found[name]['pass'])} | {' | '.join(cells)} |")
+        lines.append(
+            f"| `{committed.cell(labels[name])}` | {len(found[name]['pass'])} | {' | '.join(cells)} |"
+        )
     return "\n".join(lines)
 
 
