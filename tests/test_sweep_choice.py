@@ -575,11 +575,11 @@ def test_lines_that_are_printed_run_as_those_that_were_swept(tmp_path):
     """Locks out native lines that LAMMPS refuses, or that are another integrator: sweeps have kept
     their lines in quotes."""
     scene = SCENES["dimer"]
-    quoted = 'fix 1 rigid python/move "fix_nosquish.NVE rigid molecule mrot 2"'
+    quoted = 'fix 1 water python/move "fix_nosquish.NVE water molecule mrot 2"'
     one, printed = (
         replace(SWEPT["nosquish-2"], lines=(line,)) for line in (quoted, native(quoted))
     )
-    assert printed.lines == ("fix 1 rigid nosquish/nve molecule mrot 2",)
+    assert printed.lines == ("fix 1 water nosquish/nve molecule mrot 2",)
     swept, again = (
         run.run(run.job(scene, own, tmp_path / name, [5], dt=1.0, every=1)).thermo
         for name, own in (("swept", one), ("printed", printed))
