@@ -663,6 +663,7 @@ def test_g_of_runs_with_other_numbers_of_parts_is_compared():
     runs = [random.normal(size=(parts, 7)) for parts in (20, 13)]
     number, variance = measures.parts_of_runs(runs)
     assert 5 < number <= 13
+    assert measures.parts_of_runs([runs[0][:1]]) == (1.0, np.inf)  # tells nothing
     for one, own in zip(measures.independent(runs, 10, variance), runs):
         assert one.shape == (10, 7) and np.allclose(one.mean(axis=0), own.mean(axis=0))
 

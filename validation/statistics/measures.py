@@ -171,6 +171,8 @@ def parts_of_runs(runs: Sequence[np.ndarray]) -> tuple[float, float]:
         return float(np.mean([one.var(axis=0, ddof=1).mean() for one in means])) / count
 
     number = min(map(len, runs))
+    if number < 2:
+        return float(number), np.inf
     single = variance(number)
     of_mean = max(single, variance(2))
     return number * single / of_mean if of_mean > 0 else float(number), of_mean
