@@ -244,6 +244,16 @@ struct State {
   }
 };
 
+// What to say of a class that LAMMPS has otherwise than the headers.
+
+std::string another_class(const std::string &name)
+{
+  return "this LAMMPS has another class " + name +
+      " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
+      "options or patches. Compile the plugin again, in a checkout of fix_nosquish: pip install --force-reinstall --no-deps . "
+      "with NOSQUISH_LAMMPS set to the source tree or the install folder of this LAMMPS (see docs/own-lammps.md)";
+}
+
 // Whether a fix holds atoms together by forces.
 
 bool holds(const Fix *fix)
@@ -942,7 +952,13 @@ void FixPythonMove::end_of_step()
 {
   stream_with_box();
   if (respa) call_with_virial(bridge.end_of_step);
-  if (stopped) timer->force_timeout();    // as fix halt ends a run; not before, as a run that fails leaves it so
+  if (!stopped) return;
+  const bool over = timer->is_timeout();    // another fix may have ended the run
+  const auto bytes = reinterpret_cast<const char *>(timer);
+  const std::vector<char> before(bytes, bytes + sizeof(Timer));
+  lammps_force_timeout(lmp);    // as fix halt ends a run; not before, as a run that fails leaves it so
+  const bool same = memcmp(before.data(), bytes, sizeof(Timer)) == 0;
+  if (!timer->is_timeout() || same != over) error->all(FLERR, problem(another_class("Timer")));
 }
 
 void FixPythonMove::post_run()
@@ -1640,10 +1656,7 @@ void refuse_other_layout(LAMMPS *lmp, const std::string &style)
   std::string problem;
   if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE")) problem = obstacle;
   else if (const char *differs = Layout(lmp).differs())
-    problem = "this LAMMPS has another class " + std::string(differs) +
-        " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
-        "options or patches. Compile the plugin again, in a checkout of fix_nosquish: pip install --force-reinstall --no-deps . "
-        "with NOSQUISH_LAMMPS set to the source tree or the install folder of this LAMMPS (see docs/own-lammps.md)";
+    problem = another_class(differs);
   if (problem.empty()) return;
   problem = "Fix " + style + ": " + problem;
   if (Layout(lmp).lammps()) lmp->error->all(FLERR, problem);
