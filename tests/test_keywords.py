@@ -172,6 +172,7 @@ UNREADABLE = {
     ),
     "reinit neither yes nor no": ("reinit on", ("'on'", "yes or no")),
     "reinit twice": ("reinit no reinit no", ("reinit", "twice")),
+    "infile that would be read again": ("infile f reinit yes", ("leave out reinit yes",)),
     "no name of the infile": ("infile", ("ends where", "a file", "v_NAME")),
     "keyword of a thermostat": ("temp 1 1 1", ("'temp'", "fix_nosquish.NVT")),
     "keyword langevin": ("langevin 1 1 1 428984", ("'langevin'", "fix_nosquish.NVT")),

@@ -623,13 +623,13 @@ def test_native_styles_are_ours():
     quoted = f'fix 1 all python/move "fix_nosquish.NVT water {words}"'
     wanted = "NVT", "water", ("custom", "i_a"), tuple(words.split()[2:])
     assert finding.words_of(native) == finding.words_of(quoted) == wanted
-    assert finding.native(quoted) == finding.native(native) == native
+    assert finding.words_of(quoted).fix("1") == native
     for one in quoted, native:
         assert finding.kind_of(one) == "ours" and finding.kept_by(one).temp == ("1.5", "1.5", "2.0")
     spaced = 'fix 1 water nosquish/nve group 1 a infile "a b"'
-    assert finding.native(spaced) == spaced
+    assert finding.words_of(spaced).fix("1") == spaced
     old = 'fix 1 a python/move "fix_nosquish.Gear a molecule"'  # which has no fix style
+    assert finding.words_of(old).fix("1") == old
     others = "", "run 5", "fix 1 water", "fix 1 water nve", 'fix 1 a python/move "mine.NVE a b"'
-    for one in (old, *others, "fix 1 a python/move", "fix 1 a nosquish/nve"):
-        assert finding.native(one) == one
+    others += "fix 1 a python/move", "fix 1 a nosquish/nve", "fix 1 a rigid/nve/nosquish molecule"
     assert not any(map(finding.words_of, others))

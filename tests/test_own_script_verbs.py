@@ -108,7 +108,7 @@ def test_compare_and_bench_of_a_script(tmp_path, capsys):
     path = str(scripts.polymer(tmp_path))
     out = tmp_path / "compare"
     words = ["--ranks", "1", "--rounds", "1", "--segment", "20", "--only",
-             "fix_nosquish.NVT langevin", "rigid/nvt/small"]  # fmt: skip
+             "nosquish/nvt langevin", "rigid/nvt/small"]  # fmt: skip
     assert main(["compare", path, "--steps", "200", "--out", str(out), *words]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert [row["name"] for row in summary["integrators"]] == ["rigid/nvt/small", "nosquish"]
@@ -141,7 +141,7 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
     assert good["dt"] == 4 and good["errors"]["energy"]["value"] < 0.2
     assert bad["failed"] or bad["errors"]["energy"]["value"] > 0.2
     page = (out / "report.html").read_text()
-    assert "fix_nosquish.NVE with a step of 4 fs" in page and "timestep 4" in page
+    assert "nosquish/nve with a step of 4 fs" in page and "timestep 4" in page
     assert "By default 0.01: " in page and len(good["cost"]["values"]) == timed.ROUNDS
     assert bad["cost"] is None  # it is not timed
     skins = [one["command"] for one in summary["lists"]]

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from dataclasses import replace
 from statistics import NormalDist
 
 import numpy as np
@@ -13,9 +12,7 @@ for needed in ("rich", "jinja2", "matplotlib"):
 
 from validation import RESULTS, __main__
 from validation import choice as sweep_choice
-from validation.own.finding import native
 from validation.pages import console
-from validation.running import run
 from validation.scenes import SCENES
 from validation.scenes.integrators import SWEPT
 from validation.statistics.estimate import Estimate
@@ -561,7 +558,7 @@ def test_advice_is_the_choice(capsys, folder):
         assert status == 0 and f"{best['label']} with a time step of {best['dt']:g} fs" in text
         assert (
             text.count("    timestep ") == 1
-            and "\n    ".join(["", f"timestep {best['dt']:g}", *map(native, best["lines"])]) in text
+            and "\n    ".join(["", f"timestep {best['dt']:g}", *best["lines"]]) in text
         )
         assert all(sweep_report.named(points[n]) in text for n in ties) and bool(ties) == (
             "A tie:" in text
@@ -569,20 +566,6 @@ def test_advice_is_the_choice(capsys, folder):
         assert ("This is ours." if best["ours"] else "Ours: ") in text
         seen.add(best["integrator"])
     assert len(seen) == 3  # not always the first one
-
-
-def test_lines_that_are_printed_run_as_those_that_were_swept(tmp_path):
-    """Locks out native lines that LAMMPS refuses, or that are another integrator: sweeps have kept
-    their lines in quotes."""
-    scene, one = SCENES["dimer"], SWEPT["nosquish-2"]
-    printed = replace(one, lines=tuple(map(native, one.commands(scene))))
-    assert "python/move" in one.lines[0] and " nosquish/nve " in printed.lines[0]
-    swept, again = (
-        run.run(run.job(scene, own, tmp_path / name, [5], dt=1.0, every=1)).thermo
-        for name, own in (("swept", one), ("printed", printed))
-    )
-    assert len(swept["TotEng"]) == 6 and np.ptp(swept["KinEng"]) > 0
-    np.testing.assert_array_equal(swept["TotEng"], again["TotEng"])
 
 
 def test_advice_where_nothing_is_good_enough(capsys, folder):

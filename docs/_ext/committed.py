@@ -767,15 +767,15 @@ def readme_table():
         return lambda fix: significant(broken[case, fix], 2) if (case, fix) in broken else ""
 
     lines = {
-        "water at 2 fs: spread of the energy, kcal/mol": energy,
-        "1,000 waters: time of a whole step, ours over this fix's": whole("water", 1000, 1),
+        "water at 2 fs: standard deviation of the energy, kcal/mol": energy,
+        "1,000 waters: time per step of ours, relative to this fix": whole("water", 1000, 1),
         "bodies of 2 to 200 atoms: the same": whole("mixed", 1296, 1),
-        f"of {cases} cases of the stability atlas: passed, failed": judged,
-        "a free body, 10⁷ steps: relative change of the energy": lambda fix: (
+        f"{cases} cases of the stability atlas: passed, failed": judged,
+        "free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
         ),
-        "a run in two parts: distance from the same run in one, σ": broke("tops-runs"),
-        "`fix temp/csvr`: relative error of the temperature": broke("temp-csvr"),
+        "run in two parts: distance from one long run, σ": broke("tops-runs"),
+        "with `fix temp/csvr`: relative error of the temperature": broke("temp-csvr"),
     }
     body = [[what, *(give(fix) or NOTHING for fix in fixes)] for what, give in lines.items()]
     return markdown(["", *map(code, fixes)], body)
@@ -791,11 +791,12 @@ def readme_sampling():
     energy, torque = (_times(row, one) for one in ("U/N", "squared torque"))
     less = _number(row, f"less than {today['scheme']}", "times")
     return (
-        f"At constant temperature, [larger moments of inertia](docs/fix-nvt.md#moments) let water "
-        f"take steps of {step:g} fs.\n"
-        f"To the error of `shake` and `fix langevin` at {today['dt']:g} fs, its mean energy takes "
-        f"{energy} times less time, its squared torque {torque}.\n"
-        f"An independent sample of its dipole, which is slow, takes {less} times less."
+        f"At constant temperature, [larger moments of inertia](docs/fix-nvt.md#moments) allow time "
+        f"steps of {step:g} fs for water.\n"
+        f"To reach the total error of `fix shake` and `fix langevin` at {today['dt']:g} fs, the "
+        f"mean potential energy then needs {energy} times less CPU time.\n"
+        f"The squared torque needs {torque} times less.\n"
+        f"An independent sample of the total dipole, which is slow, needs {less} times less."
     )
 
 

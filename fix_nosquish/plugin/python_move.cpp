@@ -387,12 +387,13 @@ class FixPythonMove : public Fix {
   int modify_external(int, char **);
   void push();
   std::string problem(const std::string &text) const;
-  void take_over_state(), refuse_casts() const;
+  void take_over_state(), refuse_casts() const, refuse_stale_forces() const;
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
   [[noreturn]] void abort_all() const;
   template <typename Function> int64_t kept_from_loops(Function function);
   void throw_kept();
   void flush_log() const;
+  void log(const std::string &text) const;
   template <typename... Types, typename... Values>
   void call(int (*hook)(Types...), Values... arguments);
   template <typename... Types, typename... Values>
@@ -411,6 +412,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   look_at_accelerators();
   time_integrate = 1;
   dynamic_group_allow = 1;
+  dynamic = 1;    // see init()
 
   if (universe->nprocs > 1) MPI_Comm_dup(world, &failing);
 
@@ -477,10 +479,7 @@ void FixPythonMove::fill_bridge()
   bridge.fix_id = id;
   bridge.group = group->names[igroup];
   bridge.virial = virial;
-  bridge.log = [](void *fix, const char *text) {
-    auto lmp = self(fix)->lmp;
-    if (lmp->comm->me == 0) utils::logmesg(lmp, std::string(text));
-  };
+  bridge.log = [](void *fix, const char *text) { self(fix)->log(text); };
   bridge.nth_fix = [](void *fix, int n, void *facts) {
     return self(fix)->describe(n, static_cast<FixFacts *>(facts));
   };
@@ -672,9 +671,9 @@ int FixPythonMove::setmask()
 
 int FixPythonMove::modify_param(int narg, char **arg)
 {
+  if (strcmp(arg[0], "external") == 0 && bridge.modify_external) return modify_external(narg, arg);
   if (!bridge.follows_atoms || narg < 2) return 0;
   const std::string word = arg[0], value = arg[1];
-  if (word == "external" && bridge.modify_external) return modify_external(narg, arg);
   if (word == "temp" || word == "press") {
     if (!bridge.changes_box) return 0;
     if (comm->me == 0)
@@ -716,7 +715,6 @@ void FixPythonMove::push()
   external.clear();
   sizes.clear();
   modify->clearstep_compute();
-  forget_vectors(*input->variable);
   for (std::string word; words >> word;) sizes.push_back(values_of(word, std::string(id) + "_external", *input->variable, error, external));
   forget_vectors(*input->variable);    // they may have velocities between the halves of a step
   modify->addstep_compute(update->ntimestep + 1);
@@ -746,12 +744,31 @@ void FixPythonMove::init()
   }
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
+  refuse_stale_forces();
+  if (!dynamic && bridge.follows_atoms && comm->me == 0)
+    error->warning(FLERR, problem("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are"));
+  dynamic = 1;
   first_volume = volume();
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
   if (bridge.needs_energy) {
     ask_for_energy(update->ntimestep);
     ask_for_energy(bridge.energy_step);
   }
+}
+
+// LAMMPS leaves the forces on atoms outside the group of neigh_modify include as they are in memory.
+
+void FixPythonMove::refuse_stale_forces() const
+{
+  const int bit = neighbor->includegroup ? group->bitmask[neighbor->includegroup] : 0;
+  tagint own = 0, atom_left = 0;
+  for (int i = 0; i < atom->nlocal && bit && origin; i++)
+    if (origin[i] != -1 && !(atom->mask[i] & bit)) own = atom->tag[i];
+  if (bit) MPI_Allreduce(&own, &atom_left, 1, MPI_LMP_TAGINT, MPI_MAX, world);
+  if (atom_left)
+    error->all(FLERR, problem("neigh_modify include leaves out atom " + std::to_string(atom_left) + ", which this fix moves, and LAMMPS "
+                              "computes no forces on such atoms: have all bodies and points in that group (and in that of atom_modify "
+                              "first), or leave it out"));
 }
 
 // What begins with rigid LAMMPS takes for its own class in places, without a look.
@@ -1216,7 +1233,7 @@ void FixPythonMove::look_at_volume()
        << (ratio > 1.0 ? "it boils or flies apart: look at its energy, and use a longer PDAMP, a shorter time step or a better start"
                        : "the start was too dilute: begin another run from here, so that LAMMPS chooses mesh, ranks' parts and lists for this box")
        << '\n';
-  if (comm->me == 0) utils::logmesg(lmp, "WARNING: " + problem(text.str()));
+  log("WARNING: " + problem(text.str()));
 }
 
 // The box has other vectors of the same lattice: to b, c that many of a are added, and to c of b. Nothing moves in space, but
@@ -1503,6 +1520,22 @@ int FixPythonMove::unpack_exchange(int i, double *buffer)
 double FixPythonMove::memory_usage()
 {
   return bridge.follows_atoms ? (double) atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0;
+}
+
+// Lines for screen and log. Warnings among them are counted, and left out, as thermo_modify warn has it of LAMMPS's own.
+
+void FixPythonMove::log(const std::string &text) const
+{
+  if (comm->me) return;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind("WARNING", 0) == 0) {
+      const int most = error->get_maxwarn(), count = error->get_numwarn() + 1;
+      error->set_numwarn(count);
+      if (most != 0 && (most < 0 || count > most)) continue;
+    }
+    utils::logmesg(lmp, line + "\n");
+  }
 }
 
 // What LAMMPS has logged must not wait in a buffer when a signal ends the run.

@@ -437,6 +437,18 @@ class Integrator(Declaration):
             raise self.command.wrong(f"keyword gravity does not serve {problem}")
         return found
 
+    def _refuse_weight_twice(self):
+        """End the run if the fix of keyword gravity acts by itself, too; collective."""
+        name = self.command.gravity
+        for fix in self.other_fixes if name else ():
+            # with the word disable it knows no energy
+            if fix.id == name and self.acts_on_bodies(fix) and self.lammps.scalar_of_fix(name):
+                raise self.command.wrong(
+                    f"fix {name} acts on the atoms of the bodies, and keyword gravity on the "
+                    "bodies: bodies would have their weight twice. Give that fix its word "
+                    "disable, or leave keyword gravity out"
+                )
+
     def _refuse_streams(self):
         """End the run if bodies cannot cross faces as with remap v of fix deform; collective."""
         if not self.streams:
@@ -502,6 +514,7 @@ class Integrator(Declaration):
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
         self._refuse_new_masses()
+        self._refuse_weight_twice()
         if not self.host.calls_setup:
             self.push()
         self.do("gather")

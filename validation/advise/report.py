@@ -9,7 +9,6 @@ from rich.console import Console
 
 from validation import RESULTS
 from validation.choice import Targets, choose, each, least, meets, nearest, ours, resolution
-from validation.own.finding import native
 from validation.pages import report
 from validation.statistics.estimate import SURE
 from validation.sweep.report import ONE_START, error_of, named, names, over, seconds
@@ -100,7 +99,7 @@ def advise(console: Console, summary: dict, folder: Path, name: str, targets: Ta
         say(_not_met(choice, points, targets, again(summary, folder, name, LONGER)))
     _show_each(console, points, targets)
     if choice.best:
-        lines = f"timestep {choice.best['dt']:g}", *map(native, choice.best["lines"])
+        lines = f"timestep {choice.best['dt']:g}", *choice.best["lines"]
         say(["In the input script:", *(f"    {line}" for line in lines)])
         say([f"This point again: {choice.best['command']}"])
     return choice.best is not None

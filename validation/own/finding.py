@@ -158,12 +158,6 @@ def words_of(line: str) -> Words | None:
     return Words(name, group, tuple(words[:count]), tuple(words[count:]))
 
 
-def native(line: str) -> str:
-    """A fix of this package in the words of its fix style; other commands as they are."""
-    ours = words_of(line)
-    return ours.fix(texts(line)[1]) if ours else line
-
-
 def called(line: str) -> str:
     """What a fix does, in a word: its style, or its class in quotes."""
     style = style_of(line)

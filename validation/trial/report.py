@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -65,24 +66,33 @@ def _untold(summary) -> Iterator[str]:
     if "rdf" not in summary["targets"]:
         return
     time, asked = UNITS[summary["units"]].time, [one for one in summary["points"] if one["asked"]]
-    known = {one["untold"] for one in asked}
-    if errors.SETTLING in known:
+    told = {
+        why: [one for one in asked if one["untold"] and one["untold"]["why"] == why]
+        for why in (errors.SETTLING, errors.SHORT, errors.ERRATIC)
+    }
+    if told[errors.SETTLING]:
         yield (
             "The start is not in equilibrium: the mean potential energy changes within the run "
-            "that means are held against. So nothing is said of g(r). Equilibrate first, and take "
+            "that means are held against. So g(r) cannot be decided. Equilibrate first, and take "
             "the later run by --run N."
         )
-    if errors.SHORT in known:
+    if points := told[errors.SHORT]:
         yield (
-            f"Runs of {summary['time']:.3g} {time} are shorter than {2 * errors.LEAST} correlation "
-            "times of g(r), so they say nothing of it: a larger --budget does."
+            f"Runs of {points[0]['time']:.3g} {time} are shorter than {2 * errors.LEAST} "
+            f"correlation times of g(r), so it cannot be decided. {_of_length(points, time)}"
         )
-    if errors.ERRATIC in known:
-        steps = ", ".join(f"{one['dt']:g}" for one in asked if one["untold"] == errors.ERRATIC)
+    if points := told[errors.ERRATIC]:
+        steps = ", ".join(f"{one:g}" for one in sorted({one["dt"] for one in points}))
         yield (
-            f"With {steps} {time} g(r) is further off than with a longer step: this is no error of "
-            "the step, so nothing is said of it. Longer runs tell: a larger --budget."
+            f"With {steps} {time} the error of g(r) does not follow the step, so it is noise, and "
+            f"g(r) cannot be decided. {_of_length(points, time)}"
         )
+
+
+def _of_length(points, time) -> str:
+    """How long runs have to be to tell g(r)."""
+    long = min(max(2.0, one["untold"]["longer"]) * one["time"] for one in points)
+    return f"Runs of about {float(f'{long:.2g}'):g} {time} should tell."
 
 
 def _uncounted(summary, points, wanted, time, alone) -> Iterator[str]:
@@ -228,9 +238,9 @@ def _none(summary, points, choice, wanted, time):
 def _longer(summary, points, perhaps, wanted) -> str:
     minutes = _telling(summary, points, perhaps, wanted)
     other = "a target that short runs can tell: --target NAME=VALUE"
-    if minutes is None and not any(one["untold"] for one in perhaps):
+    if minutes is None:
         return f"Give {other}."
-    if minutes is None or minutes > FAR * summary["minutes"]:
+    if minutes > FAR * summary["minutes"]:
         return (
             "Runs so short do not tell how long it takes: try about "
             f"--budget {MORE * summary['minutes']:g} first, in so many minutes. Or give {other}."
@@ -246,13 +256,9 @@ def _telling(summary, points, perhaps, wanted) -> int | None:
         before, level = [point for point in own if point["dt"] <= one["dt"]], summary["level"]
         if one["alone"]:
             before, level = [one], CONFIDENCE
-        if all(math.isfinite(bound(point, name)) for point in before for name in wanted):
-            each = (
-                _above(point, name, most, level)
-                for point in before
-                for name, most in wanted.items()
-            )
-            factors.append(max(each))
+        each = [_above(point, name, most, level) for point in before
+                for name, most in wanted.items()]  # fmt: skip
+        factors += [max(each)] * all(map(math.isfinite, each))
     if not factors:
         return None
     # the least that helps is some runs more
@@ -277,8 +283,12 @@ def _above(point, name, most, confidence) -> float:
 
     The bar of a mean goes as the run's length to -1/2, that of a slope, whose noise does not
     wander, to -3/2.  Of the error the noise is taken off.  What is as large as the target or larger
-    may be noise, too: `LEAST_ROOM`.
+    may be noise, too: `LEAST_ROOM`.  Infinite if no length tells.
     """
+    if name == "rdf" and point["untold"]:
+        return point["untold"]["longer"] or math.inf
+    if not math.isfinite(bound(point, name)):
+        return math.inf
     one = Estimate.of(point["errors"][name])
     seen = math.sqrt(max(one.value**2 - one.error**2, 0.0))
     room = max(most - seen, LEAST_ROOM * most)
@@ -348,9 +358,8 @@ def _place(best) -> str:
 
 def instead(choice: Choice, lines: Sequence[str]) -> list[str]:
     """The lines for the script, with what goes for them."""
-    if not choice.best:
-        return []
-    return [_place(choice.best), *(f"    {line}" for line in lines), *choice.best["lost"]]
+    best: Any = choice.best
+    return [_place(best), *(f"    {line}" for line in lines), *best["lost"]] if best else []
 
 
 def tables(summary: dict) -> list[Table]:
@@ -423,9 +432,9 @@ def write(summary: dict, out: Path) -> None:
     """Write all files into a folder."""
     choice, told, lines = answer(summary)
     wanted = summary["targets"]
-    place, lost = (_place(choice.best), choice.best["lost"]) if choice.best else ("", [])
-    values: dict = {"told": told, "lines": lines, "place": place, "lost": lost}
-    values["shown"] = tables(summary)
+    best: Any = choice.best
+    values: dict = {"told": told, "lines": lines, "shown": tables(summary)}
+    values |= {"place": best and _place(best), "lost": best and best["lost"]}
     figures = draw(summary, out)
     files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
     if longer := confirm.points(summary):

@@ -76,7 +76,11 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
     # short runs may not tell g(r): then the others decide, and a long one tells it
     lost = {"rdf"} & wanted.keys() if 2 * sum(map(_tells_g, rows)) < len(rows) else set()
     wanted = {name: most for name, most in wanted.items() if name not in lost}
-    rows = [row for row in rows if wanted and wanted.keys() <= row["by_itself"].keys()]
+    rows = [
+        row
+        for row in rows
+        if wanted and wanted.keys() <= row["by_itself"].keys() & row["errors"].keys()
+    ]
     plans = []
     for row in rows:
         if least(row) < GAIN * known:
@@ -90,7 +94,7 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
 
 
 def _tells_g(row) -> bool:
-    return "rdf" in row["by_itself"]
+    return "rdf" in row["errors"]
 
 
 def least_known(rows: Sequence[Any], wanted: Mapping[str, float], level: float) -> float:
@@ -206,8 +210,12 @@ def long_run(
     row = rows(own, tried, [one], found)[0]
     row |= {"alone": True, "held": best.time if held in found else None}
     if held not in found:
+        row["untold"] = best.row["untold"]
         for kind in ("errors", "signed"):
-            row[kind] |= {name: one for name, one in best.row[kind].items() if name in MEANS}
+            kept = {name: one for name, one in row[kind].items() if name not in MEANS}
+            row[kind] = kept | {
+                name: best.row[kind][name] for name in MEANS & best.row[kind].keys()
+            }
     summary["points"] = [
         row if (other["integrator"], other["dt"]) == (row["integrator"], row["dt"]) else other
         for other in summary["points"]

@@ -433,7 +433,7 @@ def _row(own: Own, one: Point, done: Done | None, fails: str | None) -> dict:
         "signed": {},
         "by_itself": {},
         "independent": None,  # so many frames
-        "untold": None,  # why g(r) has no error, of `errors.of_g`
+        "untold": None,  # why g(r) has no error, of `errors.Untold`
     }
 
 
@@ -457,12 +457,12 @@ def _measured(
     by_itself = errors.errors(own, one.integrator, one.dt, mine, *against)
     signed = by_itself | errors.of_means(own, one.dt, alike, *against)
     untold = None
-    if "rdf" in done.numbers and against[0] is not None:
+    if "rdf" in wanted and against[0] is not None:
         _, untold = errors.of_g(one.dt, alike, *against)
     return {
         "rough": measures.spread(float(part.mean()) for part in parts if len(part)),
         "independent": done.numbers["independent"],
-        "untold": untold,
+        "untold": untold and untold.plain(wanted["rdf"]),
         "signed": {name: error.plain() for name, error in signed.items()},
         "errors": _sizes(signed, wanted),
         "by_itself": _sizes(by_itself, wanted),
