@@ -232,7 +232,7 @@ const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
 // is not part of the style's name there: of two zeros they take nothing.
 
 struct State {
-  double nothing[2] = {0.0, 0.0}, ours = 4.928e-49, size = 0.0;    // of the numbers behind it
+  double nothing[2] = {0.0, 0.0}, ours = 4.929e-49, rotor = -1.0, size = 0.0;    // of the numbers behind it
 
   static bool is_in(const char *buffer)
   {
@@ -241,6 +241,13 @@ struct State {
     if (found.nothing[0] != 0.0 || found.nothing[1] != 0.0) return false;
     memcpy(&found, buffer, sizeof found);
     return found.ours == State().ours;
+  }
+
+  static State of(const char *buffer)
+  {
+    State found;
+    memcpy(&found, buffer, sizeof found);
+    return found;
   }
 };
 
@@ -387,6 +394,7 @@ class FixPythonMove : public Fix {
   int modify_external(int, char **);
   void push();
   std::string problem(const std::string &text) const;
+  void keep_state() { restart_global = bridge.restart_size > 0 || bridge.rotor >= 0; }    // in restart files
   void take_over_state(), refuse_casts() const, refuse_stale_forces() const;
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
   [[noreturn]] void abort_all() const;
@@ -460,9 +468,8 @@ std::string FixPythonMove::problem(const std::string &text) const
 
 void FixPythonMove::take_over_state()
 {
-  if (!restart_global) return;
   char *state = RestartState::left_by(modify, id, [this](const std::string &other, const char *state) {
-    return may_be_ours(other) && other != style && State::is_in(state);
+    return may_be_ours(other) && other != style && State::is_in(state) && (restart_global || State::of(state).rotor >= 0);
   });
   if (!state) return;
   restart(state);
@@ -559,7 +566,7 @@ void FixPythonMove::fill_bridge()
   bridge.end_step = &update->endstep;
   bridge.last_step = &update->laststep;
   bridge.begins = bridge.energy_step = -1;
-  bridge.argument = -1;
+  bridge.argument = bridge.rotor = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 }
 
@@ -585,7 +592,7 @@ void FixPythonMove::set_flags()
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
   centroidstressflag = CENTROID_AVAIL;    // not symmetric: no force of an atom is along its arm
   restart_file = bridge.writes_restart_file;
-  restart_global = bridge.restart_size > 0;
+  keep_state();
   ecouple_flag = bridge.couples;
   if (bridge.changes_box) {
     comm_forward = comm_reverse = 3;
@@ -744,6 +751,7 @@ void FixPythonMove::init()
   }
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
+  keep_state();
   refuse_stale_forces();
   if (!dynamic && bridge.follows_atoms && comm->me == 0)
     error->warning(FLERR, problem("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are"));
@@ -808,6 +816,7 @@ void FixPythonMove::post_neighbor()
     if (run(bridge.follow)) return;    // if not, Python does it all again, and says why
   }
   call(bridge.post_neighbor);
+  keep_state();
 }
 
 // Keep the forces of now for the bodies: fixes behind this one add theirs to LAMMPS's own arrays.
@@ -998,6 +1007,7 @@ void FixPythonMove::write_restart(FILE *file)
   call(bridge.write_restart);
   if (comm->me) return;
   State begin;
+  begin.rotor = bridge.rotor;
   begin.size = bridge.restart_size;
   const int bytes = sizeof begin + bridge.restart_size * sizeof(double);
   fwrite(&bytes, sizeof(int), 1, file);
@@ -1010,15 +1020,15 @@ void FixPythonMove::write_restart(FILE *file)
 void FixPythonMove::restart(char *buffer)
 {
   const int size = bridge.restart_size;
-  if (!size) return;
   if (!State::is_in(buffer)) {
-    if (comm->me == 0)
+    if (size && comm->me == 0)
       error->warning(FLERR, problem("the restart file has a state for this ID that this fix did not write, as LAMMPS's own rigid "
                                     "fixes do: it is not used, and thermostat and barostat begin anew"));
     return;
   }
-  State begin;
-  memcpy(&begin, buffer, sizeof begin);
+  const State begin = State::of(buffer);
+  bridge.rotor = (int32_t) begin.rotor;
+  if (!size || !begin.size) return;
   const char *numbers = buffer + sizeof begin;
   double kind = 0.0;
   memcpy(&kind, numbers, sizeof(double));
