@@ -28,10 +28,10 @@ VERSION = "22 Jul 2025"
 SCRIPT = (
     ICE
     + """
+thermo        5
 fix           1 water {fix}
 thermo_style  custom step temp pe etotal
 thermo_modify format float %.16g
-thermo        5
 timestep      1.0
 run           20
 """
@@ -160,6 +160,9 @@ def test_install_prefix(tmp_path, run_lammps):
         ("atom.h", "int q_flag", "double another[4];"),
         ("modify.h", "int nfix, maxfix", "double another[4];"),
         ("compute.h", "int tempflag", "double another[4];"),
+        ("universe.h", "int me, nprocs;", "double another[4];"),
+        ("output.h", "int thermo_every;", "double another[4];"),
+        ("timer.h", "double _timeout;", "double another[4];"),
         ("fix.h", "double virial[6]", "double another[4];"),
         ("fix.h", "virtual void setup_pre_force(int)", "virtual void another() {}"),
     ],
@@ -185,8 +188,9 @@ def test_another_build_of_the_same_version(tmp_path, run_lammps, header, before,
     made = next((place / "made").rglob("python_moveplugin.so"))
     settings = of_shell() | {"LAMMPS_PLUGIN_PATH": str(made.parent)}
     start = ["env", *(f"{name}={value}" for name, value in settings.items()), NATIVE, "-in"]
+    ends = "nosquish/fire molecule force 1e9 torque 1e9"  # at once, by LAMMPS's timer
     text = SCRIPT.format(
-        fix='python/move "fix_nosquish.NVE water molecule"',
+        fix=ends if header == "timer.h" else "nosquish/nve molecule",
         forcefield=ROOT / "inputs/water/forcefield.water",
     )
     run = run_lammps(

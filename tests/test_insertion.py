@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from endings import assert_ended
+from test_nvt import DUMP, ends_alike
 
 # Its centre is its centre of mass, at the origin: fix gcmc puts bodies of fix rigid/small elsewhere
 # than their atoms if not.
@@ -408,6 +409,49 @@ def test_rotors_stay(run_lammps, tmp_path, run, ranks):
         lines = (tmp_path / "end").read_text().splitlines()[9:]
         ends.append(lines[:32])
     assert ends[0] == ends[1]
+
+
+MIXED = """units lj
+atom_style molecular
+region box block 0 9 0 9 0 9
+create_box 2 box
+mass 1 1.0
+mass 2 0.7
+molecule top mol.top
+molecule bent mol.bent
+create_atoms 0 random 8 4928 box overlap 1.2 maxtry 1000 mol {} 777
+velocity all create 1.0 4711 loop geom
+"""
+LJ = """pair_style lj/smooth/linear 2.5
+pair_coeff * * 0.5 1.0
+neighbor 0.4 bin
+neigh_modify every 1 delay 0 check yes exclude molecule/intra all
+timestep 0.004
+"""
+
+
+@pytest.mark.parametrize("first", ["top", "bent"])
+@pytest.mark.parametrize("fix", ["nve molecule", "nvt molecule temp 1 1 1 seed 5"])
+def test_rotors_stay_after_a_restart(run_lammps, tmp_path, first, fix):
+    """Locks out a rotation that is exact before a restart and split after it, or the other way
+    round, because other bodies have come, or those that decided are gone."""
+    files = {"mol.bent": MOLECULE, "mol.top": AMMONIA}
+    fix, end = f"fix 1 all nosquish/{fix}\n", DUMP.format("end")
+    others = (
+        "create_atoms 0 random 8 4929 box overlap 1.2 maxtry 1000 mol bent 778\n"
+        if first == "top"
+        else "create_atoms 0 random 8 4929 box overlap 1.2 maxtry 1000 mol top 778\n"
+        "group gone molecule 1:8\ndelete_atoms group gone compress no\n"
+    )
+    begin = f"{MIXED.format(first)}{LJ}{fix}run 10\n{others}velocity all create 1 5 loop geom\n"
+    script = f"{begin}run 50\nwrite_restart middle\nrun 100\n{end}"
+    again = f"read_restart middle\n{LJ}{fix}run 100\n{end}"
+    exact = [
+        "rotation of rotors (exact)" in run_lammps(one, files=files).log for one in (script, again)
+    ]
+    assert exact == [first == "top"] * 2
+    runs = [(script, 1), (again, 1), (again, 2)]
+    assert ends_alike(run_lammps, tmp_path, runs, files, 9.0 * np.eye(3)) < 1e-9
 
 
 MOVES = GCMC.format(-2).replace("6 0 0", "0 6 0").replace("rigid 1", "")

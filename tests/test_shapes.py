@@ -445,21 +445,25 @@ def row(masses, beside, fix="fix 1 all nosquish/nve molecule"):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(
-    ("masses", "beside", "says"),
-    [
-        (TWO_MASSES.format("1e-100"), 0.5, "atom 3 (mass 1e-100) is 0.5 away from it"),
-        (TWO_MASSES.format("1e-9"), 0.5, "atom 3 (mass 1e-09) is 0.5 away from it"),
-        (f"{EACH}set type 1 dipole 0.1 0.4 0.9", 0, "atom 1 (mass 1) has a dipole of"),
-    ],
-)
-def test_what_stands_beside_a_line_of_masses(refused, masses, beside, says, ranks):
-    """Locks out the torque of an atom without mass, or of a dipole, about the line in which the
-    masses of its body are: nothing has a moment of inertia there, so it was lost without a word."""
-    script, files = row(masses, beside)
-    refused(
-        script, f"the body of molecule 1 has its mass in a line, and {says}", files, ranks=ranks
-    )
+@pytest.mark.parametrize("mass", ["1e-100", "1e-09"])
+def test_what_stands_beside_a_line_of_masses(refused, mass, ranks):
+    """Locks out the torque of an atom without mass about the line in which the masses of its body
+    are: nothing has a moment of inertia there, so it was lost without a word."""
+    script, files = row(TWO_MASSES.format(mass), 0.5)
+    says = f"the body of molecule 1 has its mass in a line, and atom 3 (mass {mass}) is 0.5 away"
+    refused(script, says, files, ranks=ranks)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(("dipole", "warned"), [("0.1 0.4 0.9", True), ("0.7 0 0", False)])
+def test_dipoles_across_a_line_of_masses(run_lammps, dipole, warned, ranks):
+    """Locks out the same of a dipole without a word, and a warning of one that is along the line.
+    Without `rotate` LAMMPS would turn each molecule at random, and not its dipole."""
+    script, files = row(f"{EACH}set type 1 dipole {dipole}", 0)
+    script = script.replace("mol one 4928", "mol one 4928 rotate 0 1 0 0")
+    script = script.replace("mol one 4929", "mol one 4929 rotate 0 1 0 0")
+    log = run_lammps(script, files=files, ranks=ranks).log
+    assert ("WARNING: dipoles are across the lines of linear bodies" in log) == warned
 
 
 @pytest.mark.parametrize(("mass", "beside"), [("0.1", 0.5), ("1e-100", 0), ("1e-100", 1e-3)])

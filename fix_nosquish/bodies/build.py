@@ -100,7 +100,7 @@ def build(
         shared = members.inertia((mass / natoms)[members.body], r) + own
         return np.einsum("nak,abn,nbk->kn", axes, shared, axes)
 
-    _refuse_beside_line(members, moment, axes, r, particles, plane, given)
+    doubts += _beside_lines(members, moment, axes, r, particles, plane, given)
     chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
     state = np.concatenate([np.zeros((ROWS + own_rows, len(mass))), slower])
     state[MASS], state[NATOMS], state[MOMENT] = mass, natoms, chosen
@@ -144,42 +144,51 @@ def _refuse_points(lammps, members, natoms, size, given):
     )
 
 
-def _refuse_beside_line(members, moment, axes, r, particles, plane, given):
-    """End the run if atoms or dipoles beside the line of a linear body may have a torque about it,
-    for which the body has no moment of inertia; collective.
+def _beside_lines(members, moment, axes, r, particles, plane, given):
+    """End the run if an atom beside the line of a linear body may have a torque about it, for which
+    the body has no moment of inertia; collective.
 
     Args:
         moment (3, n), axes (n, 3, 3): see `principal.moments_and_axes`.
         r: (m, 3) the atoms' places from the bodies' centres.
         plane: whether bodies turn about z only.
         given: bodies whose moments were given are as the user wants them.
+    Returns:
+        a list with a line for the log if dipoles are across such a line, on any rank.
     """
+    communicator = members.communicator
     linear = (moment[2] == 0) & (moment[0] > 0) & (given.absent if given else True)
-    if plane or not members.communicator.any(linear.any()):
-        return
-    here = linear[members.body]
-    line = axes[members.body, :, 2]
+    if plane or not communicator.any(linear.any()):
+        return []
+    here, line = linear[members.body], axes[members.body, :, 2]
     size = np.sqrt(moment[0] / members.total(members.mass)[0])[members.body]
 
     def beside(vectors):
-        return np.linalg.norm(vectors - (vectors * line).sum(axis=1)[:, None] * line, axis=1)
+        along = (vectors * line).sum(axis=1)[:, None] * line
+        return np.linalg.norm(vectors - along, axis=1) * here
 
-    off, problem = beside(r) * here, None
-    wrong, what = off > _BESIDE * size, "is {:.3g} away from it"
-    if particles is not None and not wrong.any():
-        dipole = particles.dipole.T
-        across, what = beside(dipole) * here, "has a dipole of {:.3g} across it"
-        off, wrong = across, across > _BESIDE * np.linalg.norm(dipole, axis=1)
-    if wrong.any():
-        k = np.argmax(off * wrong)
+    off, problem = beside(r), None
+    if (off > _BESIDE * size).any():
+        k = np.argmax(off)
         problem = (
             f"{members.membership.name(members.ids[members.body[k]])} has its mass in a line, and "
-            f"atom {members.tag[k]} (mass {members.mass[k]:g}) {what.format(off[k])}: the body has "
-            "no moment of inertia about this line (less than 1e-7 of the largest one), so torques "
-            "about it would be lost. Give atoms beside the line a larger mass, or move them onto "
-            "it; those that feel no force can be left out of the group"
+            f"atom {members.tag[k]} (mass {members.mass[k]:g}) is {off[k]:.3g} away from it: the "
+            "body has no moment of inertia about this line (less than 1e-7 of the largest one), so "
+            "torques about it would be lost. Give atoms beside the line a larger mass, or move "
+            "them onto it; those that feel no force can be left out of the group"
         )
-    members.communicator.agree(problem)
+    communicator.agree(problem)
+    across = 0.0
+    if particles is not None:
+        dipole = particles.dipole.T
+        across = beside(dipole) > _BESIDE * np.linalg.norm(dipole, axis=1)
+    if not communicator.any(np.any(across)):
+        return []
+    return [
+        "WARNING: dipoles are across the lines of linear bodies, which have no moment of inertia "
+        "about these lines: torques about them are lost, as with fix rigid. Particles with a "
+        "diameter have one"
+    ]
 
 
 def least_moment(lammps, command):

@@ -57,6 +57,8 @@ class Host(Protocol):
         pushes: whether the method `push` is to be called when the forces of a step are known.
         told: (7,) the energy of external forces, and their virial on this rank (xx yy zz xy xz
             yz), for LAMMPS; None where LAMMPS does not take them.
+        rotor: whether the rotation is exact (1) or split (0) where the bodies that there are would
+            choose otherwise, else -1; restart files keep it.
         command: the words of LAMMPS's last command; none where they are not known.
     """
 

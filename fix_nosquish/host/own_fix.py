@@ -25,7 +25,7 @@ class OwnFix:
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
     find_clusters, held, counts = None, 0, 0
     begins = energy_step = stop = turn_atom = rate = None
-    stream_group = 0
+    stream_group, rotor = 0, -1
     calls_setup = follows = velocities_set = scalar_pressure = False
     command = ()  # not known
     ghost_velocity = True  # not known: velocities at the half step may be read

@@ -65,6 +65,7 @@ class Host:
     has_virial = False  # not known early
     phase, velocities_set = _shared("phase", int), _shared("velocities_set", bool)
     vflag, changes = _shared("vflag", int), _shared("changes", int)
+    rotor = _shared("rotor", int)
     changes_box, held = _shared("changes_box", int), _shared("held", int)
     counts = _shared("counts", int)
     begins, energy_step = _shared("begins", int), _shared("energy_step", int)

@@ -232,7 +232,7 @@ const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
 // is not part of the style's name there: of two zeros they take nothing.
 
 struct State {
-  double nothing[2] = {0.0, 0.0}, ours = 4.928e-49, size = 0.0;    // of the numbers behind it
+  double nothing[2] = {0.0, 0.0}, ours = 4.929e-49, rotor = -1.0, size = 0.0;    // of the numbers behind it
 
   static bool is_in(const char *buffer)
   {
@@ -242,7 +242,24 @@ struct State {
     memcpy(&found, buffer, sizeof found);
     return found.ours == State().ours;
   }
+
+  static State of(const char *buffer)
+  {
+    State found;
+    memcpy(&found, buffer, sizeof found);
+    return found;
+  }
 };
+
+// What to say of a class that LAMMPS has otherwise than the headers.
+
+std::string another_class(const std::string &name)
+{
+  return "this LAMMPS has another class " + name +
+      " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
+      "options or patches. Compile the plugin again, in a checkout of fix_nosquish: pip install --force-reinstall --no-deps . "
+      "with NOSQUISH_LAMMPS set to the source tree or the install folder of this LAMMPS (see docs/own-lammps.md)";
+}
 
 // Whether a fix holds atoms together by forces.
 
@@ -377,6 +394,7 @@ class FixPythonMove : public Fix {
   int modify_external(int, char **);
   void push();
   std::string problem(const std::string &text) const;
+  void keep_state() { restart_global = bridge.restart_size > 0 || bridge.rotor >= 0; }    // in restart files
   void take_over_state(), refuse_casts() const, refuse_stale_forces() const;
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
   [[noreturn]] void abort_all() const;
@@ -450,9 +468,8 @@ std::string FixPythonMove::problem(const std::string &text) const
 
 void FixPythonMove::take_over_state()
 {
-  if (!restart_global) return;
   char *state = RestartState::left_by(modify, id, [this](const std::string &other, const char *state) {
-    return may_be_ours(other) && other != style && State::is_in(state);
+    return may_be_ours(other) && other != style && State::is_in(state) && (restart_global || State::of(state).rotor >= 0);
   });
   if (!state) return;
   restart(state);
@@ -549,7 +566,7 @@ void FixPythonMove::fill_bridge()
   bridge.end_step = &update->endstep;
   bridge.last_step = &update->laststep;
   bridge.begins = bridge.energy_step = -1;
-  bridge.argument = -1;
+  bridge.argument = bridge.rotor = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 }
 
@@ -575,7 +592,7 @@ void FixPythonMove::set_flags()
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
   centroidstressflag = CENTROID_AVAIL;    // not symmetric: no force of an atom is along its arm
   restart_file = bridge.writes_restart_file;
-  restart_global = bridge.restart_size > 0;
+  keep_state();
   ecouple_flag = bridge.couples;
   if (bridge.changes_box) {
     comm_forward = comm_reverse = 3;
@@ -734,6 +751,7 @@ void FixPythonMove::init()
   }
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
+  keep_state();
   refuse_stale_forces();
   if (!dynamic && bridge.follows_atoms && comm->me == 0)
     error->warning(FLERR, problem("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are"));
@@ -798,6 +816,7 @@ void FixPythonMove::post_neighbor()
     if (run(bridge.follow)) return;    // if not, Python does it all again, and says why
   }
   call(bridge.post_neighbor);
+  keep_state();
 }
 
 // Keep the forces of now for the bodies: fixes behind this one add theirs to LAMMPS's own arrays.
@@ -959,7 +978,13 @@ void FixPythonMove::end_of_step()
 {
   stream_with_box();
   if (respa) call_with_virial(bridge.end_of_step);
-  if (stopped) timer->force_timeout();    // as fix halt ends a run; not before, as a run that fails leaves it so
+  if (!stopped) return;
+  const bool over = timer->is_timeout();    // another fix may have ended the run
+  const auto bytes = reinterpret_cast<const char *>(timer);
+  const std::vector<char> before(bytes, bytes + sizeof(Timer));
+  lammps_force_timeout(lmp);    // as fix halt ends a run; not before, as a run that fails leaves it so
+  const bool same = memcmp(before.data(), bytes, sizeof(Timer)) == 0;
+  if (!timer->is_timeout() || same != over) error->all(FLERR, problem(another_class("Timer")));
 }
 
 void FixPythonMove::post_run()
@@ -982,6 +1007,7 @@ void FixPythonMove::write_restart(FILE *file)
   call(bridge.write_restart);
   if (comm->me) return;
   State begin;
+  begin.rotor = bridge.rotor;
   begin.size = bridge.restart_size;
   const int bytes = sizeof begin + bridge.restart_size * sizeof(double);
   fwrite(&bytes, sizeof(int), 1, file);
@@ -994,15 +1020,15 @@ void FixPythonMove::write_restart(FILE *file)
 void FixPythonMove::restart(char *buffer)
 {
   const int size = bridge.restart_size;
-  if (!size) return;
   if (!State::is_in(buffer)) {
-    if (comm->me == 0)
+    if (size && comm->me == 0)
       error->warning(FLERR, problem("the restart file has a state for this ID that this fix did not write, as LAMMPS's own rigid "
                                     "fixes do: it is not used, and thermostat and barostat begin anew"));
     return;
   }
-  State begin;
-  memcpy(&begin, buffer, sizeof begin);
+  const State begin = State::of(buffer);
+  bridge.rotor = (int32_t) begin.rotor;
+  if (!size || !begin.size) return;
   const char *numbers = buffer + sizeof begin;
   double kind = 0.0;
   memcpy(&kind, numbers, sizeof(double));
@@ -1673,10 +1699,7 @@ void refuse_other_layout(LAMMPS *lmp, const std::string &style)
   std::string problem;
   if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE")) problem = obstacle;
   else if (const char *differs = Layout(lmp).differs())
-    problem = "this LAMMPS has another class " + std::string(differs) +
-        " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
-        "options or patches. Compile the plugin again, in a checkout of fix_nosquish: pip install --force-reinstall --no-deps . "
-        "with NOSQUISH_LAMMPS set to the source tree or the install folder of this LAMMPS (see docs/own-lammps.md)";
+    problem = another_class(differs);
   if (problem.empty()) return;
   problem = "Fix " + style + ": " + problem;
   if (Layout(lmp).lammps()) lmp->error->all(FLERR, problem);

@@ -178,19 +178,26 @@ class Integrator(Declaration):
     def _choose_rotor(self):
         """Choose whether the rotation is exact, for the first bodies that turn: these keep it, and
         others that come take it over; collective."""
+        own, told = self._exact_by_default(), self.host.rotor
         if not self._has_rotors:
-            self.exact = self._exact_by_default()
+            self.exact = bool(told) if told >= 0 and self._left_to_bodies else own
             self._has_rotors = self.communicator.any(self.bodies.rotors > 0)
+        self.host.rotor = -1 if self.exact == own else int(self.exact)
+
+    @property
+    def _left_to_bodies(self):
+        """Whether neither the words nor the class say how the rotation is done."""
+        either = self._can_be_exact and self.splits
+        return either and not (self.command.rotor or self.bodies.planar)
 
     def _exact_by_default(self):
         """Whether the rotation is exact for the bodies as they are; collective.
 
         By default that of symmetric tops is, whose axes may be chosen in more than one way.
         """
-        if self.command.rotor or not self._can_be_exact or self.bodies.planar:
-            return self.command.rotor == "exact"
-        if not self.splits:
-            return True
+        if not self._left_to_bodies:
+            always = self._can_be_exact and not (self.splits or self.bodies.planar)
+            return self.command.rotor == "exact" or (always and not self.command.rotor)
         moment = self.bodies.moment[:, : self.bodies.rotors]
         equal = (moment[0] == moment[1]) | (moment[1] == moment[2])
         return not self.communicator.any(not equal.all())
