@@ -24,7 +24,7 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument("--only", nargs="+", metavar="NAME", help="words in the inputs' names")
     parser.add_argument("--quick", action="store_true", help="200 steps, two starts")
     command_line.number(parser, "--steps", 10000, "N", "steps of a script's runs together, at most")
-    command_line.number(parser, "--starts", 3, "N", "starts, where runs part")
+    command_line.number(parser, "--starts", 4, "N", "starts, where runs part")
     command_line.number(parser, "--seconds", 4.0, "S", "of a run with LAMMPS's own fix, at most")
     command_line.out(parser, "results/examples")
     command_line.launch(parser)

@@ -1,11 +1,12 @@
 """Comparing every column that LAMMPS's examples print, with its own fixes and with ours."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from validation.examples.known import KNOWN
 from validation.examples.plan import DENSE, Example, plain
 from validation.examples.runs import OURS, THEIRS, Lengths, Runs
 from validation.running import run
@@ -17,15 +18,16 @@ CLOCKS = "CPU", "T/CPU", "S/CPU", "CPULeft", "Elapsed"
 # of first order in the step in all others
 PRESSURE = re.compile(r"Press|P[xyz]{2}$|Enthalpy")
 ROUNDING = 1e-9  # of a column, after twenty steps: 1e-16 grows by 10 in two or three of them
+NOISE = 1e-9  # of a run's largest value: a column that is smaller in the first steps is zero there
 TOGETHER = 1e-3  # of a column: two runs are one trajectory, and need no other starts
 # at half the step an error of order 1/2 (noise that one lacks in a half step) falls by 1.41, of
 # order 1 by 2, of order 2 by 4; what is wrong does not fall
 FALLS = 1.25
-GOOD = "agrees", "refused", "not with theirs"
+GOOD = "agrees", "known", "refused", "not with theirs"
 
 
 def examples(
-    chosen: Iterable[Example], out: Path, lengths: Lengths, meter: run.Meter
+    chosen: Sequence[Example], out: Path, lengths: Lengths, meter: run.Meter
 ) -> tuple[list[dict], bool]:
     """Run examples, those runs that the output folder does not have.
 
@@ -36,7 +38,7 @@ def examples(
     for example in chosen:
         meter.begin(example.name, 1)
         try:
-            rows.append(row(example, simulate))
+            rows.append(row(example, simulate, len(chosen)))
         except KeyboardInterrupt:
             meter.end("interrupted")
             return rows, True
@@ -44,8 +46,8 @@ def examples(
     return rows, False
 
 
-def row(example: Example, simulate: Runs) -> dict:
-    """What comes of an example on 1 and 2 ranks: a verdict, numbers, and a note."""
+def row(example: Example, simulate: Runs, count: int) -> dict:
+    """What comes of an example, one of ``count``, on 1 and 2 ranks: a verdict, numbers, a note."""
     first, steps = simulate.first(example)
     text = example.copy(steps, simulate.every(example))
     theirs = [first, simulate(example, text, THEIRS, 2, "0")]
@@ -63,7 +65,7 @@ def row(example: Example, simulate: Runs) -> dict:
     if unlike:
         note = f"not the same tables: {', '.join(dict.fromkeys(unlike))}"
         return found | {"verdict": "differs", "note": note}
-    return found | _compared(example, simulate, steps, theirs, ours)
+    return found | _compared(example, simulate, steps, theirs, ours, count)
 
 
 def _most(apart):
@@ -75,25 +77,27 @@ def _errors(records):
     return [one["error"] for one in records if one["error"]]
 
 
-def _compared(example, simulate, steps, theirs, ours):
+def _compared(example, simulate, steps, theirs, ours, count):
     at, (words, *_) = example.first, example.fixes
     number: dict = {"growth": _most(beginning(theirs[0], theirs[1], at))}
     if "langevin" not in words[4:]:  # whose noise is another
         number["begin"], number["falls"] = _beginnings(example, simulate, steps, ours)
-    pairs = list(zip(theirs, ours))
-    number["whole"] = max(_most(_apart(*both)) for pair in pairs for both in _tables(*pair))
+    starts = [list(zip(theirs, ours))]
+    number["whole"] = max(_most(_apart(*both)) for pair in starts[0] for both in _tables(*pair))
     parted = number["whole"] > TOGETHER
     for start in range(1, simulate.lengths.starts) if parted else ():
         text = example.copy(steps, simulate.every(example), start)
         one, other = (simulate(example, text, which, 1, str(start)) for which in (THEIRS, OURS))
         if not (one["error"] or other["error"] or _unlike(one, other)):
-            pairs.append((one, other))
-    number |= {"starts": len(pairs), "columns": 0, "outside": [], "far": []}
-    number |= means(pairs, at) if parted else {}
+            starts.append([(one, other)])
+    number |= {"starts": len(starts), "columns": 0, "outside": [], "far": []}
+    number |= means(starts, at, count) if parted else {}
     wrong = [f"the mean of {', '.join(number['far'])}"] * bool(number["far"])
     wrong += ["the first steps"] * any(one < FALLS for one in number.get("falls", ()))
     if wrong:
-        return number | {"verdict": "differs", "note": " and ".join(wrong)}
+        why = KNOWN.get(example.name)
+        verdict = "known" if why else "differs"
+        return number | {"verdict": verdict, "note": " and ".join(wrong), "why": why}
     return number | {"verdict": "agrees"}
 
 
@@ -105,13 +109,15 @@ def _beginnings(example, simulate, steps, ours):
     without = f"f_{example.fixes[0][1]}" if nve else None  # rigid/nve says another thing by it
     text = example.beginning(steps, simulate.every(example), 1, nve)
     theirs = [simulate(example, text, THEIRS, ranks, "begin") for ranks in RANKS]
-    begins = [beginning(one, other, at, without) for one, other in zip(theirs, ours)]
+    whole = ours[0]["tables"][at]
+    least = {name: NOISE * max(map(abs, values)) for name, values in whole.items()}
+    begins = [beginning(*pair, at, without, least=least) for pair in zip(theirs, ours)]
     found = [max(one, default=0.0) for begin in begins for one in zip(*begin.values())]
     if max(found) <= ROUNDING:
         return found, []
     finer = [_finer(example, simulate, steps, which) for which in (THEIRS, OURS)]
-    usual = beginning(theirs[0], ours[0], at, without, of=np.median)
-    half = beginning(finer[0], finer[1], at, without, 2, np.median)
+    usual = beginning(theirs[0], ours[0], at, without, of=np.median, least=least)
+    half = beginning(finer[0], finer[1], at, without, 2, np.median, least)
     return found, [
         max(one) / max(1e-300, *other)
         for most, one, other in zip(found, zip(*usual.values()), zip(*half.values()))
@@ -140,57 +146,68 @@ def _tables(theirs, ours):
         yield tuple({name: table[name][:rows] for name in table} for table in (one, other))
 
 
-def beginning(theirs, ours, at, without=None, finer=1, of=np.max) -> dict[str, tuple]:
+def beginning(theirs, ours, at, without=None, finer=1, of=np.max, least=None) -> dict[str, tuple]:
     """How far two runs are apart in the first steps of a table: see `_apart`."""
     pair = list(_tables(theirs, ours))[at]
     some = slice(0, DENSE * finer + 1, finer)
     one, other = ({name: table[name][some] for name in table} for table in pair)
-    return _apart(one, other, without, of)
+    return _apart(one, other, without, of, least)
 
 
-def _apart(theirs, ours, without=None, of=np.max) -> dict[str, tuple]:
-    """The difference of each column in units of its largest value, most of all rows: (0 for a
-    pressure, which has no first row, and 0 for what is none)."""
+def _apart(theirs, ours, without=None, of=np.max, least=None) -> dict[str, tuple]:
+    """The difference of each column, ``of`` all rows, in units of its largest value, or of one in
+    ``least``: a pair, of which one is 0, that of motion for a pressure, which has no first row, and
+    else that of pressure."""
     apart = {}
     for name in (name for name in theirs if name not in (*CLOCKS, "Step", without)):
         kind = bool(PRESSURE.match(name))
         one, other = np.array([theirs[name], ours[name]])[:, kind:]
-        size = max(1e-300, np.max(np.abs([one, other]), initial=0.0))
+        size = np.max(np.abs([one, other]), initial=(least or {}).get(name, 0.0)) or 1.0
         far = float(of(np.abs(one - other)) / size) if len(one) else 0.0
         far = far if np.isfinite(far) else np.inf
         apart[name] = (0.0, far) if kind else (far, 0.0)
     return apart
 
 
-def means(pairs: list, at: int) -> dict:
-    """Whether means of all columns agree, over the rest of each run: differences of runs with the
-    same start, whose 95 % interval has zero in it.
+def means(starts: list[list[tuple]], at: int, count: int = 1) -> dict:
+    """Whether means of all columns agree, over the rest of each run: differences from the same
+    start, averaged over its pairs of runs, whose 95 % interval has zero in it.
 
     Of pressures the error that LAMMPS's have in the first steps of table ``at`` is no difference.
 
     Returns:
         ``columns``: how many there are; ``outside``: those outside of their interval; ``far``:
-        those outside of the one in which all of them are in 95 % of such comparisons.
+        those outside of the one in which all columns of ``count`` such comparisons are in 95 %.
     """
     differences: dict[str, list] = {}
     least: dict[str, float] = {}
-    for theirs, ours in pairs:
-        known = beginning_of_pressures(theirs, ours, at)
-        for number, (one, other) in enumerate(_tables(theirs, ours), 1):
-            for name in (name for name in one if name not in CLOCKS and name != "Step"):
-                key = f"{name} of run {number}"
-                some, others = (np.array(table[name])[DENSE + 1 :] for table in (one, other))
-                if len(some):
-                    differences.setdefault(key, []).append(float(np.mean(others) - np.mean(some)))
-                    here = max(TOGETHER * float(np.max(np.abs(some))), known.get(name, 0.0))
-                    least[key] = max(least.get(key, 0.0), here)
+    for pairs in starts:
+        of_start: dict[str, list] = {}
+        for theirs, ours in pairs:
+            known = beginning_of_pressures(theirs, ours, at)
+            for key, far, size in _of_pair(theirs, ours):
+                of_start.setdefault(key, []).append(far)
+                here = max(TOGETHER * size, known.get(key.partition(" ")[0], 0.0))
+                least[key] = max(least.get(key, 0.0), here)
+        for key, some in of_start.items():
+            differences.setdefault(key, []).append(float(np.mean(some)))
 
     def outside(confidence):
         return [key for key, some in differences.items() if _off(some, confidence) > least[key]]
 
-    of_all = 1 - (1 - CONFIDENCE) / max(1, len(differences))
+    of_all = 1 - (1 - CONFIDENCE) / max(1, count * len(differences))
     found = {"outside": outside(CONFIDENCE), "far": outside(of_all)}
     return {"columns": len(differences)} | found
+
+
+def _of_pair(theirs, ours):
+    """Of each column: its name with the run, the difference of means, the largest value."""
+    for number, (one, other) in enumerate(_tables(theirs, ours), 1):
+        for name in (name for name in one if name not in (*CLOCKS, "Step")):
+            some, others = (np.array(table[name])[DENSE + 1 :] for table in (one, other))
+            if len(some):
+                far = float(np.mean(others) - np.mean(some))
+                yield f"{name} of run {number}", far, float(np.max(np.abs(some)))
 
 
 def _off(values, confidence):
