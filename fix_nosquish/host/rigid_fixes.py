@@ -63,6 +63,7 @@ def give_meaning(values, known):
         values.setdefault("barostat", "mtk")
     if "dilate" in known:
         values.setdefault("dilate", "all")
+        values.setdefault("every", 1)  # as there: jumps take it elsewhere from a far start
 
 
 def story(fix_id, command):
