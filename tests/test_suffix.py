@@ -173,6 +173,21 @@ def test_velocity_zero(on, motion, words, ranks):
     np.testing.assert_allclose(table[goes_on][-1], table[goes_on][-2], rtol=1e-9)
 
 
+@pytest.mark.parametrize("motion", ["linear", "angular"])
+@pytest.mark.parametrize("style", ["rigid/nve", "rigid/nve/small"])
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_velocity_zero_before_a_run(on, motion, style, ranks):
+    """Locks out velocities that are written where nothing points yet: LAMMPS crashed where the
+    command came before a first run. (Its own fix stops both motions there, or crashes.)"""
+    text = run_of(style, columns="c_ke c_er", steps=0)
+    text = text.replace("thermo_style", "".join(COMPUTES.splitlines(True)[:2]) + "thermo_style")
+    moving = on(text, ranks=ranks).thermo[0]
+    still = on(text.replace("run 0", ZERO.format(motion)), ranks=ranks).thermo[0]
+    stopped, goes_on = ("c_ke", "c_er") if motion == "linear" else ("c_er", "c_ke")
+    assert still[stopped] < 1e-20 and moving[stopped] > 1
+    np.testing.assert_allclose(still[goes_on], moving[goes_on], rtol=1e-9)
+
+
 def test_defined_again(on):
     """Locks out a style whose name is not the one under which LAMMPS looks a fix of the same ID
     up."""

@@ -1036,8 +1036,8 @@ class Integrator(Declaration):
             bodies.bind(self.lammps, self.membership)
             bodies.know_box(self.lammps.box)
         getattr(bodies, name)[:] = 0.0
-        self.host.point()
-        step.set_velocities.bind_to(bodies.cells | self.lammps.cells)()
+        atom_v = self.lammps.per_atom("v", columns=3)  # before a first run no cell points there
+        step.set_velocities.bind_to(bodies.cells, atom_v=atom_v)()
         self.reports.forget()
 
     @hook
