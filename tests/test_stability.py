@@ -790,9 +790,8 @@ def standing(summary):
     for name in filter(found.get, stability.COMPARED):
         others = (found[name][key] for key in ("fail", "cannot tell", "cannot run"))
         cells = (f"{len(some)}: {', '.join(some)}" if some else "0" for some in others)
-        lines.append(
-            f"| `{committed.cell(labels[name])}` | {len(found[name]['pass'])} | {' | '.join(cells)} |"
-        )
+        label, passed = committed.cell(labels[name]), len(found[name]["pass"])
+        lines.append(f"| `{label}` | {passed} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
 
